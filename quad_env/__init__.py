@@ -1,0 +1,51 @@
+"""SimpleQuad: a quadruped locomotion environment; importing registers it with Gymnasium and loads no physics.
+
+`gym.make("SimpleQuad-v0")` after this import, or `gym.make("quad_env:SimpleQuad-v0")` anywhere, worker processes too.
+"""
+
+from importlib.metadata import PackageNotFoundError, version
+
+import gymnasium as gym
+
+from quad_env.config import CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
+from quad_env.observations import OBSERVATION, OBSERVATION_SIZE
+from quad_env.robot import JOINT_NAMES
+from quad_env.scenarios import SCENARIOS, Pushes, Scenario, scenario
+from quad_env.terrain import Flat, SmoothRandom
+
+ENV_ID = "SimpleQuad-v0"
+FALL_RULE = FallRule().name
+MAX_EPISODE_STEPS = 1000
+
+try:
+    __version__ = version("simple-quad")
+except PackageNotFoundError:  # run from a source tree that is not installed
+    __version__ = "0+unknown"
+
+__all__ = [
+    "ENV_ID",
+    "FALL_RULE",
+    "JOINT_NAMES",
+    "MAX_EPISODE_STEPS",
+    "OBSERVATION",
+    "OBSERVATION_SIZE",
+    "SCENARIOS",
+    "CommandRanges",
+    "FallRule",
+    "Flat",
+    "Pushes",
+    "RewardWeights",
+    "Scenario",
+    "SmoothRandom",
+    "StartNoise",
+    "TaskConfig",
+    "scenario",
+]
+
+if ENV_ID not in gym.registry:
+    gym.register(
+        ENV_ID,
+        entry_point="quad_env.env:SimpleQuadEnv",
+        vector_entry_point="quad_env.vector_env:SimpleQuadVectorEnv",
+        max_episode_steps=MAX_EPISODE_STEPS,
+    )

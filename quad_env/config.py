@@ -1,0 +1,72 @@
+"""Settings of the environment as frozen dataclasses; units in each docstring."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class CommandRanges:
+    """Velocity commands in the heading frame, drawn uniformly at reset and again at every interval."""
+
+    forward: tuple[float, float] = (-1.0, 1.5)
+    """m/s"""
+    lateral: tuple[float, float] = (-0.8, 0.8)
+    """m/s, positive to the left"""
+    yaw_rate: tuple[float, float] = (-1.2, 1.2)
+    """rad/s, positive to the left"""
+    zero_fraction: float = 0.1
+    """Share of draws that are the zero command."""
+    interval: float = 5.0
+    """s between draws"""
+
+
+@dataclass(frozen=True)
+class StartNoise:
+    """Uniform noise about the home pose at the start of an episode; each figure is the half-width."""
+
+    yaw: float = 3.141592653589793
+    """rad; the full circle, so that no result can rest on heading and world frames being the same"""
+    tilt: float = 0.03
+    """rad, roll and pitch each"""
+    joint_position: float = 0.05
+    """rad"""
+    joint_velocity: float = 0.1
+    """rad/s"""
+    linear_velocity: float = 0.1
+    """m/s, each world axis"""
+    angular_velocity: float = 0.1
+    """rad/s, each body axis"""
+
+
+@dataclass(frozen=True)
+class FallRule:
+    """When a robot counts as fallen; the rule's name is stored with every result."""
+
+    name: str = "simple-quad/1"
+    tilt: float = 1.2217304763960306
+    """rad, 70 degrees, between the trunk's z axis and the vertical"""
+    height: float = 0.12
+    """m, trunk centre above the terrain below it"""
+
+
+@dataclass(frozen=True)
+class RewardWeights:
+    """Weight of each reward term; the terms are functions of the same names in `quad_env.rewards`."""
+
+    linear_velocity_tracking: float = 1.0
+    yaw_rate_tracking: float = 0.5
+    vertical_velocity: float = -0.5
+    roll_pitch_rate: float = -0.02
+    tilt: float = -0.5
+    action_rate: float = -0.02
+    torque: float = -2e-5
+    fall: float = -5.0
+
+
+@dataclass(frozen=True)
+class TaskConfig:
+    """What the environment adds to the physics."""
+
+    control_rate: float = 100.0
+    """Hz; the physics and the joint servo run at the model's own timestep"""
+    fall_rule: FallRule = field(default_factory=FallRule)
+    reward_weights: RewardWeights = field(default_factory=RewardWeights)

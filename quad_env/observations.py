@@ -1,0 +1,61 @@
+"""The observation as one table: name, width, unit, frame, bound and scale of each term, in order."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quad_env.robot import HOME_POSE, NUM_JOINTS
+from quad_env.state import QuadState
+
+
+@dataclass(frozen=True)
+class Term:
+    """One entry of the observation."""
+
+    name: str
+    width: int
+    unit: str
+    bound: float
+    """Readings are clipped to ± this, so that the space is finite."""
+    scale: float
+    """Factor that brings the reading to about unit size for a learner."""
+
+
+TERMS = (
+    Term("projected_gravity", 3, "1, body", 1.0, 1.0),
+    Term("angular_velocity", 3, "rad/s, body", 100.0, 0.25),
+    Term("linear_velocity", 3, "m/s, body", 100.0, 1.0),
+    Term("joint_position", NUM_JOINTS, "rad, minus the home pose", 10.0, 1.0),
+    Term("joint_velocity", NUM_JOINTS, "rad/s", 1000.0, 0.05),
+    Term("previous_action", NUM_JOINTS, "rad, as clipped, minus the home pose", 10.0, 1.0),
+    Term("command", 3, "forward m/s, lateral m/s, yaw rate rad/s", 100.0, 1.0),
+)
+
+
+def _slices() -> dict[str, slice]:
+    ends = np.cumsum([term.width for term in TERMS])
+    return {term.name: slice(int(end) - term.width, int(end)) for term, end in zip(TERMS, ends, strict=True)}
+
+
+OBSERVATION = _slices()
+"""Name of each term -> its slice of the observation."""
+OBSERVATION_SIZE = sum(term.width for term in TERMS)
+BOUND = np.repeat([term.bound for term in TERMS], [term.width for term in TERMS]).astype(np.float32)
+"""The observation space is [-BOUND, BOUND], shape (OBSERVATION_SIZE,)."""
+SCALE = np.repeat([term.scale for term in TERMS], [term.width for term in TERMS]).astype(np.float32)
+"""Scale of every entry, shape (OBSERVATION_SIZE,)."""
+BOUND.flags.writeable = SCALE.flags.writeable = False
+
+
+def observe(state: QuadState, command: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Fresh observation array, (n, OBSERVATION_SIZE); `command` is the one to follow next, (n, 3)."""
+    out = np.empty((len(command), OBSERVATION_SIZE), np.float32)
+    out[:, OBSERVATION["projected_gravity"]] = state.projected_gravity
+    out[:, OBSERVATION["angular_velocity"]] = state.angular_velocity
+    out[:, OBSERVATION["linear_velocity"]] = state.linear_velocity
+    out[:, OBSERVATION["joint_position"]] = state.joint_position - HOME_POSE
+    out[:, OBSERVATION["joint_velocity"]] = state.joint_velocity
+    out[:, OBSERVATION["previous_action"]] = state.action - HOME_POSE
+    out[:, OBSERVATION["command"]] = command
+    return np.clip(out, -BOUND, BOUND, out=out)

@@ -1,0 +1,58 @@
+"""Frames and windows of a simulated robot."""
+
+import os
+import sys
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Camera:
+    """Off-screen renderer of one of the model's cameras."""
+
+    def __init__(self, model: mujoco.MjModel, width: int = 640, height: int = 480, camera: str = "track") -> None:
+        names = [model.camera(i).name for i in range(model.ncam)]
+        if camera not in names:
+            raise ValueError(f"unknown camera {camera!r}; valid: {', '.join(names)}")
+        self._camera = camera
+        model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+        self._renderer = mujoco.Renderer(model, height, width)
+
+    def draw(self, data: mujoco.MjData, depth: bool = False) -> NDArray[Any]:
+        """Frame (height, width, 3) uint8, or depth (height, width) float32 in m."""
+        (self._renderer.enable_depth_rendering if depth else self._renderer.disable_depth_rendering)()
+        self._renderer.update_scene(data, camera=self._camera)
+        return np.array(self._renderer.render())
+
+    def close(self) -> None:
+        """Free the GL context."""
+        self._renderer.close()
+
+
+class Window:
+    """MuJoCo's passive viewer; needs a display."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise RuntimeError("render_mode='human' needs a display; use 'rgb_array', or start a virtual display")
+        from mujoco import viewer
+
+        self._shown = mujoco.MjData(model)
+        self._model = model
+        self._viewer = viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
+        self._viewer.cam.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+        self._viewer.cam.trackbodyid = model.body("base_link").id
+        self._viewer.cam.distance = 2.5
+
+    def draw(self, data: mujoco.MjData, depth: bool = False) -> None:
+        """Show the snapshot."""
+        with self._viewer.lock():
+            self._shown.qpos[:], self._shown.qvel[:], self._shown.time = data.qpos, data.qvel, data.time
+            mujoco.mj_forward(self._model, self._shown)
+        self._viewer.sync()
+
+    def close(self) -> None:
+        """Close the window."""
+        self._viewer.close()

@@ -1,0 +1,157 @@
+"""n robots on one MuJoCo batch: joint targets in, state out."""
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+from numpy.typing import NDArray
+
+from quad_env.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, MODEL_PATH
+from quad_env.state import QuadState, heading_velocity, rotation_matrix, to_body
+from quad_env.terrain import SmoothRandom, Terrain
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_DIVERGENCE = [
+    int(warning)
+    for warning in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+        mujoco.mjtWarning.mjWARN_BADCTRL,
+    )
+]
+_FLOOR_DEPTH = 1.0
+"""m of solid ground below a height field."""
+
+
+def compile_model(terrain: Terrain) -> mujoco.MjModel:
+    """The robot on that terrain."""
+    spec = mujoco.MjSpec.from_file(str(MODEL_PATH))
+    if isinstance(terrain, SmoothRandom):
+        unit = terrain.heights() / terrain.peak_to_valley
+        spec.add_hfield(
+            name="terrain",
+            nrow=terrain.points,
+            ncol=terrain.points,
+            size=[terrain.half_size, terrain.half_size, terrain.peak_to_valley, _FLOOR_DEPTH],
+            userdata=unit.ravel(),
+        )
+        plane = spec.geom("ground")
+        spec.worldbody.add_geom(
+            name="terrain",
+            type=mujoco.mjtGeom.mjGEOM_HFIELD,
+            hfieldname="terrain",
+            material="ground",
+            friction=plane.friction,
+            solref=plane.solref,
+        )
+    return spec.compile()
+
+
+class Simulation:
+    """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads."""
+
+    def __init__(self, terrain: Terrain, num_envs: int, nthread: int, control_rate: float) -> None:
+        self.terrain = terrain
+        self.model = compile_model(terrain)
+        self.substeps = round(1 / (control_rate * self.model.opt.timestep))
+        self._batch = Batch(self.model, num_envs, nthread)
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._ctrl = self._batch.bind("ctrl")
+        self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
+        self._torque = self._batch.bind("actuator_force")
+        self._trunk_contact = self._batch.sensor("trunk_ground").data[:, 0]
+        feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
+        self._feet = feet
+        self._sites = self._batch.bind("site_xpos")
+        self._error = np.zeros(num_envs, bool)
+        self._action = np.tile(HOME_POSE, (num_envs, 1))
+        self._previous_action = self._action.copy()
+
+    def reset(self, ids: NDArray[np.intp], rows: Array) -> None:
+        """Start the robots `ids` (sorted) from the given start rows, see `start.draw_start`, feet just on the ground.
+
+        A row holds x, y, yaw, roll, pitch, 12 joint offsets from home, 6 trunk and 12 joint velocities.
+        """
+        self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self._batch.warning[ids] = 0
+        self._error[ids] = False
+        qpos = np.empty((len(ids), self.model.nq))
+        qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], HOME_HEIGHT
+        qpos[:, 3:7] = _quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
+        qpos[:, 7:] = np.clip(HOME_POSE + rows[:, 5:17], JOINT_LOWER, JOINT_UPPER)
+        self._qpos[ids] = qpos
+        self._qvel[ids] = rows[:, 17:]
+        self._ctrl[ids] = self._action[ids] = self._previous_action[ids] = HOME_POSE
+        self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        feet = self._sites[ids][:, self._feet]
+        lift = self.terrain.height(feet[:, :, 0], feet[:, :, 1]) + FOOT_RADIUS - feet[:, :, 2]
+        self._qpos[ids, 2] += lift.max(axis=1)
+
+    def step(self, action: Array, push: Array, active: Mask) -> None:
+        """Advance the active robots by one control period with joint targets (n, 12) and trunk forces (n, 2), N."""
+        ids = None if active.all() else np.flatnonzero(active)
+        rows: slice | NDArray[np.intp] = slice(None) if ids is None else ids
+        self._previous_action[rows] = self._action[rows]
+        self._action[rows] = self._ctrl[rows] = action[rows]
+        self._push[rows] = push[rows]
+        try:
+            self._batch.step(ids, self.substeps)
+        except SimulationError as error:
+            self._error[error.ids] = True
+
+    def diverged(self) -> Mask:
+        """Robots whose simulation MuJoCo warned about since their reset, or whose state is not finite, (n,)."""
+        warned = self._batch.warning[:, _DIVERGENCE, 1].any(axis=1)
+        finite = np.isfinite(self._qpos).all(axis=1) & np.isfinite(self._qvel).all(axis=1)
+        return warned | self._error | ~finite
+
+    def park(self, mask: Mask) -> None:
+        """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
+        ids = np.flatnonzero(mask)
+        if len(ids):
+            self._batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
+
+    def state(self, command: Array) -> QuadState:
+        """Readings of all robots now; `command` (n, 3) is the one they were following."""
+        position, velocity = self._qpos[:, :3].copy(), self._qvel
+        rotation = rotation_matrix(self._qpos[:, 3:7])
+        linear_world, angular_body = velocity[:, :3].copy(), velocity[:, 3:6].copy()
+        return QuadState(
+            position=position,
+            height=position[:, 2] - self.terrain.height(position[:, 0], position[:, 1]),
+            rotation=rotation,
+            linear_velocity=to_body(rotation, linear_world),
+            angular_velocity=angular_body,
+            heading_velocity=heading_velocity(rotation, linear_world, angular_body),
+            vertical_velocity=linear_world[:, 2],
+            joint_position=self._qpos[:, 7:].copy(),
+            joint_velocity=velocity[:, 6:].copy(),
+            joint_torque=self._torque.copy(),
+            trunk_contact=self._trunk_contact > 0,
+            command=command,
+            action=self._action.copy(),
+            previous_action=self._previous_action.copy(),
+        )
+
+    def snapshot(self, robot: int) -> mujoco.MjData:
+        """A copy of one robot's simulation with every derived field current."""
+        data = self._batch.get_data(robot)
+        mujoco.mj_forward(self.model, data)
+        return data
+
+
+def _quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """Quaternions (w, x, y, z) of intrinsic yaw-pitch-roll rotations, (n, 4)."""
+    cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
+    cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
+    return np.stack(
+        (
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ),
+        axis=1,
+    )
