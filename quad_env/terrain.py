@@ -60,12 +60,12 @@ class SmoothRandom:
         j = np.minimum(column.astype(np.intp), last - 1)
         i = np.minimum(row.astype(np.intp), last - 1)
         u, v = column - j, row - i
-        east, north = grid[i, j + 1], grid[i + 1, j]
-        below = grid[i, j] + (east - grid[i, j]) * u + (north - grid[i, j]) * v
-        corner = grid[i + 1, j + 1]
-        above = corner + (north - corner) * (1 - u) + (east - corner) * (1 - v)
+        near, far = np.minimum(u, v), np.maximum(u, v)
+        start, end = grid[i, j], grid[i + 1, j + 1]
+        side = np.where(u > v, grid[i, j + 1], grid[i + 1, j])
+        surface = start + (side - start) * (far - near) + (end - start) * near
         inside = (np.abs(x) <= self.half_size) & (np.abs(y) <= self.half_size)
-        return np.where(inside, np.where(u + v <= 1, below, above), 0.0)
+        return np.where(inside, surface, 0.0)
 
 
 @cache
