@@ -116,10 +116,13 @@ def test_import_does_not_load(package: str, absent: str, tmp_path: Path) -> None
     ids=["help", "run"],
 )
 def test_evaluation_needs_no_torch(arguments: tuple[str, ...], tmp_path: Path) -> None:
-    """`None` in sys.modules makes an import fail as if the module were not installed."""
     code = """
 import runpy, sys
-sys.modules.update(dict.fromkeys(("torch", "stable_baselines3", "tensorboard")))
+class NotInstalled:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("torch", "stable_baselines3", "tensorboard"):
+            raise ModuleNotFoundError(name)
+sys.meta_path.insert(0, NotInstalled())
 runpy.run_module("evaluate", run_name="__main__", alter_sys=True)
 """
     run = python(code, *arguments, cwd=tmp_path)
@@ -132,7 +135,7 @@ def test_launcher_is_the_package(repository: Path, module: str) -> None:
         subprocess.run([sys.executable, *how, "--help"], cwd=repository, capture_output=True, text=True, check=True)
         for how in ([f"{module}.py"], ["-m", module])
     )
-    assert launcher.stdout == package.stdout.replace(f"python -m {module}", f"{module}.py")
+    assert launcher.stdout == package.stdout
 
 
 def test_import_contracts_hold(repository: Path) -> None:
