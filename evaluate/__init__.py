@@ -1,0 +1,1 @@
+"""Paired comparison of policies: scenarios -> rollout -> metrics -> statistics -> table, files and report."""

@@ -1,0 +1,86 @@
+"""What a comparison found, and its `results.json`."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from evaluate.comparison import Comparison, compare
+from evaluate.experiment import Cell
+from evaluate.files import write_atomically
+from evaluate.provenance import versions
+from evaluate.summary import Summary, summarise
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything that the table, the files and the report show."""
+
+    seed: int
+    episodes: int
+    """Asked for in each cell."""
+    complete: bool
+    """False if the run was interrupted: cells are missing then, but none is half done."""
+    cells: tuple[Cell, ...]
+    summaries: dict[tuple[str, str], Summary]
+    """By (scenario, policy), in the order of the run."""
+    comparisons: tuple[Comparison, ...]
+    versions: dict[str, str | None]
+
+    @property
+    def policies(self) -> tuple[str, ...]:
+        """Policies in the order of the run."""
+        return tuple(dict.fromkeys(cell.policy for cell in self.cells))
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """Scenarios in the order of the run."""
+        return tuple(dict.fromkeys(cell.scenario.name for cell in self.cells))
+
+
+def analyse(cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool) -> Results:
+    """Summaries and paired comparisons of the cells."""
+    return Results(
+        seed=seed,
+        episodes=episodes,
+        complete=complete,
+        cells=tuple(cells),
+        summaries={(cell.scenario.name, cell.policy): summarise(cell) for cell in cells},
+        comparisons=tuple(compare(cells)),
+        versions=versions(),
+    )
+
+
+def as_json(results: Results) -> dict[str, Any]:
+    """The contents of results.json; figures that do not exist are null."""
+    policies: dict[str, Any] = {policy: {"scenarios": {}} for policy in results.policies}
+    for (scenario, policy), summary in results.summaries.items():
+        policies[policy]["scenarios"][scenario] = asdict(summary)
+    contents = {
+        "schema": SCHEMA,
+        "seed": results.seed,
+        "episodes": results.episodes,
+        "complete": results.complete,
+        "versions": results.versions,
+        "policies": policies,
+        "comparisons": [asdict(comparison) for comparison in results.comparisons],
+    }
+    without_nan: dict[str, Any] = _plain(contents)
+    return without_nan
+
+
+def write_json(results: Results, path: Path) -> None:
+    """Write results.json."""
+    write_atomically(path, (json.dumps(as_json(results), indent=2, allow_nan=False) + "\n").encode())
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

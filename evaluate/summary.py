@@ -1,0 +1,83 @@
+"""The figures of one cell: rates and means with their 95 % intervals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from evaluate.experiment import Cell
+from evaluate.metrics import Measures, cost_of_transport
+from evaluate.rollout import WEIGHT
+from evaluate.statistics import Floats, Interval, bootstrap_interval, wilson_interval
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One policy on one scenario; NaN where a figure does not exist. The fields are the keys of results.json."""
+
+    episodes: int
+    severity: float
+    severity_unit: str
+    falls: int
+    """Episodes that ended before the time limit, divergences among them."""
+    fall_rate: float
+    fall_rate_ci: Interval
+    """Wilson."""
+    diverged: int
+    time_to_fall: float
+    """Mean over the episodes that fell, s."""
+    velocity_error: float
+    """m/s, as are the next four."""
+    velocity_error_ci: Interval
+    velocity_error_upright: float
+    mean_velocity_error: float
+    mean_velocity_error_ci: Interval
+    yaw_rate_error: float
+    """rad/s"""
+    yaw_rate_error_ci: Interval
+    cost_of_transport: float
+    """Energy of all episodes over weight times the distance of all."""
+    energy: float
+    """Mean of an episode, J."""
+    distance: float
+    """Mean of an episode, m."""
+
+
+def summarise(cell: Cell) -> Summary:
+    """All figures of a cell."""
+    measures = cell.measures
+    falls = int(measures.fell.sum())
+    return Summary(
+        episodes=cell.episodes,
+        severity=cell.scenario.severity,
+        severity_unit=cell.scenario.severity_unit,
+        falls=falls,
+        fall_rate=falls / cell.episodes,
+        fall_rate_ci=wilson_interval(falls, cell.episodes),
+        diverged=int(measures.diverged.sum()),
+        time_to_fall=_mean(measures.fall_time),
+        velocity_error=_mean(measures.velocity_error),
+        velocity_error_ci=bootstrap_interval(measures.velocity_error),
+        velocity_error_upright=_mean(measures.velocity_error_upright),
+        mean_velocity_error=_mean(measures.mean_velocity_error),
+        mean_velocity_error_ci=bootstrap_interval(measures.mean_velocity_error),
+        yaw_rate_error=_mean(measures.yaw_rate_error),
+        yaw_rate_error_ci=bootstrap_interval(measures.yaw_rate_error),
+        cost_of_transport=total_cost_of_transport(measures),
+        energy=_mean(measures.energy),
+        distance=_mean(measures.distance),
+    )
+
+
+def total_cost_of_transport(measures: Measures) -> float:
+    """Energy of all episodes over weight times the distance of all; NaN below 1 m of an average episode.
+
+    A quotient of sums: an episode that was told to stand still adds its energy, and cannot blow up a mean of quotients.
+    """
+    return float(
+        cost_of_transport(measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True), WEIGHT)[0]
+    )
+
+
+def _mean(values: Floats) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else float("nan")

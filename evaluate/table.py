@@ -1,0 +1,85 @@
+"""The comparison as a table on the terminal."""
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from evaluate.comparison import BASELINE, ERRORS, FALL_RATE, Comparison
+from evaluate.format import number, p_value, percent
+from evaluate.results import Results
+from evaluate.summary import Summary
+
+
+def print_results(results: Results, console: Console) -> None:
+    """Print every cell, and every policy's difference from the baseline; 80 columns are enough."""
+    console.print(summary_table(results))
+    if against_baseline(results):
+        console.print(difference_table(results))
+
+
+def summary_table(results: Results) -> Table:
+    """A row for each policy on each scenario."""
+    table = _table(f"{results.episodes} episodes each; mean ± half of its 95 % interval")
+    for name in ("falls", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s", "cost of\ntransport"):
+        table.add_column(name, justify="right")
+    for scenario in results.scenarios:
+        table.add_row(f"[bold]{escape(scenario)}[/bold]")
+        for policy in results.policies:
+            if summary := results.summaries.get((scenario, policy)):
+                table.add_row(f"  {escape(policy)}", *summary_figures(summary))
+    return table
+
+
+def summary_figures(summary: Summary) -> tuple[str, ...]:
+    """The figures of one row."""
+    return (
+        percent(summary.fall_rate),
+        _spread(summary.velocity_error, summary.velocity_error_ci),
+        _spread(summary.yaw_rate_error, summary.yaw_rate_error_ci),
+        number(summary.mean_velocity_error),
+        number(summary.cost_of_transport, 2),
+    )
+
+
+def against_baseline(results: Results) -> list[Comparison]:
+    """Differences from the baseline; from the policy named first, where the baseline does not take part."""
+    baseline = baseline_of(results)
+    return [comparison for comparison in results.comparisons if comparison.b == baseline]
+
+
+def baseline_of(results: Results) -> str:
+    """The policy that the others are measured against."""
+    return BASELINE if BASELINE in results.policies else results.policies[0]
+
+
+def difference_table(results: Results) -> Table:
+    """A row for each policy on each scenario: its difference from the baseline, with the p-value below."""
+    table = _table(f"minus {baseline_of(results)}, paired by episode; below zero is better")
+    for name in ("falls", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s"):
+        table.add_column(name, justify="right")
+    rows: dict[str, dict[str, dict[str, str]]] = {}
+    for comparison in against_baseline(results):
+        by_policy = rows.setdefault(comparison.scenario, {})
+        by_policy.setdefault(comparison.a, {})[comparison.metric] = _difference(comparison)
+    for scenario, by_policy in rows.items():
+        table.add_row(f"[bold]{escape(scenario)}[/bold]")
+        for policy, cells in by_policy.items():
+            table.add_row(f"  {escape(policy)}", *(cells[metric] for metric in (FALL_RATE, *ERRORS)))
+    return table
+
+
+def _table(title: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("policy", overflow="fold")
+    return table
+
+
+def _difference(comparison: Comparison) -> str:
+    value = comparison.difference
+    shown = percent(value) if comparison.metric == FALL_RATE else number(value)
+    return f"{shown}\n{p_value(comparison.p_value)}"
+
+
+def _spread(mean: float, ci: tuple[float, float]) -> str:
+    return f"{number(mean)} ± {number((ci[1] - ci[0]) / 2)}"
