@@ -1,0 +1,75 @@
+"""Controllers of the SimpleQuad: batched, from observations to joint targets, in NumPy alone.
+
+policy = policies.make("trot")
+policy.reset(num_envs=n)
+action = policy.act(observation)  # (n, k) -> (n, 12) rad
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from policies.base import GaitedPolicy, Policy, PolicyError
+from policies.bundle import load
+from policies.document import Document
+from policies.document_repaired import DocumentRepaired
+from policies.residual import ResidualPolicy
+from policies.stand import Stand
+from policies.trot import Trot, TrotParameters
+
+MODELS = Path(__file__).resolve().parents[1] / "models"
+"""The trained policies that ship with the project."""
+
+
+def _shipped_residual() -> Policy:
+    if not MODELS.joinpath("residual").is_dir():
+        raise PolicyError(f"no trained residual in {MODELS / 'residual'}; make one with `python -m train`")
+    return load(MODELS / "residual")
+
+
+_MAKERS: dict[str, Callable[[], Policy]] = {
+    "document": Document,
+    "document_repaired": DocumentRepaired,
+    "residual": _shipped_residual,
+    "stand": Stand,
+    "trot": Trot,
+}
+
+
+def names() -> tuple[str, ...]:
+    """The names that `make` knows, sorted."""
+    return tuple(sorted(_MAKERS))
+
+
+def make(name: str) -> Policy:
+    """A fresh policy by name. Raises PolicyError for a name that does not exist or a model that is not there."""
+    if name not in _MAKERS:
+        raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
+    return _MAKERS[name]()
+
+
+def resolve(name_or_path: str | Path) -> Policy:
+    """A fresh policy by name, else from the bundle in the folder of that path. Raises PolicyError."""
+    if isinstance(name_or_path, str) and name_or_path in _MAKERS:
+        return make(name_or_path)
+    if Path(name_or_path).is_dir():
+        return load(name_or_path)
+    raise PolicyError(
+        f"no policy {str(name_or_path)!r}: name one of {', '.join(names())}, or the folder of a trained policy"
+    )
+
+
+__all__ = [
+    "Document",
+    "DocumentRepaired",
+    "GaitedPolicy",
+    "Policy",
+    "PolicyError",
+    "ResidualPolicy",
+    "Stand",
+    "Trot",
+    "TrotParameters",
+    "load",
+    "make",
+    "names",
+    "resolve",
+]

@@ -1,0 +1,133 @@
+"""What every policy is: observation in, joint targets out, for any number of robots at once."""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from policies.gait import advance
+from quad_env import OBSERVATION_SIZE
+from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
+
+Floats = NDArray[np.float64]
+Actions = NDArray[np.float32]
+
+CONTROL_PERIOD = 0.01
+"""Time between two calls of `act`, s."""
+
+LOWER: Actions = JOINT_LOWER.astype(np.float32)
+"""The action space's lower limits, rad, shape (12,)."""
+UPPER: Actions = JOINT_UPPER.astype(np.float32)
+
+
+class PolicyError(ValueError):
+    """A policy that does not exist or cannot be loaded; the message is one line that names the remedy."""
+
+
+class Policy(ABC):
+    """A batched controller with its own clock and state.
+
+    One row's actions depend on that row's observations and resets alone: the same bits in any batch.
+    """
+
+    name: str
+
+    def __init__(self) -> None:
+        self.num_envs = 1
+
+    def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
+        """Start `num_envs` robots anew. `seed` is for policies that draw; none here does."""
+        if num_envs < 1:
+            raise ValueError(f"num_envs must be at least 1, not {num_envs}")
+        self.num_envs = num_envs
+        self._allocate(num_envs)
+
+    def reset_where(self, mask: ArrayLike) -> None:
+        """Start anew the robots where `mask`, shape (num_envs,) of bool, is true; the others go on."""
+        chosen = np.asarray(mask)
+        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,):
+            raise ValueError(f"mask must be bool of shape ({self.num_envs},), not {chosen.dtype} of {chosen.shape}")
+        self._restart(chosen)
+
+    def act(self, observation: ArrayLike) -> Actions:
+        """Joint targets in rad, float32, within the limits: (n, 12) for observations (n, k), (12,) for one (k,)."""
+        batch, single = self._checked(observation)
+        actions = self._act(batch)
+        return actions[0] if single else actions
+
+    def _checked(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
+        rows = np.asarray(observation, dtype=np.float32)
+        single = rows.ndim == 1
+        if single:
+            rows = rows[None]
+        if rows.shape != (self.num_envs, OBSERVATION_SIZE):
+            raise ValueError(
+                f"observation must have shape ({self.num_envs}, {OBSERVATION_SIZE}), not {np.shape(observation)}; "
+                "reset(num_envs=n) sets the number of robots"
+            )
+        if not np.isfinite(rows).all():
+            raise ValueError("observation must be finite")
+        return rows, single
+
+    @abstractmethod
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        """Actions (n, 12) for a checked batch of observations (n, k)."""
+
+    def _allocate(self, num_envs: int) -> None:
+        """Make fresh state for `num_envs` robots."""
+        return
+
+    def _restart(self, mask: NDArray[np.bool_]) -> None:
+        """Put the state of the masked robots back to its start."""
+        return
+
+
+class GaitedPolicy(Policy):
+    """A policy on a clock, which starts at phase 0 and has advanced by one tick when the first action is chosen."""
+
+    frequency: float
+    """Gait cycles a second, Hz."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._allocate(1)
+
+    @property
+    def phase(self) -> Floats:
+        """Phase of the latest action, rad in [0, 2π), shape (n,)."""
+        return self._phase
+
+    def _allocate(self, num_envs: int) -> None:
+        self._phase = np.zeros(num_envs)
+        self._ticks = np.zeros(num_envs)
+
+    def _restart(self, mask: NDArray[np.bool_]) -> None:
+        self._phase = np.where(mask, 0.0, self._phase)
+        self._ticks = np.where(mask, 0.0, self._ticks)
+
+    def _tick(self) -> None:
+        # A fresh array each time, so that a phase handed out earlier stays what it was.
+        self._phase = advance(self._phase, self.frequency, CONTROL_PERIOD)
+        self._ticks = self._ticks + 1.0
+
+    def _blended(self, targets: Floats, duration: float) -> Floats:
+        """Targets (n, 12) approached from the home pose over the first `duration` s of an episode, smoothly."""
+        share = np.minimum(self._ticks * (CONTROL_PERIOD / duration), 1.0)
+        if share.min() >= 1.0:
+            return targets
+        weight = (share * share * (3.0 - 2.0 * share))[:, None]
+        # One formula for blended and settled rows: with weight 1 the home pose's part is exactly zero.
+        return weight * targets + (1.0 - weight) * HOME_POSE
+
+
+def to_actions(targets: Floats) -> Actions:
+    """Raw targets (n, 12) in rad as float32 actions, clipped to the action space as a real joint would stop.
+
+    Adding zero turns -0.0 into 0.0, so that adding a zero correction later changes no bit.
+    """
+    return np.clip(targets.astype(np.float32), LOWER, UPPER) + np.float32(0.0)
+
+
+def flat_joints(legs: Floats) -> Floats:
+    """Joint angles (..., 4, 3) as (..., 12)."""
+    return legs.reshape(*legs.shape[:-2], NUM_JOINTS)

@@ -1,0 +1,220 @@
+"""A trained policy as data in a folder: `policy.safetensors` (weights) and `policy.json` (all else), never code.
+
+Every field is checked on loading, and the weights against their SHA-256; the layout and scales of the observation
+must be those of this environment, since a network that reads others would only look as if it worked.
+"""
+
+import hashlib
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load as parse_safetensors
+from safetensors.numpy import save as format_safetensors
+
+from policies.base import Actions, Policy, PolicyError
+from policies.network import ACTIVATIONS, Network
+from policies.residual import ResidualPolicy, feature_count
+from policies.stand import Stand
+from policies.trot import Trot, TrotParameters
+from quad_env import ENV_ID, OBSERVATION
+from quad_env.observations import SCALE
+from quad_env.robot import NUM_JOINTS
+
+SCHEMA_VERSION = 1
+DESCRIPTION, WEIGHTS = "policy.json", "policy.safetensors"
+
+_FIELDS = {
+    "schema_version",
+    "name",
+    "env_id",
+    "observation",
+    "observation_scale",
+    "network",
+    "base",
+    "authority",
+    "training",
+    "git_revision",
+    "weights_sha256",
+}
+_LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
+
+
+def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
+    """Write the bundle into a folder, made if need be; each file appears whole or not at all.
+
+    `training` is the resolved training configuration, as JSON values. Raises OSError if the folder is not writable.
+    """
+    folder = Path(path)
+    folder.mkdir(parents=True, exist_ok=True)
+    weights = format_safetensors(_tensors(policy.network))
+    description = {
+        "schema_version": SCHEMA_VERSION,
+        "name": policy.name,
+        "env_id": ENV_ID,
+        "observation": _layout(),
+        "observation_scale": SCALE.tolist(),
+        "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
+        "base": _describe_base(policy.base),
+        "authority": policy.authority.tolist(),
+        "training": dict(training),
+        "git_revision": git_revision,
+        "weights_sha256": hashlib.sha256(weights).hexdigest(),
+    }
+    text = json.dumps(description, indent=2, allow_nan=False) + "\n"
+    _replace(folder / WEIGHTS, weights)
+    _replace(folder / DESCRIPTION, text.encode())
+
+
+def load(path: str | Path) -> ResidualPolicy:
+    """The policy of a bundle folder. Raises PolicyError, one line, if anything is missing, damaged or does not fit."""
+    folder = Path(path)
+    description = _parse(folder / DESCRIPTION)
+    _check_environment(folder, description)
+    weights = _read(folder / WEIGHTS)
+    if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
+        _fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
+    base = _base(folder, description["base"])
+    network = _network(folder, description["network"], weights, feature_count(base))
+    name = description["name"]
+    if not isinstance(name, str) or not name:
+        _fail(folder, "name must be a non-empty text")
+    return ResidualPolicy(base, network, _authority(folder, description["authority"]), name)
+
+
+def _fail(folder: Path, reason: str) -> NoReturn:
+    raise PolicyError(f"cannot load the policy in {folder}: {reason}; train it anew or fetch a complete copy")
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        _fail(file.parent, f"{file.name} cannot be read ({error.strerror})")
+
+
+def _parse(file: Path) -> dict[str, Any]:
+    """The description with exactly the fields of its schema; their contents are yet to be checked."""
+    try:
+        description = json.loads(_read(file))
+    except (ValueError, RecursionError):
+        _fail(file.parent, f"{file.name} is not JSON")
+    if not isinstance(description, dict):
+        _fail(file.parent, f"{file.name} must hold an object")
+    if description.get("schema_version") != SCHEMA_VERSION:
+        _fail(file.parent, f"schema_version must be {SCHEMA_VERSION}, not {description.get('schema_version')!r}")
+    if missing := sorted(_FIELDS - set(description)):
+        _fail(file.parent, f"{file.name} lacks {', '.join(missing)}")
+    if unknown := sorted(set(description) - _FIELDS):
+        _fail(file.parent, f"{file.name} has unknown fields {', '.join(unknown)}")
+    return description
+
+
+def _check_environment(folder: Path, description: dict[str, Any]) -> None:
+    if description["env_id"] != ENV_ID:
+        _fail(folder, f"it is for {description['env_id']!r}, not {ENV_ID!r}")
+    if description["observation"] != _layout():
+        _fail(folder, f"its observation layout is not that of this {ENV_ID}")
+    if description["observation_scale"] != SCALE.tolist():
+        _fail(folder, f"its observation scales are not those of this {ENV_ID}")
+    if not isinstance(description["training"], dict) or not isinstance(description["git_revision"], str):
+        _fail(folder, "training must be an object and git_revision a text")
+
+
+def _network(folder: Path, shape: Any, weights: bytes, inputs: int) -> Network:
+    if not isinstance(shape, dict) or set(shape) != {"sizes", "activation"}:
+        _fail(folder, "network must have sizes and activation")
+    sizes, activation = shape["sizes"], shape["activation"]
+    if not isinstance(sizes, list) or not all(type(s) is int and 0 < s <= _LARGEST_WIDTH for s in sizes):
+        _fail(folder, f"network sizes must be whole numbers from 1 to {_LARGEST_WIDTH}")
+    if not 2 <= len(sizes) <= _MOST_LAYERS + 1 or sizes[0] != inputs or sizes[-1] != NUM_JOINTS:
+        _fail(folder, f"network sizes must lead from {inputs} inputs to {NUM_JOINTS} outputs")
+    if not isinstance(activation, str) or activation not in ACTIVATIONS:
+        _fail(folder, f"activation must be one of {', '.join(sorted(ACTIVATIONS))}")
+    tensors = _parse_weights(folder, weights)
+    layers = list(enumerate(pairwise(sizes)))
+    expected = {f"{i}.weight": pair for i, pair in layers} | {f"{i}.bias": pair[1:] for i, pair in layers}
+    if {key: value.shape for key, value in tensors.items()} != expected:
+        _fail(folder, f"the tensors in {WEIGHTS} do not make the network that {DESCRIPTION} describes")
+    if not all(value.dtype == np.float32 and np.isfinite(value).all() for value in tensors.values()):
+        _fail(folder, "weights must be finite float32")
+    return Network(
+        tuple(tensors[f"{i}.weight"] for i, _ in layers), tuple(tensors[f"{i}.bias"] for i, _ in layers), activation
+    )
+
+
+def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
+    try:
+        return dict(parse_safetensors(weights))
+    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
+        _fail(folder, f"{WEIGHTS} is not a safetensors file of plain numbers")
+
+
+def _base(folder: Path, base: Any) -> Policy:
+    if not isinstance(base, dict) or set(base) != {"name", "parameters"} or not isinstance(base["parameters"], dict):
+        _fail(folder, "base must have a name and parameters")
+    name, parameters = base["name"], base["parameters"]
+    if name == Stand.name and not parameters:
+        return Stand()
+    if name != Trot.name:
+        _fail(folder, f"base must be {Stand.name!r} (without parameters) or {Trot.name!r}, not {name!r}")
+    if set(parameters) != {field.name for field in fields(TrotParameters)}:
+        _fail(folder, "the base's parameters are not those of the trot")
+    if not all(_is_number(value) for value in parameters.values()):
+        _fail(folder, "the base's parameters must be finite numbers")
+    try:
+        return Trot(TrotParameters(**parameters))
+    except ValueError as error:
+        _fail(folder, f"the base's parameters are out of range ({error})")
+
+
+def _authority(folder: Path, values: Any) -> Actions:
+    if not isinstance(values, list) or len(values) != NUM_JOINTS or not all(_is_number(v) and v >= 0.0 for v in values):
+        _fail(folder, f"authority must be {NUM_JOINTS} finite numbers of rad, none below zero")
+    return np.array(values, dtype=np.float32)
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float) and math.isfinite(value)
+
+
+def _layout() -> dict[str, list[int]]:
+    """The observation's layout: name -> [start, stop]."""
+    return {name: [part.start, part.stop] for name, part in OBSERVATION.items()}
+
+
+def _describe_base(base: Policy) -> dict[str, Any]:
+    if isinstance(base, Trot):
+        return {"name": base.name, "parameters": asdict(base.parameters)}
+    if isinstance(base, Stand):
+        return {"name": base.name, "parameters": {}}
+    raise ValueError(f"a bundle's base is a {Stand.name} or a {Trot.name}, not {base.name}")
+
+
+def _tensors(network: Network) -> dict[str, NDArray[Any]]:
+    weights = {f"{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
+    return weights | {f"{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}
+
+
+def _replace(file: Path, content: bytes) -> None:
+    """Put the content into the file in one move, so that a crash leaves the old one or the new one."""
+    handle, temporary = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(temporary, 0o644)  # mkstemp makes it private
+        os.replace(temporary, file)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,63 @@
+"""Gaits: one clock, and for each leg a phase offset and the share of the cycle that it stands.
+
+A leg's cycle starts with its swing, as in the source document: swing while its phase is below 2π(1 - duty), stance
+after that. Legs are ordered fl, fr, hl, hr.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+TURN = 2.0 * np.pi
+"""One cycle, rad."""
+
+
+class LegCycle(NamedTuple):
+    """Where each leg is in its cycle; arrays of shape (..., 4)."""
+
+    swing: NDArray[np.bool_]
+    """True while the foot is in the air."""
+    progress: Floats
+    """How far through its swing or its stance the leg is, from 0 up to 1."""
+
+
+@dataclass(frozen=True)
+class Gait:
+    """A periodic footfall pattern."""
+
+    offsets: tuple[float, float, float, float]
+    """Phase of each leg ahead of the clock, rad, order fl, fr, hl, hr."""
+    duty: float = 0.5
+    """Share of the cycle that a foot is on the ground, between 0 and 1 exclusive."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.duty < 1.0:
+            raise ValueError(f"duty must lie between 0 and 1, not {self.duty}")
+
+    def legs(self, phase: ArrayLike) -> LegCycle:
+        """Each leg's place in its cycle at a global phase in rad; (...) gives (..., 4)."""
+        fraction = leg_phases(phase, self.offsets) / TURN
+        swing_share = 1.0 - self.duty
+        swing = fraction < swing_share
+        progress = np.where(swing, fraction / swing_share, (fraction - swing_share) / self.duty)
+        return LegCycle(swing, progress)
+
+
+def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
+    """Phase of each leg, in [0, 2π) rad; shape (..., 4) for a global phase of shape (...)."""
+    phases: Floats = (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
+    return phases
+
+
+def advance(phase: Floats, frequency: float, period: float) -> Floats:
+    """The clock one tick of `period` s later at `frequency` Hz, in [0, 2π) rad; the document's φ <- φ + 2πf·dt."""
+    advanced: Floats = (phase + TURN * frequency * period) % TURN
+    return advanced
+
+
+TROT_OFFSETS = (0.0, np.pi, np.pi, 0.0)
+"""Diagonal pairs, as the document prints: fl and hr together, fr and hl half a cycle later."""

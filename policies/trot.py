@@ -1,0 +1,144 @@
+"""A diagonal trot that follows a velocity command: the baseline, and the base of the residual.
+
+Each standing foot moves against the velocity that the body is to have at that foot, -(v + ω × r), so that forward,
+lateral and turning commands are one formula; each swing brings it back. It looks at nothing but the command.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
+from policies.foot_path import lift, load, stride
+from policies.gait import TROT_OFFSETS, Floats, Gait
+from policies.kinematics import leg_angles
+from quad_env import OBSERVATION
+from quad_env.robot import CALF_LENGTH, HIP_POSITIONS, HOME_POSE, NUM_JOINTS, SIDE
+
+SERVO_STIFFNESS = 300.0
+"""Gain of the robot's joint servos, N·m/rad."""
+
+
+@dataclass(frozen=True)
+class TrotParameters:
+    """What the search tunes."""
+
+    frequency: float = 2.8
+    """Gait cycles a second, Hz."""
+    duty: float = 0.5
+    """Share of the cycle that a foot is on the ground."""
+    body_height: float = 0.4
+    """Hip joints above the centres of the standing feet, m."""
+    step_height: float = 0.08
+    """Lift of the foot at mid-swing, m."""
+    stance_width: float = 0.5
+    """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
+    stance_shift: float = 0.0
+    """Middle of the strides ahead of the hip joints, m."""
+    servo_lead: float = 0.03
+    """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
+    stance_load: float = 70.0
+    """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
+    blend_time: float = 0.3
+    """From the home pose to the gait at the start of an episode, s."""
+    linear_acceleration: float = 4.0
+    """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
+    yaw_acceleration: float = 6.0
+    """Fastest change of the yaw rate command that the gait follows, rad/s²."""
+    forward_gain: float = 1.0
+    """Gait's forward velocity per commanded."""
+    forward_bias: float = 0.0
+    """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
+    lateral_gain: float = 1.0
+    """Gait's lateral velocity per commanded."""
+    yaw_gain: float = 1.0
+    """Gait's yaw rate per commanded."""
+    yaw_per_lateral: float = 0.0
+    """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
+
+
+SEARCH_RANGES: dict[str, tuple[float, float]] = {
+    "frequency": (2.0, 4.0),
+    "duty": (0.45, 0.65),
+    "body_height": (0.3, 0.48),
+    "step_height": (0.03, 0.12),
+    "stance_width": (0.4, 0.6),
+    "stance_shift": (-0.05, 0.05),
+    "linear_acceleration": (2.0, 20.0),
+    "yaw_acceleration": (3.0, 40.0),
+    "servo_lead": (0.0, 0.05),
+    "forward_gain": (0.7, 1.5),
+    "lateral_gain": (0.7, 1.5),
+    "yaw_gain": (0.7, 1.8),
+}
+"""Bounds within which a search of `TrotParameters` makes sense, by field name."""
+
+
+class Trot(GaitedPolicy):
+    """Command-following trot; steps in place at zero command."""
+
+    name = "trot"
+
+    def __init__(self, parameters: TrotParameters | None = None) -> None:
+        self.parameters = parameters if parameters is not None else TrotParameters()
+        self.frequency = self.parameters.frequency
+        self._gait = Gait(TROT_OFFSETS, self.parameters.duty)
+        super().__init__()
+
+    def _allocate(self, num_envs: int) -> None:
+        super()._allocate(num_envs)
+        self._command = np.zeros((num_envs, 3))
+        self._joints = np.tile(HOME_POSE, (num_envs, 1))
+
+    def _restart(self, mask: NDArray[np.bool_]) -> None:
+        super()._restart(mask)
+        self._command = np.where(mask[:, None], 0.0, self._command)
+        self._joints = np.where(mask[:, None], HOME_POSE, self._joints)
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        self._tick()
+        self._follow(observation[:, OBSERVATION["command"]].astype(np.float64))
+        joints = self._blended(self._targets(self._phase, self._mapped(self._command)), self.parameters.blend_time)
+        velocity = (joints - self._joints) / CONTROL_PERIOD
+        self._joints = joints
+        return to_actions(joints + self.parameters.servo_lead * velocity)
+
+    def _follow(self, command: Floats) -> None:
+        """Move the command that the gait follows towards the one given, no faster than its limits."""
+        p = self.parameters
+        reach = CONTROL_PERIOD * np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
+        self._command = self._command + np.clip(command - self._command, -reach, reach)
+
+    def _mapped(self, command: Floats) -> Floats:
+        """The velocity to ask of the gait so that the robot achieves the commanded one; shape (n, 3)."""
+        p = self.parameters
+        forward, lateral, yaw_rate = command[:, 0], command[:, 1], command[:, 2]
+        return np.stack(
+            [
+                p.forward_gain * forward + p.forward_bias,
+                p.lateral_gain * lateral,
+                p.yaw_gain * yaw_rate + p.yaw_per_lateral * lateral,
+            ],
+            axis=-1,
+        )
+
+    def _targets(self, phase: Floats, velocity: Floats) -> Floats:
+        """Joint targets (n, 12) in rad for a phase (n,) and a gait velocity (n, 3)."""
+        p = self.parameters
+        cycle = self._gait.legs(phase)
+        foot_x = HIP_POSITIONS[:, 0] + p.stance_shift
+        foot_y = SIDE * (p.stance_width / 2.0)
+        forward, lateral, yaw_rate = velocity[:, 0:1], velocity[:, 1:2], velocity[:, 2:3]
+        # While a foot stands it passes under the body at -(v + ω × r), r from the trunk's centre to the foot.
+        stance_time = p.duty / p.frequency
+        along = stride(cycle, p.duty) * stance_time
+        x = p.stance_shift + along * (forward - yaw_rate * foot_y)
+        y = (foot_y - HIP_POSITIONS[:, 1]) + along * (lateral + yaw_rate * foot_x)
+        z = p.step_height * lift(cycle) - p.body_height
+        hip, thigh, calf = leg_angles(x, y, z)
+        give = load(cycle) * (p.stance_load / SERVO_STIFFNESS)
+        hip_cosine = np.cos(hip)
+        hip = hip - give * y
+        thigh, calf = thigh + give * hip_cosine * x, calf - give * hip_cosine * CALF_LENGTH * np.sin(thigh + calf)
+        return np.stack([hip, thigh, calf], axis=-1).reshape(-1, NUM_JOINTS)
