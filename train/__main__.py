@@ -1,0 +1,89 @@
+"""`python -m train`: train a policy; the options are the fields of `train.config.TrainConfig`."""
+
+import argparse
+import contextlib
+import dataclasses
+import io
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from evaluate.command_line import UsageError, fail, first_sentence
+from train.config import CONFIG_FILE, DEFAULTS, TrainConfig, check, differences, from_dict
+
+INTERRUPTED = 130
+PROGRAM = "python -m train"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; gives the exit code: 0, 2 on bad input, 130 after Ctrl-C."""
+    from policies.base import PolicyError
+
+    try:
+        config = parse(sys.argv[1:] if arguments is None else arguments)
+        # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
+        from train.run import train
+
+        train(config)
+    except (UsageError, PolicyError, OSError) as error:
+        return fail(str(error))
+    except KeyboardInterrupt:
+        print("stopped; carry the run on with --resume", file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+def parse(arguments: list[str]) -> TrainConfig:
+    """The settings of a command line. Raises UsageError; SystemExit(0) after --help.
+
+    The defaults shown and used are those of the chosen --policy, or with --resume those of the run that is carried on.
+    """
+    import tyro
+
+    defaults = _defaults(arguments)
+    complaint = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaint):
+            config = tyro.cli(TrainConfig, prog=PROGRAM, args=arguments, default=defaults)
+    except SystemExit as end:
+        if not end.code:
+            raise
+        raise UsageError(f"{first_sentence(complaint.getvalue())}; see `{PROGRAM} --help`") from None
+    check(config)
+    if config.resume and (changed := differences(defaults, config)):
+        raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(changed)}")
+    return config
+
+
+def _defaults(arguments: list[str]) -> TrainConfig:
+    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
+    scout.add_argument("--seed", type=int, default=0)
+    scout.add_argument("--out", type=Path)
+    scout.add_argument("--resume", action="store_true")
+    try:
+        found, _ = scout.parse_known_args(arguments)
+    except (argparse.ArgumentError, SystemExit):
+        return DEFAULTS["residual"]  # tyro, which reads the same words next, says what is wrong with them
+    defaults = DEFAULTS[found.policy]
+    if found.resume and "--help" not in arguments and "-h" not in arguments:
+        folder = dataclasses.replace(defaults, seed=found.seed, out=found.out).folder
+        return dataclasses.replace(_saved(folder), out=found.out)
+    return defaults
+
+
+def _saved(folder: Path) -> TrainConfig:
+    """The settings that a run was begun with."""
+    file = folder / CONFIG_FILE
+    try:
+        settings: Any = json.loads(file.read_bytes())
+    except OSError as error:
+        raise UsageError(f"no run to carry on in {folder}: {CONFIG_FILE} cannot be read ({error.strerror})") from None
+    except ValueError:
+        raise UsageError(f"no run to carry on in {folder}: {CONFIG_FILE} is not JSON") from None
+    return from_dict(settings)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

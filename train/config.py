@@ -1,0 +1,211 @@
+"""Settings of one training run: frozen dataclasses that are the command line, the help text and config.json at once."""
+
+import dataclasses
+import json
+import types
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from evaluate.command_line import UsageError
+from quad_env.config import RewardWeights
+from quad_env.scenarios import scenario
+
+CONFIG_FILE = "config.json"
+"""Where a run's folder holds its settings."""
+
+PolicyKind = Literal["residual", "end-to-end"]
+
+
+@dataclasses.dataclass(frozen=True)
+class PpoConfig:
+    """The learner."""
+
+    envs: int = 512
+    """Robots simulated side by side."""
+    rollout_steps: int = 32
+    """Control steps each robot takes between two updates (10 ms each)."""
+    minibatch: int = 4096
+    """Samples in one gradient step; must divide envs x rollout-steps."""
+    epochs: int = 5
+    """Passes over each rollout."""
+    learning_rate: float = 1e-3
+    """Adam's step size at the start."""
+    learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "linear"
+    """linear: down to zero at the last step; adaptive: halved or raised to keep the KL divergence near target-kl."""
+    target_kl: float = 0.02
+    """KL divergence of one update that the adaptive schedule steers towards, nat."""
+    gamma: float = 0.97
+    """Discount a control step."""
+    gae_lambda: float = 0.95
+    """Lambda of the generalised advantage estimate."""
+    clip_range: float = 0.2
+    """Clip of the probability ratio."""
+    entropy: float = 0.0
+    """Weight of the entropy bonus."""
+    value_weight: float = 0.5
+    """Weight of the value loss."""
+    max_gradient: float = 1.0
+    """Largest norm of a gradient."""
+    log_std_init: float = -1.5
+    """Logarithm of the exploration noise at the start, in units of the authority."""
+    actor: tuple[int, ...] = (128, 128)
+    """Hidden layer widths of the policy's network."""
+    critic: tuple[int, ...] = (128, 128)
+    """Hidden layer widths of the value network."""
+    activation: Literal["tanh", "elu"] = "elu"
+    """Activation of the hidden layers."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ValidationConfig:
+    """Judgement during training, by the code of `evaluate`, on episodes of its own."""
+
+    interval: int = 500_000
+    """Steps between two validations; 0 for none but the last."""
+    episodes: int = 24
+    """Episodes a scenario."""
+    scenarios: tuple[str, ...] = ("flat", "push", "rough")
+    """Scenarios judged."""
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainConfig:
+    """Train a policy for SimpleQuad-v0 with PPO: a bounded correction on a base policy, or one without a base."""
+
+    policy: PolicyKind = "residual"
+    """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
+    base: Literal["trot", "stand"] = "trot"
+    """Base policy that the correction is added to."""
+    steps: int = 2_500_000
+    """Control steps of all robots together."""
+    seed: int = 0
+    """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
+    out: Path | None = None
+    """Run folder; runs/POLICY-SEED when not given. Must be new or empty, unless --resume."""
+    resume: bool = False
+    """Carry on the run in --out from its last checkpoint."""
+    threads: int = 2
+    """Threads of the simulation; the learner needs one."""
+    joint_authority: float = 0.3
+    """Largest correction of a thigh or calf joint, rad."""
+    hip_authority: float = 0.15
+    """Largest correction of a hip joint, rad."""
+    mixture: tuple[tuple[str, float], ...] = (("flat", 0.4), ("push", 0.4), ("rough", 0.2))
+    """Scenarios trained on, each with its share of the robots."""
+    max_episode_steps: int = 1000
+    """Length of a training episode, control steps."""
+    rewards: RewardWeights = dataclasses.field(default_factory=RewardWeights)
+    ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)
+    validation: ValidationConfig = dataclasses.field(default_factory=ValidationConfig)
+
+    @property
+    def folder(self) -> Path:
+        """Run folder."""
+        return self.out if self.out is not None else Path("runs") / f"{self.policy}-{self.seed}"
+
+
+DEFAULTS: dict[PolicyKind, TrainConfig] = {
+    "residual": TrainConfig(),
+    "end-to-end": TrainConfig(policy="end-to-end", base="stand", joint_authority=0.5, hip_authority=0.5),
+}
+"""Defaults of each kind of policy."""
+
+_NOT_OF_THE_RUN = ("out", "resume", "threads")
+
+
+def to_dict(config: TrainConfig) -> dict[str, Any]:
+    """The settings that decide a run's result, as JSON types: all but where it is written and with how many threads."""
+    settings = {key: value for key, value in dataclasses.asdict(config).items() if key not in _NOT_OF_THE_RUN}
+    return typing.cast(dict[str, Any], json.loads(json.dumps(settings)))
+
+
+def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
+    """The inverse of `to_dict`. Raises UsageError on what is no configuration."""
+    try:
+        return typing.cast(TrainConfig, _decode(TrainConfig, settings))
+    except (TypeError, ValueError, AttributeError) as error:
+        raise UsageError(f"not a training configuration: {error}") from None
+
+
+def _decode(kind: Any, value: Any) -> Any:
+    if dataclasses.is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        unknown = set(value) - set(hints)
+        if unknown:
+            raise ValueError(f"unknown settings {sorted(unknown)}")
+        decoded = {name: _decode(hints[name], entry) for name, entry in value.items()}
+        return typing.cast(type[Any], kind)(**decoded)
+    if typing.get_origin(kind) is tuple:
+        item, *rest = typing.get_args(kind)
+        kinds = [item] * len(value) if rest == [Ellipsis] else [item, *rest]
+        return tuple(_decode(k, v) for k, v in zip(kinds, value, strict=True))
+    if typing.get_origin(kind) in (Literal, types.UnionType):
+        return value
+    return kind(value)
+
+
+def differences(old: TrainConfig, new: TrainConfig) -> list[str]:
+    """What differs between the results of two runs' settings, one line each."""
+    return _differences("", to_dict(old), to_dict(new))
+
+
+def _differences(prefix: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    lines = []
+    for key in old:
+        name = prefix + key.replace("_", "-")
+        if isinstance(old[key], dict):
+            lines += _differences(f"{name}.", old[key], new[key])
+        elif old[key] != new[key]:
+            lines.append(f"--{name}: the run has {old[key]}, the command {new[key]}")
+    return lines
+
+
+def check(config: TrainConfig) -> None:
+    """Raise UsageError, one line, on settings that cannot be trained with."""
+    ppo = config.ppo
+    positive = {
+        "--steps": config.steps,
+        "--threads": config.threads,
+        "--max-episode-steps": config.max_episode_steps,
+        "--joint-authority": config.joint_authority,
+        "--ppo.envs": ppo.envs,
+        "--ppo.rollout-steps": ppo.rollout_steps,
+        "--ppo.minibatch": ppo.minibatch,
+        "--ppo.epochs": ppo.epochs,
+        "--ppo.learning-rate": ppo.learning_rate,
+        "--validation.episodes": config.validation.episodes,
+    }
+    for name, value in positive.items():
+        if not 0 < value < float("inf"):
+            raise UsageError(f"{name} must be positive, got {value}")
+    if config.seed < 0:
+        raise UsageError(f"--seed must not be negative, got {config.seed}")
+    if ppo.envs * ppo.rollout_steps % ppo.minibatch:
+        total = ppo.envs * ppo.rollout_steps
+        raise UsageError(f"--ppo.minibatch must divide ppo.envs x ppo.rollout-steps = {total}, got {ppo.minibatch}")
+    if not config.mixture or any(not 0 <= share < float("inf") for _, share in config.mixture):
+        raise UsageError(
+            "--mixture needs scenarios with shares that are not negative, as in: --mixture flat 0.5 push 0.5"
+        )
+    for name in (*dict(config.mixture), *config.validation.scenarios):
+        try:
+            scenario(name)
+        except ValueError as error:
+            raise UsageError(str(error)) from None
+    if len({name for name, _ in config.mixture}) < len(config.mixture):
+        raise UsageError("--mixture names a scenario twice")
+    if sum(share for _, share in config.mixture) <= 0:
+        raise UsageError("--mixture: at least one share must be above zero")
+
+
+def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
+    """How many robots train on each scenario: shares rounded by largest remainder; none of no robots."""
+    total = sum(share for _, share in config.mixture)
+    exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
+    counts = {name: int(amount) for name, amount in exact}
+    by_remainder = sorted(exact, key=lambda entry: int(entry[1]) - entry[1])
+    for name, _ in by_remainder[: config.ppo.envs - sum(counts.values())]:
+        counts[name] += 1
+    return {name: count for name, count in counts.items() if count}

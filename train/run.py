@@ -1,0 +1,92 @@
+"""One training run: its folder, its robots, its learner, from the first step or from a checkpoint to the last."""
+
+import json
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+
+import policies
+from evaluate.command_line import UsageError
+from quad_env.config import TaskConfig
+from quad_env.seeding import episode_seeds
+from quad_env.vector_env import SimpleQuadVectorEnv
+from train import checkpoint
+from train.callbacks import CHECKPOINTS, AdaptRate, Keeper, Memory, Progress
+from train.checkpoint import write_atomic
+from train.config import CONFIG_FILE, TrainConfig, robots_per_scenario, to_dict
+from train.display import make_display
+from train.interrupt import Interrupt
+from train.ppo import AdaptiveRate, build
+from train.scenarios import practice
+from train.vec_env import TrainingEnv
+
+
+def train(config: TrainConfig) -> None:
+    """Train to the last step, or until Ctrl-C; leaves bundles, checkpoints, config.json and a TensorBoard log.
+
+    Raises UsageError, one line, on what cannot be trained, and KeyboardInterrupt after a Ctrl-C,
+    once all is kept.
+    """
+    found = checkpoint.load(config.folder / CHECKPOINTS) if config.resume else None
+    _prepare(config)
+    memory = Memory(**found.progress["remembered"]) if found else Memory()
+    memory.resumed += found is not None
+    env = make_env(config, memory.resumed)
+    try:
+        model = build(config, env)
+        if found:
+            checkpoint.restore(model, found)
+        _learn(config, env, model, memory, found.damaged if found else ())
+    finally:
+        env.close()
+
+
+def _prepare(config: TrainConfig) -> None:
+    folder = config.folder
+    if not config.resume and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UsageError(f"{folder} is not empty: choose another --out, or carry that run on with --resume")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomic(folder / CONFIG_FILE, (json.dumps(to_dict(config), indent=2) + "\n").encode())
+
+
+def _learn(config: TrainConfig, env: TrainingEnv, model: PPO, memory: Memory, notices: tuple[str, ...]) -> None:
+    model.set_logger(configure(str(config.folder / "tensorboard"), ["tensorboard"]))
+    done = model.num_timesteps
+    display = make_display(config.steps, done)
+    for notice in notices:
+        display.note(f"passed over a checkpoint: {notice}")
+    if memory.resumed:
+        display.note(f"carrying on at {done:,} steps; the robots begin new episodes")
+    try:
+        with Interrupt() as interrupt:
+            callbacks: list[BaseCallback] = [Progress(env, display)]
+            if isinstance(model.learning_rate, AdaptiveRate):
+                callbacks.append(AdaptRate(model.learning_rate, memory))
+            callbacks.append(Keeper(config, env, display, memory, interrupt))
+            model.learn(max(config.steps - done, 0), callbacks, reset_num_timesteps=not memory.resumed)
+    finally:
+        display.close()
+        model.logger.close()
+
+
+def make_env(config: TrainConfig, resumed: int = 0) -> TrainingEnv:
+    """The robots of a run on their scenarios; each time that it is resumed they get other seeds."""
+    batches = [
+        SimpleQuadVectorEnv(
+            count,
+            scenario=practice(name, "training", config.seed),
+            nthread=config.threads,
+            autoreset_mode=AutoresetMode.DISABLED,
+            max_episode_steps=config.max_episode_steps,
+            config=TaskConfig(reward_weights=config.rewards),
+        )
+        for name, count in robots_per_scenario(config).items()
+    ]
+    robots = config.ppo.envs
+    seeds = episode_seeds("training", config.seed, robots * (resumed + 1))[-robots:]
+    first = np.random.default_rng(seeds).integers(1, config.max_episode_steps, robots, endpoint=True)
+    authority = np.array([config.hip_authority, config.joint_authority, config.joint_authority] * 4, np.float32)
+    return TrainingEnv(batches, policies.make(config.base), authority, seeds, first)

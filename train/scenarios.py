@@ -1,0 +1,20 @@
+"""The scenarios of `quad_env` on other surfaces than the evaluation's: nobody practises on the ground of the exam."""
+
+import dataclasses
+from typing import Literal
+
+from quad_env.scenarios import Scenario, scenario
+from quad_env.terrain import SmoothRandom
+
+Purpose = Literal["validation", "search", "training"]
+TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1000}
+"""Surface of each purpose; the evaluation's is the scenario's own."""
+
+
+def practice(name: str, purpose: Purpose, seed: int = 0) -> Scenario:
+    """The scenario of that name for that purpose; `seed` gives further surfaces, and changes nothing on flat ground."""
+    original = scenario(name)
+    if not isinstance(original.terrain, SmoothRandom):
+        return original
+    surface = dataclasses.replace(original.terrain, seed=TERRAIN_SEEDS[purpose] + seed)
+    return dataclasses.replace(original, terrain=surface)

@@ -1,0 +1,32 @@
+"""Judgement of a policy during training, by the code of `evaluate`, on seeds that nothing else uses."""
+
+from collections.abc import Mapping
+
+from evaluate.metrics import summarise
+from evaluate.rollout import run
+from policies.base import Policy
+from quad_env.seeding import episode_seeds
+from train.config import ValidationConfig
+from train.scenarios import practice
+
+VALIDATION_SEED = 0
+"""The same episodes in every run, so that runs compare."""
+YAW_WEIGHT = 0.5
+"""m/s of velocity error that a rad/s of yaw-rate error counts as."""
+
+
+def validate(policy: Policy, config: ValidationConfig, nthread: int) -> dict[str, dict[str, float]]:
+    """Mean metrics of each scenario, scenario -> name -> value."""
+    seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
+    return {
+        name: summarise(run(policy, practice(name, "validation"), seeds, nthread=nthread)) for name in config.scenarios
+    }
+
+
+def score(results: Mapping[str, Mapping[str, float]]) -> float:
+    """What the best policy has least of: velocity error plus half the yaw-rate error, m/s, mean over scenarios.
+
+    Falls need no term: every step after one is billed the metric's cap.
+    """
+    errors = [means["velocity_error"] + YAW_WEIGHT * means["yaw_rate_error"] for means in results.values()]
+    return sum(errors) / len(errors)
