@@ -4,7 +4,10 @@ Each standing foot moves against the velocity that the body is to have at that f
 lateral and turning commands are one formula; each swing brings it back. It looks at nothing but the command.
 """
 
+import json
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +18,9 @@ from policies.gait import TROT_OFFSETS, Floats, Gait
 from policies.kinematics import leg_angles
 from quad_env import OBSERVATION
 from quad_env.robot import CALF_LENGTH, HIP_POSITIONS, HOME_POSE, NUM_JOINTS, SIDE
+
+PARAMETERS_FILE = Path(__file__).with_name("trot.json")
+"""The searched parameters, written by `python -m train.tune_trot`."""
 
 SERVO_STIFFNESS = 300.0
 """Gain of the robot's joint servos, N·m/rad."""
@@ -58,12 +64,18 @@ class TrotParameters:
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
 
+@cache
+def searched_parameters() -> TrotParameters:
+    """The outcome of the search, from PARAMETERS_FILE."""
+    return TrotParameters(**json.loads(PARAMETERS_FILE.read_text()))
+
+
 SEARCH_RANGES: dict[str, tuple[float, float]] = {
     "frequency": (2.0, 4.0),
     "duty": (0.45, 0.65),
-    "body_height": (0.3, 0.48),
-    "step_height": (0.03, 0.12),
-    "stance_width": (0.4, 0.6),
+    "body_height": (0.24, 0.42),
+    "step_height": (0.03, 0.14),
+    "stance_width": (0.4, 0.66),
     "stance_shift": (-0.05, 0.05),
     "linear_acceleration": (2.0, 20.0),
     "yaw_acceleration": (3.0, 40.0),
@@ -81,7 +93,7 @@ class Trot(GaitedPolicy):
     name = "trot"
 
     def __init__(self, parameters: TrotParameters | None = None) -> None:
-        self.parameters = parameters if parameters is not None else TrotParameters()
+        self.parameters = parameters if parameters is not None else searched_parameters()
         self.frequency = self.parameters.frequency
         self._gait = Gait(TROT_OFFSETS, self.parameters.duty)
         super().__init__()
