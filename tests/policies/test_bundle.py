@@ -1,0 +1,260 @@
+import hashlib
+import itertools
+import json
+import os
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file, save_file
+
+import policies
+from policies.bundle import DESCRIPTION, WEIGHTS, load, save
+from policies.network import Network
+from policies.residual import ResidualPolicy
+from policies.stand import Stand
+from policies.trot import Trot, TrotParameters
+from quad_env import OBSERVATION_SIZE
+
+
+def network(*sizes, activation="tanh"):
+    rng = np.random.default_rng(7)
+    weights = [rng.normal(0.0, 0.3, shape).astype(np.float32) for shape in itertools.pairwise(sizes)]
+    return Network(tuple(weights), tuple(rng.normal(size=s).astype(np.float32) for s in sizes[1:]), activation)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A sound bundle over a trot with parameters of its own."""
+    base = Trot(replace(TrotParameters(), body_height=0.41, yaw_gain=1.07))
+    policy = ResidualPolicy(base, network(62, 16, 12), authority=np.linspace(0.1, 0.3, 12, dtype=np.float32))
+    save(tmp_path / "model", policy, training={"steps": 5, "seed": 0}, git_revision="abc123")
+    return tmp_path / "model"
+
+
+def rewrite(folder, **changes):
+    """Change top-level fields of the description; None removes one."""
+    description = json.loads((folder / DESCRIPTION).read_text()) | changes
+    (folder / DESCRIPTION).write_text(json.dumps({k: v for k, v in description.items() if v is not None}))
+
+
+def replace_weights(folder, content):
+    """Put other weights in, with the SHA-256 that belongs to them."""
+    (folder / WEIGHTS).write_bytes(content)
+    rewrite(folder, weights_sha256=hashlib.sha256(content).hexdigest())
+
+
+def save_tensors(folder, tensors):
+    save_file(tensors, folder / WEIGHTS)
+    replace_weights(folder, (folder / WEIGHTS).read_bytes())
+
+
+def trajectory(policy):
+    rng = np.random.default_rng(8)
+    policy.reset(3)
+    return b"".join(policy.act(rng.normal(size=(3, OBSERVATION_SIZE)).astype(np.float32)).tobytes() for _ in range(60))
+
+
+@pytest.mark.parametrize("activation", ["tanh", "elu"])
+@pytest.mark.parametrize("base", [Trot, Stand])
+def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path, base, activation):
+    policy = ResidualPolicy(base(), network(62 if base is Trot else OBSERVATION_SIZE, 16, 8, 12, activation=activation))
+    save(tmp_path, policy, training={}, git_revision="")
+    assert trajectory(load(tmp_path)) == trajectory(policy)
+
+
+def test_everything_but_the_weights_is_readable_in_the_description(folder):
+    description = json.loads((folder / DESCRIPTION).read_text())
+    assert description["env_id"] == "SimpleQuad-v0"
+    assert description["observation"]["command"] == [45, 48]
+    assert len(description["observation_scale"]) == OBSERVATION_SIZE
+    assert description["network"] == {"sizes": [62, 16, 12], "activation": "tanh"}
+    assert description["base"]["name"] == "trot"
+    assert description["base"]["parameters"]["body_height"] == 0.41
+    assert description["training"] == {"steps": 5, "seed": 0}
+    assert description["git_revision"] == "abc123"
+    assert description["weights_sha256"] == hashlib.sha256((folder / WEIGHTS).read_bytes()).hexdigest()
+
+
+def test_base_parameters_and_authority_come_back(folder):
+    policy = load(folder)
+    assert policy.base.parameters == replace(TrotParameters(), body_height=0.41, yaw_gain=1.07)
+    np.testing.assert_array_equal(policy.authority, np.linspace(0.1, 0.3, 12, dtype=np.float32))
+
+
+def test_a_bundle_is_found_by_its_path_and_by_its_name(folder, monkeypatch):
+    expected = trajectory(load(folder))
+    assert trajectory(policies.resolve(str(folder))) == expected
+    assert trajectory(policies.resolve(folder)) == expected
+    folder.rename(folder.with_name("residual"))
+    monkeypatch.setattr(policies, "MODELS", folder.parent)
+    assert trajectory(policies.make("residual")) == expected
+
+
+def test_saving_again_replaces_the_bundle_and_leaves_nothing_else(folder):
+    save(folder, ResidualPolicy(Trot(), network(62, 12)), training={}, git_revision="")
+    assert load(folder).network.sizes == (62, 12)
+    assert sorted(os.listdir(folder)) == [DESCRIPTION, WEIGHTS]
+
+
+def test_saving_what_is_not_json_leaves_the_old_bundle(folder):
+    before = trajectory(load(folder))
+    with pytest.raises(ValueError, match="JSON"):
+        save(folder, ResidualPolicy(Trot(), network(62, 12)), training={"rate": float("nan")}, git_revision="")
+    assert trajectory(load(folder)) == before
+
+
+def damaged(folder, damage):
+    damage(folder)
+    with pytest.raises(policies.PolicyError) as caught:
+        load(folder)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("file", [DESCRIPTION, WEIGHTS])
+def test_missing_file_is_named(folder, file):
+    assert file in damaged(folder, lambda f: (f / file).unlink())
+
+
+@pytest.mark.parametrize("file", [DESCRIPTION, WEIGHTS])
+@pytest.mark.parametrize("keep", [0, 1, 50, -1])
+def test_truncated_file_is_refused(folder, file, keep):
+    damaged(folder, lambda f: (f / file).write_bytes((f / file).read_bytes()[: keep if keep >= 0 else -20]))
+
+
+def test_truncated_weights_are_refused_even_with_their_own_checksum(folder):
+    assert "safetensors" in damaged(folder, lambda f: replace_weights(f, (f / WEIGHTS).read_bytes()[:-8]))
+
+
+def test_one_flipped_bit_in_the_weights_is_noticed(folder):
+    def flip(f):
+        content = bytearray((f / WEIGHTS).read_bytes())
+        content[-5] ^= 1
+        (f / WEIGHTS).write_bytes(content)
+
+    assert "SHA-256" in damaged(folder, flip)
+
+
+class Trap:
+    """Leaves a file behind when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (open, (str(self.path), "w"))
+
+
+@pytest.mark.parametrize("honest_checksum", [True, False])
+def test_pickle_in_place_of_the_weights_is_refused_and_not_run(folder, tmp_path, honest_checksum):
+    payload = pickle.dumps(Trap(tmp_path / "ran"))
+    write = replace_weights if honest_checksum else (lambda f, content: (f / WEIGHTS).write_bytes(content))
+    damaged(folder, lambda f: write(f, payload))
+    assert not (tmp_path / "ran").exists()
+
+
+def test_pickle_in_place_of_the_description_is_refused_and_not_run(folder, tmp_path):
+    damaged(folder, lambda f: (f / DESCRIPTION).write_bytes(pickle.dumps(Trap(tmp_path / "ran"))))
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_non_finite_weights_are_refused(folder, value):
+    def poison(f):
+        tensors = load_file(f / WEIGHTS)
+        tensors["0.weight"] = tensors["0.weight"].copy()
+        tensors["0.weight"][0, 0] = value
+        save_tensors(f, tensors)
+
+    assert "finite" in damaged(folder, poison)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t | {"0.weight": t["0.weight"].T.copy()},
+        lambda t: t | {"0.weight": t["0.weight"].astype(np.float64)},
+        lambda t: t | {"2.weight": t["1.weight"]},
+        lambda t: {k: v for k, v in t.items() if k != "1.bias"},
+    ],
+    ids=["transposed", "float64", "one too many", "one too few"],
+)
+def test_tensors_other_than_described_are_refused(folder, change):
+    damaged(folder, lambda f: save_tensors(f, change(load_file(f / WEIGHTS))))
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        "schema_version",
+        "name",
+        "env_id",
+        "observation",
+        "observation_scale",
+        "network",
+        "base",
+        "authority",
+        "training",
+        "git_revision",
+        "weights_sha256",
+    ],
+)
+def test_missing_field_is_refused_by_name(folder, field):
+    assert field in damaged(folder, lambda f: rewrite(f, **{field: None}))
+
+
+TROT = {"name": "trot"}
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"schema_version": 2}, "schema_version"),
+        ({"name": ""}, "name"),
+        ({"env_id": "Ant-v5"}, "Ant-v5"),
+        ({"observation": {"command": [0, 3]}}, "layout"),
+        ({"observation_scale": [1.0] * OBSERVATION_SIZE}, "scales"),
+        ({"network": {"sizes": [62, 12]}}, "activation"),
+        ({"network": {"sizes": [61, 12], "activation": "tanh"}}, "62 inputs"),
+        ({"network": {"sizes": [62, 10**9, 12], "activation": "tanh"}}, "sizes"),
+        ({"network": {"sizes": [62, True, 12], "activation": "tanh"}}, "sizes"),
+        ({"network": {"sizes": [62, 16, 12], "activation": "__import__"}}, "elu, tanh"),
+        ({"network": {"sizes": [62, 32, 12], "activation": "tanh"}}, "tensors"),
+        ({"base": {"name": "gallop", "parameters": {}}}, "gallop"),
+        ({"base": {"name": ["trot"], "parameters": {}}}, "trot"),
+        ({"base": {"name": "trot", "parameters": {"body_height": 0.4}}}, "parameters"),
+        ({"base": {"name": "stand", "parameters": {"height": 0.4}}}, "stand"),
+        ({"authority": [0.3] * 11}, "authority"),
+        ({"authority": [-0.1] * 12}, "authority"),
+        ({"authority": [float("nan")] * 12}, "authority"),
+        ({"training": "much"}, "training"),
+        ({"git_revision": 5}, "git_revision"),
+        ({"weights_sha256": "0" * 64}, "SHA-256"),
+        ({"extra": 1}, "extra"),
+    ],
+)
+def test_field_that_does_not_fit_is_refused(folder, change, reason):
+    assert reason in damaged(folder, lambda f: rewrite(f, **change))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("duty", 1.5), ("frequency", "fast"), ("step_height", float("inf")), ("duty", True)]
+)
+def test_base_parameter_out_of_range_is_refused(folder, field, value):
+    base = json.loads((folder / DESCRIPTION).read_text())["base"]
+    base["parameters"][field] = value
+    damaged(folder, lambda f: rewrite(f, base=base))
+
+
+@pytest.mark.parametrize("content", ["[]", "3", "{", "[" * 100_000, '{"schema_version": 1}'])
+def test_description_that_is_no_description_is_refused(folder, content):
+    damaged(folder, lambda f: (f / DESCRIPTION).write_text(content))
+
+
+def test_path_without_a_bundle_is_answered_with_the_names(tmp_path):
+    with pytest.raises(policies.PolicyError, match="document_repaired"):
+        policies.resolve(str(tmp_path / "nothing"))
+    with pytest.raises(policies.PolicyError, match=DESCRIPTION):
+        policies.resolve(tmp_path)

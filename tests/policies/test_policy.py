@@ -1,0 +1,156 @@
+import itertools
+
+import numpy as np
+import pytest
+
+import policies
+from policies.network import Network
+from policies.residual import ResidualPolicy
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+
+
+def small_residual():
+    rng = np.random.default_rng(5)
+    sizes = (62, 32, 32, 12)
+    weights = [rng.normal(0.0, 0.3, shape).astype(np.float32) for shape in itertools.pairwise(sizes)]
+    biases = [rng.normal(0.0, 0.1, size).astype(np.float32) for size in sizes[1:]]
+    return ResidualPolicy(policies.make("trot"), Network(tuple(weights), tuple(biases)))
+
+
+MAKERS = {
+    "stand": lambda: policies.make("stand"),
+    "document": lambda: policies.make("document"),
+    "document_repaired": lambda: policies.make("document_repaired"),
+    "trot": lambda: policies.make("trot"),
+    "residual": small_residual,
+}
+every_policy = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS.keys())
+
+
+def readings(steps, n):
+    """Observations (steps, n, k) with a command that jumps every 40 steps."""
+    rng = np.random.default_rng(2)
+    observations = rng.normal(size=(steps, n, OBSERVATION_SIZE)).astype(np.float32)
+    commands = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (steps // 40 + 1, n, 3))
+    observations[..., OBSERVATION["command"]] = np.repeat(commands, 40, axis=0)[:steps]
+    return observations
+
+
+def actions(policy, observations):
+    policy.reset(observations.shape[1])
+    return np.stack([policy.act(row) for row in observations])
+
+
+@every_policy
+def test_one_row_gets_the_same_bits_alone_and_in_any_batch(make):
+    observations = readings(60, 1000)
+    whole = actions(make(), observations)
+    for first, count in ((0, 1), (7, 1), (999, 1), (0, 3), (11, 3), (5, 64), (936, 64)):
+        part = actions(make(), np.ascontiguousarray(observations[:, first : first + count]))
+        assert part.tobytes() == whole[:, first : first + count].tobytes()
+
+
+@every_policy
+def test_actions_are_float32_targets_within_the_limits(make):
+    result = actions(make(), readings(200, 8))
+    assert result.dtype == np.float32
+    assert result.shape == (200, 8, 12)
+    assert (result >= JOINT_LOWER.astype(np.float32)).all()
+    assert (result <= JOINT_UPPER.astype(np.float32)).all()
+
+
+@every_policy
+def test_single_observation_gives_a_single_action(make):
+    observation = readings(1, 1)[0, 0]
+    alone, batched = make(), make()
+    action = alone.act(observation)
+    assert action.shape == (12,)
+    assert action.tobytes() == batched.act(observation[None])[0].tobytes()
+
+
+@every_policy
+def test_reset_gives_the_same_episode_again(make):
+    policy, observations = make(), readings(50, 4)
+    assert actions(policy, observations).tobytes() == actions(policy, observations).tobytes()
+
+
+@every_policy
+def test_reset_where_starts_the_masked_robots_anew_and_leaves_the_others(make):
+    observations = readings(90, 5)
+    mask = np.array([False, True, False, True, True])
+    policy, undisturbed = make(), make()
+    actions(policy, observations[:50]), actions(undisturbed, observations[:50])
+    policy.reset_where(mask)
+    later = np.stack([policy.act(row) for row in observations[50:]])
+    expected = np.stack([undisturbed.act(row) for row in observations[50:]])
+    fresh = actions(make(), observations[50:])
+    assert later[:, ~mask].tobytes() == expected[:, ~mask].tobytes()
+    assert later[:, mask].tobytes() == fresh[:, mask].tobytes()
+
+
+@every_policy
+def test_actions_handed_out_are_never_written_to_again(make):
+    policy, observations = make(), readings(3, 2)
+    policy.reset(2)
+    first = policy.act(observations[0])
+    kept = first.copy()
+    policy.act(observations[1])
+    first[:] = 7.0
+    later = policy.act(observations[2])
+    assert np.abs(kept).max() < 7.0
+    assert np.abs(later).max() < 7.0
+
+
+@every_policy
+@pytest.mark.parametrize("shape", [(OBSERVATION_SIZE + 1,), (2, OBSERVATION_SIZE), (1, 1, OBSERVATION_SIZE), ()])
+def test_wrongly_shaped_observation_is_refused(make, shape):
+    with pytest.raises(ValueError, match="shape"):
+        make().act(np.zeros(shape, np.float32))
+
+
+@every_policy
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_non_finite_observation_is_refused_and_moves_no_clock(make, value):
+    policy, untouched = make(), make()
+    bad = np.zeros(OBSERVATION_SIZE, np.float32)
+    bad[3] = value
+    with pytest.raises(ValueError, match="finite"):
+        policy.act(bad)
+    assert policy.act(np.zeros_like(bad)).tobytes() == untouched.act(np.zeros_like(bad)).tobytes()
+
+
+@pytest.mark.parametrize("mask", [[True], [1, 0, 0], [[True, False, False]]])
+def test_wrong_reset_mask_is_refused(mask):
+    policy = policies.make("trot")
+    policy.reset(3)
+    with pytest.raises(ValueError, match="mask"):
+        policy.reset_where(np.array(mask))
+
+
+def test_batch_of_none_is_refused():
+    with pytest.raises(ValueError, match="num_envs"):
+        policies.make("trot").reset(0)
+
+
+def test_stand_holds_the_home_pose():
+    assert policies.make("stand").act(readings(1, 1)[0, 0]).tolist() == HOME_POSE.astype(np.float32).tolist()
+
+
+def test_names_are_sorted_and_every_name_but_the_shipped_model_can_be_made():
+    assert policies.names() == ("document", "document_repaired", "residual", "stand", "trot")
+    for name in set(policies.names()) - {"residual"}:
+        assert policies.make(name).name == name
+        assert policies.resolve(name).name == name
+
+
+@pytest.mark.parametrize("ask", [policies.make, policies.resolve])
+def test_unknown_name_is_answered_with_the_valid_ones(ask):
+    with pytest.raises(policies.PolicyError, match=r"gallop.*document, document_repaired, residual, stand, trot"):
+        ask("gallop")
+
+
+def test_missing_shipped_model_names_the_command_that_makes_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(policies, "MODELS", tmp_path)
+    with pytest.raises(policies.PolicyError, match="python -m train"):
+        policies.make("residual")

@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+
+import policies
+from policies.network import Network
+from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, compose, features
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.observations import SCALE
+from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+
+
+def constant_network(inputs, output):
+    """A network that answers the same, whatever it sees."""
+    return Network((np.zeros((inputs, 12), np.float32),), (np.broadcast_to(np.float32(output), 12).copy(),))
+
+
+@pytest.mark.parametrize("n", [1, 3, 64])
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+def test_zero_correction_is_the_trot_bit_for_bit_over_1000_steps(n, zero):
+    rng = np.random.default_rng(n)
+    residual, trot = ResidualPolicy(policies.make("trot"), constant_network(62, zero)), policies.make("trot")
+    residual.reset(n), trot.reset(n)
+    observation = rng.normal(size=(n, OBSERVATION_SIZE)).astype(np.float32)
+    for step in range(1000):
+        if step % 200 == 0:
+            observation[:, OBSERVATION["command"]] = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (n, 3))
+        if step == 500:
+            mask = rng.random(n) < 0.5
+            residual.reset_where(mask), trot.reset_where(mask)
+        assert residual.act(observation).tobytes() == trot.act(observation).tobytes()
+        assert residual.phase.tobytes() == trot.phase.tobytes()
+
+
+def test_features_by_hand_over_a_gaited_base():
+    observation = np.ones((2, OBSERVATION_SIZE), np.float32)
+    base_action = np.tile(HOME_POSE, (2, 1)).astype(np.float32) + np.float32(0.25)
+    seen = features(observation, np.array([0.0, np.pi / 2]), base_action)
+    assert seen.dtype == np.float32
+    assert seen.shape == (2, OBSERVATION_SIZE + 14)
+    np.testing.assert_array_equal(seen[:, :OBSERVATION_SIZE], np.tile(SCALE, (2, 1)))
+    np.testing.assert_allclose(seen[:, OBSERVATION_SIZE : OBSERVATION_SIZE + 2], [[0.0, 1.0], [1.0, 0.0]], atol=1e-7)
+    np.testing.assert_allclose(seen[:, OBSERVATION_SIZE + 2 :], 0.25)
+
+
+def test_features_over_a_base_without_a_clock_are_the_observation_alone():
+    observation = np.full((3, OBSERVATION_SIZE), 2.0, np.float32)
+    np.testing.assert_array_equal(
+        features(observation, None, np.zeros((3, 12), np.float32)), 2.0 * np.tile(SCALE, (3, 1))
+    )
+
+
+def test_correction_is_bounded_by_the_authority():
+    base = np.tile(HOME_POSE, (1, 1)).astype(np.float32)
+    corrected = compose(base, np.full((1, 12), 50.0, np.float32), DEFAULT_AUTHORITY)
+    np.testing.assert_allclose(corrected - base, [[0.15, 0.3, 0.3] * 4], atol=1e-6)
+    halved = compose(base, np.full((1, 12), -0.5, np.float32), DEFAULT_AUTHORITY)
+    np.testing.assert_allclose(halved - base, [[-0.075, -0.15, -0.15] * 4], atol=1e-6)
+
+
+def test_corrected_action_stays_within_the_joint_limits():
+    base = np.stack([JOINT_LOWER, JOINT_UPPER]).astype(np.float32)
+    outward = np.stack([-np.ones(12), np.ones(12)]).astype(np.float32)
+    np.testing.assert_array_equal(compose(base, outward, DEFAULT_AUTHORITY), base)
+
+
+def test_residual_over_stand_has_no_phase_and_needs_no_clock_inputs():
+    policy = ResidualPolicy(policies.make("stand"), constant_network(OBSERVATION_SIZE, 1.0))
+    assert policy.phase is None
+    action = policy.act(np.zeros(OBSERVATION_SIZE, np.float32))
+    np.testing.assert_allclose(action, HOME_POSE + [0.15, 0.3, 0.3] * 4, atol=1e-6)
+
+
+def test_network_of_the_wrong_width_is_refused():
+    with pytest.raises(ValueError, match="62 inputs"):
+        ResidualPolicy(policies.make("trot"), constant_network(OBSERVATION_SIZE, 0.0))
