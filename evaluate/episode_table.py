@@ -18,6 +18,7 @@ FIGURES = (
     "energy",
     "distance",
     "cost_of_transport",
+    "overspeed",
 )
 
 

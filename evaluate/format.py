@@ -1,11 +1,13 @@
 """Figures as people read them."""
 
 import math
+from collections.abc import Sequence
 
 from evaluate.statistics import Interval
 
 ABSENT = "–"
 MINUS = "−"
+NO_BREAK = "\u00a0"
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -21,7 +23,11 @@ def number(value: float, digits: int = 3) -> str:
 def interval(ends: Interval, digits: int = 3) -> str:
     """`low … high`; a dash if it does not exist."""
     low, high = ends
-    return f"{number(low, digits)} … {number(high, digits)}" if math.isfinite(low) and math.isfinite(high) else ABSENT
+    return (
+        f"{number(low, digits)}{NO_BREAK}… {number(high, digits)}"
+        if math.isfinite(low) and math.isfinite(high)
+        else ABSENT
+    )
 
 
 def percent(share: float) -> str:
@@ -30,17 +36,33 @@ def percent(share: float) -> str:
         return ABSENT
     value = 100.0 * share
     digits = 1 if 0.0 < abs(value) < 10.0 else 0
-    return f"{number(value, digits)} %"
+    return f"{number(value, digits)}{NO_BREAK}%"
 
 
 def percent_interval(ends: Interval) -> str:
     """`low … high %`, one decimal."""
     low, high = ends
-    return f"{number(100 * low, 1)} … {number(100 * high, 1)} %" if math.isfinite(low) else ABSENT
+    ends_in_percent = interval((100.0 * low, 100.0 * high), 1)
+    return ends_in_percent if ends_in_percent == ABSENT else f"{ends_in_percent}{NO_BREAK}%"
+
+
+def points(share: float) -> str:
+    """A difference of shares in percentage points, one decimal."""
+    return number(100.0 * share, 1)
+
+
+def points_interval(ends: Interval) -> str:
+    """`low … high` in percentage points, one decimal."""
+    return interval((100.0 * ends[0], 100.0 * ends[1]), 1)
 
 
 def p_value(value: float) -> str:
-    """`p < 0.001`, or `p = ` with two significant digits."""
+    """`p < 0.001`, or `p = ` with two or three decimals; its spaces do not break."""
     if value < 0.001:
-        return "p < 0.001"
-    return f"p = {value:.3f}" if value < 0.1 else f"p = {value:.2f}"
+        return f"p{NO_BREAK}<{NO_BREAK}0.001"
+    return f"p{NO_BREAK}={NO_BREAK}{value:.{3 if value < 0.1 else 2}f}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """`a, b and c`."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -49,6 +49,8 @@ class Measures:
     """Σ ‖mean velocity‖ · time of the command intervals, same steps, (n,) m; swaying in place covers none."""
     cost_of_transport: Floats
     """energy / (weight · distance), (n,); NaN for an episode that covered less than SHORTEST_DISTANCE."""
+    overspeed: Floats
+    """Share of joints and time above the rated joint speed, over the upright steps, (n,)."""
     commands: Floats
     """Command of each interval, (n, k, 3) m/s, m/s, rad/s."""
     mean_velocities: Floats
@@ -78,6 +80,7 @@ def measure(episodes: Episodes) -> Measures:
         energy=energy,
         distance=distance,
         cost_of_transport=cost_of_transport(energy, distance, episodes.weight),
+        overspeed=upright_mean(episodes.overspeed[settled], upright[settled]),
         commands=np.stack([command[window.start] for window in windows], axis=1),
         mean_velocities=mean_velocities(velocity, upright, windows),
     )
@@ -118,8 +121,12 @@ def yaw_rate_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
 
 def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) -> Floats:
     """Mean capped planar velocity error of the upright steps alone, (n,) m/s; NaN where there is none."""
-    error = np.where(upright, np.minimum(_planar(command - velocity), VELOCITY_CAP), 0.0)
-    return _quotient(error.sum(axis=0), upright.sum(axis=0))
+    return upright_mean(np.minimum(_planar(command - velocity), VELOCITY_CAP), upright)
+
+
+def upright_mean(values: Floats, upright: Bools) -> Floats:
+    """Mean over the upright steps alone, (n,); NaN where there is none."""
+    return _quotient(np.where(upright, values, 0.0).sum(axis=0), upright.sum(axis=0))
 
 
 def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:

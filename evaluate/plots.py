@@ -59,6 +59,7 @@ def paired(results: Results, scenario: str, policy: str, baseline: str) -> bytes
     x, y = across.measures.velocity_error[:SHOWN], up.measures.velocity_error[:SHOWN]
     limit = 1.05 * float(max(x.max(), y.max(), 0.1))
     axes.plot((0, limit), (0, limit), color="#888888", linewidth=1)
+    _same_ticks(axes)
     axes.plot(x, y, mark, color=colour, markersize=3.5, alpha=0.6, markeredgewidth=0)
     axes.set(xlim=(0, limit), ylim=(0, limit), xlabel=f"{baseline}, m/s", ylabel=f"{policy}, m/s")
     axes.set_title(scenario, loc="left")
@@ -76,11 +77,18 @@ def response(results: Results, scenario: str, policy: str, axis: int) -> bytes:
     name, unit = AXES[axis]
     limit = 1.08 * float(max(np.abs(commanded).max(), np.abs(np.nan_to_num(achieved)).max(), 0.1))
     axes.plot((-limit, limit), (-limit, limit), color="#888888", linewidth=1)
+    _same_ticks(axes)
     axes.plot(commanded, achieved, mark, color=colour, markersize=3.5, alpha=0.6, markeredgewidth=0)
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), xlabel=f"commanded {name}, {unit}", ylabel=f"mean, {unit}")
     axes.set_title(f"{policy}: {name}", loc="left")
     axes.set_aspect("equal")
     return _svg(figure)
+
+
+def stands_on(results: Results, scenario: str, policy: str) -> bool:
+    """Whether a policy ended any command interval upright, and so has a response to show."""
+    present = (scenario, policy) in results.summaries
+    return present and bool(np.isfinite(_cell(results, scenario, policy).measures.mean_velocities).any())
 
 
 def style(results: Results, policy: str) -> tuple[str, str]:
@@ -106,6 +114,13 @@ def _figure(height: float) -> "tuple[Figure, Axes]":
     axes.grid(color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     return figure, axes
+
+
+def _same_ticks(axes: "Axes") -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axes.xaxis.set_major_locator(MaxNLocator(5))
+    axes.yaxis.set_major_locator(MaxNLocator(5))
 
 
 def _svg(figure: "Figure") -> bytes:

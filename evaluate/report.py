@@ -8,11 +8,11 @@ from pathlib import Path
 from evaluate import plots
 from evaluate.comparison import ERRORS, FALL_RATE, Comparison
 from evaluate.files import write_atomically
-from evaluate.format import interval, number, p_value, percent, percent_interval
+from evaluate.format import interval, listed, number, p_value, percent_interval, points, points_interval
 from evaluate.results import Results
 from evaluate.summary import Summary
 from evaluate.table import against_baseline, baseline_of
-from evaluate.verdict import verdict
+from evaluate.verdict import headline, verdict
 
 HEADINGS = {
     FALL_RATE: ("falls", ""),
@@ -65,17 +65,23 @@ def _head(results: Results) -> str:
         else ('<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>')
     )
     return (
-        f"<h1>{_listed_names(results.policies)} on {_listed_names(results.scenarios)}</h1>"
+        f"<h1>{escape(listed(results.policies))} on {escape(listed(results.scenarios))}</h1>"
         f'<p class="soft">{results.episodes} episodes of each policy on each scenario, seed {results.seed}</p>{warning}'
     )
 
 
 def _verdict(results: Results) -> str:
-    entries = (
-        f"<dt>{_mark(results, policy)}{escape(policy)}</dt><dd>{escape(words)}</dd>"
-        for policy, words in verdict(results)
+    first = "".join(f"<p><strong>{escape(sentence)}</strong></p>" for sentence in headline(results))
+    entries = "".join(
+        f"<dt>{_mark(results, policy)}{escape(policy)}{_role(results, policy)}</dt>"
+        + "".join(f"<dd>{escape(sentence)}</dd>" for sentence in sentences)
+        for policy, sentences in verdict(results)
     )
-    return f'<section><h2>Outcome</h2><dl class="verdict">{"".join(entries)}</dl></section>\n'
+    return f'<section><h2>Outcome</h2>{first}<dl class="verdict">{entries}</dl></section>\n'
+
+
+def _role(results: Results, policy: str) -> str:
+    return " <small>(baseline)</small>" if policy == baseline_of(results) and len(results.policies) > 1 else ""
 
 
 def _tables(results: Results) -> str:
@@ -100,14 +106,13 @@ def _summary_table(results: Results, scenario: str) -> str:
     best = {metric: min(getattr(summary, metric) for summary in rows.values()) for metric in ERRORS}
     heads = [*HEADINGS.values(), ("cost of transport", ""), ("diverged", "")]
     body = (
-        [f"{_mark(results, policy)}{escape(policy)}", *_summary_cells(summary, best)]
-        for policy, summary in rows.items()
+        [f"{_mark(results, policy)}{_name(policy)}", *_summary_cells(summary, best)] for policy, summary in rows.items()
     )
     return _table(["policy", *(_heading(*head) for head in heads)], body)
 
 
 def _summary_cells(summary: Summary, best: dict[str, float]) -> Iterator[str]:
-    yield f"{summary.falls} of {summary.episodes}<small>{percent_interval(summary.fall_rate_ci)}</small>"
+    yield f"{summary.falls}&nbsp;of&nbsp;{summary.episodes}<small>{percent_interval(summary.fall_rate_ci)}</small>"
     for metric in list(HEADINGS)[1:]:
         value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
         text = f"{number(value)}<small>{interval(ci)}</small>"
@@ -120,8 +125,8 @@ def _comparison_table(comparisons: list[Comparison]) -> str:
     rows: dict[str, dict[str, str]] = {}
     for comparison in comparisons:
         rows.setdefault(comparison.a, {})[comparison.metric] = _difference(comparison)
-    body = ([escape(policy), *(cells[metric] for metric in HEADINGS)] for policy, cells in rows.items())
-    return _table(["policy", *(_heading(*head) for head in HEADINGS.values())], body)
+    body = ([_name(policy), *(cells[metric] for metric in HEADINGS)] for policy, cells in rows.items())
+    return _table(["policy", *_difference_heads()], body)
 
 
 def _other_pairs(comparisons: list[Comparison]) -> str:
@@ -129,20 +134,26 @@ def _other_pairs(comparisons: list[Comparison]) -> str:
     for c in comparisons:
         rows.setdefault((c.scenario, c.a, c.b), {})[c.metric] = _difference(c)
     body = (
-        [f"{escape(a)} − {escape(b)}<small>{escape(scenario)}</small>", *(cells[metric] for metric in HEADINGS)]
+        [f"{_name(a)} − {_name(b)}<small>{escape(scenario)}</small>", *(cells[metric] for metric in HEADINGS)]
         for (scenario, a, b), cells in rows.items()
     )
-    return _table(["pair", *(_heading(*head) for head in HEADINGS.values())], body)
+    return _table(["pair", *_difference_heads()], body)
+
+
+def _difference_heads() -> list[str]:
+    units = HEADINGS | {FALL_RATE: ("falls", "% points")}
+    return [_heading(*head) for head in units.values()]
 
 
 def _difference(comparison: Comparison) -> str:
     falls = comparison.metric == FALL_RATE
-    value = percent(comparison.difference) if falls else number(comparison.difference)
-    ci = percent_interval(comparison.ci) if falls else interval(comparison.ci)
+    value = points(comparison.difference) if falls else number(comparison.difference)
+    ci = points_interval(comparison.ci) if falls else interval(comparison.ci)
     return f"{value}<small>{ci}</small><small>{escape(p_value(comparison.p_value))}</small>"
 
 
 def _plots(results: Results) -> str:
+    columns = len(results.scenarios)
     falls = (
         _image(plots.intervals(results, s, "fall_rate", "episodes with a fall, %", 100.0), f"Fall rates on {s}")
         for s in results.scenarios
@@ -152,8 +163,9 @@ def _plots(results: Results) -> str:
         for s in results.scenarios
     )
     section = (
-        f'<section><h2>Falls</h2><p class="note">With 95 % Wilson intervals.</p>{_grid(falls)}</section>\n'
-        f'<section><h2>Velocity error</h2><p class="note">Means with 95 % intervals.</p>{_grid(errors)}</section>\n'
+        f'<section><h2>Falls</h2><p class="note">With 95 % Wilson intervals.</p>{_grid(falls, columns)}</section>\n'
+        f'<section><h2>Velocity error</h2><p class="note">Means with 95 % intervals.</p>{_grid(errors, columns)}'
+        "</section>\n"
     )
     return section + _paired_plots(results)
 
@@ -170,7 +182,7 @@ def _paired_plots(results: Results) -> str:
     return (
         '<section><h2>Episode by episode</h2><p class="note">Velocity error of each episode, '
         f"{escape(baseline)} across, the other policy up: below the line the other policy did better.</p>"
-        f"{_grid(images, 'plots small')}</section>\n"
+        f"{_grid(images, len(results.policies) - 1)}</section>\n"
     )
 
 
@@ -179,12 +191,13 @@ def _response(results: Results) -> str:
     images = (
         _image(plots.response(results, scenario, policy, axis), f"Mean against commanded {name} of {policy}")
         for policy in results.policies
+        if plots.stands_on(results, scenario, policy)
         for axis, (name, _) in enumerate(plots.AXES)
     )
     return (
         f'<section><h2>Speed response on {escape(scenario)}</h2><p class="note">A point is a command interval that '
         "the robot ended upright: the mean over it, after its first second, against the command. On the line it did as "
-        f"told.</p>{_grid(images, 'plots small')}</section>\n"
+        f"told.</p>{_grid(images, len(plots.AXES))}</section>\n"
     )
 
 
@@ -203,7 +216,7 @@ def _notes(results: Results) -> str:
 def _title(results: Results, scenario: str) -> str:
     cell = next(cell for cell in results.cells if cell.scenario.name == scenario)
     unit = cell.scenario.severity_unit
-    severity = f" <small>({number(cell.scenario.severity, 2)} {escape(unit)})</small>" if unit else ""
+    severity = f" <small>({cell.scenario.severity:g} {escape(unit)})</small>" if unit else ""
     return f"{escape(scenario)}{severity}"
 
 
@@ -222,6 +235,11 @@ def _heading(name: str, unit: str) -> str:
     return f"{name}<small>{unit}</small>" if unit else name
 
 
+def _name(policy: str) -> str:
+    """A policy's name that may break where a phone needs it to."""
+    return escape(policy).replace("_", "_<wbr>").replace("/", "/<wbr>")
+
+
 def _mark(results: Results, policy: str) -> str:
     return f'<span class="mark" style="background:{plots.style(results, policy)[0]}"></span>'
 
@@ -231,10 +249,6 @@ def _image(svg: bytes, description: str) -> str:
     return f'<img alt="{escape(description)}" src="data:image/svg+xml;base64,{source}">'
 
 
-def _grid(images: Iterable[str], kind: str = "plots") -> str:
-    return f'<div class="{kind}">{"".join(images)}</div>'
-
-
-def _listed_names(names: tuple[str, ...]) -> str:
-    text = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-    return escape(text)
+def _grid(images: Iterable[str], columns: int) -> str:
+    """Images in so many columns; on a phone one below the other."""
+    return f'<div class="plots" style="--columns: {max(2, min(columns, 4))}">{"".join(images)}</div>'

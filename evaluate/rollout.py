@@ -38,6 +38,8 @@ class Episodes:
     """The same of the trunk, in the heading frame, (steps, n, 3)."""
     mechanical_power: NDArray[np.float64]
     """Σ |torque · joint speed|, (steps, n) W."""
+    overspeed: NDArray[np.float64]
+    """Share of the joints that turned faster than their rated speed, (steps, n)."""
     fall_step: NDArray[np.int64]
     """First step whose reading is that of a fallen or diverged robot, (n,); `steps` if there is none."""
     fall_reason: NDArray[np.object_]
@@ -100,6 +102,7 @@ class _Recorder:
         self.command = np.zeros((steps, count, 3))
         self.heading_velocity = np.zeros((steps, count, 3))
         self.mechanical_power = np.zeros((steps, count))
+        self.overspeed = np.zeros((steps, count))
         self.fall_step = np.full(count, steps, dtype=np.int64)
         self.fall_reason = np.full(count, None, dtype=object)
         self.diverged = np.zeros(count, dtype=np.bool_)
@@ -109,6 +112,7 @@ class _Recorder:
         self.command[step] = infos["command"]
         self.heading_velocity[step] = infos["heading_velocity"]
         self.mechanical_power[step] = infos["mechanical_power"]
+        self.overspeed[step] = infos["overspeed"]
         new = terminated & (self.fall_step > step)
         if new.any():
             self.fall_step[new] = step
@@ -122,6 +126,7 @@ class _Recorder:
             command=self.command,
             heading_velocity=self.heading_velocity,
             mechanical_power=self.mechanical_power,
+            overspeed=self.overspeed,
             fall_step=self.fall_step,
             fall_reason=self.fall_reason,
             diverged=self.diverged,

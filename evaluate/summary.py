@@ -36,6 +36,8 @@ class Summary:
     yaw_rate_error_ci: Interval
     cost_of_transport: float
     """Energy of all episodes over weight times the distance of all."""
+    overspeed: float
+    """Share of joints and time above the rated joint speed."""
     energy: float
     """Mean of an episode, J."""
     distance: float
@@ -63,6 +65,7 @@ def summarise(cell: Cell) -> Summary:
         yaw_rate_error=_mean(measures.yaw_rate_error),
         yaw_rate_error_ci=bootstrap_interval(measures.yaw_rate_error),
         cost_of_transport=total_cost_of_transport(measures),
+        overspeed=_mean(measures.overspeed),
         energy=_mean(measures.energy),
         distance=_mean(measures.distance),
     )

@@ -6,7 +6,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from evaluate.comparison import BASELINE, ERRORS, FALL_RATE, Comparison
-from evaluate.format import number, p_value, percent
+from evaluate.format import number, p_value, percent, points
 from evaluate.results import Results
 from evaluate.summary import Summary
 
@@ -56,7 +56,7 @@ def baseline_of(results: Results) -> str:
 def difference_table(results: Results) -> Table:
     """A row for each policy on each scenario: its difference from the baseline, with the p-value below."""
     table = _table(f"minus {baseline_of(results)}, paired by episode; below zero is better")
-    for name in ("falls", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s"):
+    for name in ("falls\n% points", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s"):
         table.add_column(name, justify="right")
     rows: dict[str, dict[str, dict[str, str]]] = {}
     for comparison in against_baseline(results):
@@ -77,7 +77,7 @@ def _table(title: str) -> Table:
 
 def _difference(comparison: Comparison) -> str:
     value = comparison.difference
-    shown = percent(value) if comparison.metric == FALL_RATE else number(value)
+    shown = points(value) if comparison.metric == FALL_RATE else number(value)
     return f"{shown}\n{p_value(comparison.p_value)}"
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from evaluate.comparison import FALL_RATE, SIGNIFICANT, Comparison
-from evaluate.format import number, p_value
+from evaluate.format import listed, number, p_value
 from evaluate.results import Results
 from evaluate.summary import Summary
 from evaluate.table import against_baseline, baseline_of
@@ -14,7 +14,15 @@ Figure = Callable[[Summary, Summary], str]
 """Words for one scenario's figures of a policy and of the baseline."""
 
 
-def verdict(results: Results) -> list[tuple[str, str]]:
+def headline(results: Results) -> list[str]:
+    """Which policy has the smallest error and the fewest falls, on which scenarios."""
+    return [
+        f"Smallest velocity error: {_winners(results, lambda summary: round(summary.velocity_error, 3))}.",
+        f"Fewest falls: {_winners(results, lambda summary: summary.falls)}.",
+    ]
+
+
+def verdict(results: Results) -> list[tuple[str, list[str]]]:
     """(policy, what is to be said of it), the smallest velocity error first."""
     baseline = baseline_of(results)
     ranked = sorted(results.policies, key=lambda policy: _mean_error(results, policy))
@@ -23,21 +31,30 @@ def verdict(results: Results) -> list[tuple[str, str]]:
     ]
 
 
+def _winners(results: Results, figure: Callable[[Summary], float]) -> str:
+    """`trot on flat; trot and stand on push`."""
+    places: dict[str, list[str]] = {}
+    for scenario in results.scenarios:
+        figures = {policy: figure(s) for (name, policy), s in results.summaries.items() if name == scenario}
+        best = min(figures.values())
+        winners = listed([policy for policy, value in figures.items() if value == best])
+        places.setdefault(winners, []).append(scenario)
+    return "; ".join(f"{winners} on {listed(where)}" for winners, where in places.items())
+
+
 def _mean_error(results: Results, policy: str) -> float:
     return float(np.mean([summary.velocity_error for _, summary in _summaries(results, policy)]))
 
 
-def _absolute(results: Results, policy: str) -> str:
+def _absolute(results: Results, policy: str) -> list[str]:
     """What a policy did, without comparing it."""
-    parts = [
-        f"{scenario} {number(s.velocity_error, 2)} m/s and {s.falls} of {s.episodes} episodes"
-        for scenario, s in _summaries(results, policy)
-    ]
-    role = "The baseline. " if len(results.policies) > 1 else ""
-    return f"{role}Velocity error and falls: {_listed(parts)}."
+    summaries = _summaries(results, policy)
+    errors = listed([f"{number(s.velocity_error, 2)} on {scenario}" for scenario, s in summaries])
+    falls = listed([f"{s.falls} of {s.episodes} on {scenario}" for scenario, s in summaries])
+    return [f"Velocity error, m/s: {errors}.", f"Falls: {falls}."]
 
 
-def _relative(results: Results, policy: str) -> str:
+def _relative(results: Results, policy: str) -> list[str]:
     """How a policy compares with the baseline, in tracking and in falls."""
     comparisons = [comparison for comparison in against_baseline(results) if comparison.a == policy]
     if not comparisons:
@@ -46,33 +63,29 @@ def _relative(results: Results, policy: str) -> str:
     tracking = _claims(
         results,
         [comparison for comparison in comparisons if comparison.metric == "velocity_error"],
-        (f"Closer to the commanded velocity than {name}", f"Farther from it than {name}", "No difference in it shown"),
-        lambda a, b: f"{number(a.velocity_error, 2)} against {number(b.velocity_error, 2)} m/s",
+        (f"smaller than {name}'s", f"larger than {name}'s"),
+        lambda a, b: f"{number(a.velocity_error, 2)} against {number(b.velocity_error, 2)}",
     )
     falls = _claims(
         results,
         [comparison for comparison in comparisons if comparison.metric == FALL_RATE],
-        (f"Fewer falls than {name}", f"More falls than {name}", "No difference in falls shown"),
+        (f"fewer than {name}", f"more than {name}"),
         lambda a, b: f"{a.falls} against {b.falls} of {a.episodes}",
     )
-    return f"{tracking} {falls}"
+    return [f"Velocity error, m/s: {tracking}.", f"Falls: {falls}."]
 
 
-def _claims(results: Results, comparisons: list[Comparison], words: tuple[str, str, str], figure: Figure) -> str:
-    """One sentence for the scenarios where the policy is better, one for worse, one for where nothing is shown."""
-    places: dict[str, list[str]] = {words_: [] for words_ in words}
-    better, worse, unshown = words
+def _claims(results: Results, comparisons: list[Comparison], words: tuple[str, str], figure: Figure) -> str:
+    """Where the policy is better, where worse, and where no difference is shown."""
+    better, worse, unshown = *words, "no difference shown"
+    places: dict[str, list[str]] = {better: [], worse: [], unshown: []}
     for c in comparisons:
         significant = c.p_value < SIGNIFICANT and c.difference != 0.0
         key = (better if c.difference < 0.0 else worse) if significant else unshown
         figures = figure(results.summaries[c.scenario, c.a], results.summaries[c.scenario, c.b])
         places[key].append(f"{c.scenario} ({figures}, {p_value(c.p_value)})")
-    return " ".join(f"{key} on {_listed(where)}." for key, where in places.items() if where)
+    return "; ".join(f"{key} on {listed(where)}" for key, where in places.items() if where)
 
 
 def _summaries(results: Results, policy: str) -> list[tuple[str, Summary]]:
     return [(scenario, summary) for (scenario, name), summary in results.summaries.items() if name == policy]
-
-
-def _listed(parts: list[str]) -> str:
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

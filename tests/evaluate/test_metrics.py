@@ -1,0 +1,191 @@
+"""Metrics against figures worked out by hand; a tenth-of-a-second step keeps the arithmetic small."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evaluate import metrics
+from evaluate.rollout import Episodes
+
+DT = 0.1
+STEPS = 100
+SETTLING = 10
+COMMAND_STEPS = 50
+
+
+def episodes(velocity, command=(1.0, 0.0, 0.5), fall_step=STEPS, power=71.0) -> Episodes:
+    """One episode with a constant, or a per-step, heading velocity."""
+    return Episodes(
+        seeds=np.array([7]),
+        command=np.broadcast_to(np.asarray(command, float), (STEPS, 3))[:, None].copy(),
+        heading_velocity=np.broadcast_to(np.asarray(velocity, float), (STEPS, 3))[:, None].copy(),
+        mechanical_power=np.full((STEPS, 1), power),
+        overspeed=np.full((STEPS, 1), 0.25),
+        fall_step=np.array([fall_step]),
+        fall_reason=np.array([None if fall_step == STEPS else "tilt"], dtype=object),
+        diverged=np.array([False]),
+        dt=DT,
+        command_steps=COMMAND_STEPS,
+        weight=142.0,
+    )
+
+
+def measure(*args, **kwargs) -> metrics.Measures:
+    return metrics.measure(episodes(*args, **kwargs))
+
+
+def test_a_steady_robot_is_billed_its_velocity_error() -> None:
+    # 3-4-5: the robot is 0.3 m/s too slow and drifts 0.4 m/s to the left.
+    measures = measure((0.7, 0.4, 0.2))
+    assert measures.velocity_error == pytest.approx([0.5])
+    assert measures.velocity_error_upright == pytest.approx([0.5])
+    assert measures.mean_velocity_error == pytest.approx([0.5])
+    assert measures.yaw_rate_error == pytest.approx([0.3])
+    assert not measures.fell[0]
+    assert np.isnan(measures.fall_time[0])
+
+
+def test_the_first_second_is_not_judged() -> None:
+    velocity = np.tile((1.0, 0.0, 0.5), (STEPS, 1))
+    velocity[:SETTLING] = 50.0
+    measures = measure(velocity)
+    assert measures.velocity_error == pytest.approx([0.0])
+    assert measures.yaw_rate_error == pytest.approx([0.0])
+
+
+def test_a_step_costs_at_most_the_cap() -> None:
+    velocity = np.tile((1.0, 0.0, 0.5), (STEPS, 1))
+    velocity[SETTLING : SETTLING + 9] = (11.0, 0.0, 50.0)  # 9 of 90 steps, 10 m/s and 49.5 rad/s wrong
+    measures = measure(velocity)
+    assert measures.velocity_error == pytest.approx([0.1 * 2.0])
+    assert measures.yaw_rate_error == pytest.approx([0.1 * 3.0])
+
+
+def test_every_step_from_the_fall_to_the_time_limit_costs_the_cap() -> None:
+    # 90 judged steps: 27 upright with an error of 0.5 m/s and 0.3 rad/s, then 63 billed.
+    measures = measure((0.7, 0.4, 0.2), fall_step=SETTLING + 27)
+    assert measures.velocity_error == pytest.approx([0.3 * 0.5 + 0.7 * 2.0])
+    assert measures.yaw_rate_error == pytest.approx([0.3 * 0.3 + 0.7 * 3.0])
+    assert measures.velocity_error_upright == pytest.approx([0.5])
+    # Its windows are steps 10..49 and 60..99: 27 of those 80 steps were upright.
+    assert measures.mean_velocity_error == pytest.approx([(27 * 0.5 + 53 * 2.0) / 80])
+    assert measures.fell[0]
+    assert measures.fall_time == pytest.approx([3.8])  # step 37 ends after 3.8 s
+
+
+def test_readings_after_a_fall_do_not_count_whatever_they_are() -> None:
+    velocity = np.tile((0.7, 0.4, 0.2), (STEPS, 1))
+    velocity[40:] = np.nan
+    with_nan = measure(velocity, fall_step=40)
+    without = measure((0.7, 0.4, 0.2), fall_step=40)
+    for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy", "distance", "overspeed"):
+        assert getattr(with_nan, name) == pytest.approx(getattr(without, name), nan_ok=False)
+
+
+def test_swaying_within_a_stride_costs_velocity_error_but_no_mean_velocity_error() -> None:
+    velocity = np.tile((1.0, 0.0, 0.5), (STEPS, 1))
+    velocity[::2, 1], velocity[1::2, 1] = 0.3, -0.3
+    measures = measure(velocity)
+    assert measures.velocity_error == pytest.approx([0.3])
+    assert measures.mean_velocity_error == pytest.approx([0.0], abs=1e-12)
+
+
+def test_each_command_interval_has_its_own_mean_after_its_first_second() -> None:
+    command = np.tile((1.0, 0.0, 0.0), (STEPS, 1))
+    command[COMMAND_STEPS:] = (-1.0, 0.0, 0.0)
+    velocity = command * 0.8
+    velocity[COMMAND_STEPS : COMMAND_STEPS + SETTLING] = (1.0, 0.0, 0.0)  # still turning round
+    measures = measure(velocity, command)
+    assert measures.mean_velocity_error == pytest.approx([0.2])
+    np.testing.assert_allclose(measures.commands[0, :, 0], (1.0, -1.0))
+    np.testing.assert_allclose(measures.mean_velocities[0, :, 0], (0.8, -0.8))
+
+
+def test_an_interval_that_was_not_ended_upright_has_no_mean_velocity() -> None:
+    means = measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS + SETTLING + 5).mean_velocities[0]
+    assert np.isfinite(means[0]).all()
+    assert np.isnan(means[1]).all()
+
+
+def test_falling_within_the_first_second_leaves_nothing_upright() -> None:
+    measures = measure((1.0, 0.0, 0.5), fall_step=3)
+    assert measures.velocity_error == pytest.approx([2.0])
+    assert measures.yaw_rate_error == pytest.approx([3.0])
+    assert measures.mean_velocity_error == pytest.approx([2.0])
+    assert np.isnan(measures.velocity_error_upright[0])
+    assert np.isnan(measures.cost_of_transport[0])
+
+
+def test_cost_of_transport_is_energy_over_weight_times_distance() -> None:
+    # 9 s at 71 W over 142 N · 9 s · 0.5 m/s.
+    measures = measure((0.3, 0.4, 0.0))
+    assert measures.energy == pytest.approx([639.0])
+    assert measures.distance == pytest.approx([4.5])
+    assert measures.cost_of_transport == pytest.approx([1.0])
+
+
+def test_cost_of_transport_ends_with_the_fall() -> None:
+    measures = measure((0.3, 0.4, 0.0), fall_step=SETTLING + 40)
+    assert measures.energy == pytest.approx([284.0])
+    assert measures.distance == pytest.approx([2.0])
+    assert measures.cost_of_transport == pytest.approx([1.0])
+
+
+def test_stepping_in_place_has_no_cost_of_transport() -> None:
+    velocity = np.zeros((STEPS, 3))
+    velocity[::2, 0], velocity[1::2, 0] = 0.8, -0.8  # a path of 7 m that leads nowhere
+    measures = measure(velocity)
+    assert measures.distance == pytest.approx([0.0], abs=1e-9)
+    assert np.isnan(measures.cost_of_transport[0])
+
+
+def test_the_last_step_counts_as_a_fall_only_if_the_robot_fell_in_it() -> None:
+    assert not measure((1.0, 0.0, 0.0), fall_step=STEPS).fell[0]
+    assert measure((1.0, 0.0, 0.0), fall_step=STEPS - 1).fell[0]
+
+
+@given(
+    velocities=st.lists(st.tuples(st.floats(-1.4, 1.4), st.floats(-1, 1), st.floats(-5, 5)), min_size=5, max_size=5),
+    falls=st.tuples(st.integers(0, STEPS), st.integers(0, STEPS)),
+)
+def test_falling_earlier_never_lowers_an_error(velocities, falls) -> None:
+    # Mean errors stay below the cap, as they do for a robot that can do 3 m/s at most.
+    velocity = np.repeat(velocities, STEPS // 5, axis=0)
+    early, late = (measure(velocity, (0.0, 0.0, 0.0), fall_step=fall) for fall in sorted(falls))
+    for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error"):
+        assert getattr(early, name)[0] >= getattr(late, name)[0] - 1e-12
+
+
+@given(st.floats(-np.pi, np.pi))
+def test_planar_errors_do_not_depend_on_their_direction(angle) -> None:
+    turned = (np.cos(angle), np.sin(angle), 0.0)
+    measures = measure(turned, (0.0, 0.0, 0.0))
+    assert measures.velocity_error == pytest.approx([1.0])
+    assert measures.mean_velocity_error == pytest.approx([1.0])
+
+
+def test_a_summary_is_the_plain_mean_over_episodes() -> None:
+    fallen, steady = episodes((0.7, 0.4, 0.2), fall_step=SETTLING), episodes((0.7, 0.4, 0.2))
+    fields = (
+        "seeds",
+        "command",
+        "heading_velocity",
+        "mechanical_power",
+        "overspeed",
+        "fall_step",
+        "fall_reason",
+        "diverged",
+    )
+    axis = {"command": 1, "heading_velocity": 1, "mechanical_power": 1, "overspeed": 1}
+    both = replace(
+        steady,
+        **{f: np.concatenate([getattr(fallen, f), getattr(steady, f)], axis=axis.get(f, 0)) for f in fields},
+    )
+    summary = metrics.summarise(both)
+    assert summary["fall_rate"] == 0.5
+    assert summary["diverged_rate"] == 0.0
+    assert summary["velocity_error"] == pytest.approx((2.0 + 0.5) / 2)
+    assert summary["yaw_rate_error"] == pytest.approx((3.0 + 0.3) / 2)
