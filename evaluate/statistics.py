@@ -34,14 +34,14 @@ def wilson_interval(successes: int, trials: int) -> Interval:
 def bootstrap_interval(values: Floats, seed: int = 0) -> Interval:
     """Bootstrap interval of the mean, 95 %, bias-corrected and accelerated; (NaN, NaN) for fewer than two values.
 
-    Values that are all the same leave nothing to resample: the interval is then that value.
+    Values that are all the same, but for rounding, leave nothing to resample: the interval is then that value.
     """
     from scipy.stats import bootstrap
 
     if len(values) < 2:
         return (np.nan, np.nan)
-    if np.ptp(values) == 0.0:
-        return (float(values[0]), float(values[0]))
+    if np.ptp(values) <= 1e-9 * np.abs(values).max():
+        return (float(values.min()), float(values.max()))
     generator = np.random.default_rng(seed)
     interval = bootstrap(
         (values,),

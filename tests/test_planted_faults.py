@@ -1,0 +1,305 @@
+"""Faults that would spoil every figure, planted into the real code: each must turn a named check red.
+
+A check asks the environment or the evaluator for something that physics, geometry or the contract settles without
+them. It passes on the code as it is, and fails with the fault.
+"""
+
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+import policies
+import quad_env
+from evaluate import metrics, rollout
+from evaluate.experiment import evaluation_seeds
+from quad_env import seeding
+from quad_env.robot import HOME_POSE
+from quad_env.simulation import Simulation
+from quad_env.state import QuadState
+from quad_env.vector_env import SimpleQuadVectorEnv
+
+FORWARD = {"command": (0.5, 0.0, 0.0)}
+TILTED = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(tilt=0.4))
+SPINNING = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(angular_velocity=3.0))
+
+
+def walk(env: gym.Env, seed: int, steps: int):
+    """Observation, info and a snapshot of MuJoCo's own data after each step of the trot."""
+    policy = policies.make("trot")
+    policy.reset()
+    observation, _ = env.reset(seed=seed, options=FORWARD)
+    for _ in range(steps):
+        observation, _, _, _, info = env.step(policy.act(observation))
+        yield observation, info, env.unwrapped.data
+
+
+def part(observation: np.ndarray, name: str) -> np.ndarray:
+    return observation[quad_env.OBSERVATION[name]]
+
+
+def trunk_axes(data: mujoco.MjData) -> np.ndarray:
+    """Columns: the trunk's x, y and z axes in the world, by MuJoCo's own kinematics."""
+    return data.body("base_link").xmat.reshape(3, 3)
+
+
+def seed_facing_sideways(env: gym.Env) -> int:
+    """A start within 30° of facing along the world's y axis."""
+    for seed in range(100):
+        env.reset(seed=seed, options=FORWARD)
+        if abs(trunk_axes(env.unwrapped.data)[1, 0]) > np.cos(np.deg2rad(30)):
+            return seed
+    raise AssertionError("100 starts and none faces sideways")
+
+
+def check_heading_velocity_is_the_displacement_seen_along_the_nose() -> None:
+    """Facing along y, `heading_velocity` is the trunk's displacement over time, turned into the trunk's heading."""
+    env = gym.make("SimpleQuad-v0")
+    seed = seed_facing_sideways(env)
+    displaced, reported, previous = np.zeros(2), np.zeros(2), None
+    for _, info, data in walk(env, seed, 200):
+        position, nose = data.body("base_link").xpos[:2].copy(), trunk_axes(data)[:2, 0]
+        if previous is not None:
+            along, left = nose / np.linalg.norm(nose), np.array((-nose[1], nose[0])) / np.linalg.norm(nose)
+            displaced += (along @ (position - previous), left @ (position - previous))
+            reported += info["heading_velocity"][:2] * env.unwrapped.dt
+        previous = position
+    assert np.linalg.norm(displaced) > 0.3, "the robot must have walked for this to show anything"
+    np.testing.assert_allclose(reported, displaced, atol=0.03)
+
+
+def check_gravity_reads_as_the_trunk_is_tilted() -> None:
+    """Gravity along a trunk axis is minus the height that the axis gains: nose down gives a positive x."""
+    env = gym.make("SimpleQuad-v0", scenario=TILTED)
+    for seed in range(5):
+        observation, _ = env.reset(seed=seed)
+        axes = trunk_axes(env.unwrapped.data)
+        np.testing.assert_allclose(part(observation, "projected_gravity"), -axes[2], atol=1e-6)
+
+
+def check_turning_rates_are_about_their_own_axes() -> None:
+    """Angular velocity in the body frame is what turned the trunk between two snapshots, axis by axis."""
+    env = gym.make("SimpleQuad-v0", scenario=SPINNING)
+    turned, reported = [], []
+    for seed in range(10):
+        env.reset(seed=seed)
+        before = env.unwrapped.data.body("base_link").xquat.copy()
+        for _ in range(4):
+            observation, *_ = env.step(HOME_POSE.astype(np.float32))
+            after, rotation = env.unwrapped.data.body("base_link").xquat.copy(), np.zeros(3)
+            mujoco.mju_subQuat(rotation, after, before)
+            before = after
+            turned.append(rotation / env.unwrapped.dt)
+            reported.append(part(observation, "angular_velocity"))
+    for axis in range(3):
+        assert np.corrcoef(np.array(turned)[:, axis], np.array(reported)[:, axis])[0, 1] > 0.8
+
+
+def check_joints_are_read_under_their_own_names() -> None:
+    """Entry i of the joint readings is the model's joint of that name."""
+    env = gym.make("SimpleQuad-v0")
+    for observation, _, data in walk(env, 0, 30):
+        angles = [data.joint(name).qpos[0] for name in quad_env.JOINT_NAMES]
+        rates = [data.joint(name).qvel[0] for name in quad_env.JOINT_NAMES]
+        np.testing.assert_allclose(part(observation, "joint_position") + HOME_POSE, angles, atol=1e-5)
+        np.testing.assert_allclose(part(observation, "joint_velocity"), rates, rtol=1e-5, atol=1e-5)
+
+
+def check_joints_move_when_their_own_target_does() -> None:
+    """A target that differs from the home pose in one entry moves the joint of that name, most of all."""
+    env = gym.make("SimpleQuad-v0", terminate_on_fall=False)
+    for index, name in enumerate(quad_env.JOINT_NAMES):
+        target = HOME_POSE.astype(np.float32)
+        target[index] += 0.3
+        env.reset(seed=0, options=FORWARD)
+        for _ in range(10):
+            env.step(target)
+        data = env.unwrapped.data
+        moved = np.array([data.joint(joint).qpos[0] for joint in quad_env.JOINT_NAMES]) - HOME_POSE
+        assert quad_env.JOINT_NAMES[np.argmax(moved)] == name
+
+
+def check_readings_are_of_this_step() -> None:
+    """Every reading equals the one worked out from MuJoCo's data after the same step."""
+    env = gym.make("SimpleQuad-v0")
+    for observation, info, data in walk(env, 0, 30):
+        axes = trunk_axes(data)
+        np.testing.assert_allclose(part(observation, "linear_velocity"), axes.T @ data.qvel[:3], atol=1e-5)
+        np.testing.assert_allclose(part(observation, "angular_velocity"), data.qvel[3:6], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(part(observation, "projected_gravity"), -axes[2], atol=1e-6)
+        np.testing.assert_allclose(info["heading_velocity"][2], axes[2] @ data.qvel[3:6], atol=1e-5)
+
+
+def check_standing_to_the_time_limit_is_no_fall() -> None:
+    """A robot that stands until the time is up has not fallen, and is billed nothing for it."""
+    episodes = rollout.run(policies.make("stand"), "flat", evaluation_seeds(0, 3), steps=150)
+    measures = metrics.measure(episodes)
+    assert not measures.fell.any()
+    assert np.isnan(measures.fall_time).all()
+    np.testing.assert_array_equal(measures.velocity_error, measures.velocity_error_upright)
+
+
+def check_an_earlier_fall_costs_more() -> None:
+    """The same walk, ended by a fall at half of it, has larger errors than the walk to the end."""
+    whole = rollout.run(policies.make("trot"), "flat", evaluation_seeds(0, 3), steps=300)
+    whole = replace(whole, fall_step=np.full(3, 300))
+    fallen = metrics.measure(replace(whole, fall_step=np.full(3, 200)))
+    for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error"):
+        assert (getattr(fallen, name) > getattr(metrics.measure(whole), name)).all(), name
+
+
+def check_evaluation_seeds_are_never_drawn_elsewhere() -> None:
+    """No seed of the evaluator belongs to another purpose, whatever the two command lines' --seed say."""
+    evaluated = {int(seed) for run in range(20) for seed in evaluation_seeds(run, 512)}
+    for purpose in set(seeding.PURPOSES) - {"evaluation"}:
+        drawn = {int(seed) for run in range(20) for seed in seeding.episode_seeds(purpose, run, 512)}
+        assert not evaluated & drawn, purpose
+    assert min(evaluated) >= 2**48, "small seeds are the ones that people type"
+
+
+Plant = Callable[[pytest.MonkeyPatch], None]
+
+
+def state_with(change: Callable[[QuadState], QuadState]) -> Plant:
+    """Every reading of the simulation passes through `change`."""
+    true_state = Simulation.state
+
+    def faulty(self: Simulation, *args: Any, **kwargs: Any) -> QuadState:
+        return change(true_state(self, *args, **kwargs))
+
+    return lambda patch: patch.setattr(Simulation, "state", faulty)
+
+
+def world_for_heading_frame(patch: pytest.MonkeyPatch) -> None:
+    def faulty(rotation, linear_world, angular_body):
+        yaw_rate = np.einsum("ni,ni->n", rotation[:, 2, :], angular_body)
+        return np.column_stack([linear_world[:, :2], yaw_rate])
+
+    patch.setattr("quad_env.simulation.heading_velocity", faulty)
+
+
+def roll_for_pitch_in_gravity(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(QuadState, "projected_gravity", property(lambda self: -self.rotation[:, 2, [1, 0, 2]]))
+
+
+def swapped(values: np.ndarray, first: int, second: int) -> np.ndarray:
+    order = np.arange(values.shape[1])
+    order[[first, second]] = second, first
+    return values[:, order]
+
+
+FR_THIGH, HL_THIGH = quad_env.JOINT_NAMES.index("fr_thigh_joint"), quad_env.JOINT_NAMES.index("hl_thigh_joint")
+
+roll_rate_for_pitch_rate = state_with(lambda s: replace(s, angular_velocity=swapped(s.angular_velocity, 0, 1)))
+two_joints_swapped_in_readings = state_with(
+    lambda s: replace(s, joint_position=swapped(s.joint_position, FR_THIGH, HL_THIGH))
+)
+
+
+def two_joints_swapped_in_targets(patch: pytest.MonkeyPatch) -> None:
+    true_step = Simulation.step
+
+    def faulty(self: Simulation, action: np.ndarray, *args: Any, **kwargs: Any) -> Any:
+        return true_step(self, swapped(action, FR_THIGH, HL_THIGH), *args, **kwargs)
+
+    patch.setattr(Simulation, "step", faulty)
+
+
+def reading_one_step_old(patch: pytest.MonkeyPatch) -> None:
+    last: dict[int, QuadState] = {}
+
+    def stale(self: Simulation, *args: Any, **kwargs: Any) -> QuadState:
+        now = true_state(self, *args, **kwargs)
+        before = deepcopy(last.get(id(self), now))  # Gymnasium's checker would stop a reading that is handed out twice
+        last[id(self)] = now
+        return before
+
+    true_state = Simulation.state
+    patch.setattr(Simulation, "state", stale)
+
+
+def time_out_counted_as_fall(patch: pytest.MonkeyPatch) -> None:
+    true_step = SimpleQuadVectorEnv.step
+
+    def faulty(self: SimpleQuadVectorEnv, actions: np.ndarray) -> Any:
+        observation, reward, terminated, truncated, infos = true_step(self, actions)
+        return observation, reward, terminated | truncated, truncated, infos
+
+    patch.setattr(SimpleQuadVectorEnv, "step", faulty)
+
+
+def error_only_while_upright(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("evaluate.metrics.velocity_error", metrics.velocity_error_upright)
+
+
+def steps_after_a_fall_billed_nothing(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(
+        "evaluate.metrics._billed", lambda error, upright, cap: np.where(upright, np.minimum(error, cap), 0.0)
+    )
+
+
+def evaluation_draws_training_seeds(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(
+        "evaluate.experiment.episode_seeds", lambda _, seed, count: seeding.episode_seeds("training", seed, count)
+    )
+
+
+def purposes_share_their_seeds(patch: pytest.MonkeyPatch) -> None:
+    def faulty(purpose: str, seed: int, count: int) -> np.ndarray:
+        return np.random.SeedSequence(seed).generate_state(count, np.uint64) >> np.uint64(8)
+
+    patch.setattr("quad_env.seeding.episode_seeds", faulty)
+    patch.setattr("evaluate.experiment.episode_seeds", faulty)
+
+
+CHECKS = [value for name, value in sorted(globals().items()) if name.startswith("check_")]
+
+FAULTS: list[tuple[Plant, Callable[[], None]]] = [
+    (world_for_heading_frame, check_heading_velocity_is_the_displacement_seen_along_the_nose),
+    (roll_for_pitch_in_gravity, check_gravity_reads_as_the_trunk_is_tilted),
+    (roll_rate_for_pitch_rate, check_turning_rates_are_about_their_own_axes),
+    (two_joints_swapped_in_readings, check_joints_are_read_under_their_own_names),
+    (two_joints_swapped_in_targets, check_joints_move_when_their_own_target_does),
+    (reading_one_step_old, check_readings_are_of_this_step),
+    (time_out_counted_as_fall, check_standing_to_the_time_limit_is_no_fall),
+    (error_only_while_upright, check_an_earlier_fall_costs_more),
+    (steps_after_a_fall_billed_nothing, check_an_earlier_fall_costs_more),
+    (evaluation_draws_training_seeds, check_evaluation_seeds_are_never_drawn_elsewhere),
+    (purposes_share_their_seeds, check_evaluation_seeds_are_never_drawn_elsewhere),
+]
+IDS = (
+    "world for heading frame",
+    "roll for pitch",
+    "roll rate for pitch rate",
+    "two joints swapped in the readings",
+    "two joints swapped in the targets",
+    "a one-step-old reading",
+    "time-out counted as fall",
+    "an early fall lowers the error: upright steps alone",
+    "an early fall lowers the error: nothing billed",
+    "evaluation on training seeds",
+    "one family of seeds for every purpose",
+)
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("check_"))
+def test_the_code_passes(check: Callable[[], None]) -> None:
+    check()
+
+
+@pytest.mark.parametrize(("plant", "check"), FAULTS, ids=IDS)
+def test_the_fault_turns_its_check_red(
+    plant: Plant, check: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plant(monkeypatch)
+    with pytest.raises(AssertionError):
+        check()
+
+
+def test_every_check_has_a_fault_that_turns_it_red() -> None:
+    assert {check for _, check in FAULTS} == set(CHECKS)
