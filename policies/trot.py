@@ -5,14 +5,15 @@ lateral and turning commands are one formula; each swing brings it back. It look
 """
 
 import json
-from dataclasses import dataclass
+import math
+from dataclasses import astuple, dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, PolicyError, to_actions
 from policies.foot_path import lift, load, stride
 from policies.gait import TROT_OFFSETS, Floats, Gait
 from policies.kinematics import leg_angles
@@ -30,28 +31,30 @@ SERVO_STIFFNESS = 300.0
 class TrotParameters:
     """What the search tunes."""
 
-    frequency: float = 2.8
+    frequency: float = 3.6
     """Gait cycles a second, Hz."""
     duty: float = 0.5
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = 0.4
+    body_height: float = 0.32
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = 0.08
+    step_height: float = 0.06
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = 0.5
+    stance_width: float = 0.42
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = 0.0
+    stance_shift: float = -0.05
     """Middle of the strides ahead of the hip joints, m."""
-    servo_lead: float = 0.03
+    servo_lead: float = 0.01
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    stance_load: float = 70.0
+    stance_load: float = 30.0
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
     blend_time: float = 0.3
     """From the home pose to the gait at the start of an episode, s."""
-    linear_acceleration: float = 4.0
+    linear_acceleration: float = 8.0
     """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
-    yaw_acceleration: float = 6.0
+    yaw_acceleration: float = 10.0
     """Fastest change of the yaw rate command that the gait follows, rad/s²."""
+    turn_lead: float = 0.08
+    """How far ahead the gait's velocity is turned at the commanded yaw rate, s: in a curve the body lags behind."""
     forward_gain: float = 1.0
     """Gait's forward velocity per commanded."""
     forward_bias: float = 0.0
@@ -63,26 +66,35 @@ class TrotParameters:
     yaw_per_lateral: float = 0.0
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, astuple(self))):
+            raise ValueError("trot parameters must be finite numbers")
+        for name in ("frequency", "body_height", "blend_time", "linear_acceleration", "yaw_acceleration"):
+            if getattr(self, name) <= 0.0:
+                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+
 
 @cache
 def searched_parameters() -> TrotParameters:
-    """The outcome of the search, from PARAMETERS_FILE."""
-    return TrotParameters(**json.loads(PARAMETERS_FILE.read_text()))
+    """The outcome of the search, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
+    try:
+        return TrotParameters(**json.loads(PARAMETERS_FILE.read_text()))
+    except (OSError, TypeError, ValueError) as error:
+        raise PolicyError(f"cannot read {PARAMETERS_FILE} ({error}); `python -m train.tune_trot` writes it") from None
 
 
 SEARCH_RANGES: dict[str, tuple[float, float]] = {
-    "frequency": (2.0, 4.0),
-    "duty": (0.45, 0.65),
+    "frequency": (2.0, 5.0),
+    "duty": (0.42, 0.65),
     "body_height": (0.24, 0.42),
-    "step_height": (0.03, 0.14),
-    "stance_width": (0.4, 0.66),
-    "stance_shift": (-0.05, 0.05),
+    "step_height": (0.02, 0.14),
+    "stance_width": (0.34, 0.66),
+    "stance_shift": (-0.1, 0.05),
+    "servo_lead": (0.0, 0.05),
+    "stance_load": (0.0, 90.0),
+    "turn_lead": (0.0, 0.2),
     "linear_acceleration": (2.0, 20.0),
     "yaw_acceleration": (3.0, 40.0),
-    "servo_lead": (0.0, 0.05),
-    "forward_gain": (0.7, 1.5),
-    "lateral_gain": (0.7, 1.5),
-    "yaw_gain": (0.7, 1.8),
 }
 """Bounds within which a search of `TrotParameters` makes sense, by field name."""
 
@@ -125,7 +137,9 @@ class Trot(GaitedPolicy):
     def _mapped(self, command: Floats) -> Floats:
         """The velocity to ask of the gait so that the robot achieves the commanded one; shape (n, 3)."""
         p = self.parameters
-        forward, lateral, yaw_rate = command[:, 0], command[:, 1], command[:, 2]
+        yaw_rate = command[:, 2]
+        forward = command[:, 0] - p.turn_lead * yaw_rate * command[:, 1]
+        lateral = command[:, 1] + p.turn_lead * yaw_rate * command[:, 0]
         return np.stack(
             [
                 p.forward_gain * forward + p.forward_bias,
@@ -149,8 +163,18 @@ class Trot(GaitedPolicy):
         y = (foot_y - HIP_POSITIONS[:, 1]) + along * (lateral + yaw_rate * foot_x)
         z = p.step_height * lift(cycle) - p.body_height
         hip, thigh, calf = leg_angles(x, y, z)
-        give = load(cycle) * (p.stance_load / SERVO_STIFFNESS)
-        hip_cosine = np.cos(hip)
-        hip = hip - give * y
-        thigh, calf = thigh + give * hip_cosine * x, calf - give * hip_cosine * CALF_LENGTH * np.sin(thigh + calf)
-        return np.stack([hip, thigh, calf], axis=-1).reshape(-1, NUM_JOINTS)
+        force = load(cycle) * p.stance_load
+        return np.stack(held_up(hip, thigh, calf, x, y, force), axis=-1).reshape(-1, NUM_JOINTS)
+
+
+def held_up(
+    hip: Floats, thigh: Floats, calf: Floats, x: Floats, y: Floats, force: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Targets whose joints rest at the given angles under an upward force, N, on a foot at x, y in its hip frame.
+
+    A servo of stiffness k holds its target up to torque/k, and the torque is the force times ∂z/∂(joint), which is
+    y for the hip, -x cos(hip) for the thigh and L2 sin(thigh + calf) cos(hip) for the calf.
+    """
+    give = force / SERVO_STIFFNESS
+    give_in_plane = give * np.cos(hip)
+    return hip - give * y, thigh + give_in_plane * x, calf - give_in_plane * CALF_LENGTH * np.sin(thigh + calf)
