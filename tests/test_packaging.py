@@ -98,8 +98,8 @@ print(sys.modules["quad_env"].__file__)
         ("quad_env", "torch"),
         ("policies", "torch"),
         ("policies", "mujoco"),
-        ("evaluate", "torch"),
-        ("evaluate", "stable_baselines3"),
+        ("evaluate.__main__", "torch"),
+        ("evaluate.__main__", "stable_baselines3"),
     ],
 )
 def test_import_does_not_load(package: str, absent: str, tmp_path: Path) -> None:
