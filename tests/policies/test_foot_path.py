@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from policies.foot_path import lift, stride
+from policies.foot_path import lift, load, stride
 from policies.gait import Gait, LegCycle
 
 LEG = (0.0, 0.0, 0.0, 0.0)
@@ -45,3 +45,8 @@ def test_swing_clears_the_ground_all_the_way():
 
 def test_swing_overshoots_its_ends_by_less_than_a_tenth_of_the_stride():
     assert np.abs(path(np.linspace(0.0, 0.5, 500), 0.5)[:, 0]).max() < 0.6
+
+
+def test_load_is_taken_up_and_given_back_without_a_step_by_hand():
+    cycle = LegCycle(np.array([True, False, False, False, False]), np.array([0.5, 0.0, 0.25, 0.5, 1.0]))
+    np.testing.assert_allclose(load(cycle), [0.0, 0.0, 0.9375, 1.0, 0.0])  # 1 - (2·0.25 - 1)⁴ = 15/16
