@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evaluate.command_line import UsageError, fail, parse
+from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 
 if TYPE_CHECKING:
     from evaluate.experiment import Cell, Entrant
@@ -52,6 +52,7 @@ class Plan:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; the exit code: 0, 2 after a user's mistake, 130 after Ctrl-C."""
+    survive_narrow_encodings()
     try:
         return _compare(_check(parse(Options, arguments, program=PROGRAM, description=__doc__ or "")))
     except UsageError as mistake:

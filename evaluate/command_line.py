@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import itertools
 import re
 import sys
 from typing import TypeVar
@@ -30,11 +31,19 @@ def parse(kind: type[Options], arguments: list[str] | None, *, program: str, des
 
 
 def first_sentence(box: str) -> str:
-    """What tyro's box says before its first rule, on one line."""
+    """What tyro's box says below its title and above its next rule, on one line."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
-    inner = [line.strip(" │|").strip() for line in plain.splitlines()[1:]]
-    rules = (number for number, line in enumerate(inner) if _RULE.search(line))
-    return " ".join(inner[: next(rules, len(inner))]).rstrip(".")
+    lines = [line.strip(" │").strip() for line in plain.splitlines()[1:]]
+    # Where the terminal cannot draw boxes, a rule follows the title.
+    below = itertools.dropwhile(_RULE.fullmatch, lines)
+    return " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+
+
+def survive_narrow_encodings() -> None:
+    """Print `?` for a sign that the terminal's encoding lacks, instead of failing on it."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def fail(message: str) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from evaluate.experiment import Cell
 from evaluate.files import write_atomically
+from evaluate.statistics import Floats
 
 FIGURES = (
     "velocity_error",
@@ -39,11 +40,8 @@ def columns(cell: Cell) -> dict[str, Any]:
         "fall_time": _nullable(measures.fall_time),
         "diverged": measures.diverged.tolist(),
         **{name: _nullable(getattr(measures, name)) for name in FIGURES},
-        "commands": measures.commands.tolist(),
-        "mean_velocities": [
-            [None if np.isnan(mean).any() else mean.tolist() for mean in episode]
-            for episode in measures.mean_velocities
-        ],
+        "commands": _nullable_vectors(measures.commands),
+        "mean_velocities": _nullable_vectors(measures.mean_velocities),
     }
 
 
@@ -74,5 +72,9 @@ def write_parquet(cells: Sequence[Cell], path: Path) -> None:
     write_atomically(path, buffer.getvalue())
 
 
-def _nullable(values: Any) -> list[float | None]:
+def _nullable_vectors(values: Floats) -> list[list[list[float] | None]]:
+    return [[None if np.isnan(vector).any() else vector.tolist() for vector in episode] for episode in values]
+
+
+def _nullable(values: Floats) -> list[float | None]:
     return [None if np.isnan(value) else float(value) for value in values]

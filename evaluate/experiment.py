@@ -67,11 +67,14 @@ def run_cell(
     for number, chunk in enumerate(chunks):
 
         def report(share: float, number: int = number) -> None:
-            progress(entrant.label, scenario.name, (number + share) / len(chunks))
+            if share < 1.0:
+                progress(entrant.label, scenario.name, (number + share) / len(chunks))
 
         episodes = rollout.run(entrant.policy, scenario, chunk, nthread=nthread, progress=report)
         parts.append(Cell(entrant.label, scenario, chunk, episodes.fall_reason, measure(episodes)))
-    return join(parts)
+    cell = join(parts)
+    progress(entrant.label, scenario.name, 1.0)
+    return cell
 
 
 def join(parts: Sequence[Cell]) -> Cell:

@@ -52,7 +52,7 @@ class Measures:
     overspeed: Floats
     """Share of joints and time above the rated joint speed, over the upright steps, (n,)."""
     commands: Floats
-    """Command of each interval, (n, k, 3) m/s, m/s, rad/s."""
+    """Command of each interval, (n, k, 3) m/s, m/s, rad/s; NaN where it was not upright to begin it."""
     mean_velocities: Floats
     """Mean heading velocity of each interval, (n, k, 3) m/s, m/s, rad/s; NaN where it was not upright to its end."""
 
@@ -81,7 +81,7 @@ def measure(episodes: Episodes) -> Measures:
         distance=distance,
         cost_of_transport=cost_of_transport(energy, distance, episodes.weight),
         overspeed=upright_mean(episodes.overspeed[settled], upright[settled]),
-        commands=np.stack([command[window.start] for window in windows], axis=1),
+        commands=commands_given(command, upright, tuple(window.start - settling_steps for window in windows)),
         mean_velocities=mean_velocities(velocity, upright, windows),
     )
 
@@ -143,6 +143,11 @@ def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windo
         total += VELOCITY_CAP * (length - standing)
         steps += length
     return total / steps
+
+
+def commands_given(command: Floats, upright: Bools, starts: tuple[int, ...]) -> Floats:
+    """Commands at the starts of the intervals, (n, k, 3); NaN where the robot was not upright any more."""
+    return np.stack([np.where(upright[start, :, None], command[start], np.nan) for start in starts], axis=1)
 
 
 def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:

@@ -22,6 +22,9 @@ WIDTH = 3.6
 SHOWN = 600
 """Points that a scatter plot shows at most: the first of the run, the same for every policy."""
 
+LONGEST_NAME = 20
+"""Letters of a policy's name in a plot"""
+
 AXES = (("forward", "m/s"), ("lateral", "m/s"), ("yaw rate", "rad/s"))
 
 
@@ -43,7 +46,7 @@ def intervals(results: Results, scenario: str, metric: str, label: str, scale: f
         if np.isfinite(ci).all():
             axes.plot(ci, (row, row), color=colour, linewidth=2.2, solid_capstyle="butt", alpha=0.55)
         axes.plot([value], [row], mark, color=colour, markersize=5.5)
-    axes.set_yticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), [short(name) for name in names])
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlim(left=min(0.0, axes.get_xlim()[0]) if scale == 1.0 else -2.0, right=None if scale == 1.0 else 102.0)
     axes.set_xlabel(label)
@@ -61,7 +64,7 @@ def paired(results: Results, scenario: str, policy: str, baseline: str) -> bytes
     axes.plot((0, limit), (0, limit), color="#888888", linewidth=1)
     _same_ticks(axes)
     axes.plot(x, y, mark, color=colour, markersize=3.5, alpha=0.6, markeredgewidth=0)
-    axes.set(xlim=(0, limit), ylim=(0, limit), xlabel=f"{baseline}, m/s", ylabel=f"{policy}, m/s")
+    axes.set(xlim=(0, limit), ylim=(0, limit), xlabel=f"{short(baseline)}, m/s", ylabel=f"{short(policy)}, m/s")
     axes.set_title(scenario, loc="left")
     axes.set_aspect("equal")
     return _svg(figure)
@@ -75,14 +78,19 @@ def response(results: Results, scenario: str, policy: str, axis: int) -> bytes:
     achieved = measures.mean_velocities[..., axis].ravel()[:SHOWN]
     colour, mark = style(results, policy)
     name, unit = AXES[axis]
-    limit = 1.08 * float(max(np.abs(commanded).max(), np.abs(np.nan_to_num(achieved)).max(), 0.1))
+    limit = 1.08 * float(max(*np.abs(np.nan_to_num((commanded, achieved))).max(axis=1), 0.1))
     axes.plot((-limit, limit), (-limit, limit), color="#888888", linewidth=1)
     _same_ticks(axes)
     axes.plot(commanded, achieved, mark, color=colour, markersize=3.5, alpha=0.6, markeredgewidth=0)
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), xlabel=f"commanded {name}, {unit}", ylabel=f"mean, {unit}")
-    axes.set_title(f"{policy}: {name}", loc="left")
+    axes.set_title(f"{short(policy)}: {name}", loc="left")
     axes.set_aspect("equal")
     return _svg(figure)
+
+
+def short(policy: str) -> str:
+    """A policy's name, or the end of a long path, as a plot has room for it."""
+    return policy if len(policy) <= LONGEST_NAME else f"…{policy[1 - LONGEST_NAME :]}"
 
 
 def stands_on(results: Results, scenario: str, policy: str) -> bool:

@@ -145,12 +145,12 @@ def check_standing_to_the_time_limit_is_no_fall() -> None:
 
 
 def check_an_earlier_fall_costs_more() -> None:
-    """The same walk, ended by a fall at half of it, has larger errors than the walk to the end."""
+    """The same walk, ended by a fall in the middle of what is judged, has far larger errors than the whole walk."""
     whole = rollout.run(policies.make("trot"), "flat", evaluation_seeds(0, 3), steps=300)
     whole = replace(whole, fall_step=np.full(3, 300))
     fallen = metrics.measure(replace(whole, fall_step=np.full(3, 200)))
     for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error"):
-        assert (getattr(fallen, name) > getattr(metrics.measure(whole), name)).all(), name
+        assert (getattr(fallen, name) > getattr(metrics.measure(whole), name) + 0.2).all(), name
 
 
 def check_evaluation_seeds_are_never_drawn_elsewhere() -> None:

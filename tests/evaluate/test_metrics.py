@@ -105,9 +105,16 @@ def test_each_command_interval_has_its_own_mean_after_its_first_second() -> None
 
 
 def test_an_interval_that_was_not_ended_upright_has_no_mean_velocity() -> None:
-    means = measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS + SETTLING + 5).mean_velocities[0]
-    assert np.isfinite(means[0]).all()
-    assert np.isnan(means[1]).all()
+    measures = measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS + SETTLING + 5)
+    assert np.isfinite(measures.mean_velocities[0, 0]).all()
+    assert np.isnan(measures.mean_velocities[0, 1]).all()
+    assert np.isfinite(measures.commands).all()
+
+
+def test_an_interval_that_was_never_begun_has_no_command() -> None:
+    commands = measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS).commands[0]
+    np.testing.assert_array_equal(commands[0], (1.0, 0.0, 0.5))
+    assert np.isnan(commands[1]).all()
 
 
 def test_falling_within_the_first_second_leaves_nothing_upright() -> None:
