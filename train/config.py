@@ -25,7 +25,7 @@ class PpoConfig:
     envs: int = 512
     """Robots simulated side by side."""
     rollout_steps: int = 32
-    """Control steps each robot takes between two updates (10 ms each)."""
+    """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
     minibatch: int = 4096
     """Samples in one gradient step; must divide envs x rollout-steps."""
     epochs: int = 5
@@ -36,8 +36,10 @@ class PpoConfig:
     """linear: down to zero at the last step; adaptive: halved or raised to keep the KL divergence near target-kl."""
     target_kl: float = 0.02
     """KL divergence of one update that the adaptive schedule steers towards, nat."""
+    hold: int = 2
+    """Control steps that a correction is held in training; the trained policy corrects at every one."""
     gamma: float = 0.97
-    """Discount a control step."""
+    """Discount a step of the learner."""
     gae_lambda: float = 0.95
     """Lambda of the generalised advantage estimate."""
     clip_range: float = 0.2
@@ -79,7 +81,7 @@ class TrainConfig:
     base: Literal["trot", "stand"] = "trot"
     """Base policy that the correction is added to."""
     steps: int = 2_500_000
-    """Control steps of all robots together."""
+    """Steps of the learner, all robots together."""
     seed: int = 0
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None
@@ -94,6 +96,8 @@ class TrainConfig:
     """Largest correction of a hip joint, rad."""
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.4), ("push", 0.4), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots."""
+    pushes: int = 5
+    """Pushes in a training episode of a scenario that has any."""
     max_episode_steps: int = 1000
     """Length of a training episode, control steps."""
     rewards: RewardWeights = dataclasses.field(default_factory=RewardWeights)
@@ -171,6 +175,7 @@ def check(config: TrainConfig) -> None:
         "--max-episode-steps": config.max_episode_steps,
         "--joint-authority": config.joint_authority,
         "--ppo.envs": ppo.envs,
+        "--ppo.hold": ppo.hold,
         "--ppo.rollout-steps": ppo.rollout_steps,
         "--ppo.minibatch": ppo.minibatch,
         "--ppo.epochs": ppo.epochs,

@@ -1,5 +1,6 @@
 """One training run: its folder, its robots, its learner, from the first step or from a checkpoint to the last."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -11,6 +12,7 @@ from stable_baselines3.common.logger import configure
 import policies
 from evaluate.command_line import UsageError
 from quad_env.config import TaskConfig
+from quad_env.scenarios import Scenario
 from quad_env.seeding import episode_seeds
 from quad_env.vector_env import SimpleQuadVectorEnv
 from train import checkpoint
@@ -77,7 +79,7 @@ def make_env(config: TrainConfig, resumed: int = 0) -> TrainingEnv:
     batches = [
         SimpleQuadVectorEnv(
             count,
-            scenario=practice(name, "training", config.seed),
+            scenario=_with_pushes(practice(name, "training", config.seed), config.pushes),
             nthread=config.threads,
             autoreset_mode=AutoresetMode.DISABLED,
             max_episode_steps=config.max_episode_steps,
@@ -89,4 +91,11 @@ def make_env(config: TrainConfig, resumed: int = 0) -> TrainingEnv:
     seeds = episode_seeds("training", config.seed, robots * (resumed + 1))[-robots:]
     first = np.random.default_rng(seeds).integers(1, config.max_episode_steps, robots, endpoint=True)
     authority = np.array([config.hip_authority, config.joint_authority, config.joint_authority] * 4, np.float32)
-    return TrainingEnv(batches, policies.make(config.base), authority, seeds, first)
+    return TrainingEnv(batches, policies.make(config.base), authority, seeds, first, config.ppo.hold)
+
+
+def _with_pushes(original: Scenario, count: int) -> Scenario:
+    """The scenario with that many pushes, if it has any: what follows a push is most of what there is to learn."""
+    if original.pushes is None:
+        return original
+    return dataclasses.replace(original, pushes=dataclasses.replace(original.pushes, count=count))

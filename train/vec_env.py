@@ -2,7 +2,7 @@
 
 import copy
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -53,7 +53,9 @@ class TrainingEnv(VecEnv):
     The batches must have been made with `AutoresetMode.DISABLED`: finished robots are reset here, after the features
     of their last observation have been taken with the base policy's clock still running.
 
-    Observation: `policies.residual.features`, shape (n, m). Action: the correction in [-1, 1], shape (n, 12).
+    Observation: `policies.residual.features`, shape (n, m). Action: the correction in [-1, 1], shape (n, 12), which is
+    held for `hold` control steps while the base goes on at every one: noise that lasts moves a robot, where noise that
+    changes each 10 ms only shakes it.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class TrainingEnv(VecEnv):
         authority: FloatArray,
         seeds: NDArray[np.int64],
         first_episode_steps: NDArray[np.int64] | None = None,
+        hold: int = 1,
     ) -> None:
         """`seeds`: (n,), one a robot. `first_episode_steps`: (n,), where the first episodes are cut so that the robots
         are not all at the same point of their gait and episode; no cut when None."""
@@ -71,6 +74,7 @@ class TrainingEnv(VecEnv):
         self.authority = authority
         self._robot_seeds = seeds
         self._first_episode_steps = first_episode_steps
+        self._hold = hold
         ends = np.cumsum([batch.num_envs for batch in batches])
         self._parts = [slice(int(end) - batch.num_envs, int(end)) for end, batch in zip(ends, batches, strict=True)]
         self.statistics = Statistics()
@@ -107,24 +111,36 @@ class TrainingEnv(VecEnv):
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Take the corrections, (n, 12)."""
-        self._targets = compose(self._base_action, np.asarray(actions, np.float32), self.authority)
+        self._correction = np.asarray(actions, np.float32)
 
     def step_wait(self) -> tuple[FloatArray, NDArray[np.float32], BoolArray, list[dict[str, Any]]]:
         """Move the robots; features, rewards, ends of episodes, and infos of the robots that ended one."""
-        results = [b.step(self._targets[part]) for b, part in zip(self.batches, self._parts, strict=True)]
-        observation = np.concatenate([result[0] for result in results])
-        rewards = np.concatenate([result[1] for result in results])
-        terminated = np.concatenate([result[2] for result in results])
-        truncated = np.concatenate([result[3] for result in results])
-        self._elapsed += 1
+        observation, rewards, terminated, truncated = self._move()
+        for _ in range(self._hold - 1):
+            # A robot that has finished stays frozen and earns nothing more.
+            self._base_action, _ = self._look(self.base, observation)
+            observation, more, terminated, truncated = self._move()
+            rewards += more
+        self._elapsed += self._hold
         self._returns += rewards
         if self._first_episode_steps is not None:
             truncated |= self._first_episode & (self._elapsed >= self._first_episode_steps)
         finished = terminated | truncated
-        self._count([result[4] for result in results], terminated, finished)
+        self._count_episodes(terminated, finished)
         infos = self._restart(observation, terminated, finished) if finished.any() else self._no_infos
         self._base_action, self._features = self._look(self.base, observation)
         return self._features, rewards.astype(np.float32), finished, infos
+
+    def _move(self) -> tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray]:
+        """One control step of all batches: observations, rewards, terminated, truncated."""
+        targets = compose(self._base_action, self._correction, self.authority)
+        results = [b.step(targets[part]) for b, part in zip(self.batches, self._parts, strict=True)]
+        for *_, infos in results:
+            self._count_step(infos)
+        observation, rewards, terminated, truncated = (
+            np.concatenate([result[k] for result in results]) for k in range(4)
+        )
+        return observation, rewards, terminated, truncated
 
     def _restart(self, observation: FloatArray, terminated: BoolArray, finished: BoolArray) -> list[dict[str, Any]]:
         """Reset the finished robots, in `observation` too; gives the infos that SB3 bootstraps from."""
@@ -146,16 +162,17 @@ class TrainingEnv(VecEnv):
         self._first_episode[finished] = False
         return infos
 
-    def _count(self, infos: Iterable[dict[str, Any]], terminated: BoolArray, finished: BoolArray) -> None:
+    def _count_step(self, infos: dict[str, Any]) -> None:
         statistics = self.statistics
-        for info in infos:
-            error = info["command"] - info["heading_velocity"]
-            statistics.velocity_error += float(np.hypot(error[:, 0], error[:, 1]).sum())
-            statistics.yaw_rate_error += float(np.abs(error[:, 2]).sum())
-            for name, values in info["reward_terms"].items():
-                total = statistics.reward_terms.get(name, 0.0)
-                statistics.reward_terms[name] = total + float(values.sum())
-        statistics.steps += len(finished)
+        error = infos["command"] - infos["heading_velocity"]
+        statistics.steps += len(error)
+        statistics.velocity_error += float(np.hypot(error[:, 0], error[:, 1]).sum())
+        statistics.yaw_rate_error += float(np.abs(error[:, 2]).sum())
+        for name, values in infos["reward_terms"].items():
+            statistics.reward_terms[name] = statistics.reward_terms.get(name, 0.0) + float(values.sum())
+
+    def _count_episodes(self, terminated: BoolArray, finished: BoolArray) -> None:
+        statistics = self.statistics
         statistics.episodes += int(finished.sum())
         statistics.falls += int(terminated.sum())
         statistics.episode_return += float(self._returns[finished].sum())

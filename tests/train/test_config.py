@@ -1,0 +1,118 @@
+"""Settings: one round trip through JSON, one clear line for what cannot be trained."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from evaluate.command_line import UsageError
+from train.__main__ import parse
+from train.config import (
+    CONFIG_FILE,
+    DEFAULTS,
+    PpoConfig,
+    TrainConfig,
+    check,
+    differences,
+    from_dict,
+    robots_per_scenario,
+    to_dict,
+)
+
+
+@pytest.mark.parametrize("kind", DEFAULTS)
+def test_settings_survive_json(kind):
+    config = dataclasses.replace(DEFAULTS[kind], seed=7, mixture=(("flat", 0.25), ("rough", 0.75)))
+    assert from_dict(json.loads(json.dumps(to_dict(config)))) == config
+
+
+def test_where_a_run_is_written_and_with_how_many_threads_does_not_count_as_a_setting():
+    config = TrainConfig()
+    elsewhere = dataclasses.replace(config, out=Path("elsewhere"), resume=True, threads=7)
+    assert to_dict(elsewhere) == to_dict(config)
+    assert differences(config, elsewhere) == []
+
+
+def test_differences_name_the_option_and_both_values():
+    changed = dataclasses.replace(TrainConfig(), ppo=dataclasses.replace(PpoConfig(), gamma=0.5))
+    (line,) = differences(TrainConfig(), changed)
+    assert "--ppo.gamma" in line
+    assert "0.5" in line
+    assert str(PpoConfig().gamma) in line
+
+
+@pytest.mark.parametrize("settings", [{"sead": 1}, {"ppo": {"gama": 0.9}}, {"ppo": 3}, [1], {"mixture": [["flat"]]}])
+def test_what_is_no_configuration_is_refused(settings):
+    with pytest.raises(UsageError, match="not a training configuration"):
+        from_dict(settings)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ("--steps 0", "--steps must be positive"),
+        ("--seed -1", "--seed must not be negative"),
+        ("--ppo.learning-rate nan", "--ppo.learning-rate must be positive"),
+        ("--ppo.envs 10 --ppo.rollout-steps 3 --ppo.minibatch 20", "must divide"),
+        ("--mixture moon 1.0", "unknown scenario 'moon'"),
+        ("--validation.scenarios moon", "unknown scenario 'moon'"),
+        ("--mixture flat -1.0", "not negative"),
+        ("--mixture flat 0.0", "above zero"),
+        ("--mixture flat 0.5 flat 0.5", "twice"),
+        ("--policy waltz", "waltz"),
+        ("--base document", "document"),
+        ("--no-such-option 3", "no-such-option"),
+        ("--resume --out no-such-folder", "no run to carry on in no-such-folder"),
+    ],
+)
+def test_bad_input_is_one_line_that_names_it(arguments, complaint):
+    with pytest.raises(UsageError, match=complaint) as caught:
+        parse(arguments.split())
+    assert "\n" not in str(caught.value)
+
+
+def test_each_policy_has_its_own_defaults_and_options_override_them():
+    assert parse([]).base == "trot"
+    end_to_end = parse(["--policy", "end-to-end", "--hip-authority", "0.4"])
+    assert end_to_end == dataclasses.replace(DEFAULTS["end-to-end"], hip_authority=0.4)
+    assert end_to_end.base == "stand"
+
+
+def test_the_residual_keeps_to_the_authority_of_the_contract():
+    assert TrainConfig().joint_authority == 0.3
+    assert TrainConfig().hip_authority == 0.15
+
+
+def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):
+    begun = dataclasses.replace(TrainConfig(), steps=777, ppo=PpoConfig(gamma=0.5))
+    (tmp_path / CONFIG_FILE).write_text(json.dumps(to_dict(begun)))
+    resumed = parse(["--resume", "--out", str(tmp_path)])
+    assert to_dict(resumed) == to_dict(begun)
+    assert resumed.folder == tmp_path
+    with pytest.raises(UsageError, match="--steps: the run has 777, the command 778"):
+        parse(["--resume", "--out", str(tmp_path), "--steps", "778"])
+
+
+def test_resume_of_a_damaged_configuration_is_refused(tmp_path):
+    (tmp_path / CONFIG_FILE).write_text('{"steps": 7')
+    with pytest.raises(UsageError, match="not JSON"):
+        parse(["--resume", "--out", str(tmp_path)])
+
+
+@pytest.mark.parametrize(
+    ("mixture", "robots", "expected"),
+    [
+        ((("flat", 0.4), ("push", 0.4), ("rough", 0.2)), 10, {"flat": 4, "push": 4, "rough": 2}),
+        ((("flat", 1.0), ("push", 1.0), ("rough", 1.0)), 8, {"flat": 3, "push": 3, "rough": 2}),
+        ((("flat", 3.0), ("push", 0.0)), 5, {"flat": 5}),
+    ],
+)
+def test_robots_are_shared_out_to_the_last_one(mixture, robots, expected):
+    config = dataclasses.replace(TrainConfig(), mixture=mixture, ppo=PpoConfig(envs=robots))
+    assert robots_per_scenario(config) == expected
+
+
+def test_the_defaults_can_be_trained_with():
+    for config in DEFAULTS.values():
+        check(config)
