@@ -58,7 +58,7 @@ def main(arguments: list[str] | None = None) -> int:
     except UsageError as mistake:
         return fail(str(mistake))
     except KeyboardInterrupt:
-        print("interrupted: nothing was written", file=sys.stderr)
+        print("interrupted: no further file was written", file=sys.stderr)
         return INTERRUPTED
 
 
@@ -128,7 +128,7 @@ def _compare(plan: Plan) -> int:
 
 
 def _conclude(cells: "list[Cell]", options: Options, *, complete: bool) -> None:
-    """Analyse the cells, write the three files and print the table."""
+    """Analyse the cells, print the table and write the three files; the slowest, the report, last."""
     from rich.console import Console
 
     from evaluate.episode_table import write_parquet
@@ -139,9 +139,9 @@ def _conclude(cells: "list[Cell]", options: Options, *, complete: bool) -> None:
     results = analyse(cells, seed=options.seed, episodes=options.episodes, complete=complete)
     write_json(results, options.out / "results.json")
     write_parquet(cells, options.out / "episodes.parquet")
-    write_report(results, options.out / "report.html")
     console = Console()
     print_results(results, console)
+    write_report(results, options.out / "report.html")
     for name in ("results.json", "episodes.parquet", "report.html"):
         console.print(str(options.out / name), highlight=False, soft_wrap=True)
 

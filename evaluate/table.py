@@ -15,7 +15,9 @@ def print_results(results: Results, console: Console) -> None:
     """Print every cell, and every policy's difference from the baseline; 80 columns are enough."""
     console.print(summary_table(results))
     if against_baseline(results):
+        console.print()
         console.print(difference_table(results))
+    console.print()
 
 
 def summary_table(results: Results) -> Table:
@@ -27,7 +29,7 @@ def summary_table(results: Results) -> Table:
         table.add_row(f"[bold]{escape(scenario)}[/bold]")
         for policy in results.policies:
             if summary := results.summaries.get((scenario, policy)):
-                table.add_row(f"  {escape(policy)}", *summary_figures(summary))
+                table.add_row(f" {escape(policy)}", *summary_figures(summary))
     return table
 
 
@@ -65,12 +67,14 @@ def difference_table(results: Results) -> Table:
     for scenario, by_policy in rows.items():
         table.add_row(f"[bold]{escape(scenario)}[/bold]")
         for policy, cells in by_policy.items():
-            table.add_row(f"  {escape(policy)}", *(cells[metric] for metric in (FALL_RATE, *ERRORS)))
+            table.add_row(f" {escape(policy)}", *(cells[metric] for metric in (FALL_RATE, *ERRORS)))
     return table
 
 
 def _table(title: str) -> Table:
-    table = Table(title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(
+        title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
+    )
     table.add_column("policy", overflow="fold")
     return table
 
