@@ -4,13 +4,11 @@ import argparse
 import contextlib
 import dataclasses
 import io
-import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from evaluate.command_line import UsageError, fail, first_sentence
-from train.config import CONFIG_FILE, DEFAULTS, TrainConfig, check, differences, from_dict
+from train.config import DEFAULTS, TrainConfig, check, differences, load_config
 
 INTERRUPTED = 130
 PROGRAM = "python -m train"
@@ -52,7 +50,7 @@ def parse(arguments: list[str]) -> TrainConfig:
         raise UsageError(f"{first_sentence(complaint.getvalue())}; see `{PROGRAM} --help`") from None
     check(config)
     if config.resume and (changed := differences(defaults, config)):
-        raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(changed)}")
+        raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(map(str, changed))}")
     return config
 
 
@@ -69,20 +67,8 @@ def _defaults(arguments: list[str]) -> TrainConfig:
     defaults = DEFAULTS[found.policy]
     if found.resume and "--help" not in arguments and "-h" not in arguments:
         folder = dataclasses.replace(defaults, seed=found.seed, out=found.out).folder
-        return dataclasses.replace(_saved(folder), out=found.out)
+        return dataclasses.replace(load_config(folder), out=found.out)
     return defaults
-
-
-def _saved(folder: Path) -> TrainConfig:
-    """The settings that a run was begun with."""
-    file = folder / CONFIG_FILE
-    try:
-        settings: Any = json.loads(file.read_bytes())
-    except OSError as error:
-        raise UsageError(f"no run to carry on in {folder}: {CONFIG_FILE} cannot be read ({error.strerror})") from None
-    except ValueError:
-        raise UsageError(f"no run to carry on in {folder}: {CONFIG_FILE} is not JSON") from None
-    return from_dict(settings)
 
 
 if __name__ == "__main__":

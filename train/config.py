@@ -4,9 +4,9 @@ import dataclasses
 import json
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from evaluate.command_line import UsageError
 from quad_env.config import RewardWeights
@@ -22,21 +22,21 @@ PolicyKind = Literal["residual", "end-to-end"]
 class PpoConfig:
     """The learner."""
 
-    envs: int = 512
+    envs: int = 256
     """Robots simulated side by side."""
     rollout_steps: int = 32
     """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
-    minibatch: int = 4096
+    minibatch: int = 1024
     """Samples in one gradient step; must divide envs x rollout-steps."""
-    epochs: int = 5
+    epochs: int = 6
     """Passes over each rollout."""
-    learning_rate: float = 1e-3
+    learning_rate: float = 5e-4
     """Adam's step size at the start."""
-    learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "linear"
+    learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "adaptive"
     """linear: down to zero at the last step; adaptive: halved or raised to keep the KL divergence near target-kl."""
-    target_kl: float = 0.02
+    target_kl: float = 0.015
     """KL divergence of one update that the adaptive schedule steers towards, nat."""
-    hold: int = 2
+    hold: int = 1
     """Control steps that a correction is held in training; the trained policy corrects at every one."""
     gamma: float = 0.97
     """Discount a step of the learner."""
@@ -50,7 +50,7 @@ class PpoConfig:
     """Weight of the value loss."""
     max_gradient: float = 1.0
     """Largest norm of a gradient."""
-    log_std_init: float = -1.5
+    log_std_init: float = -2.0
     """Logarithm of the exploration noise at the start, in units of the authority."""
     actor: tuple[int, ...] = (128, 128)
     """Hidden layer widths of the policy's network."""
@@ -133,6 +133,17 @@ def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
         raise UsageError(f"not a training configuration: {error}") from None
 
 
+def load_config(folder: Path) -> TrainConfig:
+    """The settings that the run in `folder` was begun with. Raises UsageError where there is none."""
+    try:
+        settings = json.loads((folder / CONFIG_FILE).read_bytes())
+    except OSError as error:
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror})") from None
+    except ValueError:
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is not JSON") from None
+    return from_dict(settings)
+
+
 def _decode(kind: Any, value: Any) -> Any:
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
@@ -150,20 +161,29 @@ def _decode(kind: Any, value: Any) -> Any:
     return kind(value)
 
 
-def differences(old: TrainConfig, new: TrainConfig) -> list[str]:
-    """What differs between the results of two runs' settings, one line each."""
-    return _differences("", to_dict(old), to_dict(new))
+class Change(NamedTuple):
+    """A setting in which two runs differ, by its option."""
+
+    option: str
+    old: Any
+    new: Any
+
+    def __str__(self) -> str:
+        return f"{self.option}: the run has {self.old}, the command {self.new}"
 
 
-def _differences(prefix: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    lines = []
+def differences(old: TrainConfig, new: TrainConfig) -> list[Change]:
+    """What differs between two runs' settings, as far as it decides their result."""
+    return list(_differences("--", to_dict(old), to_dict(new)))
+
+
+def _differences(prefix: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:
     for key in old:
-        name = prefix + key.replace("_", "-")
+        option = prefix + key.replace("_", "-")
         if isinstance(old[key], dict):
-            lines += _differences(f"{name}.", old[key], new[key])
+            yield from _differences(f"{option}.", old[key], new[key])
         elif old[key] != new[key]:
-            lines.append(f"--{name}: the run has {old[key]}, the command {new[key]}")
-    return lines
+            yield Change(option, old[key], new[key])
 
 
 def check(config: TrainConfig) -> None:

@@ -37,9 +37,7 @@ def test_where_a_run_is_written_and_with_how_many_threads_does_not_count_as_a_se
 def test_differences_name_the_option_and_both_values():
     changed = dataclasses.replace(TrainConfig(), ppo=dataclasses.replace(PpoConfig(), gamma=0.5))
     (line,) = differences(TrainConfig(), changed)
-    assert "--ppo.gamma" in line
-    assert "0.5" in line
-    assert str(PpoConfig().gamma) in line
+    assert (line.option, line.old, line.new) == ("--ppo.gamma", PpoConfig().gamma, 0.5)
 
 
 @pytest.mark.parametrize("settings", [{"sead": 1}, {"ppo": {"gama": 0.9}}, {"ppo": 3}, [1], {"mixture": [["flat"]]}])
@@ -63,7 +61,7 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--policy waltz", "waltz"),
         ("--base document", "document"),
         ("--no-such-option 3", "no-such-option"),
-        ("--resume --out no-such-folder", "no run to carry on in no-such-folder"),
+        ("--resume --out no-such-folder", "no run in no-such-folder"),
     ],
 )
 def test_bad_input_is_one_line_that_names_it(arguments, complaint):

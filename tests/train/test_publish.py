@@ -1,0 +1,97 @@
+"""What ships is seed 0, beside all others, and the card's command repeats its run."""
+
+import dataclasses
+import shutil
+from pathlib import Path
+
+import pytest
+
+import policies
+from evaluate.command_line import UsageError
+from train.__main__ import main, parse
+from train.config import DEFAULTS, PpoConfig, to_dict
+from train.model_card import TrainedRun, command
+from train.publish import choose
+from train.publish import main as publish
+
+OPTIONS = (
+    "--threads 1 --mixture flat 1.0 --validation.episodes 1 --validation.scenarios flat --steps 64 "
+    "--ppo.envs 8 --ppo.rollout-steps 4 --ppo.minibatch 32 --ppo.epochs 1 --ppo.actor 8 --ppo.critic 8"
+)
+
+
+def trained_run(kind="residual", **changes):
+    return TrainedRun(f"runs/{changes}", dataclasses.replace(DEFAULTS[kind], **changes), 1.0, "revision")
+
+
+def test_seed_0_ships_whatever_the_order_and_company():
+    runs = [trained_run(seed=2), trained_run("end-to-end", seed=0), trained_run(seed=0)]
+    assert choose(runs, "residual") is runs[2]
+
+
+@pytest.mark.parametrize(
+    ("runs", "complaint"),
+    [
+        ([trained_run(seed=1)], "seed 0 of residual"),
+        ([trained_run(seed=0), trained_run(seed=0, threads=1)], "no seed twice"),
+        ([trained_run(seed=0), trained_run(seed=1, steps=5)], "--steps"),
+        ([trained_run("end-to-end", seed=0)], "seed 0 of residual"),
+    ],
+)
+def test_what_is_no_set_of_seeds_is_refused(runs, complaint):
+    with pytest.raises(UsageError, match=complaint):
+        choose(runs, "residual")
+
+
+@pytest.mark.parametrize("kind", DEFAULTS)
+def test_the_command_of_the_card_repeats_the_run(kind):
+    ppo = dataclasses.replace(DEFAULTS[kind].ppo, actor=(32, 16), gamma=0.9)
+    config = dataclasses.replace(DEFAULTS[kind], seed=3, mixture=(("flat", 0.5), ("push", 0.5)), ppo=ppo)
+    words = command(config).split()
+    assert words[:3] == ["python", "-m", "train"]
+    assert to_dict(parse(words[3:])) == to_dict(config)
+    assert command(DEFAULTS["residual"]) == "python -m train --seed 0"
+    assert PpoConfig().gamma != 0.9
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    for seed in ("0", "1"):
+        assert main([*OPTIONS.split(), "--seed", seed, "--out", str(folder / seed)]) == 0
+    return folder
+
+
+def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, capsys):
+    to = tmp_path / "models" / "residual"
+    arguments = [str(runs / "1"), str(runs / "0"), "--to", str(to), "--scenarios", "flat", "--episodes", "2"]
+    assert publish([*arguments, "--threads", "1"]) == 0
+    assert sorted(path.name for path in to.iterdir()) == ["MODEL.md", "policy.json", "policy.safetensors"]
+    assert (to / "policy.safetensors").read_bytes() == (runs / "0" / "best" / "policy.safetensors").read_bytes()
+    assert policies.load(to).name == "residual"
+    card = (to / "MODEL.md").read_text()
+    assert "| flat | trot | – |" in card
+    assert "| flat | residual | 0 (shipped) |" in card
+    assert "| flat | residual | 1 |" in card
+    assert str(tmp_path) not in card
+    assert str(runs) not in card
+
+
+def test_an_unfinished_run_is_not_published(runs, tmp_path, capsys):
+    folder = tmp_path / "run"
+    shutil.copytree(runs / "0", folder)
+    settings = (folder / "config.json").read_text().replace('"steps": 64', '"steps": 6400')
+    (folder / "config.json").write_text(settings)
+    assert publish([str(folder), "--to", str(tmp_path / "model")]) == 2
+    assert "unfinished" in capsys.readouterr().err
+    assert not Path(tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [(["no-such-run"], "no run in no-such-run"), (["x", "--episodes", "0"], "at least 1"), ([], "runs")],
+)
+def test_bad_input_is_one_line(arguments, complaint, capsys):
+    assert publish(arguments) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert complaint.lower() in line.lower()

@@ -1,0 +1,107 @@
+"""MODEL.md of a trained policy: what it is, how it was trained, what it is worth beside its base and other seeds."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from evaluate.comparison import FALL_RATE
+from evaluate.format import interval, number, p_value, percent
+from evaluate.results import Results
+from evaluate.summary import Summary
+from train.config import DEFAULTS, TrainConfig, differences
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """A finished run as the card speaks of it."""
+
+    label: str
+    config: TrainConfig
+    minutes: float
+    """Training time, validation included."""
+    git_revision: str
+
+
+def model_card(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """The whole MODEL.md; `runs` are all that were judged, and policies of `results` that are no run are baselines."""
+    config = shipped.config
+    return f"""# {config.policy}
+
+A {" × ".join(map(str, config.ppo.actor))} network ({config.ppo.activation}) that corrects `{config.base}` at 100 Hz \
+by at most {config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips. `policy.json` says what \
+it reads, on what base and with which settings it was trained; `policy.safetensors` holds its weights. Nothing in \
+this folder is code.
+
+## Training
+
+    {command(config)}
+
+{config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {shipped.minutes:.1f} min on \
+{config.threads} threads, source {shipped.git_revision}. The shipped seed is {config.seed}, fixed beforehand, and of \
+its run the weights with the best validation score, on seeds and ground that neither training nor evaluation uses.
+
+## Results
+
+{results.episodes} episodes of 10 s a scenario, the same for every policy (`--seed {results.seed}`); in brackets 95 % \
+intervals; errors bill every step after a fall their cap. Only the rows of one block share their episodes.
+
+{table(runs, shipped, results)}
+
+{against_base(shipped, results)}
+"""
+
+
+def command(config: TrainConfig) -> str:
+    """The command that repeats a run."""
+    options = [f"--policy {config.policy}"] if config.policy != "residual" else []
+    changed = differences(DEFAULTS[config.policy], config)
+    options += [f"{each.option} {_words(each.new)}" for each in changed if each.option != "--seed"]
+    return " ".join(["python -m train", *options, f"--seed {config.seed}"])
+
+
+def _words(value: Any) -> str:
+    return " ".join(_words(entry) for entry in value) if isinstance(value, list) else str(value)
+
+
+def mixture(config: TrainConfig) -> str:
+    """Scenarios and shares in words."""
+    total = sum(share for _, share in config.mixture)
+    return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
+
+
+def table(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """A block for each scenario, a row for each policy, in Markdown."""
+    lines = [
+        "| scenario | policy | seed | falls | velocity error m/s | yaw-rate error rad/s | mean velocity error m/s |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    seeds = {run.label: f"{run.config.seed}{' (shipped)' if run is shipped else ''}" for run in runs}
+    names = {run.label: run.config.policy for run in runs}
+    for (scenario, policy), summary in results.summaries.items():
+        cells = (scenario, names.get(policy, policy), seeds.get(policy, "–"), *figures(summary))
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def figures(summary: Summary) -> tuple[str, ...]:
+    """Falls and errors of one cell."""
+    return (
+        f"{summary.falls} ({percent(summary.fall_rate)})",
+        f"{number(summary.velocity_error)} ({interval(summary.velocity_error_ci)})",
+        f"{number(summary.yaw_rate_error)} ({interval(summary.yaw_rate_error_ci)})",
+        f"{number(summary.mean_velocity_error)} ({interval(summary.mean_velocity_error_ci)})",
+    )
+
+
+def against_base(shipped: TrainedRun, results: Results) -> str:
+    """The shipped policy's paired differences from its base, in Markdown."""
+    lines = [
+        f"Shipped seed minus `{shipped.config.base}`, paired by episode; below zero is better:",
+        "",
+        "| scenario | metric | difference | p |",
+        "|---|---|---|---|",
+    ]
+    for each in results.comparisons:
+        if (each.a, each.b) == (shipped.label, shipped.config.base):
+            metric = "falls, share of episodes" if each.metric == FALL_RATE else each.metric.replace("_", " ")
+            lines.append(f"| {each.scenario} | {metric} | {number(each.difference)} | {p_value(each.p_value)} |")
+    return "\n".join(lines)

@@ -1,0 +1,121 @@
+"""`python -m train.publish`: judge finished runs and ship the one of seed 0, with the table of all in MODEL.md."""
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from evaluate.command_line import UsageError, fail, parse
+from train.config import differences, load_config
+
+if TYPE_CHECKING:
+    from train.model_card import TrainedRun
+
+PROGRAM = "python -m train.publish"
+SHIPPED_SEED = 0
+"""Fixed before any run, so that what ships is not the luckiest."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to judge and where to put it."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders of finished runs: the seeds of one policy, and others to show beside it (such as end-to-end)."""
+    to: Path = Path("models/residual")
+    """Folder that gets policy.json, policy.safetensors and MODEL.md."""
+    policy: str = "residual"
+    """Which kind of policy ships."""
+    scenarios: tuple[str, ...] = ("flat", "push", "rough")
+    """Scenarios judged on."""
+    episodes: int = 512
+    """Episodes of each policy on each scenario."""
+    seed: int = 0
+    """Seed of the evaluation's episodes."""
+    threads: int = 2
+    """Threads of the simulation."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; gives the exit code: 0, 2 on bad input, 130 after Ctrl-C."""
+    from policies.base import PolicyError
+
+    try:
+        options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
+        publish(options)
+    except (UsageError, PolicyError, OSError) as error:
+        return fail(str(error))
+    except KeyboardInterrupt:
+        print("stopped; nothing was written", file=sys.stderr)
+        return 130
+    return 0
+
+
+def publish(options: Options) -> None:
+    """Judge the runs, then write the shipped one's bundle and card. Raises UsageError."""
+    from evaluate import battery
+    from evaluate.experiment import Entrant, cells, evaluation_seeds
+    from evaluate.files import write_atomically
+    from evaluate.progress import show_progress
+    from evaluate.results import analyse
+    from policies import load, make
+    from train.callbacks import BEST
+    from train.model_card import model_card
+
+    if options.episodes < 1 or options.threads < 1 or options.seed < 0:
+        raise UsageError("--episodes and --threads must be at least 1, --seed at least 0")
+    if not options.runs:
+        raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
+    try:
+        scenarios = battery.resolve(options.scenarios)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    runs = [read_run(folder) for folder in options.runs]
+    shipped = choose(runs, options.policy)
+    entrants = [Entrant(shipped.config.base, make(shipped.config.base))]
+    entrants += [Entrant(run.label, load(Path(run.label) / BEST)) for run in runs]
+    options.to.mkdir(parents=True, exist_ok=True)
+    seeds = evaluation_seeds(options.seed, options.episodes)
+    with show_progress(len(entrants) * len(scenarios)) as progress:
+        found = list(cells(entrants, scenarios, seeds, options.threads, progress))
+    results = analyse(found, seed=options.seed, episodes=options.episodes, complete=True)
+    card = model_card(runs, shipped, results)
+    for name in ("policy.safetensors", "policy.json"):
+        write_atomically(options.to / name, (Path(shipped.label) / BEST / name).read_bytes())
+    write_atomically(options.to / "MODEL.md", card.encode())
+    print(card)
+
+
+def read_run(folder: Path) -> "TrainedRun":
+    """What a finished run's folder says about it. Raises UsageError for one that is unfinished or none."""
+    from train.callbacks import BEST, CHECKPOINTS
+    from train.checkpoint import load
+    from train.model_card import TrainedRun
+
+    config = load_config(folder)
+    progress = load(folder / CHECKPOINTS).progress
+    if progress["steps"] < config.steps:
+        raise UsageError(f"{folder} is unfinished ({progress['steps']:,} of {config.steps:,} steps): --resume it first")
+    description = json.loads((folder / BEST / "policy.json").read_bytes())
+    return TrainedRun(str(folder), config, progress["remembered"]["seconds"] / 60, description["git_revision"])
+
+
+def choose(runs: "Sequence[TrainedRun]", policy: str) -> "TrainedRun":
+    """The run that ships. Raises UsageError unless the policy's runs are one a seed and else alike."""
+    candidates = [run for run in runs if run.config.policy == policy]
+    seeds = [run.config.seed for run in candidates]
+    if seeds.count(SHIPPED_SEED) != 1 or len(set(seeds)) < len(seeds):
+        raise UsageError(f"what ships is seed {SHIPPED_SEED} of {policy}: name its run, and no seed twice; got {seeds}")
+    shipped = candidates[seeds.index(SHIPPED_SEED)]
+    for run in candidates:
+        if changed := differences(shipped.config, replace(run.config, seed=SHIPPED_SEED)):
+            raise UsageError(f"{run.label} is no other seed of {shipped.label}: {'; '.join(map(str, changed))}")
+    return shipped
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
