@@ -55,7 +55,7 @@ def draw_start(scenario: Scenario, stream: np.random.Generator) -> Array:
 
 
 def draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) -> PushPlan:
-    """One push in each part of the window, in a uniformly random horizontal direction; `dt` is the control period, s."""
+    """One push in each part of the window, each in a uniformly random horizontal direction; `dt`: control period, s."""
     if pushes is None or pushes.count == 0:
         return PushPlan(np.empty(0, np.int64), 0, np.empty((0, 2)))
     steps = max(1, round(pushes.duration / dt))

@@ -15,7 +15,8 @@ from quad_env.episode import Episode
 from quad_env.observations import BOUND, observe
 from quad_env.rewards import reward_terms
 from quad_env.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, VELOCITY_LIMIT
-from quad_env.scenarios import Scenario, scenario as find_scenario
+from quad_env.scenarios import Scenario
+from quad_env.scenarios import scenario as find_scenario
 from quad_env.simulation import Simulation
 from quad_env.state import QuadState
 from quad_env.terminations import fall_reasons

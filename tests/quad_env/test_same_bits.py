@@ -1,0 +1,75 @@
+"""A single env and env i of any batch, at any number of threads, give the same bits: observations, rewards, infos."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+
+STEPS = 1000
+TIME_LIMIT = 300
+FIRST_SEED = 11
+
+
+def random_actions(robot: int) -> np.ndarray:
+    """The same actions for a robot wherever it is; wild enough that some fall and others time out."""
+    rng = np.random.default_rng(robot)
+    wild = 0.15 + 0.25 * (robot % 3)
+    return np.clip(HOME_POSE + rng.normal(0, wild, (STEPS, 12)), JOINT_LOWER, JOINT_UPPER).astype(np.float32)
+
+
+def digest(observation: Any, reward: Any, terminated: Any, truncated: Any, info: dict[str, Any], row: int) -> bytes:
+    """Every number of one robot's step."""
+    arrays = [np.asarray(part)[row] for part in (observation, reward, terminated, truncated)]
+    arrays += [info[key][row] for key in ("command", "heading_velocity", "diverged", "mechanical_power", "overspeed")]
+    arrays += [value[row] for _, value in sorted(info["reward_terms"].items())]
+    return b"".join(np.asarray(array).tobytes() for array in arrays) + repr(info["fall"][row]).encode()
+
+
+def batch_digests(scenario: str, num_envs: int, nthread: int, rows: list[int]) -> list[list[bytes]]:
+    env = gym.make_vec(
+        "quad_env:SimpleQuad-v0", num_envs=num_envs, scenario=scenario, nthread=nthread, max_episode_steps=TIME_LIMIT
+    )
+    observation, info = env.reset(seed=FIRST_SEED)
+    actions = np.stack([random_actions(i % 3) for i in range(num_envs)], axis=1)
+    zeros = np.zeros(num_envs)
+    out = [[digest(observation, zeros, zeros, zeros, info, row)] for row in rows]
+    for step in range(STEPS):
+        result = env.step(actions[step])
+        for number, row in enumerate(rows):
+            out[number].append(digest(*result, row=row))
+    return out
+
+
+def single_digests(scenario: str, robot: int) -> list[bytes]:
+    env = gym.make("quad_env:SimpleQuad-v0", scenario=scenario, max_episode_steps=TIME_LIMIT)
+
+    def batched(info: dict[str, Any]) -> dict[str, Any]:
+        terms = {name: [value] for name, value in info["reward_terms"].items()}
+        return {key: [value] for key, value in info.items()} | {"reward_terms": terms}
+
+    observation, info = env.reset(seed=FIRST_SEED + robot)
+    out = [digest([observation], [0.0], [0.0], [0.0], batched(info), 0)]
+    done = False
+    for action in random_actions(robot % 3):
+        if done:
+            (observation, info), reward, terminated, truncated = env.reset(), 0.0, False, False
+        else:
+            observation, reward, terminated, truncated, info = env.step(action)
+        done = terminated or truncated
+        out.append(digest([observation], [reward], [terminated], [truncated], batched(info), 0))
+    return out
+
+
+@pytest.mark.parametrize("scenario", ["flat", "push", "rough"])
+def test_single_env_equals_its_row_in_batches_of_3_and_64_on_1_and_2_threads(scenario: str) -> None:
+    singles = [single_digests(scenario, robot) for robot in range(3)]
+    assert batch_digests(scenario, 3, 1, [0, 1, 2]) == singles
+    assert batch_digests(scenario, 64, 2, [0, 1, 2]) == singles
+
+
+def test_single_env_equals_its_row_in_a_batch_of_1000() -> None:
+    rows = [0, 501, 998, 999]
+    assert batch_digests("push", 1000, 2, rows) == [single_digests("push", row) for row in rows]
