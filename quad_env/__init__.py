@@ -3,6 +3,10 @@
 `gym.make("SimpleQuad-v0")` after this import, or `gym.make("quad_env:SimpleQuad-v0")` anywhere, worker processes too.
 """
 
+import contextlib
+import ctypes
+import os
+import sys
 from importlib.metadata import PackageNotFoundError, version
 
 import gymnasium as gym
@@ -16,6 +20,12 @@ from quad_env.terrain import Flat, SmoothRandom
 ENV_ID = "SimpleQuad-v0"
 FALL_RULE = FallRule().name
 MAX_EPISODE_STEPS = 1000
+
+if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    # MuJoCo picks its OpenGL platform when it is first imported; without a display its default cannot render.
+    with contextlib.suppress(OSError):
+        ctypes.CDLL("libEGL.so.1")
+        os.environ.setdefault("MUJOCO_GL", "egl")
 
 try:
     __version__ = version("simple-quad")

@@ -1,6 +1,6 @@
 """The single environment: a batch of one."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import mujoco
@@ -29,7 +29,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         config: control rate, fall rule and reward weights.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 100}
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
 
     def __init__(
         self,
@@ -103,7 +103,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.render()
         return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
 
-    def render(self) -> NDArray[Any] | None:  # type: ignore[override]
+    def render(self) -> NDArray[Any] | None:
         """The current frame: (height, width, 3) uint8, (height, width) float32 in m, or None for "human"."""
         if self.render_mode is None:
             raise gym.error.Error("render_mode is None; choose one: gym.make('SimpleQuad-v0', render_mode='rgb_array')")

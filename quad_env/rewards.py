@@ -49,12 +49,14 @@ def tilt(state: QuadState) -> Array:
 
 def action_rate(state: QuadState) -> Array:
     """Squared change of the joint targets since the last step, summed over joints, rad²."""
-    return np.square(state.action - state.previous_action).sum(axis=1)
+    total: Array = np.square(state.action - state.previous_action).sum(axis=1)
+    return total
 
 
 def torque(state: QuadState) -> Array:
     """Squared joint torques, summed over joints, (N·m)²."""
-    return np.square(state.joint_torque).sum(axis=1)
+    total: Array = np.square(state.joint_torque).sum(axis=1)
+    return total
 
 
 TERMS: dict[str, Callable[[QuadState], Array]] = {

@@ -103,9 +103,10 @@ class Simulation:
 
     def diverged(self) -> Mask:
         """Robots whose simulation MuJoCo warned about since their reset, or whose state is not finite, (n,)."""
-        warned = self._batch.warning[:, _DIVERGENCE, 1].any(axis=1)
+        warned: Mask = self._batch.warning[:, _DIVERGENCE, 1].any(axis=1)
         finite = np.isfinite(self._qpos).all(axis=1) & np.isfinite(self._qvel).all(axis=1)
-        return warned | self._error | ~finite
+        diverged: Mask = warned | self._error | ~finite
+        return diverged
 
     def park(self, mask: Mask) -> None:
         """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""

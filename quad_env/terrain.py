@@ -76,10 +76,10 @@ def _smooth_random_heights(terrain: SmoothRandom) -> Array:
 
     noise = np.random.default_rng(terrain.seed).normal(size=(terrain.points, terrain.points))
     smooth = gaussian_filter(noise, terrain.correlation_length / 2 / terrain.cell, mode="wrap")
-    unit = ndtr((smooth - smooth.mean()) / smooth.std())
+    unit: Array = ndtr((smooth - smooth.mean()) / smooth.std())
     unit = (unit - unit.min()) / (unit.max() - unit.min())
     # MuJoCo keeps height fields in single precision; both must see the same surface.
-    grid = unit.astype(np.float32).astype(np.float64) * terrain.peak_to_valley
+    grid: Array = unit.astype(np.float32).astype(np.float64) * terrain.peak_to_valley
     grid.flags.writeable = False
     return grid
 

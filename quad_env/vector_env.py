@@ -30,7 +30,7 @@ OBSERVATION_SPACE = Box(-BOUND, BOUND, dtype=np.float32)
 ACTION_SPACE = Box(JOINT_LOWER.astype(np.float32), JOINT_UPPER.astype(np.float32), dtype=np.float32)
 
 
-class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], Array]):
+class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
     """n SimpleQuad robots, stepped together.
 
     Env i with a seed gives the same numbers, bit for bit, as a single env with that seed, whatever n and `nthread`.
@@ -179,8 +179,10 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], Array]):
         self.simulation.park(diverged)
         state = self.simulation.state(self._command.copy())
         self._diverged |= diverged
-        self._fall[active] = np.where(diverged, None, fall_reasons(state, self.config.fall_rule))[active]
-        fell = np.not_equal(self._fall, None)
+        reasons = fall_reasons(state, self.config.fall_rule)
+        reasons[diverged] = None
+        self._fall[active] = reasons[active]
+        fell = self._fall.astype(bool)  # a reason is a word, no fall is None
         self._terminated[active] = (diverged | (fell & self.terminate_on_fall))[active]
         if self.max_episode_steps is not None:
             self._truncated[active] = (self._clock >= self.max_episode_steps)[active]
