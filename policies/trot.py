@@ -31,29 +31,29 @@ SERVO_STIFFNESS = 300.0
 class TrotParameters:
     """What the search tunes."""
 
-    frequency: float = 3.6
+    frequency: float = 3.4
     """Gait cycles a second, Hz."""
-    duty: float = 0.5
+    duty: float = 0.48
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = 0.32
+    body_height: float = 0.28
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = 0.06
+    step_height: float = 0.08
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = 0.42
+    stance_width: float = 0.54
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = -0.05
+    stance_shift: float = -0.07
     """Middle of the strides ahead of the hip joints, m."""
     servo_lead: float = 0.01
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    stance_load: float = 30.0
+    stance_load: float = 50.0
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
     blend_time: float = 0.3
     """From the home pose to the gait at the start of an episode, s."""
-    linear_acceleration: float = 8.0
+    linear_acceleration: float = 14.0
     """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
-    yaw_acceleration: float = 10.0
+    yaw_acceleration: float = 16.0
     """Fastest change of the yaw rate command that the gait follows, rad/s²."""
-    turn_lead: float = 0.08
+    turn_lead: float = 0.06
     """How far ahead the gait's velocity is turned at the commanded yaw rate, s: in a curve the body lags behind."""
     forward_gain: float = 1.0
     """Gait's forward velocity per commanded."""
@@ -84,11 +84,11 @@ def searched_parameters() -> TrotParameters:
 
 
 SEARCH_RANGES: dict[str, tuple[float, float]] = {
-    "frequency": (2.0, 5.0),
-    "duty": (0.42, 0.65),
-    "body_height": (0.24, 0.42),
-    "step_height": (0.02, 0.14),
-    "stance_width": (0.34, 0.66),
+    "frequency": (2.0, 4.0),
+    "duty": (0.45, 0.65),
+    "body_height": (0.25, 0.42),
+    "step_height": (0.04, 0.14),
+    "stance_width": (0.4, 0.62),
     "stance_shift": (-0.1, 0.05),
     "servo_lead": (0.0, 0.05),
     "stance_load": (0.0, 90.0),
