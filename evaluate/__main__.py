@@ -65,7 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _check(options: Options) -> Plan:
     """Everything that can be wrong, before anything is simulated."""
     from evaluate import battery
-    from evaluate.files import make_writable_folder
+    from policies.files import make_writable_folder
 
     for name, value, low, high in (
         ("episodes", options.episodes, 1, MOST_EPISODES),

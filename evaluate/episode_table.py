@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from evaluate.experiment import Cell
-from evaluate.files import write_atomically
 from evaluate.statistics import Floats
+from policies.files import write_atomically
 
 FIGURES = (
     "velocity_error",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluate.command_line import UsageError, fail, parse
-from evaluate.files import make_writable_folder
+from policies.files import make_writable_folder
 
 if TYPE_CHECKING:
     import numpy as np

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from evaluate import plots
 from evaluate.comparison import ERRORS, FALL_RATE, Comparison
-from evaluate.files import write_atomically
 from evaluate.format import interval, listed, number, p_value, percent_interval, points, points_interval
 from evaluate.results import Results
 from evaluate.summary import Summary
 from evaluate.table import against_baseline, baseline_of
 from evaluate.verdict import headline, verdict
+from policies.files import write_atomically
 
 HEADINGS = {
     FALL_RATE: ("falls", ""),

@@ -9,9 +9,9 @@ from typing import Any
 
 from evaluate.comparison import Comparison, compare
 from evaluate.experiment import Cell
-from evaluate.files import write_atomically
 from evaluate.provenance import versions
 from evaluate.summary import Summary, summarise
+from policies.files import write_atomically
 
 SCHEMA = 1
 

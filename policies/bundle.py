@@ -7,8 +7,6 @@ must be those of this environment, since a network that reads others would only 
 import hashlib
 import json
 import math
-import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from itertools import pairwise
@@ -22,6 +20,7 @@ from safetensors.numpy import load as parse_safetensors
 from safetensors.numpy import save as format_safetensors
 
 from policies.base import Actions, Policy, PolicyError
+from policies.files import write_atomically
 from policies.network import ACTIVATIONS, Network
 from policies.residual import ResidualPolicy, feature_count
 from policies.stand import Stand
@@ -71,8 +70,8 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "weights_sha256": hashlib.sha256(weights).hexdigest(),
     }
     text = json.dumps(description, indent=2, allow_nan=False) + "\n"
-    _replace(folder / WEIGHTS, weights)
-    _replace(folder / DESCRIPTION, text.encode())
+    write_atomically(folder / WEIGHTS, weights)
+    write_atomically(folder / DESCRIPTION, text.encode())
 
 
 def load(path: str | Path) -> ResidualPolicy:
@@ -203,18 +202,3 @@ def _describe_base(base: Policy) -> dict[str, Any]:
 def _tensors(network: Network) -> dict[str, NDArray[Any]]:
     weights = {f"{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
     return weights | {f"{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}
-
-
-def _replace(file: Path, content: bytes) -> None:
-    """Put the content into the file in one move, so that a crash leaves the old one or the new one."""
-    handle, temporary = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp makes it private
-        os.replace(temporary, file)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise

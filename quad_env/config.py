@@ -53,13 +53,13 @@ class RewardWeights:
     """Weight of each reward term; the terms are functions of the same names in `quad_env.rewards`."""
 
     linear_velocity_tracking: float = 1.0
-    yaw_rate_tracking: float = 0.5
+    yaw_rate_tracking: float = 0.8
     vertical_velocity: float = -0.5
     roll_pitch_rate: float = -0.02
     tilt: float = -0.5
     action_rate: float = -0.02
     torque: float = -2e-5
-    fall: float = -5.0
+    fall: float = -1.0
 
 
 @dataclass(frozen=True)

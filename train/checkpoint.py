@@ -7,7 +7,6 @@ the second does, so that a run killed at any moment leaves the one before whole.
 
 import hashlib
 import json
-import os
 import random
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from safetensors.torch import save as save_tensors
 from stable_baselines3 import PPO
 
 from evaluate.command_line import UsageError
+from policies.files import write_atomically
 
 SCHEMA = 1
 KEPT = 2
@@ -38,25 +38,6 @@ class Checkpoint:
     """JSON types: counters, random states, and under "remembered" what the callbacks carry over."""
     damaged: tuple[str, ...] = ()
     """Newer checkpoints that could not be read, one line each."""
-
-
-def write_atomic(path: Path, content: bytes) -> None:
-    """Write a file so that it is, at any moment and after a power cut, either the old one or the new one, whole."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    descriptor = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def capture(model: PPO, remembered: dict[str, Any]) -> Checkpoint:
@@ -111,9 +92,9 @@ def save(folder: Path, checkpoint: Checkpoint) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{checkpoint.progress['steps']:012d}"
     tensors = save_tensors(checkpoint.tensors)
-    write_atomic(folder / f"{stem}.safetensors", tensors)
+    write_atomically(folder / f"{stem}.safetensors", tensors)
     record = {"schema": SCHEMA, "sha256": hashlib.sha256(tensors).hexdigest(), **checkpoint.progress}
-    write_atomic(folder / f"{stem}.json", json.dumps(record).encode())
+    write_atomically(folder / f"{stem}.json", json.dumps(record).encode())
     for record_path in sorted(folder.glob("*.json"))[:-KEPT]:
         record_path.unlink()
         record_path.with_suffix(".safetensors").unlink(missing_ok=True)

@@ -30,17 +30,17 @@ class PpoConfig:
     """Samples in one gradient step; must divide envs x rollout-steps."""
     epochs: int = 6
     """Passes over each rollout."""
-    learning_rate: float = 5e-4
+    learning_rate: float = 1e-3
     """Adam's step size at the start."""
-    learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "adaptive"
+    learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "linear"
     """linear: down to zero at the last step; adaptive: halved or raised to keep the KL divergence near target-kl."""
     target_kl: float = 0.015
     """KL divergence of one update that the adaptive schedule steers towards, nat."""
     hold: int = 1
     """Control steps that a correction is held in training; the trained policy corrects at every one."""
-    gamma: float = 0.97
+    gamma: float = 0.95
     """Discount a step of the learner."""
-    gae_lambda: float = 0.95
+    gae_lambda: float = 0.9
     """Lambda of the generalised advantage estimate."""
     clip_range: float = 0.2
     """Clip of the probability ratio."""
@@ -80,7 +80,7 @@ class TrainConfig:
     """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
     base: Literal["trot", "stand"] = "trot"
     """Base policy that the correction is added to."""
-    steps: int = 2_500_000
+    steps: int = 3_000_000
     """Steps of the learner, all robots together."""
     seed: int = 0
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
@@ -94,9 +94,9 @@ class TrainConfig:
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = 0.15
     """Largest correction of a hip joint, rad."""
-    mixture: tuple[tuple[str, float], ...] = (("flat", 0.4), ("push", 0.4), ("rough", 0.2))
+    mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots."""
-    pushes: int = 5
+    pushes: int = 2
     """Pushes in a training episode of a scenario that has any."""
     max_episode_steps: int = 1000
     """Length of a training episode, control steps."""

@@ -59,10 +59,10 @@ def publish(options: Options) -> None:
     """Judge the runs, then write the shipped one's bundle and card. Raises UsageError."""
     from evaluate import battery
     from evaluate.experiment import Entrant, cells, evaluation_seeds
-    from evaluate.files import write_atomically
     from evaluate.progress import show_progress
     from evaluate.results import analyse
     from policies import load, make
+    from policies.files import write_atomically
     from train.callbacks import BEST
     from train.model_card import model_card
 

@@ -11,13 +11,13 @@ from stable_baselines3.common.logger import configure
 
 import policies
 from evaluate.command_line import UsageError
+from policies.files import write_atomically
 from quad_env.config import TaskConfig
 from quad_env.scenarios import Scenario
 from quad_env.seeding import episode_seeds
 from quad_env.vector_env import SimpleQuadVectorEnv
 from train import checkpoint
 from train.callbacks import CHECKPOINTS, AdaptRate, Keeper, Memory, Progress
-from train.checkpoint import write_atomic
 from train.config import CONFIG_FILE, TrainConfig, robots_per_scenario, to_dict
 from train.display import make_display
 from train.interrupt import Interrupt
@@ -51,7 +51,7 @@ def _prepare(config: TrainConfig) -> None:
     if not config.resume and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(f"{folder} is not empty: choose another --out, or carry that run on with --resume")
     folder.mkdir(parents=True, exist_ok=True)
-    write_atomic(folder / CONFIG_FILE, (json.dumps(to_dict(config), indent=2) + "\n").encode())
+    write_atomically(folder / CONFIG_FILE, (json.dumps(to_dict(config), indent=2) + "\n").encode())
 
 
 def _learn(config: TrainConfig, env: TrainingEnv, model: PPO, memory: Memory, notices: tuple[str, ...]) -> None:

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.command_line import UsageError, fail, parse
-from evaluate.files import write_atomically
 from evaluate.metrics import Measures, measure
 from evaluate.rollout import run
 from policies.base import Actions, Policy
+from policies.files import write_atomically
 from policies.trot import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice

@@ -132,13 +132,13 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
 
 def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
     path = tmp_path / "file"
-    checkpoint.write_atomic(path, b"old")
+    checkpoint.write_atomically(path, b"old")
 
     def fail(*_):
         raise OSError("no space left")
 
     monkeypatch.setattr("os.fsync", fail)
     with pytest.raises(OSError, match="no space"):
-        checkpoint.write_atomic(path, b"new")
+        checkpoint.write_atomically(path, b"new")
     assert path.read_bytes() == b"old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]

@@ -1,0 +1,81 @@
+"""The README's results table: `python -m evaluate.readme results/evaluation/results.json` writes it in its place."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from evaluate.command_line import UsageError, fail, parse
+from evaluate.format import interval, number, percent, percent_interval
+from policies.files import write_atomically
+
+PROGRAM = "python -m evaluate.readme"
+BEGIN, END = "<!-- results -->", "<!-- /results -->"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Write the results table into the README."""
+
+    results: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation/results.json")
+    """results.json of an evaluation."""
+    readme: Path = Path("README.md")
+    """File with the lines `<!-- results -->` and `<!-- /results -->`, between which the table goes."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the table; the exit code."""
+    try:
+        options = parse(Options, arguments, program=PROGRAM, description="Write the results table into the README.")
+        text = options.readme.read_text()
+        found = json.loads(options.results.read_bytes())
+        write_atomically(options.readme, insert(text, table(found)).encode())
+    except (UsageError, OSError, KeyError, ValueError) as error:
+        return fail(str(error))
+    return 0
+
+
+def insert(text: str, lines: str) -> str:
+    """The text with the lines between the markers; UsageError where it has none."""
+    if BEGIN not in text or END not in text:
+        raise UsageError(f"no {BEGIN} and {END} in the README")
+    head, rest = text.split(BEGIN, 1)
+    return f"{head}{BEGIN}\n{lines}\n{END}{rest.split(END, 1)[1]}"
+
+
+def table(found: dict[str, Any]) -> str:
+    """The comparison as a Markdown table, and the command that makes it."""
+    names = list(found["policies"])
+    lines = [
+        "| scenario | policy | falls | velocity error, m/s | yaw-rate error, rad/s | mean velocity error, m/s |",
+        "|---|---|---|---|---|---|",
+    ]
+    for scenario in found["policies"][names[0]]["scenarios"]:
+        lines += [
+            f"| {scenario} | `{name}` | {row(found['policies'][name]['scenarios'][scenario])} |" for name in names
+        ]
+    versions = found["versions"]
+    lines += [
+        "",
+        f"`python -m evaluate --episodes {found['episodes']} --seed {found['seed']}`; in brackets 95 % intervals. "
+        f"MuJoCo {versions['mujoco']}, Python {versions['python']}.",
+    ]
+    return "\n".join(lines)
+
+
+def row(cell: dict[str, Any]) -> str:
+    """The figures of one policy on one scenario."""
+    return " | ".join(
+        (
+            f"{percent(cell['fall_rate'])} [{percent_interval(cell['fall_rate_ci'])}]",
+            f"{number(cell['velocity_error'])} [{interval(cell['velocity_error_ci'])}]",
+            f"{number(cell['yaw_rate_error'])} [{interval(cell['yaw_rate_error_ci'])}]",
+            number(cell["mean_velocity_error"]),
+        )
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
