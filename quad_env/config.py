@@ -52,7 +52,7 @@ class FallRule:
 class RewardWeights:
     """Weight of each reward term; the terms are functions of the same names in `quad_env.rewards`."""
 
-    linear_velocity_tracking: float = 1.0
+    linear_velocity_tracking: float = 1.2
     yaw_rate_tracking: float = 0.8
     vertical_velocity: float = -0.5
     roll_pitch_rate: float = -0.02
