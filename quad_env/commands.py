@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quad_env.config import CommandRanges
+from quad_env.config import COMMAND_BOUND, CommandRanges
 
 Array = NDArray[np.float64]
 
@@ -20,6 +20,6 @@ def held_commands(command: ArrayLike, num_envs: int) -> Array:
     array = np.asarray(command, dtype=np.float64)
     if array.shape not in ((3,), (num_envs, 3)):
         raise ValueError(f"options['command'] has shape {array.shape}; wanted (3,) or ({num_envs}, 3)")
-    if not np.isfinite(array).all():
-        raise ValueError("options['command'] must be finite")
+    if not (np.abs(array) <= COMMAND_BOUND).all():
+        raise ValueError(f"options['command'] must be finite and within ±{COMMAND_BOUND:g}")
     return np.broadcast_to(array, (num_envs, 3)).copy()

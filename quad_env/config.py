@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass, field
 
+COMMAND_BOUND = 100.0
+"""Largest command that the observation can show, m/s and rad/s."""
+
 
 @dataclass(frozen=True)
 class CommandRanges:
@@ -17,6 +20,15 @@ class CommandRanges:
     """Share of draws that are the zero command."""
     interval: float = 5.0
     """s between draws"""
+
+    def __post_init__(self) -> None:
+        for low, high in (self.forward, self.lateral, self.yaw_rate):
+            if not -COMMAND_BOUND <= low <= high <= COMMAND_BOUND:
+                raise ValueError(f"a command range must rise within ±{COMMAND_BOUND:g}, got ({low}, {high})")
+        if not 0 <= self.zero_fraction <= 1:
+            raise ValueError(f"zero_fraction must lie between 0 and 1, got {self.zero_fraction}")
+        if not 0.01 <= self.interval <= 1e6:
+            raise ValueError(f"interval must lie between 0.01 s and 1e6 s, got {self.interval}")
 
 
 @dataclass(frozen=True)

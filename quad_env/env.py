@@ -85,6 +85,8 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode; `options["command"]`, (3,), is held for its whole length."""
         super().reset(seed=seed)
+        if options and "reset_mask" in options:
+            raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
         observation, infos = self._batch.reset(seed=seed, options=options)
         if self.render_mode == "human":
             self.render()

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.config import COMMAND_BOUND
 from quad_env.robot import HOME_POSE, NUM_JOINTS
 from quad_env.state import QuadState
 
@@ -29,7 +30,7 @@ TERMS = (
     Term("joint_position", NUM_JOINTS, "rad, minus the home pose", 10.0, 1.0),
     Term("joint_velocity", NUM_JOINTS, "rad/s", 1000.0, 0.05),
     Term("previous_action", NUM_JOINTS, "rad, as clipped, minus the home pose", 10.0, 1.0),
-    Term("command", 3, "forward m/s, lateral m/s, yaw rate rad/s", 100.0, 1.0),
+    Term("command", 3, "forward m/s, lateral m/s, yaw rate rad/s", COMMAND_BOUND, 1.0),
 )
 
 

@@ -55,6 +55,6 @@ def scenario(which: str | Scenario) -> Scenario:
     """The scenario of that name, or the scenario itself; ValueError lists the valid names."""
     if isinstance(which, Scenario):
         return which
-    if which not in SCENARIOS:
+    if not isinstance(which, str) or which not in SCENARIOS:
         raise ValueError(f"unknown scenario {which!r}; valid: {', '.join(SCENARIOS)}, or a quad_env.Scenario")
     return SCENARIOS[which]

@@ -55,7 +55,12 @@ class Simulation:
     def __init__(self, terrain: Terrain, num_envs: int, nthread: int, control_rate: float) -> None:
         self.terrain = terrain
         self.model = compile_model(terrain)
-        self.substeps = round(1 / (control_rate * self.model.opt.timestep))
+        period = 1 / control_rate
+        self.substeps = round(period / self.model.opt.timestep)
+        if self.substeps < 1 or abs(self.substeps * self.model.opt.timestep - period) > 1e-9:
+            raise ValueError(
+                f"at {control_rate} Hz a control step is no whole number of physics steps of {self.model.opt.timestep} s"
+            )
         self._batch = Batch(self.model, num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")

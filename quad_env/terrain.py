@@ -43,6 +43,13 @@ class SmoothRandom:
     seed: int = 0
     """The surface is a function of this seed alone."""
 
+    def __post_init__(self) -> None:
+        sizes = (self.peak_to_valley, self.correlation_length, self.half_size, self.cell)
+        if not all(0 < size < 1e4 for size in sizes) or not 0 <= self.spawn_radius <= self.half_size:
+            raise ValueError(f"a surface needs positive sizes and a spawn_radius inside its half_size, got {self}")
+        if self.seed < 0 or not 2 <= self.points <= 4001:
+            raise ValueError(f"a surface needs a seed of at least 0 and 2 to 4001 points a side, got {self}")
+
     @property
     def points(self) -> int:
         """Grid points a side."""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -26,6 +27,8 @@ Mask = NDArray[np.bool_]
 Observation = NDArray[np.float32]
 Infos = dict[str, Any]
 
+RENDER_MODES = ("rgb_array", "depth_array")
+RESET_OPTIONS = ("command", "reset_mask")
 OBSERVATION_SPACE = Box(-BOUND, BOUND, dtype=np.float32)
 ACTION_SPACE = Box(JOINT_LOWER.astype(np.float32), JOINT_UPPER.astype(np.float32), dtype=np.float32)
 
@@ -39,11 +42,12 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         num_envs: number of robots.
         scenario: a name from `quad_env.SCENARIOS` or a `quad_env.Scenario`.
         nthread: threads of the simulation.
-        autoreset_mode: `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a finished robot stands still in time,
-            its last observation repeated with zero reward, until `reset(options={"reset_mask": mask})`.
-        max_episode_steps: time limit in control steps of 0.01 s; None for no limit.
+        autoreset_mode: an `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
+            finished robot stands still in time, its last observation repeated with zero reward, until
+            `reset(options={"reset_mask": mask})`.
+        max_episode_steps: time limit in control steps of 0.01 s; None or -1 for no limit.
         terminate_on_fall: False keeps a fallen robot going.
-        render_mode: must be None; render single environments.
+        render_mode: None, "rgb_array" or "depth_array"; `render` gives a frame a robot. A window shows single ones.
         config: control rate, fall rule and reward weights.
     """
 
@@ -60,16 +64,17 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
+        max_episode_steps = None if max_episode_steps == -1 else max_episode_steps
         if max_episode_steps is not None and max_episode_steps < 1:
-            raise ValueError(f"max_episode_steps must be at least 1 or None, got {max_episode_steps}")
-        if render_mode is not None:
-            raise ValueError("the batch does not render; use gym.make('SimpleQuad-v0', render_mode=...)")
+            raise ValueError(f"max_episode_steps must be at least 1, or None or -1 for none, got {max_episode_steps}")
+        if render_mode not in (None, *RENDER_MODES):
+            raise ValueError(f"a batch has no render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         self.scenario = find_scenario(scenario)
         self.config = config or TaskConfig()
         self.num_envs = num_envs
-        self.render_mode = None
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {"render_modes": [], "render_fps": 100, "autoreset_mode": self.autoreset_mode}
+        self.render_mode = render_mode
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = OBSERVATION_SPACE, ACTION_SPACE
         self.observation_space = batch_space(OBSERVATION_SPACE, num_envs)
         self.action_space = batch_space(ACTION_SPACE, num_envs)
@@ -83,6 +88,9 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self._episodes: list[Episode] = [Episode(self.scenario, 0, 0, self.dt)] * num_envs
         self._clock = np.zeros(num_envs, np.int64)
         self._command, self._held = np.zeros((num_envs, 3)), np.zeros(num_envs, bool)
+        self._followed = np.zeros((num_envs, 3))
+        self._started = np.zeros(num_envs, bool)
+        self._camera: Any = None
         pushes = self._episodes[0].pushes
         self._push_start = np.zeros((num_envs, len(pushes.first_step)), np.int64)
         self._push_force = np.zeros((num_envs, *pushes.force.shape))
@@ -104,10 +112,13 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             ValueError: a seed, command or mask of the wrong shape or kind.
         """
         options = options or {}
+        if unknown := set(options) - set(RESET_OPTIONS):
+            raise ValueError(f"unknown options {sorted(unknown)}; valid: {', '.join(RESET_OPTIONS)}")
         mask = _reset_mask(options.get("reset_mask"), self.num_envs)
         command = options.get("command")
         held = None if command is None else held_commands(command, self.num_envs)
         self._reseed(seed, mask)
+        super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
         self._begin(mask, held)
         infos, _ = self._read(np.zeros(self.num_envs, bool), refresh=mask)
         return self._observation.copy(), infos
@@ -121,6 +132,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         Raises:
             ValueError: a wrong shape or a non-finite target; no robot has moved then.
         """
+        if not self._started.all():
+            raise ResetNeeded("reset the environments before the first step")
         targets = _targets(actions, self.num_envs)
         done = self._terminated | self._truncated
         active = ~done
@@ -136,17 +149,30 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             infos = self._restart_finished(terminated | truncated, infos)
         return self._observation.copy(), rewards, terminated, truncated, infos
 
+    def render(self) -> tuple[NDArray[Any], ...] | None:
+        """A frame of each robot: (480, 640, 3) uint8, or (480, 640) float32 in m; None without a render_mode."""
+        if self.render_mode is None:
+            return None
+        if self._camera is None:
+            from quad_env.rendering import Camera
+
+            self._camera = Camera(self.simulation.model)
+        depth = self.render_mode == "depth_array"
+        return tuple(self._camera.draw(self.simulation.snapshot(i), depth=depth) for i in range(self.num_envs))
+
+    def close_extras(self, **_: Any) -> None:
+        """Close the renderer."""
+        if self._camera is not None:
+            self._camera.close()
+            self._camera = None
+
     def _reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
         if seed is None:
             return
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else list(seed)
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments")
-        if any(s is not None and s < 0 for s in seeds):
-            raise ValueError("seeds must not be negative")
+        seeds = _seeds(seed, self.num_envs)
         for i in np.flatnonzero(mask):
             if seeds[i] is not None:
-                self._seeds[i], self._next_episode[i] = int(seeds[i]), 0
+                self._seeds[i], self._next_episode[i] = seeds[i], 0
 
     def _begin(self, mask: Mask, held: Array | None) -> None:
         """Start the next episode of the masked envs; `held` are their commands, or None to draw."""
@@ -159,6 +185,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             self._push_start[i], self._push_force[i] = episode.pushes.first_step, episode.pushes.force
             self._command[i] = episode.next_command() if held is None else held[i]
         self._next_episode[ids] += 1
+        self._started[ids] = True
         self._clock[ids], self._held[ids] = 0, held is not None
         self._terminated[ids] = self._truncated[ids] = self._diverged[ids] = False
         self._fall[ids] = None
@@ -177,7 +204,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         """Infos and rewards of the step that the active envs just took; observations of the envs in `refresh`."""
         diverged = self.simulation.diverged() & active
         self.simulation.park(diverged)
-        state = self.simulation.state(self._command.copy())
+        self._followed[refresh] = self._command[refresh]
+        state = self.simulation.state(self._followed.copy())
         self._diverged |= diverged
         reasons = fall_reasons(state, self.config.fall_rule)
         reasons[diverged] = None
@@ -243,8 +271,32 @@ def _reset_mask(mask: Any, num_envs: int) -> Mask:
     return array
 
 
+def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    by_name = {member.name: member for member in AutoresetMode} | {member.value: member for member in AutoresetMode}
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if mode not in by_name:
+        raise ValueError(f"unknown autoreset_mode {mode!r}; valid: {', '.join(AutoresetMode.__members__)}")
+    return by_name[mode]
+
+
+def _seeds(seed: int | Sequence[int], num_envs: int) -> list[Any]:
+    """A seed for each env; None, in a sequence, leaves that env's own."""
+    single = isinstance(seed, int | np.integer)
+    seeds = [int(seed) + i for i in range(num_envs)] if single else list(seed)  # type: ignore[arg-type]
+    if len(seeds) != num_envs:
+        raise ValueError(f"{len(seeds)} seeds for {num_envs} environments")
+    for each in seeds:
+        if each is not None and (isinstance(each, bool) or not isinstance(each, int | np.integer) or each < 0):
+            raise ValueError(f"a seed must be a whole number of at least 0, got {each!r}")
+    return [None if each is None else int(each) for each in seeds]
+
+
 def _targets(actions: Any, num_envs: int) -> Array:
-    array = np.asarray(actions, dtype=np.float64)
+    raw = np.asarray(actions)
+    if raw.dtype.kind not in "fiu":
+        raise ValueError(f"actions must be real joint targets in rad, got {raw.dtype}")
+    array = raw.astype(np.float64)
     if array.shape != (num_envs, NUM_JOINTS):
         raise ValueError(f"actions have shape {array.shape}; wanted ({num_envs}, {NUM_JOINTS}) joint targets in rad")
     if not np.isfinite(array).all():

@@ -80,7 +80,15 @@ def test_targets_outside_the_limits_are_clipped() -> None:
 
 
 @pytest.mark.parametrize(
-    "action", [np.zeros((3, 11)), np.zeros(12), np.full((3, 12), np.nan), np.full((3, 12), np.inf)]
+    "action",
+    [
+        np.zeros((3, 11)),
+        np.zeros(12),
+        np.full((3, 12), np.nan),
+        np.full((3, 12), np.inf),
+        np.zeros((3, 12), complex),
+        {},
+    ],
 )
 def test_a_bad_action_is_refused_and_nothing_moves(action: np.ndarray) -> None:
     env, twin = make(), make()
@@ -161,8 +169,59 @@ def test_a_given_command_holds_for_the_episode_and_the_next_one_draws_again() ->
     assert (env.step(np.tile(HOME, (2, 1)))[4]["command"] != wanted).any()
     with pytest.raises(ValueError, match="command"):
         env.reset(options={"command": (1.0, 2.0)})
-    with pytest.raises(ValueError, match="finite"):
-        env.reset(options={"command": (1.0, np.nan, 0.0)})
+    for command in ((1.0, np.nan, 0.0), (1000.0, 0.0, 0.0)):
+        with pytest.raises(ValueError, match="finite"):
+            env.reset(options={"command": command})
+    with pytest.raises(ValueError, match="command, reset_mask"):
+        env.reset(options={"comand": wanted})
+
+
+def test_a_batch_wants_a_reset_before_its_first_step() -> None:
+    with pytest.raises(gym.error.ResetNeeded):
+        make().step(np.tile(HOME, (3, 1)))
+
+
+@pytest.mark.parametrize("seed", [-1, [0.5, 1, 2], [True, 1, 2], [1, 2, -3], ["a", 1, 2]])
+def test_bad_seeds_are_refused(seed: Any) -> None:
+    with pytest.raises(ValueError, match="seed"):
+        make().reset(seed=seed)
+
+
+def test_a_number_seeds_the_batchs_own_generator_too() -> None:
+    env = make()
+    env.reset(seed=1)
+    first = env.np_random.random()
+    env.reset(seed=1)
+    assert env.np_random.random() == first
+
+
+@pytest.mark.parametrize("mode", ["NEXT_STEP", "NextStep", AutoresetMode.NEXT_STEP])
+def test_autoreset_modes_go_by_either_name(mode: Any) -> None:
+    assert make(autoreset_mode=mode).autoreset_mode is AutoresetMode.NEXT_STEP
+
+
+@pytest.mark.parametrize(
+    ("make_it", "message"),
+    [
+        (lambda: quad_env.SmoothRandom(peak_to_valley=0.0), "positive"),
+        (lambda: quad_env.CommandRanges(interval=float("inf")), "interval"),
+        (lambda: quad_env.CommandRanges(forward=(1.0, -1.0)), "range"),
+        (lambda: quad_env.CommandRanges(zero_fraction=2.0), "zero_fraction"),
+    ],
+)
+def test_scenario_values_that_make_no_sense_are_refused(make_it: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_it()
+
+
+@pytest.mark.rendering
+def test_a_batch_renders_a_frame_of_each_robot() -> None:
+    env = gym.make_vec("SimpleQuad-v0", num_envs=2, render_mode="rgb_array")
+    env.reset(seed=0)
+    frames: Any = env.render()
+    assert [frame.shape for frame in frames] == [(480, 640, 3)] * 2
+    assert (frames[0] != frames[1]).any()
+    env.close()
 
 
 def test_next_step_mode_resets_on_the_step_after_the_last_and_ignores_its_action() -> None:
@@ -208,8 +267,9 @@ def test_disabled_mode_freezes_a_finished_robot_until_it_is_reset_by_mask() -> N
     assert (again[1] != fallen[1]).any()
     assert (reward[0], terminated[0]) == (0.0, True)
     assert info["fall"][0] is not None
+    before = env.step(action)[0]
     fresh, _ = env.reset(options={"reset_mask": np.array([True, False])})
-    assert (fresh[1] == again[1]).all()
+    assert (fresh[1] == before[1]).all()
     assert not env.step(action)[2].any()
 
 
@@ -283,6 +343,9 @@ def test_a_push_of_35_newton_seconds_moves_the_robot_as_it_should() -> None:
 @pytest.mark.parametrize(
     ("kwargs", "message"),
     [
+        ({"scenario": ["flat"]}, "flat, push, rough"),
+        ({"autoreset_mode": "sometimes"}, "NEXT_STEP, SAME_STEP, DISABLED"),
+        ({"config": quad_env.TaskConfig(control_rate=300.0)}, "300"),
         ({"scenario": "moon"}, "flat, push, rough"),
         ({"num_envs": 0}, "num_envs"),
         ({"nthread": 0}, "nthread"),
