@@ -59,7 +59,7 @@ class Simulation:
         self.substeps = round(period / self.model.opt.timestep)
         if self.substeps < 1 or abs(self.substeps * self.model.opt.timestep - period) > 1e-9:
             raise ValueError(
-                f"at {control_rate} Hz a control step is no whole number of physics steps of {self.model.opt.timestep} s"
+                f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
         self._batch = Batch(self.model, num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")

@@ -10,7 +10,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from quad_env.commands import held_commands
+from quad_env.arguments import (
+    check_options,
+    find_autoreset_mode,
+    held_commands,
+    joint_targets,
+    reset_mask,
+    seeds_of,
+)
 from quad_env.config import TaskConfig
 from quad_env.episode import Episode
 from quad_env.observations import BOUND, observe
@@ -28,7 +35,6 @@ Observation = NDArray[np.float32]
 Infos = dict[str, Any]
 
 RENDER_MODES = ("rgb_array", "depth_array")
-RESET_OPTIONS = ("command", "reset_mask")
 OBSERVATION_SPACE = Box(-BOUND, BOUND, dtype=np.float32)
 ACTION_SPACE = Box(JOINT_LOWER.astype(np.float32), JOINT_UPPER.astype(np.float32), dtype=np.float32)
 
@@ -73,7 +79,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.config = config or TaskConfig()
         self.num_envs = num_envs
         self.render_mode = render_mode
-        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self.autoreset_mode = find_autoreset_mode(autoreset_mode)
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = OBSERVATION_SPACE, ACTION_SPACE
         self.observation_space = batch_space(OBSERVATION_SPACE, num_envs)
@@ -112,9 +118,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             ValueError: a seed, command or mask of the wrong shape or kind.
         """
         options = options or {}
-        if unknown := set(options) - set(RESET_OPTIONS):
-            raise ValueError(f"unknown options {sorted(unknown)}; valid: {', '.join(RESET_OPTIONS)}")
-        mask = _reset_mask(options.get("reset_mask"), self.num_envs)
+        check_options(options)
+        mask = reset_mask(options.get("reset_mask"), self.num_envs)
         command = options.get("command")
         held = None if command is None else held_commands(command, self.num_envs)
         self._reseed(seed, mask)
@@ -134,7 +139,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         """
         if not self._started.all():
             raise ResetNeeded("reset the environments before the first step")
-        targets = _targets(actions, self.num_envs)
+        targets = joint_targets(actions, self.num_envs)
         done = self._terminated | self._truncated
         active = ~done
         self.simulation.step(targets, self._push(), active)
@@ -169,7 +174,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
     def _reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
         if seed is None:
             return
-        seeds = _seeds(seed, self.num_envs)
+        seeds = seeds_of(seed, self.num_envs)
         for i in np.flatnonzero(mask):
             if seeds[i] is not None:
                 self._seeds[i], self._next_episode[i] = seeds[i], 0
@@ -260,45 +265,3 @@ def _merge(mask: Mask, chosen: Any, other: Any) -> Any:
     if isinstance(chosen, dict):
         return {key: _merge(mask, chosen[key], other[key]) for key in chosen}
     return np.where(mask.reshape(-1, *[1] * (chosen.ndim - 1)), chosen, other)
-
-
-def _reset_mask(mask: Any, num_envs: int) -> Mask:
-    if mask is None:
-        return np.ones(num_envs, bool)
-    array = np.asarray(mask)
-    if array.shape != (num_envs,) or array.dtype != bool:
-        raise ValueError(f"options['reset_mask'] must be a bool array of shape ({num_envs},), got {array.shape}")
-    return array
-
-
-def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    by_name = {member.name: member for member in AutoresetMode} | {member.value: member for member in AutoresetMode}
-    if isinstance(mode, AutoresetMode):
-        return mode
-    if mode not in by_name:
-        raise ValueError(f"unknown autoreset_mode {mode!r}; valid: {', '.join(AutoresetMode.__members__)}")
-    return by_name[mode]
-
-
-def _seeds(seed: int | Sequence[int], num_envs: int) -> list[Any]:
-    """A seed for each env; None, in a sequence, leaves that env's own."""
-    single = isinstance(seed, int | np.integer)
-    seeds = [int(seed) + i for i in range(num_envs)] if single else list(seed)  # type: ignore[arg-type]
-    if len(seeds) != num_envs:
-        raise ValueError(f"{len(seeds)} seeds for {num_envs} environments")
-    for each in seeds:
-        if each is not None and (isinstance(each, bool) or not isinstance(each, int | np.integer) or each < 0):
-            raise ValueError(f"a seed must be a whole number of at least 0, got {each!r}")
-    return [None if each is None else int(each) for each in seeds]
-
-
-def _targets(actions: Any, num_envs: int) -> Array:
-    raw = np.asarray(actions)
-    if raw.dtype.kind not in "fiu":
-        raise ValueError(f"actions must be real joint targets in rad, got {raw.dtype}")
-    array = raw.astype(np.float64)
-    if array.shape != (num_envs, NUM_JOINTS):
-        raise ValueError(f"actions have shape {array.shape}; wanted ({num_envs}, {NUM_JOINTS}) joint targets in rad")
-    if not np.isfinite(array).all():
-        raise ValueError("actions must be finite joint targets in rad")
-    return np.clip(array, JOINT_LOWER, JOINT_UPPER)

@@ -1,0 +1,76 @@
+"""Checks of what callers hand to the environment: each gives the value in its own type or a ValueError that helps."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike, NDArray
+
+from quad_env.config import COMMAND_BOUND
+from quad_env.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+RESET_OPTIONS = ("command", "reset_mask")
+
+
+def check_options(options: dict[str, Any]) -> None:
+    """Refuse unknown keys of reset's options."""
+    if unknown := set(options) - set(RESET_OPTIONS):
+        raise ValueError(f"unknown options {sorted(unknown)}; valid: {', '.join(RESET_OPTIONS)}")
+
+
+def held_commands(command: ArrayLike, num_envs: int) -> Array:
+    """Commands given by the caller, (num_envs, 3): one for all, or one each."""
+    array = np.asarray(command, dtype=np.float64)
+    if array.shape not in ((3,), (num_envs, 3)):
+        raise ValueError(f"options['command'] has shape {array.shape}; wanted (3,) or ({num_envs}, 3)")
+    if not (np.abs(array) <= COMMAND_BOUND).all():
+        raise ValueError(f"options['command'] must be finite and within ±{COMMAND_BOUND:g}")
+    return np.broadcast_to(array, (num_envs, 3)).copy()
+
+
+def reset_mask(mask: Any, num_envs: int) -> Mask:
+    """Which envs to reset, (num_envs,); all of them for None."""
+    if mask is None:
+        return np.ones(num_envs, bool)
+    array = np.asarray(mask)
+    if array.shape != (num_envs,) or array.dtype != bool:
+        raise ValueError(f"options['reset_mask'] must be a bool array of shape ({num_envs},), got {array.shape}")
+    return array
+
+
+def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """The mode of that name or value, or the mode itself."""
+    by_name = {member.name: member for member in AutoresetMode} | {member.value: member for member in AutoresetMode}
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if mode not in by_name:
+        raise ValueError(f"unknown autoreset_mode {mode!r}; valid: {', '.join(AutoresetMode.__members__)}")
+    return by_name[mode]
+
+
+def seeds_of(seed: int | Sequence[int], num_envs: int) -> list[Any]:
+    """A seed for each env; None, in a sequence, leaves that env's own."""
+    single = isinstance(seed, int | np.integer)
+    seeds = [int(seed) + i for i in range(num_envs)] if single else list(seed)  # type: ignore[arg-type]
+    if len(seeds) != num_envs:
+        raise ValueError(f"{len(seeds)} seeds for {num_envs} environments")
+    for each in seeds:
+        if each is not None and (isinstance(each, bool) or not isinstance(each, int | np.integer) or each < 0):
+            raise ValueError(f"a seed must be a whole number of at least 0, got {each!r}")
+    return [None if each is None else int(each) for each in seeds]
+
+
+def joint_targets(actions: Any, num_envs: int) -> Array:
+    """Joint targets clipped to the limits, (num_envs, 12), rad."""
+    raw = np.asarray(actions)
+    if raw.dtype.kind not in "fiu":
+        raise ValueError(f"actions must be real joint targets in rad, got {raw.dtype}")
+    array = raw.astype(np.float64)
+    if array.shape != (num_envs, NUM_JOINTS):
+        raise ValueError(f"actions have shape {array.shape}; wanted ({num_envs}, {NUM_JOINTS}) joint targets in rad")
+    if not np.isfinite(array).all():
+        raise ValueError("actions must be finite joint targets in rad")
+    return np.clip(array, JOINT_LOWER, JOINT_UPPER)
