@@ -7,6 +7,7 @@ must be those of this environment, since a network that reads others would only 
 import hashlib
 import json
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from itertools import pairwise
@@ -46,6 +47,12 @@ _FIELDS = {
     "weights_sha256",
 }
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
+_LARGEST_WEIGHT = 1e6
+_LARGEST_FEATURE = 1e12
+"""No simulated robot shows a network more: MuJoCo gives up on speeds above 1e10."""
+_LARGEST_OUTPUT = 1e37
+"""Below what float32 can hold, 3e38, by enough for the rounding of sums."""
+_LARGEST_AUTHORITY = math.pi
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
@@ -146,9 +153,26 @@ def _network(folder: Path, shape: Any, weights: bytes, inputs: int) -> Network:
         _fail(folder, f"the tensors in {WEIGHTS} do not make the network that {DESCRIPTION} describes")
     if not all(value.dtype == np.float32 and np.isfinite(value).all() for value in tensors.values()):
         _fail(folder, "weights must be finite float32")
-    return Network(
+    if not all(np.abs(value).max() <= _LARGEST_WEIGHT for value in tensors.values()):
+        _fail(folder, f"weights must lie within ±{_LARGEST_WEIGHT:g}")
+    network = Network(
         tuple(tensors[f"{i}.weight"] for i, _ in layers), tuple(tensors[f"{i}.bias"] for i, _ in layers), activation
     )
+    if _largest_value(network) > _LARGEST_OUTPUT:
+        _fail(folder, "the layers' weights together overflow float32")
+    return network
+
+
+def _largest_value(network: Network) -> float:
+    """Bound on every number within the network for any features; no activation enlarges a number."""
+    bound = largest = _LARGEST_FEATURE
+    for weight, bias in zip(network.weights, network.biases, strict=True):
+        sums = np.abs(weight).sum(axis=0, dtype=np.float64) * bound + np.abs(bias)
+        bound = float(sums.max())
+        largest = max(largest, bound)
+        if network.activation == "tanh":
+            bound = 1.0
+    return largest
 
 
 def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
@@ -177,13 +201,16 @@ def _base(folder: Path, base: Any) -> Policy:
 
 
 def _authority(folder: Path, values: Any) -> Actions:
-    if not isinstance(values, list) or len(values) != NUM_JOINTS or not all(_is_number(v) and v >= 0.0 for v in values):
-        _fail(folder, f"authority must be {NUM_JOINTS} finite numbers of rad, none below zero")
+    if not isinstance(values, list) or len(values) != NUM_JOINTS:
+        _fail(folder, f"authority must be {NUM_JOINTS} numbers of rad")
+    if not all(_is_number(value) and 0.0 <= value <= _LARGEST_AUTHORITY for value in values):
+        _fail(folder, "authority must be finite numbers from 0 to π rad")
     return np.array(values, dtype=np.float32)
 
 
 def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and math.isfinite(value)
+    # Not math.isfinite, which fails on whole numbers of more digits than a float can hold.
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 def _layout() -> dict[str, list[int]]:

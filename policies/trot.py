@@ -5,8 +5,7 @@ lateral and turning commands are one formula; each swing brings it back. It look
 """
 
 import json
-import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -67,11 +66,31 @@ class TrotParameters:
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
     def __post_init__(self) -> None:
-        if not all(map(math.isfinite, astuple(self))):
-            raise ValueError("trot parameters must be finite numbers")
-        for name in ("frequency", "body_height", "blend_time", "linear_acceleration", "yaw_acceleration"):
-            if getattr(self, name) <= 0.0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+        for name, (low, high) in LIMITS.items():
+            if not low <= (value := getattr(self, name)) <= high:  # nan lies nowhere
+                raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
+
+
+LIMITS: dict[str, tuple[float, float]] = {
+    "frequency": (0.1, 50.0),
+    "duty": (0.01, 0.99),
+    "body_height": (0.01, 1.0),
+    "step_height": (-1.0, 1.0),
+    "stance_width": (-2.0, 2.0),
+    "stance_shift": (-1.0, 1.0),
+    "servo_lead": (-1.0, 1.0),
+    "stance_load": (-1e3, 1e3),
+    "blend_time": (1e-3, 100.0),
+    "linear_acceleration": (1e-3, 1e6),
+    "yaw_acceleration": (1e-3, 1e6),
+    "turn_lead": (-10.0, 10.0),
+    "forward_gain": (-100.0, 100.0),
+    "forward_bias": (-100.0, 100.0),
+    "lateral_gain": (-100.0, 100.0),
+    "yaw_gain": (-100.0, 100.0),
+    "yaw_per_lateral": (-100.0, 100.0),
+}
+"""Bounds of `TrotParameters` by field name, far beyond any use: within them every action is a finite number."""
 
 
 @cache
@@ -79,7 +98,7 @@ def searched_parameters() -> TrotParameters:
     """The outcome of the search, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
     try:
         return TrotParameters(**json.loads(PARAMETERS_FILE.read_text()))
-    except (OSError, TypeError, ValueError) as error:
+    except (OSError, OverflowError, TypeError, ValueError) as error:
         raise PolicyError(f"cannot read {PARAMETERS_FILE} ({error}); `python -m train.tune_trot` writes it") from None
 
 

@@ -171,6 +171,30 @@ def test_non_finite_weights_are_refused(folder, value):
     assert "finite" in damaged(folder, poison)
 
 
+@pytest.mark.parametrize("value", [3e38, -3e38, 1.1e6])
+@pytest.mark.parametrize("tensor", ["0.weight", "1.bias"])
+def test_weights_that_no_training_makes_are_refused(folder, tensor, value):
+    tensors = load_file(folder / WEIGHTS)
+    assert "1e+06" in damaged(
+        folder, lambda f: save_tensors(f, tensors | {tensor: np.full_like(tensors[tensor], value)})
+    )
+
+
+@pytest.mark.parametrize("activation", ["tanh", "elu"])
+def test_a_network_that_could_overflow_is_refused_and_any_other_acts_in_finite_numbers(tmp_path, activation):
+    # Features up to 1e12 meet 62 inputs and then 8 layers of 16, each weight 1e6: 6e19, 1e27, 2e34, 3e41, unless a
+    # tanh brings every layer back to 1.
+    sizes = (62, *(16,) * 8, 12)
+    weights = tuple(np.full(shape, 1e6, np.float32) for shape in itertools.pairwise(sizes))
+    huge = Network(weights, tuple(np.full(size, -1e6, np.float32) for size in sizes[1:]), activation)
+    save(tmp_path, ResidualPolicy(Trot(), huge), training={}, git_revision="")
+    if activation == "elu":
+        assert "overflow" in damaged(tmp_path, lambda _: None)
+    else:
+        actions = load(tmp_path).act(np.full(OBSERVATION_SIZE, 1e10, np.float32))
+        assert np.isfinite(actions).all()
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -229,6 +253,9 @@ TROT = {"name": "trot"}
         ({"authority": [0.3] * 11}, "authority"),
         ({"authority": [-0.1] * 12}, "authority"),
         ({"authority": [float("nan")] * 12}, "authority"),
+        ({"authority": [10**400] * 12}, "authority"),
+        ({"authority": [1e300] * 12}, "authority"),
+        ({"authority": [3.2] * 12}, "authority"),
         ({"training": "much"}, "training"),
         ({"git_revision": 5}, "git_revision"),
         ({"weights_sha256": "0" * 64}, "SHA-256"),
@@ -240,7 +267,20 @@ def test_field_that_does_not_fit_is_refused(folder, change, reason):
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("duty", 1.5), ("frequency", "fast"), ("step_height", float("inf")), ("duty", True)]
+    ("field", "value"),
+    [
+        ("duty", 1.5),
+        ("frequency", "fast"),
+        ("step_height", float("inf")),
+        ("duty", True),
+        ("frequency", 1e308),
+        ("frequency", 1e-308),
+        ("frequency", 10**400),
+        ("stance_shift", 1e200),
+        ("servo_lead", -1e300),
+        ("forward_gain", 1e308),
+        ("blend_time", 5e-324),
+    ],
 )
 def test_base_parameter_out_of_range_is_refused(folder, field, value):
     base = json.loads((folder / DESCRIPTION).read_text())["base"]
