@@ -8,7 +8,9 @@ import sys
 from pathlib import Path
 
 from evaluate.command_line import UsageError, fail, first_sentence
-from train.config import DEFAULTS, TrainConfig, check, differences, load_config
+from train.config import DEFAULTS, TrainConfig, differences, load_config
+from train.folder import has_checkpoint
+from train.limits import check
 
 INTERRUPTED = 130
 PROGRAM = "python -m train"
@@ -18,6 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; gives the exit code: 0, 2 on bad input, 130 after Ctrl-C."""
     from policies.base import PolicyError
 
+    config = None
     try:
         config = parse(sys.argv[1:] if arguments is None else arguments)
         # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
@@ -27,7 +30,8 @@ def main(arguments: list[str] | None = None) -> int:
     except (UsageError, PolicyError, OSError) as error:
         return fail(str(error))
     except KeyboardInterrupt:
-        print("stopped; carry the run on with --resume", file=sys.stderr)
+        kept = config is not None and has_checkpoint(config.folder)
+        print(f"stopped; {'carry the run on with --resume' if kept else 'nothing was kept'}", file=sys.stderr)
         return INTERRUPTED
     return 0
 

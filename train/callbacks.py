@@ -5,6 +5,7 @@ robots and random generators can be written down together.
 """
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -12,12 +13,14 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
+from evaluate.command_line import UsageError
 from evaluate.provenance import REPOSITORY, git_revision
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
 from train import checkpoint
 from train.config import TrainConfig, to_dict
 from train.display import Display
+from train.folder import BEST, CHECKPOINTS, LAST
 from train.interrupt import Interrupt
 from train.ppo import AdaptiveRate, actor_network
 from train.validation import score, validate
@@ -25,8 +28,6 @@ from train.vec_env import TrainingEnv
 
 CHECKPOINT_PERIOD = 30.0
 """Between two checkpoints, s."""
-CHECKPOINTS, BEST, LAST = "checkpoints", "best", "last"
-"""Folders of a run: resumable states, the bundle with the best validation score, the latest bundle."""
 
 
 @dataclass
@@ -44,6 +45,22 @@ class Memory:
     """Learning rate of the adaptive schedule."""
     validations: list[dict[str, Any]] = field(default_factory=list)
     """{"steps", "score", "scenarios"} of each validation."""
+
+
+def recall(remembered: Mapping[str, Any]) -> Memory:
+    """The memory that a checkpoint holds. Raises UsageError on what is none."""
+    try:
+        memory = Memory(**remembered)
+        return Memory(
+            resumed=int(memory.resumed),
+            seconds=float(memory.seconds),
+            best_score=None if memory.best_score is None else float(memory.best_score),
+            validated=int(memory.validated),
+            rate=None if memory.rate is None else float(memory.rate),
+            validations=list(memory.validations),
+        )
+    except (TypeError, ValueError, OverflowError) as error:
+        raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
 
 class Progress(BaseCallback):
@@ -106,9 +123,10 @@ class Keeper(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         interval = self._config.validation.interval
-        if interval and self.num_timesteps - self._memory.validated >= interval:
-            self._validate()
-        if self._interrupt.asked or time.monotonic() - self._written > CHECKPOINT_PERIOD:
+        due = interval > 0 and self.num_timesteps - self._memory.validated >= interval
+        # A new best bundle is not left without the checkpoint that knows its score.
+        improved = due and self._validate()
+        if improved or self._interrupt.asked or time.monotonic() - self._written > CHECKPOINT_PERIOD:
             self._keep()
         if self._interrupt.asked:
             raise KeyboardInterrupt
@@ -123,7 +141,8 @@ class Keeper(BaseCallback):
         network = actor_network(cast(PPO, self.model), self._config.ppo.activation)
         return ResidualPolicy(policies.make(self._config.base), network, self._env.authority, self._config.policy)
 
-    def _validate(self) -> None:
+    def _validate(self) -> bool:
+        """Judge the policy; whether it is the best so far, and is kept as that."""
         policy, memory = self._policy(), self._memory
         results = validate(policy, self._config.validation, self._config.threads)
         total = score(results)
@@ -138,12 +157,14 @@ class Keeper(BaseCallback):
             memory.best_score = total
             self._save(policy, BEST)
         self._display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
+        return better
 
     def _keep(self) -> None:
         self._memory.seconds = self._earlier_seconds + time.monotonic() - self._began
-        self._save(self._policy(), LAST)
+        # The checkpoint first: a folder without one is taken to hold nothing that could be carried on.
         state = checkpoint.capture(cast(PPO, self.model), vars(self._memory))
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
+        self._save(self._policy(), LAST)
         self._written = time.monotonic()
 
     def _save(self, policy: ResidualPolicy, name: str) -> None:

@@ -108,20 +108,23 @@ def load(folder: Path) -> Checkpoint:
             return replace(_read(record_path), damaged=tuple(problems))
         except UsageError as error:
             problems.append(str(error))
-    detail = f" ({problems[0]})" if problems else ""
-    raise UsageError(f"no whole checkpoint in {folder}{detail}; start anew with another --out")
+    if not problems:
+        raise UsageError(f"no checkpoint in {folder} to carry on from: begin the run anew, without --resume")
+    raise UsageError(f"no whole checkpoint in {folder} ({problems[0]}); begin anew with another --out")
 
 
 def _read(record_path: Path) -> Checkpoint:
     try:
         record = json.loads(record_path.read_bytes())
         content = record_path.with_suffix(".safetensors").read_bytes()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise UsageError(f"{record_path.name} cannot be read: {error}") from None
     if not isinstance(record, dict) or record.pop("schema", None) != SCHEMA:
         raise UsageError(f"{record_path.name} is no checkpoint of schema {SCHEMA}")
     if record.pop("sha256", None) != hashlib.sha256(content).hexdigest():
         raise UsageError(f"{record_path.stem}.safetensors is damaged")
+    if type(record.get("steps")) is not int or not isinstance(record.get("remembered"), dict):
+        raise UsageError(f"{record_path.name} does not say how far the run had come")
     try:
         return Checkpoint(load_tensors(content), record)
     except SafetensorError as error:

@@ -10,10 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 from evaluate.command_line import UsageError
 from quad_env.config import RewardWeights
-from quad_env.scenarios import scenario
-
-CONFIG_FILE = "config.json"
-"""Where a run's folder holds its settings."""
+from train.folder import CONFIG_FILE
 
 PolicyKind = Literal["residual", "end-to-end"]
 
@@ -129,7 +126,7 @@ def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
     """The inverse of `to_dict`. Raises UsageError on what is no configuration."""
     try:
         return typing.cast(TrainConfig, _decode(TrainConfig, settings))
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UsageError(f"not a training configuration: {error}") from None
 
 
@@ -156,6 +153,8 @@ def _decode(kind: Any, value: Any) -> Any:
         item, *rest = typing.get_args(kind)
         kinds = [item] * len(value) if rest == [Ellipsis] else [item, *rest]
         return tuple(_decode(k, v) for k, v in zip(kinds, value, strict=True))
+    if typing.get_origin(kind) is Literal and value not in typing.get_args(kind):
+        raise ValueError(f"{value!r} is none of {', '.join(typing.get_args(kind))}")
     if typing.get_origin(kind) in (Literal, types.UnionType):
         return value
     return kind(value)
@@ -184,45 +183,6 @@ def _differences(prefix: str, old: Mapping[str, Any], new: Mapping[str, Any]) ->
             yield from _differences(f"{option}.", old[key], new[key])
         elif old[key] != new[key]:
             yield Change(option, old[key], new[key])
-
-
-def check(config: TrainConfig) -> None:
-    """Raise UsageError, one line, on settings that cannot be trained with."""
-    ppo = config.ppo
-    positive = {
-        "--steps": config.steps,
-        "--threads": config.threads,
-        "--max-episode-steps": config.max_episode_steps,
-        "--joint-authority": config.joint_authority,
-        "--ppo.envs": ppo.envs,
-        "--ppo.hold": ppo.hold,
-        "--ppo.rollout-steps": ppo.rollout_steps,
-        "--ppo.minibatch": ppo.minibatch,
-        "--ppo.epochs": ppo.epochs,
-        "--ppo.learning-rate": ppo.learning_rate,
-        "--validation.episodes": config.validation.episodes,
-    }
-    for name, value in positive.items():
-        if not 0 < value < float("inf"):
-            raise UsageError(f"{name} must be positive, got {value}")
-    if config.seed < 0:
-        raise UsageError(f"--seed must not be negative, got {config.seed}")
-    if ppo.envs * ppo.rollout_steps % ppo.minibatch:
-        total = ppo.envs * ppo.rollout_steps
-        raise UsageError(f"--ppo.minibatch must divide ppo.envs x ppo.rollout-steps = {total}, got {ppo.minibatch}")
-    if not config.mixture or any(not 0 <= share < float("inf") for _, share in config.mixture):
-        raise UsageError(
-            "--mixture needs scenarios with shares that are not negative, as in: --mixture flat 0.5 push 0.5"
-        )
-    for name in (*dict(config.mixture), *config.validation.scenarios):
-        try:
-            scenario(name)
-        except ValueError as error:
-            raise UsageError(str(error)) from None
-    if len({name for name, _ in config.mixture}) < len(config.mixture):
-        raise UsageError("--mixture names a scenario twice")
-    if sum(share for _, share in config.mixture) <= 0:
-        raise UsageError("--mixture: at least one share must be above zero")
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:

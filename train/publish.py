@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from evaluate.command_line import UsageError, fail, parse
+from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 from train.config import differences, load_config
+from train.folder import BEST, CHECKPOINTS
 
 if TYPE_CHECKING:
     from train.model_card import TrainedRun
@@ -44,6 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; gives the exit code: 0, 2 on bad input, 130 after Ctrl-C."""
     from policies.base import PolicyError
 
+    survive_narrow_encodings()
     try:
         options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
         publish(options)
@@ -62,8 +64,7 @@ def publish(options: Options) -> None:
     from evaluate.progress import show_progress
     from evaluate.results import analyse
     from policies import load, make
-    from policies.files import write_atomically
-    from train.callbacks import BEST
+    from policies.files import make_writable_folder, write_atomically
     from train.model_card import model_card
 
     if options.episodes < 1 or options.threads < 1 or options.seed < 0:
@@ -78,7 +79,7 @@ def publish(options: Options) -> None:
     shipped = choose(runs, options.policy)
     entrants = [Entrant(shipped.config.base, make(shipped.config.base))]
     entrants += [Entrant(run.label, load(Path(run.label) / BEST)) for run in runs]
-    options.to.mkdir(parents=True, exist_ok=True)
+    make_writable_folder(options.to)
     seeds = evaluation_seeds(options.seed, options.episodes)
     with show_progress(len(entrants) * len(scenarios)) as progress:
         found = list(cells(entrants, scenarios, seeds, options.threads, progress))
@@ -91,8 +92,9 @@ def publish(options: Options) -> None:
 
 
 def read_run(folder: Path) -> "TrainedRun":
-    """What a finished run's folder says about it. Raises UsageError for one that is unfinished or none."""
-    from train.callbacks import BEST, CHECKPOINTS
+    """What a finished run's folder says about it. Raises UsageError for one that is unfinished, damaged or none."""
+    import policies
+    from train.callbacks import recall
     from train.checkpoint import load
     from train.model_card import TrainedRun
 
@@ -100,8 +102,13 @@ def read_run(folder: Path) -> "TrainedRun":
     progress = load(folder / CHECKPOINTS).progress
     if progress["steps"] < config.steps:
         raise UsageError(f"{folder} is unfinished ({progress['steps']:,} of {config.steps:,} steps): --resume it first")
+    minutes = recall(progress["remembered"]).seconds / 60
+    try:
+        policies.load(folder / BEST)
+    except policies.PolicyError as error:
+        raise UsageError(str(error)) from None
     description = json.loads((folder / BEST / "policy.json").read_bytes())
-    return TrainedRun(str(folder), config, progress["remembered"]["seconds"] / 60, description["git_revision"])
+    return TrainedRun(str(folder), config, minutes, description["git_revision"])
 
 
 def choose(runs: "Sequence[TrainedRun]", policy: str) -> "TrainedRun":

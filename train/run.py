@@ -10,16 +10,16 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 import policies
-from evaluate.command_line import UsageError
 from policies.files import write_atomically
 from quad_env.config import TaskConfig
 from quad_env.scenarios import Scenario
 from quad_env.seeding import episode_seeds
 from quad_env.vector_env import SimpleQuadVectorEnv
 from train import checkpoint
-from train.callbacks import CHECKPOINTS, AdaptRate, Keeper, Memory, Progress
-from train.config import CONFIG_FILE, TrainConfig, robots_per_scenario, to_dict
+from train.callbacks import AdaptRate, Keeper, Memory, Progress, recall
+from train.config import TrainConfig, robots_per_scenario, to_dict
 from train.display import make_display
+from train.folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, refuse_folder_in_use
 from train.interrupt import Interrupt
 from train.ppo import AdaptiveRate, build
 from train.scenarios import practice
@@ -32,30 +32,34 @@ def train(config: TrainConfig) -> None:
     Raises UsageError, one line, on what cannot be trained, and KeyboardInterrupt after a Ctrl-C,
     once all is kept.
     """
-    found = checkpoint.load(config.folder / CHECKPOINTS) if config.resume else None
-    _prepare(config)
-    memory = Memory(**found.progress["remembered"]) if found else Memory()
+    found = None
+    if config.resume:
+        found = checkpoint.load(config.folder / CHECKPOINTS)
+    else:
+        refuse_folder_in_use(config.folder)
+    memory = recall(found.progress["remembered"]) if found else Memory()
     memory.resumed += found is not None
     env = make_env(config, memory.resumed)
     try:
         model = build(config, env)
         if found:
             checkpoint.restore(model, found)
+        else:
+            _begin(config)
         _learn(config, env, model, memory, found.damaged if found else ())
     finally:
         env.close()
 
 
-def _prepare(config: TrainConfig) -> None:
-    folder = config.folder
-    if not config.resume and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UsageError(f"{folder} is not empty: choose another --out, or carry that run on with --resume")
-    folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(folder / CONFIG_FILE, (json.dumps(to_dict(config), indent=2) + "\n").encode())
+def _begin(config: TrainConfig) -> None:
+    """Make the folder and write the settings, once it is certain that they can be trained with."""
+    config.folder.mkdir(parents=True, exist_ok=True)
+    settings = json.dumps(to_dict(config), indent=2) + "\n"
+    write_atomically(config.folder / CONFIG_FILE, settings.encode())
 
 
 def _learn(config: TrainConfig, env: TrainingEnv, model: PPO, memory: Memory, notices: tuple[str, ...]) -> None:
-    model.set_logger(configure(str(config.folder / "tensorboard"), ["tensorboard"]))
+    model.set_logger(configure(str(config.folder / TENSORBOARD), ["tensorboard"]))
     done = model.num_timesteps
     display = make_display(config.steps, done)
     for notice in notices:

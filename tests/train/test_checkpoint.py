@@ -11,6 +11,7 @@ from stable_baselines3.common.logger import configure
 
 from evaluate.command_line import UsageError
 from train import checkpoint
+from train.callbacks import Memory, recall
 from train.config import PpoConfig, TrainConfig
 from train.ppo import build
 from train.run import make_env
@@ -52,7 +53,7 @@ def update_on_the_same_data(model):
 
 
 def fill(folder, steps):
-    state = checkpoint.Checkpoint({"policy.x": torch.ones(3)}, {"steps": steps})
+    state = checkpoint.Checkpoint({"policy.x": torch.ones(3)}, {"steps": steps, "remembered": {}})
     checkpoint.save(folder, state)
 
 
@@ -87,7 +88,7 @@ def test_the_last_two_checkpoints_are_kept(tmp_path):
     assert checkpoint.load(tmp_path).progress["steps"] == 3000
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "gone", "no json", "other schema"])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "gone", "no json", "other schema", "no memory", "no steps"])
 def test_a_damaged_checkpoint_is_passed_over_and_said_so(tmp_path, damage):
     fill(tmp_path, 10)
     fill(tmp_path, 20)
@@ -102,7 +103,8 @@ def test_a_damaged_checkpoint_is_passed_over_and_said_so(tmp_path, damage):
     elif damage == "no json":
         record.write_text(record.read_text()[:-5])
     else:
-        record.write_text(json.dumps(json.loads(record.read_text()) | {"schema": 99}))
+        missing = {"other schema": {"schema": 99}, "no memory": {"remembered": None}, "no steps": {"steps": "20"}}
+        record.write_text(json.dumps(json.loads(record.read_text()) | missing[damage]))
     found = checkpoint.load(tmp_path)
     assert found.progress["steps"] == 10
     assert "000000000020" in found.damaged[0]
@@ -116,10 +118,23 @@ def test_weights_without_their_record_are_no_checkpoint(tmp_path):
     assert checkpoint.load(tmp_path).progress["steps"] == 10
 
 
-def test_no_whole_checkpoint_is_one_line(tmp_path):
-    with pytest.raises(UsageError, match="no whole checkpoint") as caught:
+def test_no_checkpoint_and_no_whole_one_are_one_line_with_a_way_out(tmp_path):
+    with pytest.raises(UsageError, match="without --resume") as caught:
         checkpoint.load(tmp_path)
     assert "\n" not in str(caught.value)
+    fill(tmp_path, 10)
+    (tmp_path / "000000000010.json").write_text("{oops")
+    with pytest.raises(UsageError, match=r"no whole checkpoint .*another --out") as caught:
+        checkpoint.load(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_memory_survives_a_checkpoint_and_another_is_refused():
+    memory = Memory(resumed=1, seconds=2.5, best_score=0.25, validated=64, validations=[{"steps": 64}])
+    assert recall(json.loads(json.dumps(vars(memory)))) == memory
+    for remembered in ({"best_skore": 1}, {"seconds": "long"}, {"validations": 3}):
+        with pytest.raises(UsageError, match="does not fit this run"):
+            recall(remembered)
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):

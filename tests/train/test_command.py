@@ -1,5 +1,6 @@
 """`python -m train` as a user meets it: real runs, stopped, carried on, and refused."""
 
+import copy
 import json
 import signal
 import subprocess
@@ -13,7 +14,8 @@ import policies
 from evaluate.rollout import run
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
-from train.config import CONFIG_FILE
+from train.config import load_config
+from train.folder import CONFIG_FILE
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTIONS = (
@@ -88,7 +90,70 @@ def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, capsys):
 def test_resume_without_a_whole_checkpoint_is_one_line(finished_run, tmp_path, capsys):
     (tmp_path / CONFIG_FILE).write_bytes((finished_run / CONFIG_FILE).read_bytes())
     assert main(["--resume", "--out", str(tmp_path)]) == 2
-    assert "no whole checkpoint" in one_line(capsys)
+    assert "without --resume" in one_line(capsys)
+
+
+def test_what_a_run_leaves_that_never_reached_a_checkpoint_is_no_obstacle(finished_run, tmp_path, capsys):
+    """As after SIGKILL in the first rollout; and as soon as there is more to lose, it is."""
+    folder = tmp_path / "run"
+    (folder / "tensorboard").mkdir(parents=True)
+    (folder / CONFIG_FILE).write_text('{"steps": 7')
+    assert main([*TINY, "--steps", "128", "--out", str(folder)]) == 0
+    assert load_config(folder).steps == 128
+
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "thesis.tex").write_text("")
+    assert main([*TINY, "--steps", "128", "--out", str(other)]) == 2
+    assert "--resume" not in one_line(capsys)
+    assert files(other) == {"thesis.tex"}
+
+
+@pytest.mark.parametrize("checkpoint", [False, True])
+def test_ctrl_c_speaks_of_resume_only_where_there_is_a_checkpoint(checkpoint, tmp_path, monkeypatch, capsys):
+    def interrupted(config):
+        if checkpoint:
+            (config.folder / "checkpoints").mkdir(parents=True)
+            (config.folder / "checkpoints" / "000000000064.json").write_text("{}")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("train.run.train", interrupted)
+    assert main([*TINY, "--out", str(tmp_path / "run")]) == 130
+    assert ("--resume" in capsys.readouterr().err) == checkpoint
+
+
+@pytest.mark.parametrize("step", ["make_env", "build"])
+def test_a_run_that_cannot_be_set_up_leaves_no_folder(step, tmp_path, monkeypatch, capsys):
+    def fail(*_):
+        raise OSError("out of threads")
+
+    monkeypatch.setattr(f"train.run.{step}", fail)
+    assert main([*TINY, "--out", str(tmp_path / "run")]) == 2
+    assert "out of threads" in one_line(capsys)
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_extreme_settings_that_are_allowed_can_be_trained_with(tmp_path):
+    options = (
+        "--seed 4294967295 --pushes 79 --max-episode-steps 1 --hip-authority 0 --ppo.envs 1 --ppo.rollout-steps 2 "
+        "--ppo.minibatch 2 --ppo.actor --ppo.critic --ppo.hold 2 --mixture push 1 --steps 2"
+    )
+    assert main([*TINY, *options.split(), "--out", str(tmp_path / "run")]) == 0
+    assert policies.load(tmp_path / "run" / "last").network.sizes == (62, 12)
+
+
+def test_a_new_best_bundle_comes_with_the_checkpoint_that_knows_its_score(tmp_path, monkeypatch):
+    """No time passes between checkpoints here, so that only the validations ask for one; a killed run keeps them."""
+    monkeypatch.setattr("train.callbacks.score", lambda _: next(scores))
+    scores = iter([3.0, 2.0, 2.5, 2.0, 1.0])
+    kept = []
+    monkeypatch.setattr("train.checkpoint.save", lambda _, state: kept.append(copy.deepcopy(state.progress)))
+    monkeypatch.setattr("train.callbacks.validate", lambda *_: {})
+    folder = tmp_path / "run"
+    assert main([*TINY, "--validation.interval", "128", "--steps", "640", "--out", str(folder)]) == 0
+    # After 128 and 256 steps for a better score, after the last for the end of the run.
+    assert [progress["steps"] for progress in kept] == [128, 256, 640]
+    assert kept[1]["remembered"]["best_score"] == 2.0
 
 
 def test_ctrl_c_keeps_what_was_done_and_resume_finishes_it(tmp_path, capsys):

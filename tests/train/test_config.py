@@ -9,16 +9,16 @@ import pytest
 from evaluate.command_line import UsageError
 from train.__main__ import parse
 from train.config import (
-    CONFIG_FILE,
     DEFAULTS,
     PpoConfig,
     TrainConfig,
-    check,
     differences,
     from_dict,
     robots_per_scenario,
     to_dict,
 )
+from train.folder import CONFIG_FILE
+from train.limits import LIMITS, check
 
 
 @pytest.mark.parametrize("kind", DEFAULTS)
@@ -40,7 +40,18 @@ def test_differences_name_the_option_and_both_values():
     assert (line.option, line.old, line.new) == ("--ppo.gamma", PpoConfig().gamma, 0.5)
 
 
-@pytest.mark.parametrize("settings", [{"sead": 1}, {"ppo": {"gama": 0.9}}, {"ppo": 3}, [1], {"mixture": [["flat"]]}])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"sead": 1},
+        {"ppo": {"gama": 0.9}},
+        {"ppo": 3},
+        [1],
+        {"mixture": [["flat"]]},
+        {"policy": "waltz"},
+        {"steps": 1e400},
+    ],
+)
 def test_what_is_no_configuration_is_refused(settings):
     with pytest.raises(UsageError, match="not a training configuration"):
         from_dict(settings)
@@ -49,13 +60,35 @@ def test_what_is_no_configuration_is_refused(settings):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ("--steps 0", "--steps must be positive"),
-        ("--seed -1", "--seed must not be negative"),
-        ("--ppo.learning-rate nan", "--ppo.learning-rate must be positive"),
+        ("--steps 0", "--steps must be from 1"),
+        ("--seed -1", "--seed must be from 0 to 4294967295, got -1"),
+        ("--seed 4294967296", "--seed must be from 0 to 4294967295"),
+        ("--pushes -1", "--pushes must be from 0 to 79"),
+        ("--pushes 1000", "--pushes must be from 0 to 79"),
+        ("--threads 1000000", "--threads must be from 1 to"),
+        ("--hip-authority -1", "--hip-authority must be from 0"),
+        ("--hip-authority nan", "--hip-authority must be from 0"),
+        ("--ppo.learning-rate nan", "--ppo.learning-rate must be from"),
+        ("--ppo.gamma nan", "--ppo.gamma must be from 0 to 1"),
+        ("--ppo.log-std-init nan", "--ppo.log-std-init must be from"),
+        ("--ppo.clip-range -1", "--ppo.clip-range must be from"),
+        ("--ppo.minibatch 1", "--ppo.minibatch must be from 2"),
+        ("--ppo.envs 1 --ppo.rollout-steps 1 --ppo.minibatch 2", "must divide"),
+        ("--ppo.envs 65536 --ppo.rollout-steps 65536", "must be at most"),
+        ("--ppo.actor -1", "--ppo.actor must be"),
+        ("--ppo.critic 0 8", "--ppo.critic must be"),
+        ("--ppo.actor 5000", "--ppo.actor must be"),
+        ("--rewards.tilt nan", "--rewards.tilt must be from"),
+        ("--rewards.fall inf", "--rewards.fall must be from"),
+        ("--validation.interval -1", "--validation.interval must be from 0"),
+        ("--validation.scenarios", "--validation.scenarios needs at least one"),
+        ("--validation.scenarios flat flat", "--validation.scenarios names a scenario twice"),
+        ("--policy end-to-end --base trot", "leave --base out"),
         ("--ppo.envs 10 --ppo.rollout-steps 3 --ppo.minibatch 20", "must divide"),
         ("--mixture moon 1.0", "unknown scenario 'moon'"),
         ("--validation.scenarios moon", "unknown scenario 'moon'"),
         ("--mixture flat -1.0", "not negative"),
+        ("--mixture flat nan", "not negative"),
         ("--mixture flat 0.0", "above zero"),
         ("--mixture flat 0.5 flat 0.5", "twice"),
         ("--policy waltz", "waltz"),
@@ -114,3 +147,14 @@ def test_robots_are_shared_out_to_the_last_one(mixture, robots, expected):
 def test_the_defaults_can_be_trained_with():
     for config in DEFAULTS.values():
         check(config)
+
+
+def test_every_number_has_its_limits():
+    """What is not in the table is checked by a rule of its own; a new setting belongs in one or the other."""
+    config = TrainConfig()
+    numbers = {name for name, value in vars(config).items() if type(value) in (int, float)}
+    for part in ("ppo", "validation"):
+        numbers |= {
+            f"{part}.{name}" for name, value in vars(getattr(config, part)).items() if type(value) in (int, float)
+        }
+    assert numbers == set(LIMITS)

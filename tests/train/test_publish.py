@@ -88,6 +88,30 @@ def test_an_unfinished_run_is_not_published(runs, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("file", "change", "complaint"),
+    [
+        ("best/policy.json", lambda _: "{oops", "not JSON"),
+        ("best/policy.json", lambda text: text.replace('"git_revision"', '"revision"'), "lacks git_revision"),
+        ("best/policy.safetensors", lambda _: "", "SHA-256"),
+        ("checkpoints/000000000064.json", lambda text: text.replace('"remembered"', '"forgotten"'), "how far"),
+        ("checkpoints/000000000064.json", lambda text: text.replace('"seconds"', '"secs"'), "secs"),
+        ("config.json", lambda text: text.replace('"residual"', '"waltz"'), "'waltz'"),
+    ],
+)
+def test_a_damaged_run_is_one_line_before_anything_is_judged(file, change, complaint, runs, tmp_path, capsys):
+    folder = tmp_path / "run"
+    shutil.copytree(runs / "0", folder)
+    before = (folder / file).read_bytes()
+    (folder / file).write_text(change(before.decode(errors="replace")))
+    assert (folder / file).read_bytes() != before
+    capsys.readouterr()
+    assert publish([str(folder), "--to", str(tmp_path / "model")]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert complaint in line
+    assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize(
     ("arguments", "complaint"),
     [(["no-such-run"], "no run in no-such-run"), (["x", "--episodes", "0"], "at least 1"), ([], "runs")],
 )
