@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-from evaluate.comparison import FALL_RATE
-from evaluate.format import interval, number, p_value, percent
+from evaluate.comparison import ERRORS, FALL_RATE, Comparison
+from evaluate.format import interval, number, p_value, percent, percent_interval, points
 from evaluate.results import Results
 from evaluate.summary import Summary
 from train.config import DEFAULTS, TrainConfig, differences
@@ -46,7 +46,7 @@ intervals; errors bill every step after a fall their cap. Only the rows of one b
 
 {table(runs, shipped, results)}
 
-{against_base(shipped, results)}
+{against_base(runs, shipped, results)}
 """
 
 
@@ -74,7 +74,7 @@ def table(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
         "| scenario | policy | seed | falls | velocity error m/s | yaw-rate error rad/s | mean velocity error m/s |",
         "|---|---|---|---|---|---|---|",
     ]
-    seeds = {run.label: f"{run.config.seed}{' (shipped)' if run is shipped else ''}" for run in runs}
+    seeds = {run.label: seed(run, shipped) for run in runs}
     names = {run.label: run.config.policy for run in runs}
     for (scenario, policy), summary in results.summaries.items():
         cells = (scenario, names.get(policy, policy), seeds.get(policy, "–"), *figures(summary))
@@ -83,25 +83,38 @@ def table(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
 
 
 def figures(summary: Summary) -> tuple[str, ...]:
-    """Falls and errors of one cell."""
+    """Falls and errors of one cell, each with its interval."""
     return (
-        f"{summary.falls} ({percent(summary.fall_rate)})",
+        f"{summary.falls}, {percent(summary.fall_rate)} ({percent_interval(summary.fall_rate_ci)})",
         f"{number(summary.velocity_error)} ({interval(summary.velocity_error_ci)})",
         f"{number(summary.yaw_rate_error)} ({interval(summary.yaw_rate_error_ci)})",
         f"{number(summary.mean_velocity_error)} ({interval(summary.mean_velocity_error_ci)})",
     )
 
 
-def against_base(shipped: TrainedRun, results: Results) -> str:
-    """The shipped policy's paired differences from its base, in Markdown."""
+def against_base(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """Each run's paired differences from the shipped policy's base, in Markdown, a row for each run and scenario."""
+    base = shipped.config.base
     lines = [
-        f"Shipped seed minus `{shipped.config.base}`, paired by episode; below zero is better:",
+        f"Minus `{base}`, paired by episode; below zero is better; falls in percentage points, p in brackets:",
         "",
-        "| scenario | metric | difference | p |",
-        "|---|---|---|---|",
+        "| scenario | policy | seed | falls | velocity error m/s | yaw-rate error rad/s | mean velocity error m/s |",
+        "|---|---|---|---|---|---|---|",
     ]
-    for each in results.comparisons:
-        if (each.a, each.b) == (shipped.label, shipped.config.base):
-            metric = "falls, share of episodes" if each.metric == FALL_RATE else each.metric.replace("_", " ")
-            lines.append(f"| {each.scenario} | {metric} | {number(each.difference)} | {p_value(each.p_value)} |")
+    found = {(each.scenario, each.a, each.metric): each for each in results.comparisons if each.b == base}
+    for scenario in results.scenarios:
+        for run in runs:
+            cells = [difference(found[scenario, run.label, metric]) for metric in (FALL_RATE, *ERRORS)]
+            lines.append(f"| {scenario} | {run.config.policy} | {seed(run, shipped)} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def difference(comparison: Comparison) -> str:
+    """A difference and how likely one as large is by chance."""
+    digits = points if comparison.metric == FALL_RATE else number
+    return f"{digits(comparison.difference)} ({p_value(comparison.p_value)})"
+
+
+def seed(run: TrainedRun, shipped: TrainedRun) -> str:
+    """A run's seed, marked where it is the one that ships."""
+    return f"{run.config.seed}{' (shipped)' if run is shipped else ''}"
