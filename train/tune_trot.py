@@ -5,17 +5,18 @@ and every generation gets new ones, all from the "search" family of seeds, which
 """
 
 import json
+import sys
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.command_line import UsageError, fail, parse
-from evaluate.metrics import Measures, measure
+from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.metrics import SETTLING_TIME, Measures, measure
 from evaluate.rollout import run
-from policies.base import Actions, Policy
-from policies.files import write_atomically
+from policies.base import CONTROL_PERIOD, Actions, Policy
+from policies.files import make_writable_folder, write_atomically
 from policies.trot import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
@@ -30,11 +31,25 @@ Without the last the search leaves the robot behind that the motors could move: 
 WEAKEST_RESPONSE = 0.7
 """Achieved per commanded velocity below which a candidate is billed; standing still must not pay."""
 WEAKNESS_WEIGHT = 10.0
+WEAKEST_MAPPED = 0.1
+"""Achieved per commanded velocity below which a response is not undone: the map would ask for leaps."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
 MINIMUM_INTERVALS = 8
 """Command intervals needed to fit a response."""
 MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
+ACCOUNT = "TROT.md"
+"""The account of a search, beside its outcome."""
+LIMITS = {
+    "generations": (1, 10_000),
+    "candidates": (4, 1000),
+    "episodes": (1, 10_000),
+    "steps": (round(SETTLING_TIME / CONTROL_PERIOD) + 1, 100_000),  # what is settling only is not judged
+    "check_episodes": (MINIMUM_INTERVALS // 2, 10_000),  # of two command intervals each
+    "seed": (0, 2**31),
+    "threads": (1, 256),
+}
+"""Smallest and largest value of each number of the options."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +96,8 @@ def cost(measures: Measures, members: int) -> Floats:
     """Mean over a member's episodes of the scaled errors, (members,); falls are billed within the errors."""
     total = np.zeros(len(measures.velocity_error))
     for name, scale in ERROR_SCALES.items():
-        total += getattr(measures, name) / scale
+        # A robot that fell within the first second has no overspeed: it is billed for all joints all the time.
+        total += np.nan_to_num(getattr(measures, name), nan=1.0) / scale
     mean: Floats = total.reshape(members, -1).mean(axis=1)
     return mean
 
@@ -130,16 +146,29 @@ def mapped(parameters: TrotParameters, seeds: NDArray[np.int64], threads: int) -
 
     With u asked of the gait and v achieved: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
     """
-    measures = measure(run(Trot(parameters), practice("flat", "search"), seeds, nthread=threads))
-    found = response(measures)
-    return replace(
-        parameters,
-        forward_gain=parameters.forward_gain / found[0, 0],
-        forward_bias=parameters.forward_bias - parameters.forward_gain * found[3, 0] / found[0, 0],
-        lateral_gain=parameters.lateral_gain / found[1, 1],
-        yaw_gain=parameters.yaw_gain / found[2, 2],
-        yaw_per_lateral=(parameters.yaw_per_lateral - parameters.yaw_gain * found[1, 2] / found[2, 2]) / found[1, 1],
+    return undone(
+        parameters, response(measure(run(Trot(parameters), practice("flat", "search"), seeds, nthread=threads)))
     )
+
+
+def undone(parameters: TrotParameters, found: Floats) -> TrotParameters:
+    """The parameters whose command map undoes the response `found`, (4, 3); unchanged where it is too weak for that."""
+    try:
+        if np.diag(found[:3]).min() < WEAKEST_MAPPED:
+            raise ValueError("the response is too weak")
+        return replace(
+            parameters,
+            forward_gain=parameters.forward_gain / found[0, 0],
+            forward_bias=parameters.forward_bias - parameters.forward_gain * found[3, 0] / found[0, 0],
+            lateral_gain=parameters.lateral_gain / found[1, 1],
+            yaw_gain=parameters.yaw_gain / found[2, 2],
+            yaw_per_lateral=(parameters.yaw_per_lateral - parameters.yaw_gain * found[1, 2] / found[2, 2])
+            / found[1, 1],
+        )
+    except ValueError as error:
+        # Not worth the loss of a long search.
+        print(f"the command map stays as it is: {error}", file=sys.stderr)
+        return parameters
 
 
 def decode(point: Floats, start: TrotParameters) -> TrotParameters:
@@ -216,28 +245,51 @@ def account(options: SearchOptions, before: TrotParameters, after: TrotParameter
     return "\n".join(lines) + "\n"
 
 
+def check(options: SearchOptions) -> None:
+    """Raise UsageError, one line, on options that no search can be made with."""
+    for name, (low, high) in LIMITS.items():
+        if not low <= getattr(options, name) <= high:
+            option = "--" + name.replace("_", "-")
+            raise UsageError(f"{option} must be from {low} to {high}, got {getattr(options, name)}")
+    if options.out.is_dir() or options.out.name == ACCOUNT:
+        raise UsageError(f"--out must be a file, and not {ACCOUNT}, which the account goes to; got {options.out}")
+    if not options.out.parent.is_dir():
+        raise UsageError(f"no folder {options.out.parent}; make it, or choose another --out")
+    try:
+        make_writable_folder(options.out.parent)
+    except OSError as error:
+        raise UsageError(f"cannot write into {options.out.parent} ({error.strerror}); choose another --out") from None
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Search, judge, write; the exit code."""
+    """Search, judge, write; the exit code: 0, 2 on bad input or an outcome that cannot be written, 130 after Ctrl-C."""
+    survive_narrow_encodings()
     try:
         options = parse(SearchOptions, arguments, program="python -m train.tune_trot", description="Search the trot.")
-        if min(options.generations, options.episodes, options.steps, options.check_episodes, options.threads) < 1:
-            raise UsageError("generations, episodes, steps, check-episodes and threads must be at least 1")
-        if options.candidates < 4:
-            raise UsageError("candidates must be at least 4")
-        if not options.out.parent.is_dir():
-            raise UsageError(f"no folder {options.out.parent}; make it, or choose another --out")
+        check(options)
+        before = TrotParameters()
+        after = search(options, before)
+        complaint = keep(options.out, json.dumps(asdict(after), indent=2) + "\n")
+        text = account(options, before, after)
+        complaint = keep(options.out.with_name(ACCOUNT), text, show=True) or complaint
     except UsageError as error:
         return fail(str(error))
-    before = TrotParameters()
-    try:
-        after = search(options, before)
     except KeyboardInterrupt:
+        print("stopped before the search was done or judged", file=sys.stderr)
         return 130
-    write_atomically(options.out, (json.dumps(asdict(after), indent=2) + "\n").encode())
-    text = account(options, before, after)
-    write_atomically(options.out.with_name("TROT.md"), text.encode())
-    print(text)
-    return 0
+    return fail(complaint) if complaint else 0
+
+
+def keep(path: Path, text: str, *, show: bool = False) -> str:
+    """Write the text, and print it where asked for or where it would be lost; what went wrong, "" if nothing."""
+    complaint = ""
+    try:
+        write_atomically(path, text.encode())
+    except OSError as error:
+        complaint = f"cannot write {path} ({error.strerror or error}): its contents are on standard output"
+    if show or complaint:
+        print(text, flush=True)
+    return complaint
 
 
 if __name__ == "__main__":
