@@ -13,7 +13,8 @@ from policies.trot import SEARCH_RANGES, Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
 from train import tune_trot
-from train.tune_trot import Panel, SearchOptions, check, cost, decode, encode, judge, main, mapped, response, undone
+from train.trot_cost import ERROR_SCALES, WEAKNESS_WEIGHT, Panel, cost, judge, mapped, response, undone
+from train.tune_trot import SearchOptions, check, decode, encode, main
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])
@@ -68,8 +69,8 @@ def test_a_response_too_weak_to_be_undone_leaves_the_map_alone(monkeypatch):
     beyond = np.eye(4, 3)
     beyond[3, 0] = math.inf  # a bias that no trot's parameters may have
     assert undone(TrotParameters(), beyond) == TrotParameters()
-    monkeypatch.setattr(tune_trot, "run", lambda *_, **__: None)
-    monkeypatch.setattr(tune_trot, "measure", lambda _: measures())
+    monkeypatch.setattr("train.trot_cost.run", lambda *_, **__: None)
+    monkeypatch.setattr("train.trot_cost.measure", lambda _: measures())
     assert mapped(TrotParameters(), episode_seeds("search", 0, 6), 1).lateral_gain == pytest.approx(2.0)
 
 
@@ -96,7 +97,7 @@ def test_a_point_of_the_cube_is_a_set_of_parameters_and_back():
 
 
 def test_the_cost_is_the_mean_of_the_scaled_errors():
-    ones = {name: np.repeat([0.0, 2 * scale, 4 * scale], 2) for name, scale in tune_trot.ERROR_SCALES.items()}
+    ones = {name: np.repeat([0.0, 2 * scale, 4 * scale], 2) for name, scale in ERROR_SCALES.items()}
     np.testing.assert_allclose(cost(measures(**ones), 3), [0.0, 8.0, 16.0])
 
 
@@ -109,7 +110,7 @@ def test_a_candidate_that_stands_still_is_billed():
     """A gait that is asked for nothing keeps its own, empty response to perfection; that must not pay."""
     still = dataclasses.replace(TrotParameters(), forward_gain=0.0, lateral_gain=0.0, yaw_gain=0.0)
     walking, standing = judge([TrotParameters(), still], episode_seeds("search", 0, 8), 600, 1)
-    assert standing - walking > tune_trot.WEAKNESS_WEIGHT
+    assert standing - walking > WEAKNESS_WEIGHT
 
 
 @pytest.mark.parametrize(
