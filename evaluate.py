@@ -1,5 +1,5 @@
 """`python evaluate.py` is `python -m evaluate`; on import the package of the same name wins over this file."""
 
-from evaluate.__main__ import main
+import runpy
 
-raise SystemExit(main())
+runpy.run_module("evaluate", run_name="__main__", alter_sys=True)

@@ -1,5 +1,10 @@
 """`python -m evaluate`: compare policies on the same episodes of every scenario."""
 
+from evaluate import launcher
+
+if __name__ == "__main__":  # before the imports that take time
+    launcher.leave_on_interrupt()
+
 import os
 import sys
 from dataclasses import dataclass
@@ -14,7 +19,8 @@ if TYPE_CHECKING:
 
 PROGRAM = "python -m evaluate"
 DEFAULT_POLICIES = ("document", "document_repaired", "trot", "residual")
-INTERRUPTED = 130
+FILES = ("results.json", "episodes.parquet", "report.html")
+"""What a comparison leaves in its folder."""
 MOST_EPISODES = 1_000_000
 MOST_THREADS = 256
 
@@ -59,7 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
         return fail(str(mistake))
     except KeyboardInterrupt:
         print("interrupted: no further file was written", file=sys.stderr)
-        return INTERRUPTED
+        return launcher.INTERRUPTED
 
 
 def _check(options: Options) -> Plan:
@@ -85,6 +91,8 @@ def _check(options: Options) -> Plan:
         raise UsageError(
             f"cannot write to the folder {options.out} ({error.strerror}); name another one with --out"
         ) from error
+    if taken := [str(options.out / name) for name in FILES if (options.out / name).is_dir()]:
+        raise UsageError(f"{', '.join(taken)} is to be a file, but is a folder; name another folder with --out")
     return Plan(entrants, scenarios, options)
 
 
@@ -105,7 +113,10 @@ def _entrants(names: tuple[str, ...]) -> "tuple[Entrant, ...]":
 
 
 def _compare(plan: Plan) -> int:
-    """Run every cell, then write and show what was done, even if the user interrupted."""
+    """Run every cell, then show and write what was done, even if the user interrupted."""
+    # Everything that is needed to the end, so that no interrupt can come in the middle of an import.
+    import quad_env.vector_env  # noqa: F401
+    from evaluate import ending
     from evaluate.experiment import cells, evaluation_seeds
     from evaluate.progress import show_progress
 
@@ -115,36 +126,18 @@ def _compare(plan: Plan) -> int:
     seeds = evaluation_seeds(options.seed, options.episodes)
     interrupted = False
     try:
+        launcher.raise_on_interrupt()
         with show_progress(total) as progress:
             done.extend(cells(plan.entrants, plan.scenarios, seeds, options.threads, progress))
     except KeyboardInterrupt:
         interrupted = True
         if not done:
             raise
-    _conclude(done, options, complete=not interrupted)
+    ending.conclude(done, options.out, seed=options.seed, episodes=options.episodes, complete=not interrupted)
     if interrupted:
         print(f"interrupted: wrote the {len(done)} finished parts of {total} to {options.out}", file=sys.stderr)
-    return INTERRUPTED if interrupted else 0
-
-
-def _conclude(cells: "list[Cell]", options: Options, *, complete: bool) -> None:
-    """Analyse the cells, print the table and write the three files; the slowest, the report, last."""
-    from rich.console import Console
-
-    from evaluate.episode_table import write_parquet
-    from evaluate.report import write_report
-    from evaluate.results import analyse, write_json
-    from evaluate.table import print_results
-
-    results = analyse(cells, seed=options.seed, episodes=options.episodes, complete=complete)
-    write_json(results, options.out / "results.json")
-    write_parquet(cells, options.out / "episodes.parquet")
-    console = Console()
-    print_results(results, console)
-    write_report(results, options.out / "report.html")
-    for name in ("results.json", "episodes.parquet", "report.html"):
-        console.print(str(options.out / name), highlight=False, soft_wrap=True)
+    return launcher.INTERRUPTED if interrupted else 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(launcher.launch(main))

@@ -66,3 +66,8 @@ def p_value(value: float) -> str:
 def listed(names: Sequence[str]) -> str:
     """`a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def counted(count: int, thing: str) -> str:
+    """`1 episode`, `128 episodes`."""
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"

@@ -1,5 +1,6 @@
 """Live progress on stderr: a bar on a terminal, one line a finished cell elsewhere."""
 
+import contextlib
 import sys
 import time
 from collections.abc import Iterator
@@ -55,4 +56,5 @@ class _Lines:
         self.finished += 1
         elapsed = time.perf_counter() - self.start
         line = f"[{self.finished}/{self.total_cells}] {scenario}: {policy} ({elapsed:.0f} s)"
-        print(line, file=sys.stderr, flush=True)
+        with contextlib.suppress(OSError):  # a log that cannot be written is no reason to lose the run
+            print(line, file=sys.stderr, flush=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from evaluate import plots
 from evaluate.comparison import ERRORS, FALL_RATE, Comparison
-from evaluate.format import interval, listed, number, p_value, percent_interval, points, points_interval
+from evaluate.format import counted, interval, listed, number, p_value, percent_interval, points, points_interval
 from evaluate.results import Results
 from evaluate.summary import Summary
 from evaluate.table import against_baseline, baseline_of
@@ -66,7 +66,8 @@ def _head(results: Results) -> str:
     )
     return (
         f"<h1>{escape(listed(results.policies))} on {escape(listed(results.scenarios))}</h1>"
-        f'<p class="soft">{results.episodes} episodes of each policy on each scenario, seed {results.seed}</p>{warning}'
+        f'<p class="soft">{counted(results.episodes, "episode")} of each policy on each scenario, '
+        f"seed {results.seed}</p>{warning}"
     )
 
 

@@ -6,7 +6,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from evaluate.comparison import BASELINE, ERRORS, FALL_RATE, Comparison
-from evaluate.format import number, p_value, percent, points
+from evaluate.format import counted, number, p_value, percent, points
 from evaluate.results import Results
 from evaluate.summary import Summary
 
@@ -22,7 +22,7 @@ def print_results(results: Results, console: Console) -> None:
 
 def summary_table(results: Results) -> Table:
     """A row for each policy on each scenario."""
-    table = _table(f"{results.episodes} episodes each; mean ± half of its 95 % interval")
+    table = _table(f"{counted(results.episodes, 'episode')} each; mean ± half of its 95 % interval")
     for name in ("falls", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s", "cost of\ntransport"):
         table.add_column(name, justify="right")
     for scenario in results.scenarios:

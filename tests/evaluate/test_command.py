@@ -1,5 +1,6 @@
 """The command: mistakes are one line and exit code 2 before anything runs; Ctrl-C keeps what was done."""
 
+import errno
 import json
 import os
 import signal
@@ -19,6 +20,7 @@ from policies.network import Network
 from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
 
 PYTHON = (sys.executable, "-W", "error")
+LAUNCHERS = pytest.mark.parametrize("launcher", [("-m", "evaluate"), ("evaluate.py",)], ids=" ".join)
 
 
 @pytest.fixture
@@ -90,6 +92,43 @@ def test_an_out_folder_that_cannot_be_written_is_refused(capsys, tmp_path) -> No
     assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path / "file" / "below")
 
 
+@pytest.mark.parametrize("name", ["results.json", "episodes.parquet", "report.html"])
+@pytest.mark.usefixtures("no_simulation")
+def test_a_folder_in_the_place_of_a_file_is_refused(capsys, tmp_path, name) -> None:
+    tmp_path.joinpath(name).mkdir()
+    line = refused(capsys, "--policies", "trot", "--out", tmp_path)
+    assert str(tmp_path / name) in line
+    assert "--out" in line
+
+
+QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1")
+
+
+@pytest.mark.parametrize("failing", ["results.json", "episodes.parquet", "report.html"])
+def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_path, monkeypatch, failing) -> None:
+    """As the write of one file fails after everything has been simulated."""
+
+    def write(path: Path, content: bytes) -> None:
+        if path.name == failing:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        path.write_bytes(content)
+
+    for module in ("results", "episode_table", "report"):
+        monkeypatch.setattr(f"evaluate.{module}.write_atomically", write)
+    assert main([*QUICK, "--out", str(tmp_path)]) == 2
+    printed = capsys.readouterr()
+    assert "2.000" in printed.out
+    line = printed.err.splitlines()[-1]
+    assert line == f"error: cannot write {tmp_path / failing} ({os.strerror(errno.ENOSPC)})"
+    assert {path.name for path in tmp_path.iterdir()} == {"results.json", "episodes.parquet", "report.html"} - {failing}
+
+
+def test_one_episode_is_called_one(capsys, tmp_path) -> None:
+    assert main([*QUICK, "--out", str(tmp_path)]) == 0
+    assert "1 episode each" in capsys.readouterr().out
+    assert "1 episode of each policy" in (tmp_path / "report.html").read_text()
+
+
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="permissions do not bind the superuser")
 @pytest.mark.usefixtures("no_simulation")
 def test_a_read_only_out_folder_is_refused(capsys, tmp_path) -> None:
@@ -157,13 +196,48 @@ def test_help_is_quick_and_explains_every_option() -> None:
     assert "default: 128" in printed
 
 
-@pytest.mark.parametrize("launcher", [("-m", "evaluate"), ("evaluate.py",)], ids=" ".join)
+@LAUNCHERS
 def test_both_launchers_are_the_same_command(repository, launcher) -> None:
     command = [*PYTHON, *launcher, "--policies", "nobody"]
     finished = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
     assert finished.returncode == 2
     assert finished.stderr.startswith("error: --policies: ")
     assert finished.stderr.count("\n") == 1
+
+
+@LAUNCHERS
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+def test_a_reader_that_leaves_early_is_no_failure(repository, launcher) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [*PYTHON, *launcher, "--help"]
+    finished = subprocess.run(command, cwd=repository, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert (finished.returncode, finished.stderr) == (0, "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+def test_a_reader_that_leaves_early_loses_no_file(repository, tmp_path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [*PYTHON, "-m", "evaluate", *QUICK, "--out", str(tmp_path)]
+    finished = subprocess.run(command, cwd=repository, stdout=writing, stderr=writing, check=False)
+    os.close(writing)
+    assert finished.returncode == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["episodes.parquet", "report.html", "results.json"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_output_that_cannot_be_written_is_one_line(repository, tmp_path) -> None:
+    with Path("/dev/full").open("w") as full:
+        options = {"cwd": repository, "stdout": full, "stderr": subprocess.PIPE, "text": True, "check": False}
+        shown = subprocess.run([*PYTHON, "-m", "evaluate", "--help"], **options)
+        run = subprocess.run([*PYTHON, "-m", "evaluate", *QUICK, "--out", str(tmp_path)], **options)
+    assert (shown.returncode, shown.stderr.count("\n")) == (2, 1)
+    assert run.returncode == 2
+    assert "Traceback" not in run.stderr
+    assert run.stderr.splitlines()[-1].startswith("error: cannot write the table")
+    assert (tmp_path / "results.json").is_file()
 
 
 def test_a_terminal_without_unicode_gets_the_same_answers(repository, tmp_path) -> None:
@@ -208,6 +282,34 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path) -> None:
     assert results["policies"]["document"]["scenarios"]["flat"]["episodes"] == 512
     assert "Interrupted" in (tmp_path / "report.html").read_text()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["episodes.parquet", "report.html", "results.json"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
+@pytest.mark.parametrize("delay", [0.4, 0.8, 1.2, 1.6, 2.4])
+def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay) -> None:
+    """While modules are loaded, too, where a KeyboardInterrupt could come out as any error."""
+    process = start(
+        repository, "--policies", "trot", "--scenarios", "flat", "--episodes", "512", "--out", str(tmp_path)
+    )
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    output, error = process.communicate(timeout=120)
+    assert (process.returncode, output) == (130, "")
+    assert error == "interrupted: no further file was written\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_launcher_leaves_at_once_until_the_program_can_be_interrupted() -> None:
+    code = (
+        "import signal\nfrom evaluate import launcher\nlauncher.leave_on_interrupt()\n{}"
+        "try:\n    signal.raise_signal(signal.SIGINT)\n    for _ in range(1000): pass\n"
+        "except KeyboardInterrupt:\n    print('caught')\n"
+    )
+    loading = subprocess.run([*PYTHON, "-c", code.format("")], capture_output=True, text=True, check=False)
+    assert (loading.returncode, loading.stdout) == (130, "")
+    raising = code.format("launcher.raise_on_interrupt()\n")
+    loaded = subprocess.run([*PYTHON, "-c", raising], capture_output=True, text=True, check=False)
+    assert (loaded.returncode, loaded.stdout) == (0, "caught\n")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")

@@ -1,0 +1,75 @@
+"""How a program ends without a traceback whatever its user does: Ctrl-C at any moment, a reader that closes the pipe.
+
+A launcher calls `leave_on_interrupt` before its slow imports, and then `launch`. The program itself calls
+`raise_on_interrupt` once it has everything loaded and can keep what it has done. It imports next to nothing.
+"""
+
+import errno
+import os
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+
+INTERRUPTED = 130
+FAILED = 2
+
+
+def leave_on_interrupt() -> None:
+    """From now on Ctrl-C ends the process at once.
+
+    A KeyboardInterrupt out of an import can turn into an ImportError, or get lost in a callback, so none is raised.
+    """
+    # A shell starts background jobs deaf to Ctrl-C; that stays.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _leave)
+
+
+def raise_on_interrupt() -> None:
+    """From now on Ctrl-C is a KeyboardInterrupt again, if `leave_on_interrupt` made it something else."""
+    if signal.getsignal(signal.SIGINT) is _leave:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def launch(main: Callable[[], int]) -> int:
+    """Run a program and flush what it printed; its exit code."""
+    code = 0
+    try:
+        code = _run(main)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:  # the reader has seen enough
+        silence_stdout()
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        silence_stdout()
+        os.write(2, f"error: cannot print ({error.strerror})\n".encode())
+        code = FAILED
+    # What is left takes milliseconds, and an interrupt in it would be a traceback.
+    if signal.getsignal(signal.SIGINT) in (_leave, signal.default_int_handler):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if code == INTERRUPTED:
+        # An interrupt within exec() has the interpreter end by the signal later on, whatever the exit code.
+        os._exit(INTERRUPTED)
+    return code
+
+
+def silence_stdout() -> None:
+    """Send what is still to be printed nowhere, so that nothing fails on it when the interpreter ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def _run(main: Callable[[], int]) -> int:
+    try:
+        return main()
+    except SystemExit as end:  # after --help
+        return end.code if isinstance(end.code, int) else 0
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    # Without buffers and exit handlers: the interrupt may have come in the middle of anything.
+    os.write(2, b"interrupted: no further file was written\n")
+    os._exit(INTERRUPTED)
