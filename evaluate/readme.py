@@ -1,6 +1,7 @@
 """The README's results table: `python -m evaluate.readme results/evaluation/results.json` writes it in its place."""
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,11 +31,19 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         options = parse(Options, arguments, program=PROGRAM, description="Write the results table into the README.")
         text = options.readme.read_text()
-        found = json.loads(options.results.read_bytes())
-        write_atomically(options.readme, insert(text, table(found)).encode())
-    except (UsageError, OSError, KeyError, ValueError) as error:
+        lines = _table_of(options.results)
+        write_atomically(options.readme, insert(text, lines).encode())
+    except (UsageError, OSError, UnicodeError) as error:
         return fail(str(error))
     return 0
+
+
+def _table_of(path: Path) -> str:
+    """The table of a results.json; UsageError where it is none, or lacks something."""
+    try:
+        return table(json.loads(path.read_bytes()))
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise UsageError(f"{path} is not a results.json of `python -m evaluate` ({error!r})") from error
 
 
 def insert(text: str, lines: str) -> str:
@@ -48,14 +57,13 @@ def insert(text: str, lines: str) -> str:
 def table(found: dict[str, Any]) -> str:
     """The comparison as a Markdown table, and the command that makes it."""
     names = list(found["policies"])
+    scenarios = list(dict.fromkeys(name for policy in found["policies"].values() for name in policy["scenarios"]))
     lines = [
         "| scenario | policy | falls | velocity error, m/s | yaw-rate error, rad/s | mean velocity error, m/s |",
         "|---|---|---|---|---|---|",
     ]
-    for scenario in found["policies"][names[0]]["scenarios"]:
-        lines += [
-            f"| {scenario} | `{name}` | {row(found['policies'][name]['scenarios'][scenario])} |" for name in names
-        ]
+    for scenario in scenarios:
+        lines += [f"| {scenario} | `{name}` | {row(_cell(found, name, scenario))} |" for name in names]
     versions = found["versions"]
     lines += [
         "",
@@ -63,6 +71,23 @@ def table(found: dict[str, Any]) -> str:
         f"MuJoCo {versions['mujoco']}, Python {versions['python']}.",
     ]
     return "\n".join(lines)
+
+
+def _cell(found: dict[str, Any], policy: str, scenario: str) -> dict[str, Any]:
+    """Figures of one policy on one scenario, nan where one does not exist; UsageError if the run never got there."""
+    cells = found["policies"][policy]["scenarios"]
+    if scenario not in cells:
+        raise UsageError(f"no figures of {policy} on {scenario}: the evaluation was interrupted; run it to its end")
+    figures: dict[str, Any] = _without_null(cells[scenario])
+    return figures
+
+
+def _without_null(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_null(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_without_null(entry) for entry in value]
+    return math.nan if value is None else value
 
 
 def row(cell: dict[str, Any]) -> str:
