@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     Frame = NDArray[np.uint8]
 
 PROGRAM = "python -m evaluate.pictures"
+EPISODE = 10.0
+"""Length of an episode, s."""
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Draw the strips; the exit code."""
     try:
         options = parse(Options, arguments, program=PROGRAM, description="Strips of frames of policies on scenarios.")
-        if options.frames < 1 or options.every < 0.01 or options.start < 0:
-            raise UsageError("--frames must be at least 1, --every at least 0.01 s, --start not negative")
-        make_writable_folder(options.out.parent)
+        _check(options)
         draw(options)
     except (UsageError, ValueError, OSError) as error:
         return fail(str(error))
@@ -58,6 +58,26 @@ def main(arguments: list[str] | None = None) -> int:
         return 130
     print(options.out)
     return 0
+
+
+def _check(options: Options) -> None:
+    """Everything that can be wrong, before anything is drawn; ValueError (PolicyError), OSError or UsageError."""
+    import policies
+    import quad_env
+
+    if not (options.frames >= 1 and options.every >= 0.01 and options.start >= 0.0):
+        raise UsageError("--frames must be at least 1, --every at least 0.01 s, --start not negative")
+    if not options.start + options.frames * options.every <= EPISODE:
+        raise UsageError(f"the last frame must lie within the episode's {EPISODE:g} s; see --start, --every, --frames")
+    if not options.policies or not options.scenarios:
+        raise UsageError("--policies and --scenarios must each name at least one")
+    for policy in options.policies:
+        policies.resolve(policy)
+    for scenario in options.scenarios:
+        quad_env.scenario(scenario)
+    if options.out.suffix.lower() != ".png" or options.out.is_dir():
+        raise UsageError(f"--out must be a PNG file, such as results/walking.png, not {options.out}")
+    make_writable_folder(options.out.parent)
 
 
 def draw(options: Options) -> None:
