@@ -109,7 +109,14 @@ class TrainConfig:
 
 DEFAULTS: dict[PolicyKind, TrainConfig] = {
     "residual": TrainConfig(),
-    "end-to-end": TrainConfig(policy="end-to-end", base="stand", joint_authority=0.5, hip_authority=0.5),
+    "end-to-end": TrainConfig(
+        policy="end-to-end",
+        base="stand",
+        joint_authority=0.7,
+        hip_authority=0.35,
+        rewards=RewardWeights(fall=-0.3),
+        ppo=PpoConfig(log_std_init=-0.5, gamma=0.97, gae_lambda=0.95),
+    ),
 }
 """Defaults of each kind of policy."""
 
