@@ -1,5 +1,5 @@
-"""Same as `python -m train`."""
+"""`python train.py` is `python -m train`; on import the package of the same name wins over this file."""
 
-from train.__main__ import main
+import runpy
 
-raise SystemExit(main())
+runpy.run_module("train", run_name="__main__", alter_sys=True)

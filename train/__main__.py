@@ -1,5 +1,10 @@
 """`python -m train`: train a policy; the options are the fields of `train.config.TrainConfig`."""
 
+from evaluate import launcher
+
+if __name__ == "__main__":  # before the imports that take time
+    launcher.leave_on_interrupt()
+
 import argparse
 import contextlib
 import dataclasses
@@ -12,7 +17,6 @@ from train.config import DEFAULTS, TrainConfig, differences, load_config
 from train.folder import has_checkpoint
 from train.limits import check
 
-INTERRUPTED = 130
 PROGRAM = "python -m train"
 
 
@@ -26,13 +30,16 @@ def main(arguments: list[str] | None = None) -> int:
         # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
         from train.run import train
 
+        launcher.raise_on_interrupt()
         train(config)
+    except BrokenPipeError:  # the reader of --help has seen enough; the launcher ends quietly
+        raise
     except (UsageError, PolicyError, OSError) as error:
         return fail(str(error))
     except KeyboardInterrupt:
         kept = config is not None and has_checkpoint(config.folder)
         print(f"stopped; {'carry the run on with --resume' if kept else 'nothing was kept'}", file=sys.stderr)
-        return INTERRUPTED
+        return launcher.INTERRUPTED
     return 0
 
 
@@ -76,4 +83,4 @@ def _defaults(arguments: list[str]) -> TrainConfig:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(launcher.launch(main))
