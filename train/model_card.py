@@ -35,8 +35,8 @@ this folder is code.
 
     {command(config)}
 
-{config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {shipped.minutes:.1f} min on \
-{config.threads} threads, source {shipped.git_revision}. The shipped seed is {config.seed}, fixed beforehand, and of \
+{config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {shipped.minutes:.1f} min, \
+source {shipped.git_revision}. The shipped seed is {config.seed}, fixed beforehand, and of \
 its run the weights with the best validation score, on seeds and ground that neither training nor evaluation uses.
 
 ## Results
