@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from evaluate.experiment import Cell
-from evaluate.statistics import Interval, bootstrap_interval, mcnemar, sign_flip_test
+from evaluate.statistics import Floats, Interval, bootstrap_interval, mcnemar, sign_flip_test
 
 BASELINE = "trot"
 FALL_RATE = "fall_rate"
@@ -53,26 +53,21 @@ def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
     fell_a, fell_b = a.measures.fell, b.measures.fell
-    difference = fell_a.astype(np.float64) - fell_b
-    yield Comparison(
+    p_value = mcnemar(fell_a, fell_b)
+    yield _comparison(a, b, FALL_RATE, fell_a.astype(np.float64) - fell_b, p_value, "exact McNemar")
+    for metric in ERRORS:
+        difference = getattr(a.measures, metric) - getattr(b.measures, metric)
+        yield _comparison(a, b, metric, difference, sign_flip_test(difference), "paired sign-flip permutation")
+
+
+def _comparison(a: Cell, b: Cell, metric: str, difference: Floats, p_value: float, test: str) -> Comparison:
+    return Comparison(
         scenario=a.scenario.name,
         a=a.policy,
         b=b.policy,
-        metric=FALL_RATE,
+        metric=metric,
         difference=float(difference.mean()),
         ci=bootstrap_interval(difference),
-        p_value=mcnemar(fell_a, fell_b),
-        test="exact McNemar",
+        p_value=p_value,
+        test=test,
     )
-    for metric in ERRORS:
-        difference = getattr(a.measures, metric) - getattr(b.measures, metric)
-        yield Comparison(
-            scenario=a.scenario.name,
-            a=a.policy,
-            b=b.policy,
-            metric=metric,
-            difference=float(difference.mean()),
-            ci=bootstrap_interval(difference),
-            p_value=sign_flip_test(difference),
-            test="paired sign-flip permutation",
-        )

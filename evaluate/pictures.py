@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse
 from policies.files import make_writable_folder
 
@@ -55,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
     except (UsageError, ValueError, OSError) as error:
         return fail(str(error))
     except KeyboardInterrupt:
-        return 130
+        return launcher.INTERRUPTED
     print(options.out)
     return 0
 

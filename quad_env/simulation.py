@@ -67,15 +67,14 @@ class Simulation:
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._torque = self._batch.bind("actuator_force")
         self._trunk_contact = self._batch.sensor("trunk_ground").data[:, 0]
-        feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
-        self._feet = feet
+        self._feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
         self._sites = self._batch.bind("site_xpos")
         self._error = np.zeros(num_envs, bool)
         self._action = np.tile(HOME_POSE, (num_envs, 1))
         self._previous_action = self._action.copy()
 
     def reset(self, ids: NDArray[np.intp], rows: Array) -> None:
-        """Start the robots `ids` (sorted) from the given start rows, see `start.draw_start`, feet just on the ground.
+        """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, feet just on the ground.
 
         A row holds x, y, yaw, roll, pitch, 12 joint offsets from home, 6 trunk and 12 joint velocities.
         """

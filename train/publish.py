@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 from train.config import differences, load_config
 from train.folder import BEST, CHECKPOINTS
@@ -53,7 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
         return fail(str(error))
     except KeyboardInterrupt:
         print("stopped; nothing was written", file=sys.stderr)
-        return 130
+        return launcher.INTERRUPTED
     return 0
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 from evaluate.metrics import SETTLING_TIME, measure
 from evaluate.rollout import run
@@ -165,7 +166,7 @@ def main(arguments: list[str] | None = None) -> int:
         return fail(str(error))
     except KeyboardInterrupt:
         print("stopped before the search was done or judged", file=sys.stderr)
-        return 130
+        return launcher.INTERRUPTED
     return fail(complaint) if complaint else 0
 
 
