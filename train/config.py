@@ -21,9 +21,9 @@ class PpoConfig:
 
     envs: int = 256
     """Robots simulated side by side."""
-    rollout_steps: int = 32
+    rollout_steps: int = 16
     """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
-    minibatch: int = 1024
+    minibatch: int = 512
     """Samples in one gradient step; must divide envs x rollout-steps."""
     epochs: int = 6
     """Passes over each rollout."""
@@ -41,6 +41,8 @@ class PpoConfig:
     """Lambda of the generalised advantage estimate."""
     clip_range: float = 0.2
     """Clip of the probability ratio."""
+    reward_scale: float = 10.0
+    """Factor on the reward before the learner sees it: brings returns to about unit size for the value network."""
     entropy: float = 0.0
     """Weight of the entropy bonus."""
     value_weight: float = 0.5
@@ -77,7 +79,7 @@ class TrainConfig:
     """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
     base: Literal["trot", "stand"] = "trot"
     """Base policy that the correction is added to."""
-    steps: int = 3_000_000
+    steps: int = 2_000_000
     """Steps of the learner, all robots together."""
     seed: int = 0
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""

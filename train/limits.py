@@ -28,6 +28,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "ppo.gamma": (0.0, 1.0),
     "ppo.gae_lambda": (0.0, 1.0),
     "ppo.clip_range": (1e-3, 10.0),
+    "ppo.reward_scale": (1e-6, 1e6),
     "ppo.entropy": (0.0, 10.0),
     "ppo.value_weight": (0.0, 1000.0),
     "ppo.max_gradient": (1e-6, 1e6),

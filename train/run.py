@@ -95,7 +95,8 @@ def make_env(config: TrainConfig, resumed: int = 0) -> TrainingEnv:
     seeds = episode_seeds("training", config.seed, robots * (resumed + 1))[-robots:]
     first = np.random.default_rng(seeds).integers(1, config.max_episode_steps, robots, endpoint=True)
     authority = np.array([config.hip_authority, config.joint_authority, config.joint_authority] * 4, np.float32)
-    return TrainingEnv(batches, policies.make(config.base), authority, seeds, first, config.ppo.hold)
+    base, ppo = policies.make(config.base), config.ppo
+    return TrainingEnv(batches, base, authority, seeds, first, ppo.hold, ppo.reward_scale)
 
 
 def _with_pushes(original: Scenario, count: int) -> Scenario:

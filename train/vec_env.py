@@ -66,15 +66,18 @@ class TrainingEnv(VecEnv):
         seeds: NDArray[np.int64],
         first_episode_steps: NDArray[np.int64] | None = None,
         hold: int = 1,
+        reward_scale: float = 1.0,
     ) -> None:
         """`seeds`: (n,), one a robot. `first_episode_steps`: (n,), where the first episodes are cut so that the robots
-        are not all at the same point of their gait and episode; no cut when None."""
+        are not all at the same point of their gait and episode; no cut when None. The learner gets the rewards times
+        `reward_scale`; the statistics count them as they are."""
         self.batches = tuple(batches)
         self.base = base
         self.authority = authority
         self._robot_seeds = seeds
         self._first_episode_steps = first_episode_steps
         self._hold = hold
+        self._reward_scale = reward_scale
         ends = np.cumsum([batch.num_envs for batch in batches])
         self._parts = [slice(int(end) - batch.num_envs, int(end)) for end, batch in zip(ends, batches, strict=True)]
         self.statistics = Statistics()
@@ -129,7 +132,7 @@ class TrainingEnv(VecEnv):
         self._count_episodes(terminated, finished)
         infos = self._restart(observation, terminated, finished) if finished.any() else self._no_infos
         self._base_action, self._features = self._look(self.base, observation)
-        return self._features, rewards.astype(np.float32), finished, infos
+        return self._features, (self._reward_scale * rewards).astype(np.float32), finished, infos
 
     def _move(self) -> tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray]:
         """One control step of all batches: observations, rewards, terminated, truncated."""

@@ -23,9 +23,10 @@ def batches(*counts, steps=1000, scenario="push"):
     ]
 
 
-def training_env(*counts, base="trot", first=None, hold=1, **options):
+def training_env(*counts, base="trot", first=None, hold=1, reward_scale=1.0, **options):
     seeds = SEEDS[: sum(counts)]
-    return TrainingEnv(batches(*counts, **options), policies.make(base), DEFAULT_AUTHORITY, seeds, first, hold)
+    robots = batches(*counts, **options)
+    return TrainingEnv(robots, policies.make(base), DEFAULT_AUTHORITY, seeds, first, hold, reward_scale)
 
 
 def noise(step, n):
@@ -47,6 +48,16 @@ def test_a_zero_correction_walks_the_base_bit_for_bit_whatever_the_split_into_ba
         assert not terminated.any()
         _, mine, _, _ = env.step(zero)
         np.testing.assert_array_equal(mine, rewards.astype(np.float32))
+
+
+def test_the_learner_gets_scaled_rewards_and_the_statistics_plain_ones():
+    plain, scaled = training_env(2, steps=5), training_env(2, steps=5, reward_scale=8.0)
+    for step in range(5):
+        _, rewards, _, _ = plain.step(noise(step, 2))
+        _, eightfold, _, _ = scaled.step(noise(step, 2))
+        np.testing.assert_array_equal(eightfold, 8 * rewards)
+        assert rewards.all()
+    assert scaled.take_statistics() == plain.take_statistics()
 
 
 def test_the_terminal_observation_is_the_last_one_seen_by_a_robot_that_was_never_reset():
