@@ -1,5 +1,6 @@
 """n robots on one MuJoCo batch: joint targets in, state out."""
 
+import copy
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -17,6 +18,7 @@ Ids = slice | NDArray[np.intp]
 ALL = slice(None)
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""
+_TRUNK_SENSOR = "trunk_ground"
 _FLOOR_DEPTH = 1.0
 """m of solid ground below a height field."""
 
@@ -45,6 +47,15 @@ def compile_model(terrain: Terrain) -> mujoco.MjModel:
     return spec.compile()
 
 
+def _as_stepped(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A copy that steps to the same bits faster: of all sensors it evaluates the one that is read, and it does not
+    search for islands of constraints, of which one robot has only one."""
+    lean = copy.copy(model)
+    lean.sensor_needstage[np.arange(model.nsensor) != model.sensor(_TRUNK_SENSOR).id] = mujoco.mjtStage.mjSTAGE_NONE
+    lean.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    return lean
+
+
 class Simulation:
     """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads."""
 
@@ -57,12 +68,12 @@ class Simulation:
             raise ValueError(
                 f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
-        self._batch = Batch(self.model, num_envs, nthread)
+        self._batch = Batch(_as_stepped(self.model), num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._torque = self._batch.bind("actuator_force")
-        self._trunk_contact = self._batch.sensor("trunk_ground").data
+        self._trunk_contact = self._batch.sensor(_TRUNK_SENSOR).data
         self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
         self._sites = self._batch.bind("site_xpos")

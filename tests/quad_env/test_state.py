@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from quad_env.robot import HOME_POSE, JOINT_NAMES
+from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_NAMES, JOINT_UPPER
 from quad_env.simulation import Simulation
 from quad_env.state import Rotation, heading_velocity, rotation_matrix, to_body
-from quad_env.terrain import Flat
+from quad_env.terrain import Flat, SmoothRandom, Terrain
 
 angle = st.floats(-3.0, 3.0)
 
@@ -82,6 +82,28 @@ def test_every_reading_is_of_the_current_state_not_of_a_substep_earlier(moving: 
         joints = [data.joint(name) for name in JOINT_NAMES]
         np.testing.assert_array_equal(robot(state.joint_position), [joint.qpos[0] for joint in joints])
         np.testing.assert_array_equal(robot(state.joint_velocity), [joint.qvel[0] for joint in joints])
+
+
+@pytest.mark.parametrize("terrain", [Flat(), SmoothRandom(half_size=6.0)])
+def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(terrain: Terrain) -> None:
+    rng, touches = np.random.default_rng(0), 0
+    simulation = Simulation(terrain, 1, 1, 100.0)
+    start = np.zeros((1, 35))
+    start[0, 3] = 2.0  # rad of roll: it falls over
+    simulation.reset(np.arange(1), start)
+    data = simulation.snapshot(0)
+    data.qacc_warmstart[:] = 0.0
+    for _ in range(200):
+        action = np.clip(HOME_POSE + rng.normal(0, 0.6, 12), JOINT_LOWER, JOINT_UPPER)
+        simulation.step(action[None], None)
+        data.ctrl[:] = action
+        mujoco.mj_step(simulation.model, data, nstep=simulation.substeps)
+        state = simulation.state_of_one((0.0, 0.0, 0.0))
+        assert (state.joint_position, state.joint_velocity) == (tuple(data.qpos[7:]), tuple(data.qvel[6:]))
+        assert state.joint_torque == tuple(data.actuator_force)
+        assert state.trunk_contact == (data.sensor("trunk_ground").data[0] > 0)
+        touches += state.trunk_contact
+    assert 0 < touches < 200, "the trunk must have touched the ground for this to show anything"
 
 
 def test_heading_velocity_is_the_trunks_displacement_over_time(moving: Simulation) -> None:
