@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from quad_env.columns import Array, Mask
 from quad_env.config import COMMAND_BOUND
-from quad_env.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
+from quad_env.robot import JOINT_LOWER, JOINT_UPPER
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 RESET_OPTIONS = ("command", "reset_mask")
 
 
@@ -63,14 +62,14 @@ def seeds_of(seed: int | Sequence[int], num_envs: int) -> list[Any]:
     return [None if each is None else int(each) for each in seeds]
 
 
-def joint_targets(actions: Any, num_envs: int) -> Array:
-    """Joint targets clipped to the limits, (num_envs, 12), rad."""
-    raw = np.asarray(actions)
-    if raw.dtype.kind not in "fiu":
-        raise ValueError(f"actions must be real joint targets in rad, got {raw.dtype}")
-    array = raw.astype(np.float64)
-    if array.shape != (num_envs, NUM_JOINTS):
-        raise ValueError(f"actions have shape {array.shape}; wanted ({num_envs}, {NUM_JOINTS}) joint targets in rad")
-    if not np.isfinite(array).all():
-        raise ValueError("actions must be finite joint targets in rad")
-    return np.clip(array, JOINT_LOWER, JOINT_UPPER)
+def joint_targets(actions: Any, shape: tuple[int, ...]) -> Array:
+    """Joint targets clipped to the limits, of the given `shape`, rad."""
+    array = np.asarray(actions)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"an action is real joint targets in rad, got {array.dtype}")
+    if array.shape != shape:
+        raise ValueError(f"the action has shape {array.shape}; wanted {shape} joint targets in rad")
+    if np.count_nonzero(np.isfinite(array)) < array.size:
+        raise ValueError("an action is finite joint targets in rad")
+    targets: Array = np.minimum(np.maximum(array, JOINT_LOWER), JOINT_UPPER)
+    return targets

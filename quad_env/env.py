@@ -1,15 +1,27 @@
-"""The single environment: a batch of one."""
+"""The single environment: one robot, its readings, rewards and falls worked out on floats."""
 
 from typing import Any
 
 import gymnasium as gym
 import mujoco
 import numpy as np
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from quad_env import columns
+from quad_env.arguments import check_options, held_commands, joint_targets, seeds_of
 from quad_env.config import TaskConfig
+from quad_env.episode import Episode
+from quad_env.observations import observe
+from quad_env.rewards import reward_terms, step_weights
 from quad_env.robot import NUM_JOINTS
 from quad_env.scenarios import Scenario
+from quad_env.scenarios import scenario as find_scenario
+from quad_env.seeding import fresh_seeds
+from quad_env.simulation import Simulation
+from quad_env.state import QuadState
+from quad_env.terminations import fall_reason
+from quad_env.vector_env import ACTION_SPACE, OBSERVATION_SPACE, Observation
 
 RENDER_MODES = ("rgb_array", "depth_array", "human")
 
@@ -41,69 +53,114 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         camera: str = "track",
         config: TaskConfig | None = None,
     ) -> None:
-        from quad_env.vector_env import SimpleQuadVectorEnv
-
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
-        self._batch = SimpleQuadVectorEnv(
-            1,
-            scenario,
-            nthread=1,
-            autoreset_mode=gym.vector.AutoresetMode.DISABLED,
-            max_episode_steps=None,
-            terminate_on_fall=terminate_on_fall,
-            config=config,
-        )
+        self.scenario = find_scenario(scenario)
+        """What the robot has to cope with."""
+        self.config = config or TaskConfig()
+        self.dt = 1 / self.config.control_rate
+        """Control period, s."""
+        self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
-        self.action_space = self._batch.single_action_space
-        self.observation_space = self._batch.single_observation_space
+        self.action_space, self.observation_space = ACTION_SPACE, OBSERVATION_SPACE
+        self._simulation = Simulation(self.scenario.terrain, 1, 1, self.config.control_rate)
+        self._weights = step_weights(self.config.reward_weights, self.dt)
+        self._interval = round(self.scenario.commands.interval / self.dt)
+        (self._seed,), self._next_episode = fresh_seeds(1), 0
+        self._episode: Episode | None = None
+        self._clock, self._held = 0, False
+        self._command: columns.Vector[float] = (0.0, 0.0, 0.0)
+        self._followed: columns.Vector[float] = self._command
+        self._fall: str | None = None
+        self._diverged = self._terminated = False
         self._frame = (width, height, camera)
         self._view: Any = None
 
     @property
-    def dt(self) -> float:
-        """Control period, s."""
-        return self._batch.dt
-
-    @property
-    def scenario(self) -> Scenario:
-        """What the robot has to cope with."""
-        return self._batch.scenario
-
-    @property
     def model(self) -> mujoco.MjModel:
         """The compiled model; writing to it does not change the simulation."""
-        return self._batch.simulation.model
+        return self._simulation.model
 
     @property
     def data(self) -> mujoco.MjData:
         """A fresh snapshot of the simulation, derived fields current; writing to it does not change the simulation."""
-        return self._batch.simulation.snapshot(0)
+        return self._simulation.snapshot(0)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode; `options["command"]`, (3,), is held for its whole length."""
         super().reset(seed=seed)
-        if options and "reset_mask" in options:
+        options = options or {}
+        check_options(options)
+        if "reset_mask" in options:
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
-        observation, infos = self._batch.reset(seed=seed, options=options)
+        command = options.get("command")
+        held = None if command is None else held_commands(command, 1)
+        if seed is not None:
+            (self._seed,), self._next_episode = seeds_of(seed, 1), 0
+        self._episode = Episode(self.scenario, self._seed, self._next_episode, self.dt)
+        self._next_episode += 1
+        self._clock, self._fall, self._diverged, self._terminated = 0, None, False, False
+        self._held = held is not None
+        self._command = self._followed = columns.of_robot(self._episode.next_command()[None] if held is None else held)
+        self._simulation.reset(np.zeros(1, np.intp), self._episode.start[None])
+        observation, info = self._still()
         if self.render_mode == "human":
             self.render()
-        return observation[0], _first(infos)
+        return observation, info
 
-    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Advance by `dt` seconds with target joint positions (12,), rad.
+    def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Advance by `dt` seconds with target joint positions (12,), rad; a robot whose episode has ended stands still.
 
         Raises:
             ValueError: a wrong shape or a non-finite target; the robot has not moved then.
         """
-        if np.shape(action) != (NUM_JOINTS,):
-            raise ValueError(f"the action has shape {np.shape(action)}; wanted ({NUM_JOINTS},) joint targets in rad")
-        observation, reward, terminated, truncated, infos = self._batch.step(np.asarray(action)[None])
+        targets = joint_targets(action, (NUM_JOINTS,))
+        if self._episode is None:
+            raise ResetNeeded("reset the environment before the first step")
+        if self._terminated:
+            observation, info = self._still()
+            return observation, 0.0, True, False, info
+        self._simulation.step(targets[None], self._episode.pushes.force_at([self._clock]))
+        self._clock += 1
+        state = self._judge()
+        terms = reward_terms(state, self._terminated, self._diverged, self._weights)
+        if not self._held and self._clock % self._interval == 0:
+            self._command = columns.of_robot(self._episode.next_command()[None])
+        observation = observe(state, self._command)
         if self.render_mode == "human":
             self.render()
-        return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
+        info = self._info(state, terms, state.mechanical_power, state.overspeed)
+        return observation, columns.total(terms.values()), self._terminated, False, info
+
+    def _judge(self) -> QuadState[float]:
+        """Readings of the robot that just moved; whether it fell, and whether that ends the episode."""
+        self._diverged = self._simulation.one_diverged()
+        if self._diverged:
+            self._simulation.park(np.zeros(1, np.intp))
+        self._followed = self._command
+        state = self._simulation.state_of_one(self._followed)
+        self._fall = None if self._diverged else fall_reason(state, self.config.fall_rule)
+        self._terminated = self._diverged or (self._fall is not None and self.terminate_on_fall)
+        return state
+
+    def _still(self) -> tuple[Observation, dict[str, Any]]:
+        """Observation and info of a robot that has not moved."""
+        state = self._simulation.state_of_one(self._followed)
+        terms = dict.fromkeys(self._weights, 0.0)
+        return observe(state, self._command), self._info(state, terms, 0.0, 0.0)
+
+    def _info(self, state: QuadState[float], terms: dict[str, float], power: float, overspeed: float) -> dict[str, Any]:
+        return {
+            "command": np.array(state.command),
+            "heading_velocity": np.array(state.heading_velocity),
+            "reward_terms": terms,
+            "fall": self._fall,
+            "diverged": self._diverged,
+            "mechanical_power": power,
+            "overspeed": overspeed,
+        }
 
     def render(self) -> NDArray[Any] | None:
         """The current frame: (height, width, 3) uint8, (height, width) float32 in m, or None for "human"."""
@@ -121,10 +178,3 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._view is not None:
             self._view.close()
             self._view = None
-
-
-def _first(infos: dict[str, Any]) -> dict[str, Any]:
-    """Infos of the only robot of a batch of one."""
-    out = {key: value[0] for key, value in infos.items() if key != "reward_terms" and not key.startswith("_")}
-    scalars = {key: value.item() for key, value in out.items() if isinstance(value, np.generic)}
-    return out | scalars | {"reward_terms": {name: float(value[0]) for name, value in infos["reward_terms"].items()}}

@@ -3,24 +3,32 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from quad_env.columns import Array
 from quad_env.commands import draw_command
 from quad_env.scenarios import Pushes, Scenario
 from quad_env.seeding import EpisodeStreams
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class PushPlan:
-    """Pushes of one episode; each force acts for `steps` control steps."""
+    """Pushes of one episode, or of n with a leading axis; each acts for `steps` control steps, never two at once."""
 
     first_step: NDArray[np.int64]
-    """Control step at which each push begins, (count,)."""
+    """Control step at which each push begins, (…, count)."""
     steps: int
     force: Array
-    """World frame, x and y, (count, 2), N."""
+    """World frame, x and y, (…, count, 2), N."""
+
+    def force_at(self, step: ArrayLike) -> Array | None:
+        """Forces on the trunk during those control steps, (n,); world frame, (n, 2), N. None where nobody is pushed."""
+        if not self.steps:
+            return None
+        since = np.asarray(step)[..., None] - self.first_step
+        acting = (since >= 0) & (since < self.steps)
+        force: Array = np.where(acting[..., None], self.force, 0.0).sum(axis=-2)
+        return force
 
 
 class Episode:

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.columns import Column, Vector, differences, in_single_precision
 from quad_env.config import COMMAND_BOUND
 from quad_env.robot import HOME_POSE, NUM_JOINTS
 from quad_env.state import QuadState
+
+_HOME: list[float] = HOME_POSE.tolist()
 
 
 @dataclass(frozen=True)
@@ -46,17 +49,21 @@ BOUND = np.repeat([term.bound for term in TERMS], [term.width for term in TERMS]
 """The observation space is [-BOUND, BOUND], shape (OBSERVATION_SIZE,)."""
 SCALE = np.repeat([term.scale for term in TERMS], [term.width for term in TERMS]).astype(np.float32)
 """Scale of every entry, shape (OBSERVATION_SIZE,)."""
+_LOWER_BOUND = -BOUND
 BOUND.flags.writeable = SCALE.flags.writeable = False
 
 
-def observe(state: QuadState, command: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Fresh observation array, (n, OBSERVATION_SIZE); `command` is the one to follow next, (n, 3)."""
-    out = np.empty((len(command), OBSERVATION_SIZE), np.float32)
-    out[:, OBSERVATION["projected_gravity"]] = state.projected_gravity
-    out[:, OBSERVATION["angular_velocity"]] = state.angular_velocity
-    out[:, OBSERVATION["linear_velocity"]] = state.linear_velocity
-    out[:, OBSERVATION["joint_position"]] = state.joint_position - HOME_POSE
-    out[:, OBSERVATION["joint_velocity"]] = state.joint_velocity
-    out[:, OBSERVATION["previous_action"]] = state.action - HOME_POSE
-    out[:, OBSERVATION["command"]] = command
-    return np.clip(out, -BOUND, BOUND, out=out)
+def observe(state: QuadState[Column], command: Vector[Column]) -> NDArray[np.float32]:
+    """Fresh observation, (OBSERVATION_SIZE,) or (n, OBSERVATION_SIZE); `command`, (3), is the one to follow next."""
+    readings = {
+        "projected_gravity": state.projected_gravity,
+        "angular_velocity": state.angular_velocity,
+        "linear_velocity": state.linear_velocity,
+        "joint_position": differences(state.joint_position, _HOME),
+        "joint_velocity": state.joint_velocity,
+        "previous_action": differences(state.action, _HOME),
+        "command": command,
+    }
+    out = in_single_precision([readings[term.name] for term in TERMS]).T
+    np.minimum(out, BOUND, out=out)
+    return np.maximum(out, _LOWER_BOUND, out=out)

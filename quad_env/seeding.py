@@ -1,5 +1,7 @@
 """Seeds: disjoint families keyed by purpose, and the independent random streams of each episode."""
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +24,11 @@ def episode_seeds(purpose: str, seed: int, count: int) -> NDArray[np.int64]:
     return (words >> np.uint64(64 - _FAMILY_BITS)).astype(np.int64) | (family << _FAMILY_BITS)
 
 
+def fresh_seeds(count: int) -> list[int]:
+    """Seeds for envs that are given none, from the operating system's entropy."""
+    return [int(seed) for seed in np.random.SeedSequence().generate_state(count)]
+
+
 class EpisodeStreams:
     """Random generators of one episode, one for each kind of draw, so that none shifts another.
 
@@ -29,7 +36,22 @@ class EpisodeStreams:
     """
 
     def __init__(self, seed: int, episode: int) -> None:
-        start, commands, pushes = np.random.SeedSequence(seed, spawn_key=(episode,)).spawn(3)
-        self.start = np.random.Generator(np.random.PCG64(start))
-        self.commands = np.random.Generator(np.random.PCG64(commands))
-        self.pushes = np.random.Generator(np.random.PCG64(pushes))
+        self._seeds = np.random.SeedSequence(seed, spawn_key=(episode,)).spawn(3)
+
+    @cached_property
+    def start(self) -> np.random.Generator:
+        """Of the start."""
+        return self._stream(0)
+
+    @cached_property
+    def commands(self) -> np.random.Generator:
+        """Of the commands."""
+        return self._stream(1)
+
+    @cached_property
+    def pushes(self) -> np.random.Generator:
+        """Of the pushes."""
+        return self._stream(2)
+
+    def _stream(self, child: int) -> np.random.Generator:
+        return np.random.Generator(np.random.PCG64(self._seeds[child]))

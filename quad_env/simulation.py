@@ -1,26 +1,24 @@
 """n robots on one MuJoCo batch: joint targets in, state out."""
 
+import copy
+from collections.abc import Callable
+from typing import Any, cast
+
 import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
+from quad_env.columns import Array, Column, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
 from quad_env.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, MODEL_PATH
 from quad_env.state import QuadState, heading_velocity, rotation_matrix, to_body
 from quad_env.terrain import SmoothRandom, Terrain
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
-_DIVERGENCE = [
-    int(warning)
-    for warning in (
-        mujoco.mjtWarning.mjWARN_BADQPOS,
-        mujoco.mjtWarning.mjWARN_BADQVEL,
-        mujoco.mjtWarning.mjWARN_BADQACC,
-        mujoco.mjtWarning.mjWARN_BADCTRL,
-    )
-]
+Ids = slice | NDArray[np.intp]
+ALL = slice(None)
+_DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
+"""MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""
+_TRUNK_SENSOR = "trunk_ground"
 _FLOOR_DEPTH = 1.0
 """m of solid ground below a height field."""
 
@@ -49,6 +47,15 @@ def compile_model(terrain: Terrain) -> mujoco.MjModel:
     return spec.compile()
 
 
+def _as_stepped(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A copy that steps to the same bits faster: of all sensors it evaluates the one that is read, and it does not
+    search for islands of constraints, of which one robot has only one."""
+    lean = copy.copy(model)
+    lean.sensor_needstage[np.arange(model.nsensor) != model.sensor(_TRUNK_SENSOR).id] = mujoco.mjtStage.mjSTAGE_NONE
+    lean.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    return lean
+
+
 class Simulation:
     """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads."""
 
@@ -61,15 +68,15 @@ class Simulation:
             raise ValueError(
                 f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
-        self._batch = Batch(self.model, num_envs, nthread)
+        self._batch = Batch(_as_stepped(self.model), num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._torque = self._batch.bind("actuator_force")
-        self._trunk_contact = self._batch.sensor("trunk_ground").data[:, 0]
+        self._trunk_contact = self._batch.sensor(_TRUNK_SENSOR).data
+        self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
         self._sites = self._batch.bind("site_xpos")
-        self._error = np.zeros(num_envs, bool)
         self._action = np.tile(HOME_POSE, (num_envs, 1))
         self._previous_action = self._action.copy()
 
@@ -80,7 +87,6 @@ class Simulation:
         """
         self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._batch.warning[ids] = 0
-        self._error[ids] = False
         qpos = np.empty((len(ids), self.model.nq))
         qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], HOME_HEIGHT
         qpos[:, 3:7] = _quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
@@ -93,51 +99,64 @@ class Simulation:
         lift = self.terrain.height(feet[:, :, 0], feet[:, :, 1]) + FOOT_RADIUS - feet[:, :, 2]
         self._qpos[ids, 2] += lift.max(axis=1)
 
-    def step(self, action: Array, push: Array, active: Mask) -> None:
-        """Advance the active robots by one control period with joint targets (n, 12) and trunk forces (n, 2), N."""
-        ids = None if active.all() else np.flatnonzero(active)
-        rows: slice | NDArray[np.intp] = slice(None) if ids is None else ids
-        self._previous_action[rows] = self._action[rows]
-        self._action[rows] = self._ctrl[rows] = action[rows]
-        self._push[rows] = push[rows]
+    def step(self, action: Array, push: Array | None, ids: Ids = ALL) -> None:
+        """Advance those robots by one control period with joint targets (n, 12) and trunk forces (n, 2), N, of all.
+
+        None instead of forces leaves them as they are: none, since the reset, where nobody ever pushes.
+        """
+        self._previous_action[ids] = self._action[ids]
+        self._action[ids] = self._ctrl[ids] = action[ids]
+        if push is not None:
+            self._push[ids] = push[ids]
         try:
-            self._batch.step(ids, self.substeps)
+            self._batch.step(None if ids is ALL else ids, self.substeps)
         except SimulationError as error:
-            self._error[error.ids] = True
+            self._warnings[error.ids] += 1
 
-    def diverged(self) -> Mask:
-        """Robots whose simulation MuJoCo warned about since their reset, or whose state is not finite, (n,)."""
-        warned: Mask = self._batch.warning[:, _DIVERGENCE, 1].any(axis=1)
-        finite = np.isfinite(self._qpos).all(axis=1) & np.isfinite(self._qvel).all(axis=1)
-        diverged: Mask = warned | self._error | ~finite
-        return diverged
+    def diverged(self, ids: Ids = ALL) -> Mask:
+        """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite."""
+        return cast("Mask", self._diverged(lambda rows: of_robots(rows[ids])))
 
-    def park(self, mask: Mask) -> None:
+    def one_diverged(self) -> bool:
+        """The same of the only robot of a batch of one."""
+        return bool(self._diverged(of_robot))
+
+    def _diverged(self, columns: Callable[[Array], Vector[Column]]) -> Truth:
+        warned: Any = total(columns(self._warnings)) > 0
+        return warned | not_finite(columns(self._qpos)) | not_finite(columns(self._qvel))  # type: ignore[no-any-return]
+
+    def park(self, ids: NDArray[np.intp]) -> None:
         """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
-        ids = np.flatnonzero(mask)
-        if len(ids):
-            self._batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
+        self._batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
 
-    def state(self, command: Array) -> QuadState:
-        """Readings of all robots now; `command` (n, 3) is the one they were following."""
-        position, velocity = self._qpos[:, :3].copy(), self._qvel
-        rotation = rotation_matrix(self._qpos[:, 3:7])
-        linear_world, angular_body = velocity[:, :3].copy(), velocity[:, 3:6].copy()
+    def state(self, command: Vector[Array], ids: Ids = ALL) -> QuadState[Array]:
+        """Readings of those robots now; `command`, (3) is the one they were following."""
+        return self._readings(lambda rows: of_robots(rows[ids]), command)
+
+    def state_of_one(self, command: Vector[float]) -> QuadState[float]:
+        """The same of the only robot of a batch of one."""
+        return self._readings(of_robot, command)
+
+    def _readings(self, columns: Callable[[Array], Vector[Column]], command: Vector[Column]) -> QuadState[Column]:
+        """`columns` takes those of the wanted robots out of the rows of all."""
+        qpos, qvel = columns(self._qpos), columns(self._qvel)
+        rotation = rotation_matrix(qpos[3:7])
+        x, y, z = qpos[:3]
         return QuadState(
-            position=position,
-            height=position[:, 2] - self.terrain.height(position[:, 0], position[:, 1]),
+            position=qpos[:3],
+            height=z - self.terrain.height(x, y),
             rotation=rotation,
-            linear_velocity=to_body(rotation, linear_world),
-            angular_velocity=angular_body,
-            heading_velocity=heading_velocity(rotation, linear_world, angular_body),
-            vertical_velocity=linear_world[:, 2],
-            joint_position=self._qpos[:, 7:].copy(),
-            joint_velocity=velocity[:, 6:].copy(),
-            joint_torque=self._torque.copy(),
-            trunk_contact=self._trunk_contact > 0,
+            linear_velocity=to_body(rotation, qvel[:3]),
+            angular_velocity=qvel[3:6],
+            heading_velocity=heading_velocity(rotation, qvel[:3], qvel[3:6]),
+            vertical_velocity=qvel[2],
+            joint_position=qpos[7:],
+            joint_velocity=qvel[6:],
+            joint_torque=columns(self._torque),
+            trunk_contact=columns(self._trunk_contact)[0] > 0,
             command=command,
-            action=self._action.copy(),
-            previous_action=self._previous_action.copy(),
+            action=columns(self._action),
+            previous_action=columns(self._previous_action),
         )
 
     def snapshot(self, robot: int) -> mujoco.MjData:

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from quad_env.columns import Array, Column, clip, where, whole
 
 
 @dataclass(frozen=True)
@@ -16,9 +15,9 @@ class Flat:
     spawn_radius: float = 0.0
     """m, half-side of the square over which robots start"""
 
-    def height(self, x: Array, y: Array) -> Array:
-        """Ground height in the world frame, m; same shape as `x`."""
-        return np.zeros(np.shape(x))
+    def height(self, x: Column, y: Column) -> Column:
+        """Ground height in the world frame, m."""
+        return 0.0 * x
 
 
 @dataclass(frozen=True)
@@ -59,20 +58,20 @@ class SmoothRandom:
         """Grid of heights, rows along y and columns along x, shape (points, points), m."""
         return _smooth_random_heights(self)
 
-    def height(self, x: Array, y: Array) -> Array:
+    def height(self, x: Column, y: Column) -> Column:
         """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
         grid, last = self.heights(), self.points - 1
-        column = np.clip((x + self.half_size) / self.cell, 0, last)
-        row = np.clip((y + self.half_size) / self.cell, 0, last)
-        j = np.minimum(column.astype(np.intp), last - 1)
-        i = np.minimum(row.astype(np.intp), last - 1)
+        column = clip((x + self.half_size) / self.cell, 0.0, float(last))
+        row = clip((y + self.half_size) / self.cell, 0.0, float(last))
+        j, i = whole(column, last - 1), whole(row, last - 1)
         u, v = column - j, row - i
-        near, far = np.minimum(u, v), np.maximum(u, v)
+        near, far = where(u < v, u, v), where(u < v, v, u)
         start, end = grid[i, j], grid[i + 1, j + 1]
-        side = np.where(u > v, grid[i, j + 1], grid[i + 1, j])
+        side = where(u > v, grid[i, j + 1], grid[i + 1, j])
         surface = start + (side - start) * (far - near) + (end - start) * near
-        inside = (np.abs(x) <= self.half_size) & (np.abs(y) <= self.half_size)
-        return np.where(inside, surface, 0.0)
+        inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
+        height: Column = where(inside, surface, 0.0)
+        return height
 
 
 @cache

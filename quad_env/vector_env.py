@@ -1,6 +1,6 @@
 """The native batch: n robots as one `gymnasium.vector.VectorEnv`."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from quad_env import columns
 from quad_env.arguments import (
     check_options,
     find_autoreset_mode,
@@ -18,19 +19,19 @@ from quad_env.arguments import (
     reset_mask,
     seeds_of,
 )
+from quad_env.columns import Array, Mask
 from quad_env.config import TaskConfig
-from quad_env.episode import Episode
+from quad_env.episode import Episode, PushPlan
 from quad_env.observations import BOUND, observe
-from quad_env.rewards import reward_terms
-from quad_env.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, VELOCITY_LIMIT
+from quad_env.rewards import reward_terms, step_weights
+from quad_env.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
 from quad_env.scenarios import Scenario
 from quad_env.scenarios import scenario as find_scenario
-from quad_env.simulation import Simulation
+from quad_env.seeding import fresh_seeds
+from quad_env.simulation import ALL, Ids, Simulation
 from quad_env.state import QuadState
 from quad_env.terminations import fall_reasons
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Observation = NDArray[np.float32]
 Infos = dict[str, Any]
 
@@ -88,22 +89,23 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.terminate_on_fall = terminate_on_fall
         self.dt = 1 / self.config.control_rate
         self.simulation = Simulation(self.scenario.terrain, num_envs, nthread, self.config.control_rate)
+        self._weights = step_weights(self.config.reward_weights, self.dt)
         self._interval = round(self.scenario.commands.interval / self.dt)
-        self._seeds = [int(seed) for seed in np.random.SeedSequence().generate_state(num_envs)]
-        self._next_episode = np.zeros(num_envs, np.int64)
-        self._episodes: list[Episode] = [Episode(self.scenario, 0, 0, self.dt)] * num_envs
+        self._seeds, self._next_episode = fresh_seeds(num_envs), [0] * num_envs
+        self._episodes = [Episode(self.scenario, 0, 0, self.dt)] * num_envs
+        pushes = self._episodes[0].pushes
+        self._pushes = PushPlan(
+            np.tile(pushes.first_step, (num_envs, 1)), pushes.steps, np.tile(pushes.force, (num_envs, 1, 1))
+        )
         self._clock = np.zeros(num_envs, np.int64)
         self._command, self._held = np.zeros((num_envs, 3)), np.zeros(num_envs, bool)
-        self._followed = np.zeros((num_envs, 3))
         self._started = np.zeros(num_envs, bool)
-        self._camera: Any = None
-        pushes = self._episodes[0].pushes
-        self._push_start = np.zeros((num_envs, len(pushes.first_step)), np.int64)
-        self._push_force = np.zeros((num_envs, *pushes.force.shape))
-        self._push_steps = pushes.steps
         self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
-        self._diverged, self._fall = np.zeros(num_envs, bool), np.full(num_envs, None, dtype=object)
+        # What the caller is shown copies of: a robot that does not move keeps its row.
         self._observation: Observation = np.zeros((num_envs, len(BOUND)), np.float32)
+        self._followed, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
+        self._diverged, self._fall = np.zeros(num_envs, bool), np.full(num_envs, None, dtype=object)
+        self._camera: Any = None
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
@@ -124,9 +126,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         held = None if command is None else held_commands(command, self.num_envs)
         self._reseed(seed, mask)
         super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
-        self._begin(mask, held)
-        infos, _ = self._read(np.zeros(self.num_envs, bool), refresh=mask)
-        return self._observation.copy(), infos
+        self._begin(np.flatnonzero(mask), held)
+        return self._observation.copy(), self._infos(self._nothing_paid())
 
     def step(self, actions: NDArray[np.floating[Any]]) -> tuple[Observation, Array, Mask, Mask, Infos]:
         """Advance by one control period of `dt` seconds.
@@ -139,19 +140,19 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         """
         if not self._started.all():
             raise ResetNeeded("reset the environments before the first step")
-        targets = joint_targets(actions, self.num_envs)
+        targets = joint_targets(actions, (self.num_envs, NUM_JOINTS))
         done = self._terminated | self._truncated
-        active = ~done
-        self.simulation.step(targets, self._push(), active)
-        self._clock[active] += 1
-        if self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            self._begin(done, None)
-            infos, rewards = self._read(active, refresh=np.ones(self.num_envs, bool))
-        else:
-            infos, rewards = self._read(active, refresh=active)
+        moving = np.flatnonzero(~done) if done.any() else ALL
+        self.simulation.step(targets, self._push(), moving)
+        self._clock[moving] += 1
+        paid = self._judge(moving)
+        rewards = columns.total(paid["reward_terms"].values())
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and moving is not ALL:
+            self._begin(np.flatnonzero(done), None)
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
-        if self.autoreset_mode is AutoresetMode.SAME_STEP:
-            infos = self._restart_finished(terminated | truncated, infos)
+        infos = self._infos(paid)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and (finished := terminated | truncated).any():
+            infos = self._restart(finished, infos, paid)
         return self._observation.copy(), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[Any], ...] | None:
@@ -179,89 +180,97 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             if seeds[i] is not None:
                 self._seeds[i], self._next_episode[i] = seeds[i], 0
 
-    def _begin(self, mask: Mask, held: Array | None) -> None:
-        """Start the next episode of the masked envs; `held` are their commands, or None to draw."""
-        ids = np.flatnonzero(mask)
+    def _begin(self, ids: NDArray[np.intp], held: Array | None) -> None:
+        """Start the next episode of those envs and look; `held` are the commands of all, or None to draw."""
         if not len(ids):
             return
         for i in ids:
-            episode = Episode(self.scenario, self._seeds[i], int(self._next_episode[i]), self.dt)
+            episode = Episode(self.scenario, self._seeds[i], self._next_episode[i], self.dt)
             self._episodes[i] = episode
-            self._push_start[i], self._push_force[i] = episode.pushes.first_step, episode.pushes.force
+            self._next_episode[i] += 1
+            self._pushes.first_step[i], self._pushes.force[i] = episode.pushes.first_step, episode.pushes.force
             self._command[i] = episode.next_command() if held is None else held[i]
-        self._next_episode[ids] += 1
         self._started[ids] = True
         self._clock[ids], self._held[ids] = 0, held is not None
         self._terminated[ids] = self._truncated[ids] = self._diverged[ids] = False
         self._fall[ids] = None
         self.simulation.reset(ids, np.stack([self._episodes[i].start for i in ids]))
+        self._look(self._read(ids), ids)
 
-    def _push(self) -> Array:
-        """Force on each trunk during the coming step, world frame, (n, 2), N."""
-        since = self._clock[:, None] - self._push_start
-        acting = (since >= 0) & (since < self._push_steps)
-        force = np.zeros((self.num_envs, 2))
-        for k in range(acting.shape[1]):
-            force += np.where(acting[:, k, None], self._push_force[:, k], 0.0)
-        return force
+    def _push(self) -> Array | None:
+        """Force on each trunk during the coming step, world frame, (n, 2), N; None where nobody ever pushes."""
+        return self._pushes.force_at(self._clock)
 
-    def _read(self, active: Mask, refresh: Mask) -> tuple[Infos, Array]:
-        """Infos and rewards of the step that the active envs just took; observations of the envs in `refresh`."""
-        diverged = self.simulation.diverged() & active
-        self.simulation.park(diverged)
-        self._followed[refresh] = self._command[refresh]
-        state = self.simulation.state(self._followed.copy())
-        self._diverged |= diverged
+    def _read(self, ids: Ids) -> QuadState[Array]:
+        """Readings of those robots, which were following their present commands."""
+        self._followed[ids] = self._command[ids]
+        return self.simulation.state(columns.of_robots(self._followed[ids]), ids)
+
+    def _look(self, state: QuadState[Array], ids: Ids) -> None:
+        """Take the observation of those robots, whose `state` it is, with the command to follow next."""
+        self._heading_velocity[ids] = np.transpose(state.heading_velocity)
+        self._observation[ids] = observe(state, columns.of_robots(self._command[ids]))
+
+    def _judge(self, ids: Ids) -> Infos:
+        """Falls, ends, observations of the robots that just moved; gives what the step earned and cost, all (n,)."""
+        diverged = self.simulation.diverged(ids)
+        if diverged.any():
+            self.simulation.park(np.arange(self.num_envs)[ids][diverged])
+        state = self._read(ids)
         reasons = fall_reasons(state, self.config.fall_rule)
         reasons[diverged] = None
-        self._fall[active] = reasons[active]
-        fell = self._fall.astype(bool)  # a reason is a word, no fall is None
-        self._terminated[active] = (diverged | (fell & self.terminate_on_fall))[active]
+        fell = reasons.astype(bool)  # a reason is a word, no fall is None
+        ended = diverged | (fell & self.terminate_on_fall)
+        self._diverged[ids], self._fall[ids], self._terminated[ids] = diverged, reasons, ended
         if self.max_episode_steps is not None:
-            self._truncated[active] = (self._clock >= self.max_episode_steps)[active]
-        terms = reward_terms(state, self._terminated, self.config.reward_weights, self.dt)
-        paid = active & ~diverged
-        terms = {name: np.where(active if name == "fall" else paid, value, 0.0) for name, value in terms.items()}
-        self._redraw_commands(active)
-        self._observation[refresh] = observe(state, self._command)[refresh]
-        rewards = np.zeros(self.num_envs)
-        for value in terms.values():
-            rewards += value
-        return self._infos(state, terms, active), rewards
+            self._truncated[ids] = self._clock[ids] >= self.max_episode_steps
+        self._redraw_commands(ids)
+        self._look(state, ids)
+        paid = {
+            "reward_terms": reward_terms(state, ended, diverged, self._weights),
+            "mechanical_power": state.mechanical_power,
+            "overspeed": state.overspeed,
+        }
+        return paid if ids is ALL else _each(lambda values: self._spread(values, ids), paid)
 
-    def _redraw_commands(self, active: Mask) -> None:
-        due = active & ~self._held & (self._clock % self._interval == 0)
-        for i in np.flatnonzero(due):
-            self._command[i] = self._episodes[i].next_command()
+    def _spread(self, values: Array, ids: Ids) -> Array:
+        """Values of those robots among zeros for the others, (n,)."""
+        out = np.zeros(self.num_envs)
+        out[ids] = values
+        return out
 
-    def _infos(self, state: QuadState, terms: dict[str, Array], active: Mask) -> Infos:
-        speed = np.abs(state.joint_velocity)
-        power = np.where(active, (np.abs(state.joint_torque) * speed).sum(axis=1), 0.0)
+    def _nothing_paid(self) -> Infos:
+        nothing = {"reward_terms": dict.fromkeys(self._weights, 0.0), "mechanical_power": 0.0, "overspeed": 0.0}
+        return _each(lambda zero: np.full(self.num_envs, zero), nothing)
+
+    def _redraw_commands(self, ids: Ids) -> None:
+        due = ~self._held[ids] & (self._clock[ids] % self._interval == 0)
+        if due.any():
+            for i in np.arange(self.num_envs)[ids][due]:
+                self._command[i] = self._episodes[i].next_command()
+
+    def _infos(self, paid: Infos) -> Infos:
         infos: Infos = {
-            "command": state.command,
-            "heading_velocity": state.heading_velocity,
-            "reward_terms": terms,
+            "command": self._followed.copy(),
+            "heading_velocity": self._heading_velocity.copy(),
             "fall": self._fall.copy(),
             "diverged": self._diverged.copy(),
-            "mechanical_power": power,
-            "overspeed": np.where(active, (speed > VELOCITY_LIMIT).sum(axis=1) / NUM_JOINTS, 0.0),
+            **paid,
         }
         return infos | {f"_{key}": np.ones(self.num_envs, bool) for key in infos}
 
-    def _restart_finished(self, done: Mask, infos: Infos) -> Infos:
+    def _restart(self, finished: Mask, infos: Infos, paid: Infos) -> Infos:
         """Same-step autoreset: restart the finished envs; the finished step moves to `final_obs` and `final_info`."""
-        if not done.any():
-            return infos
-        final_observation = np.where(done[:, None], self._observation, np.float32(0))
-        final_info = {key: done.copy() if key.startswith("_") else value for key, value in infos.items()}
-        self._begin(done, None)
-        fresh, _ = self._read(np.zeros(self.num_envs, bool), refresh=done)
-        merged = {key: _merge(done, fresh[key], infos[key]) for key in infos}
-        extra = {"final_obs": final_observation, "_final_obs": done.copy(), "final_info": final_info}
-        return merged | extra | {"_final_info": done.copy()}
+        ids = np.flatnonzero(finished)
+        extra = {
+            "final_obs": np.where(finished[:, None], self._observation, np.float32(0)),
+            "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
+        }
+        self._begin(ids, None)
+        infos = self._infos(_each(lambda values: np.where(finished, 0.0, values), paid))
+        return infos | extra | {f"_{key}": finished.copy() for key in extra}
 
 
-def _merge(mask: Mask, chosen: Any, other: Any) -> Any:
-    if isinstance(chosen, dict):
-        return {key: _merge(mask, chosen[key], other[key]) for key in chosen}
-    return np.where(mask.reshape(-1, *[1] * (chosen.ndim - 1)), chosen, other)
+def _each(change: Callable[[Any], Array], values: Infos) -> Infos:
+    """The nested `values`, each changed."""
+    return {key: _each(change, value) if isinstance(value, dict) else change(value) for key, value in values.items()}

@@ -19,6 +19,7 @@ import quad_env
 from evaluate import metrics, rollout
 from evaluate.experiment import evaluation_seeds
 from quad_env import seeding
+from quad_env.columns import Vector
 from quad_env.robot import HOME_POSE
 from quad_env.simulation import Simulation
 from quad_env.state import QuadState
@@ -167,37 +168,37 @@ Plant = Callable[[pytest.MonkeyPatch], None]
 
 def state_with(change: Callable[[QuadState], QuadState]) -> Plant:
     """Every reading of the simulation passes through `change`."""
-    true_state = Simulation.state
+    true_readings = Simulation._readings
 
-    def faulty(self: Simulation, *args: Any, **kwargs: Any) -> QuadState:
-        return change(true_state(self, *args, **kwargs))
+    def faulty(self: Simulation, *args: Any) -> QuadState:
+        return change(true_readings(self, *args))
 
-    return lambda patch: patch.setattr(Simulation, "state", faulty)
+    return lambda patch: patch.setattr(Simulation, "_readings", faulty)
 
 
 def world_for_heading_frame(patch: pytest.MonkeyPatch) -> None:
     def faulty(rotation, linear_world, angular_body):
-        yaw_rate = np.einsum("ni,ni->n", rotation[:, 2, :], angular_body)
-        return np.column_stack([linear_world[:, :2], yaw_rate])
+        yaw_rate = sum(axis * rate for axis, rate in zip(rotation[2], angular_body, strict=True))
+        return linear_world[0], linear_world[1], yaw_rate
 
     patch.setattr("quad_env.simulation.heading_velocity", faulty)
 
 
 def roll_for_pitch_in_gravity(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(QuadState, "projected_gravity", property(lambda self: -self.rotation[:, 2, [1, 0, 2]]))
+    patch.setattr(QuadState, "projected_gravity", property(lambda self: tuple(-self.rotation[2][i] for i in (1, 0, 2))))
 
 
-def swapped(values: np.ndarray, first: int, second: int) -> np.ndarray:
-    order = np.arange(values.shape[1])
-    order[[first, second]] = second, first
-    return values[:, order]
+def swapped(columns: Vector, first: int, second: int) -> Vector:
+    out = list(columns)
+    out[first], out[second] = columns[second], columns[first]
+    return tuple(out)
 
 
 FR_THIGH, HL_THIGH = quad_env.JOINT_NAMES.index("fr_thigh_joint"), quad_env.JOINT_NAMES.index("hl_thigh_joint")
 
-roll_rate_for_pitch_rate = state_with(lambda s: replace(s, angular_velocity=swapped(s.angular_velocity, 0, 1)))
+roll_rate_for_pitch_rate = state_with(lambda s: s._replace(angular_velocity=swapped(s.angular_velocity, 0, 1)))
 two_joints_swapped_in_readings = state_with(
-    lambda s: replace(s, joint_position=swapped(s.joint_position, FR_THIGH, HL_THIGH))
+    lambda s: s._replace(joint_position=swapped(s.joint_position, FR_THIGH, HL_THIGH))
 )
 
 
@@ -205,7 +206,7 @@ def two_joints_swapped_in_targets(patch: pytest.MonkeyPatch) -> None:
     true_step = Simulation.step
 
     def faulty(self: Simulation, action: np.ndarray, *args: Any, **kwargs: Any) -> Any:
-        return true_step(self, swapped(action, FR_THIGH, HL_THIGH), *args, **kwargs)
+        return true_step(self, np.transpose(swapped(action.T, FR_THIGH, HL_THIGH)), *args, **kwargs)
 
     patch.setattr(Simulation, "step", faulty)
 
@@ -213,14 +214,14 @@ def two_joints_swapped_in_targets(patch: pytest.MonkeyPatch) -> None:
 def reading_one_step_old(patch: pytest.MonkeyPatch) -> None:
     last: dict[int, QuadState] = {}
 
-    def stale(self: Simulation, *args: Any, **kwargs: Any) -> QuadState:
-        now = true_state(self, *args, **kwargs)
+    def stale(self: Simulation, *args: Any) -> QuadState:
+        now = true_readings(self, *args)
         before = deepcopy(last.get(id(self), now))  # Gymnasium's checker would stop a reading that is handed out twice
         last[id(self)] = now
         return before
 
-    true_state = Simulation.state
-    patch.setattr(Simulation, "state", stale)
+    true_readings = Simulation._readings
+    patch.setattr(Simulation, "_readings", stale)
 
 
 def time_out_counted_as_fall(patch: pytest.MonkeyPatch) -> None:

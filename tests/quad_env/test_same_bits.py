@@ -6,7 +6,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from quad_env.env import SimpleQuadEnv
 from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.vector_env import SimpleQuadVectorEnv
 
 STEPS = 1000
 TIME_LIMIT = 300
@@ -43,12 +45,14 @@ def batch_digests(scenario: str, num_envs: int, nthread: int, rows: list[int]) -
     return out
 
 
+def batched(info: dict[str, Any]) -> dict[str, Any]:
+    """A single env's info as that of a batch of one."""
+    terms = {name: [value] for name, value in info["reward_terms"].items()}
+    return {key: [value] for key, value in info.items()} | {"reward_terms": terms}
+
+
 def single_digests(scenario: str, robot: int) -> list[bytes]:
     env = gym.make("quad_env:SimpleQuad-v0", scenario=scenario, max_episode_steps=TIME_LIMIT)
-
-    def batched(info: dict[str, Any]) -> dict[str, Any]:
-        terms = {name: [value] for name, value in info["reward_terms"].items()}
-        return {key: [value] for key, value in info.items()} | {"reward_terms": terms}
 
     observation, info = env.reset(seed=FIRST_SEED + robot)
     out = [digest([observation], [0.0], [0.0], [0.0], batched(info), 0)]
@@ -73,3 +77,24 @@ def test_single_env_equals_its_row_in_batches_of_3_and_64_on_1_and_2_threads(sce
 def test_single_env_equals_its_row_in_a_batch_of_1000() -> None:
     rows = [0, 501, 998, 999]
     assert batch_digests("push", 1000, 2, rows) == [single_digests("push", row) for row in rows]
+
+
+@pytest.mark.parametrize("terminate_on_fall", [True, False])
+@pytest.mark.parametrize("velocity", [0.0, 1e12, np.nan])
+def test_a_single_env_falls_diverges_and_stands_still_as_its_row_in_a_batch(
+    velocity: float, terminate_on_fall: bool
+) -> None:
+    options: dict[str, Any] = {"terminate_on_fall": terminate_on_fall, "max_episode_steps": None}
+    single = SimpleQuadEnv(terminate_on_fall=terminate_on_fall)
+    batch = SimpleQuadVectorEnv(3, autoreset_mode="DISABLED", **options)
+    single.reset(seed=FIRST_SEED + 1)
+    batch.reset(seed=FIRST_SEED)
+    for step, action in enumerate(random_actions(2)[:100]):
+        if step == 5:
+            for simulation, row in ((single._simulation, 0), (batch.simulation, 1)):
+                simulation._batch.bind("qpos")[row, 3:7] = (0.6, 0.8, 0, 0)
+                simulation._batch.bind("qvel")[row, 4] += velocity
+        *result, info = single.step(action)
+        row = digest(*batch.step(np.tile(action, (3, 1))), row=1)
+        assert digest(*([part] for part in result), batched(info), 0) == row, step
+    assert single._terminated == (terminate_on_fall or velocity != 0.0)

@@ -255,6 +255,28 @@ def test_same_step_mode_gives_the_last_observation_apart_and_the_first_of_the_ne
     assert info["fall"][0] is None
 
 
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_a_restart_reads_the_restarted_robots_alone(mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = make(50, autoreset_mode=mode, max_episode_steps=100)
+    env.reset(seed=0)
+    rows, true_state = [], env.simulation.state
+
+    def counted(*args: Any) -> Any:
+        state = true_state(*args)
+        rows.append(len(state.height))
+        return state
+
+    monkeypatch.setattr(env.simulation, "state", counted)
+    env._clock[[7, 31]] = 99
+    truncated = env.step(np.tile(HOME, (50, 1)))[3]
+    if mode is AutoresetMode.NEXT_STEP:
+        env.step(np.tile(HOME, (50, 1)))
+    if mode is AutoresetMode.DISABLED:
+        env.reset(options={"reset_mask": truncated})
+    assert np.flatnonzero(truncated).tolist() == [7, 31]
+    assert rows == ([50, 48, 2] if mode is AutoresetMode.NEXT_STEP else [50, 2])
+
+
 def test_disabled_mode_freezes_a_finished_robot_until_it_is_reset_by_mask() -> None:
     env = make(2, autoreset_mode=AutoresetMode.DISABLED)
     env.reset(seed=0)

@@ -1,0 +1,101 @@
+"""Columns: a quantity as a float for one robot, or as an array (n,) for n robots; one formula serves both.
+
+NumPy and Python round + - * / and sqrt alike, so a robot's bits are the same either way, in a batch of any size. Sums
+are taken in order, by `total`: NumPy's own adds pairwise, and Python's compensates.
+"""
+
+import math
+import operator
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Column = TypeVar("Column", float, Array)
+Vector = Sequence[Column]
+"""k columns: a tuple, or an array (k, n) of n robots'."""
+Truth = bool | Mask
+"""A column of truth values; combine them with `&` and `|`."""
+
+
+def of_robots(rows: Array) -> Vector[Array]:
+    """The columns in the rows (n, k) of n robots, as a new array (k, n)."""
+    return cast("Vector[Array]", rows.T.copy())
+
+
+def of_robot(rows: Array) -> Vector[float]:
+    """The columns in the only row (1, k) of one robot."""
+    return tuple(rows[0].tolist())
+
+
+def in_single_precision(vectors: Sequence[Vector[Column]]) -> NDArray[np.float32]:
+    """All columns of the vectors as one new array, (k,) or (k, n)."""
+    if isinstance(vectors[0][0], float):
+        return np.array(list(chain.from_iterable(vectors)), np.float32)
+    return np.concatenate(vectors, dtype=np.float32, casting="same_kind")
+
+
+def total(columns: Iterable[Column]) -> Column:
+    """Sum, from the first to the last."""
+    out: Any = 0.0
+    for column in columns:
+        out += column  # 0.0 + column is a new array: none of `columns` changes
+    return out  # type: ignore[no-any-return]
+
+
+def differences(x: Vector[Column], y: Vector[Column] | Sequence[float]) -> Vector[Column]:
+    """xᵢ - yᵢ; `y` may be numbers."""
+    return np.subtract(x.T, np.transpose(y)).T if isinstance(x, np.ndarray) else tuple(map(operator.sub, x, y))
+
+
+def products(x: Vector[Column], y: Vector[Column]) -> Vector[Column]:
+    """xᵢ yᵢ"""
+    return x * y if isinstance(x, np.ndarray) else tuple(map(operator.mul, x, y))
+
+
+def magnitudes(x: Vector[Column]) -> Vector[Column]:
+    """|xᵢ|"""
+    return np.abs(x) if isinstance(x, np.ndarray) else tuple(map(abs, x))
+
+
+def sqrt(x: Column) -> Column:
+    """Square root."""
+    return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
+
+
+def exp(x: Column) -> Column:
+    """Exponential; NumPy's for the float too, since the C library's differs in the last bit."""
+    return float(np.exp(x)) if isinstance(x, float) else np.exp(x)
+
+
+def clip(x: Column, low: float, high: float) -> Column:
+    """`x`, but at least `low` and at most `high`."""
+    return min(max(x, low), high) if isinstance(x, float) else np.clip(x, low, high)
+
+
+def whole(x: Column, last: int) -> Any:
+    """The whole part of `x`, which is not negative, but at most `last`: an index."""
+    return min(int(x), last) if isinstance(x, float) else np.minimum(x.astype(np.intp), last)
+
+
+def where(truth: Any, x: Any, y: Any) -> Any:
+    """`x` where it is true, else `y`."""
+    if isinstance(truth, np.ndarray):
+        return np.where(truth, x, y)
+    return x if truth else y
+
+
+def anywhere(truth: Truth) -> bool:
+    """Whether it is true of some robot."""
+    return truth if isinstance(truth, bool) else bool(truth.any())
+
+
+def not_finite(x: Vector[Column]) -> Truth:
+    """Whether some xᵢ is infinite or NaN."""
+    if isinstance(x, np.ndarray):
+        return cast("Mask", ~np.isfinite(x).all(axis=0))
+    return not all(map(math.isfinite, x))
