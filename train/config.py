@@ -97,6 +97,9 @@ class TrainConfig:
     """Scenarios trained on, each with its share of the robots."""
     pushes: int = 2
     """Pushes in a training episode of a scenario that has any."""
+    hardness: float = 1.4
+    """Factor on the impulse of the pushes and the height of the terrain in training, not in validation: a robot that
+    hardly ever falls learns nothing about falling."""
     max_episode_steps: int = 1000
     """Length of a training episode, control steps."""
     rewards: RewardWeights = dataclasses.field(default_factory=RewardWeights)

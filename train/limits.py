@@ -17,6 +17,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "joint_authority": (1e-3, 3.0),
     "hip_authority": (0.0, 3.0),
     "pushes": (0, _MOST_PUSHES),
+    "hardness": (0.01, 100.0),
     "max_episode_steps": (1, 1_000_000),
     "ppo.envs": (1, 65_536),
     "ppo.rollout_steps": (1, 65_536),

@@ -14,6 +14,7 @@ from policies.files import write_atomically
 from quad_env.config import TaskConfig
 from quad_env.scenarios import Scenario
 from quad_env.seeding import episode_seeds
+from quad_env.terrain import SmoothRandom
 from quad_env.vector_env import SimpleQuadVectorEnv
 from train import checkpoint
 from train.callbacks import AdaptRate, Keeper, Memory, Progress, recall
@@ -83,7 +84,7 @@ def make_env(config: TrainConfig, resumed: int = 0) -> TrainingEnv:
     batches = [
         SimpleQuadVectorEnv(
             count,
-            scenario=_with_pushes(practice(name, "training", config.seed), config.pushes),
+            scenario=_hardened(practice(name, "training", config.seed), config),
             nthread=config.threads,
             autoreset_mode=AutoresetMode.DISABLED,
             max_episode_steps=config.max_episode_steps,
@@ -99,8 +100,11 @@ def make_env(config: TrainConfig, resumed: int = 0) -> TrainingEnv:
     return TrainingEnv(batches, base, authority, seeds, first, ppo.hold, ppo.reward_scale)
 
 
-def _with_pushes(original: Scenario, count: int) -> Scenario:
-    """The scenario with that many pushes, if it has any: what follows a push is most of what there is to learn."""
-    if original.pushes is None:
-        return original
-    return dataclasses.replace(original, pushes=dataclasses.replace(original.pushes, count=count))
+def _hardened(original: Scenario, config: TrainConfig) -> Scenario:
+    """The scenario with the run's number of pushes, if it has any, and its severity times the run's hardness."""
+    pushes, terrain = original.pushes, original.terrain
+    if pushes is not None:
+        pushes = dataclasses.replace(pushes, count=config.pushes, impulse=config.hardness * pushes.impulse)
+    if isinstance(terrain, SmoothRandom):
+        terrain = dataclasses.replace(terrain, peak_to_valley=config.hardness * terrain.peak_to_valley)
+    return dataclasses.replace(original, pushes=pushes, terrain=terrain, severity=config.hardness * original.severity)

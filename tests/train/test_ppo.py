@@ -117,3 +117,12 @@ def test_training_and_validation_walk_on_other_ground_than_the_evaluation():
         for b in grids[i + 1 :]:
             assert np.abs(a - b).mean() > 0.01
     assert practice("flat", "training") == practice("flat", "validation")
+
+
+def test_robots_train_on_harder_ground_and_pushes_than_they_are_judged_on():
+    env = make_env(dataclasses.replace(TrainConfig(), hardness=2.0, pushes=3, ppo=dataclasses.replace(SMALL, envs=8)))
+    flat, push, rough = (batch.scenario for batch in env.batches)
+    assert flat == SCENARIOS["flat"]
+    assert (push.pushes.impulse, push.pushes.count) == (70.0, 3)
+    assert rough.terrain.peak_to_valley == pytest.approx(0.24)
+    assert practice("push", "validation") == SCENARIOS["push"]
