@@ -79,7 +79,7 @@ class TrainConfig:
     """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
     base: Literal["trot", "stand"] = "trot"
     """Base policy that the correction is added to."""
-    steps: int = 2_000_000
+    steps: int = 3_000_000
     """Steps of the learner, all robots together."""
     seed: int = 0
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
