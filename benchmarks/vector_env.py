@@ -121,10 +121,10 @@ class Walkers:
 
     def __init__(self, name: str, start: bare.Start, threads: int) -> None:
         count = len(start.seeds)
-        self.env: Any = gym.make_vec(ENV_ID, count, scenario=name, nthread=threads)
+        self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(ENV_ID, count, scenario=name, nthread=threads)
         self._policy = policies.make("trot")
         self._policy.reset(count)
-        self._observation, _ = self.env.reset(seed=list(start.seeds))
+        self._observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
         self.action: bare.Actions = np.zeros((count, 12), np.float32)
         """Of the latest step, (n, 12) rad."""
 
