@@ -61,6 +61,15 @@ BARS = {
     "memory": Bar("memory of 4096 envs", "growth", (_most(1.5, " GiB"),)),
 }
 
+ACCURACY = {
+    "trunk_mm": _most(2.0),
+    "tilt_rad": _most(0.01),
+    "joints_rad": _most(0.01),
+    "sinks_mm": _most(2.0),
+    "slip_mm_s": _most(1.0),
+}
+"""What a physics setting must keep, see `physics_accuracy.Accuracy`."""
+
 
 @dataclass(frozen=True)
 class Check:

@@ -106,7 +106,7 @@ def checks_table(checks: Sequence[Check], unmeasured: Sequence[str] = ()) -> Tab
     for each in checks:
         limits = BARS[each.bar].limits
         units = [limit.unit for limit in limits] or [""]
-        values = ", ".join(f"{value:.3g}{unit}" for value, unit in zip(each.values, units, strict=True))
+        values = ", ".join(f"{value:.4g}{unit}" for value, unit in zip(each.values, units, strict=True))
         verdict = {True: "[green]met[/]", False: "[red]not met[/]", None: ""}[each.met]
         rows.add_row(BARS[each.bar].what, _limits(each.bar), values, verdict)
     for name in unmeasured:
