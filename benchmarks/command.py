@@ -26,18 +26,24 @@ MOST_ROUNDS = 10_000
 
 
 @dataclass(frozen=True)
-class Common:
+class Output:
     """Options of every command."""
 
-    rounds: int = 15
-    """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
     quick: bool = False
     """Sizes so small that the figures mean nothing: whether the command works."""
     json: Path | None = None
     """File for the figures (JSON); replaced if there."""
 
 
-Options = TypeVar("Options", bound=Common)
+@dataclass(frozen=True)
+class Common(Output):
+    """Options of every measurement."""
+
+    rounds: int = 15
+    """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
+
+
+Options = TypeVar("Options", bound=Output)
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,8 @@ class Outcome:
     tables: tuple[Table, ...]
     checks: tuple[Check, ...] = ()
     notes: tuple[str, ...] = ()
+    unmeasured: tuple[str, ...] = ()
+    """Bars that another command measures."""
 
 
 def run(
@@ -63,7 +71,8 @@ def run(
     try:
         words = list(sys.argv[1:] if arguments is None else arguments)
         options = parse(kind, words, program=f"python -m {program}", description=description)
-        in_range("--rounds", options.rounds, 1, MOST_ROUNDS)
+        if isinstance(options, Common):
+            in_range("--rounds", options.rounds, 1, MOST_ROUNDS)
         if options.json:
             make_writable_folder(options.json.parent)
         facts = machine()
@@ -79,7 +88,7 @@ def run(
     return 0
 
 
-def conclude(outcome: Outcome, facts: dict[str, Any], options: Common, program: str) -> None:
+def conclude(outcome: Outcome, facts: dict[str, Any], options: Output, program: str) -> None:
     """Print the tables, the notes and the rows of what must be seen; write the JSON file."""
     console = Console(width=WIDTH, highlight=False)
     for part in outcome.tables:
@@ -87,7 +96,7 @@ def conclude(outcome: Outcome, facts: dict[str, Any], options: Common, program: 
     for note in outcome.notes:
         console.print(note, markup=False, soft_wrap=True)
     if outcome.checks:
-        console.print(checks_table(outcome.checks))
+        console.print(checks_table(outcome.checks, outcome.unmeasured))
     console.print(machine_line(facts), style="dim", soft_wrap=True)
     if options.json:
         record = {
@@ -100,7 +109,7 @@ def conclude(outcome: Outcome, facts: dict[str, Any], options: Common, program: 
         write_atomically(options.json, (json.dumps(plain(record), indent=2) + "\n").encode())
 
 
-def checks_table(checks: Sequence[Check], unmeasured: Sequence[str] = ()) -> Table:
+def checks_table(checks: Sequence[Check], unmeasured: Sequence[str]) -> Table:
     """The rows of what must be seen; `unmeasured` bars name the command that measures them."""
     rows = table("What must be seen", "row", "bar", "measured", "")
     for each in checks:
