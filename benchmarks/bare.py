@@ -30,8 +30,13 @@ class Start:
     """(n, nq)"""
     qvel: Floats
     """(n, nv)"""
-    substeps: int
-    """Physics steps in a control step."""
+    dt: float
+    """Control period, s."""
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps in a control step."""
+        return round(self.dt / self.model.opt.timestep)
 
 
 def start(scenario: str, num_envs: int) -> Start:
@@ -43,7 +48,7 @@ def start(scenario: str, num_envs: int) -> Start:
         env.reset(seed=seed)
         snapshots.append(env.unwrapped.data)  # type: ignore[attr-defined]
     model: mujoco.MjModel = env.unwrapped.model  # type: ignore[attr-defined]
-    substeps = round(env.unwrapped.dt / model.opt.timestep)  # type: ignore[attr-defined]
+    dt: float = env.unwrapped.dt  # type: ignore[attr-defined]
     env.close()
     rows = np.arange(num_envs) % distinct
     return Start(
@@ -51,7 +56,7 @@ def start(scenario: str, num_envs: int) -> Start:
         tuple(rows.tolist()),
         np.array([data.qpos for data in snapshots])[rows],
         np.array([data.qvel for data in snapshots])[rows],
-        substeps,
+        dt,
     )
 
 

@@ -89,8 +89,8 @@ def _grow(kind: str, sizes: Sequence[int], options: Options) -> Growth:
 
         return probe
 
-    with stage(f"growth, {kind}", options.rounds + 1) as advance:
-        seconds = interleave({str(size): subject(size) for size in sizes}, options.rounds, advance)
+    with stage(f"growth, {kind}", options.rounds) as advance:
+        seconds = interleave({str(size): subject(size) for size in sizes}, options.rounds, advance, warm_up=0)
     return Growth({int(size): values for size, values in seconds.items()}, peaks)
 
 

@@ -21,17 +21,17 @@ def _no_progress() -> None:
 
 
 def interleave(
-    subjects: Mapping[str, Subject], rounds: int, progress: Callable[[], None] = _no_progress
+    subjects: Mapping[str, Subject], rounds: int, progress: Callable[[], None] = _no_progress, warm_up: int = 1
 ) -> dict[str, Floats]:
-    """Seconds a unit of each subject, (rounds,): all take their turn in each round, after a round that counts nowhere.
+    """Seconds a unit of each subject, (rounds,): all take their turn in each round.
 
-    `progress` is told of each round, the first included.
+    The first `warm_up` rounds, on top of the others, count nowhere; `progress` is told of every round.
     """
     seconds: dict[str, list[float]] = {name: [] for name in subjects}
-    for number in range(rounds + 1):
+    for number in range(warm_up + rounds):
         for name, subject in subjects.items():
             taken = subject()
-            if number:
+            if number >= warm_up:
                 seconds[name].append(taken)
         progress()
     return {name: np.array(values) for name, values in seconds.items()}

@@ -44,7 +44,7 @@ class Options(Common):
 def measure(options: Options) -> Outcome:
     """Tables of our environment, of Ant-v5 and of gym-quadruped."""
     if options.quick:
-        options = replace(options, rounds=1, envs=2, steps=2)
+        options = replace(options, rounds=1, envs=1, steps=2)
     in_range("--envs", options.envs, 1, MOST_ENVS)
     in_range("--steps", options.steps, 1, 10**6)
     in_range("--threads", options.threads, 1, MOST_THREADS)

@@ -45,8 +45,9 @@ def measure(options: Options) -> Outcome:
         options = replace(options, rounds=1)
     subjects: dict[str, Subject] = {name: _inside(code) for name, code in _CODE.items()}
     subjects |= {name: _outside(name) for name in HELPS}
-    with stage("start-up", options.rounds + 1) as advance:
-        seconds = interleave(subjects, options.rounds, advance)
+    warm_up = 0 if options.quick else 1  # the first reads from the disk
+    with stage("start-up", warm_up + options.rounds) as advance:
+        seconds = interleave(subjects, options.rounds, advance, warm_up)
     loaded = _python("-c", _LOADED).split()
     rows = table("Start-up, fresh interpreters", "", "s")
     for name, values in seconds.items():

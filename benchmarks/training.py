@@ -98,7 +98,7 @@ def measure(options: Options) -> Outcome:
         if options.seeds >= SEEDS:
             checks = tuple(check(f"{options.policy} {goal:.2f}", medians[goal]) for goal in (0.15, 0.08))
     notes = (
-        f"The clock starts before the robots are made; imports and judgements, {options.episodes} episodes, are not on it.",
+        f"The clock: from before the robots are made, imports and judgements ({options.episodes} episodes) left out.",
         f"{reused} seeds were already in {records.path}" if reused else f"runs: {records.path}",
     )
     return Outcome(figures, tuple(tables), checks, notes if options.seeds else ())

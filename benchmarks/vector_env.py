@@ -105,8 +105,7 @@ def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Res
     reset = interleave({"reset": walkers.reset}, RESETS)["reset"]
     walkers.env.close()
     advance()
-    dt = 1 / walkers.env.metadata["render_fps"]
-    seldom = 1 / MAX_EPISODE_STEPS + dt / CommandRanges().interval
+    seldom = 1 / MAX_EPISODE_STEPS + start.dt / CommandRanges().interval
     whole, limit = seconds["environment"] + seldom * float(np.median(reset)), seconds["bare"]
     return Result(
         {"environment": whole, "bare": limit},
@@ -124,15 +123,16 @@ class Walkers:
         self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(ENV_ID, count, scenario=name, nthread=threads)
         self._policy = policies.make("trot")
         self._policy.reset(count)
-        self._observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
+        self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
+        """Latest, (n, k)."""
         self.action: bare.Actions = np.zeros((count, 12), np.float32)
         """Of the latest step, (n, 12) rad."""
 
     def step(self) -> float:
         """Seconds a robot that `step` took, without the policy."""
-        self.action = self._policy.act(self._observation)
+        self.action = self._policy.act(self.observation)
         begin = time.perf_counter()
-        self._observation, _, terminated, truncated, _ = self.env.step(self.action)
+        self.observation, _, terminated, truncated, _ = self.env.step(self.action)
         seconds = time.perf_counter() - begin
         if (ended := terminated | truncated).any():
             self._policy.reset_where(ended)
