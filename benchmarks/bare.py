@@ -36,7 +36,7 @@ class Start:
     @property
     def substeps(self) -> int:
         """Physics steps in a control step."""
-        return round(self.dt / self.model.opt.timestep)
+        return round(self.dt / float(self.model.opt.timestep))
 
 
 def start(scenario: str, num_envs: int) -> Start:
