@@ -49,9 +49,9 @@ class Options(Common):
     """Scenarios."""
     threads: int = cores()
     """Threads of both (count; default: this machine's cores)."""
-    rounds: int = 60
+    rounds: int = 30
     """Rounds, of one control step of both (count), at most an episode. Figures are medians and quartiles over them."""
-    robot_steps: int = 120_000
+    robot_steps: int = 60_000
     """More rounds where so many control steps, all robots together, take more (count)."""
     warm_up: int = 40
     """Control steps before the first round (count): the robots walk then."""
