@@ -2,8 +2,8 @@
 
 Good is the velocity error on flat ground, judged by the validation code on episodes that training never sees. The clock
 stands still during a judgement. The untrained residual is its base, the trot, and is judged first: a time of nearly
-nothing says that the base is good enough. Each finished seed is kept in training.json under --out, and is not measured
-again on the same revision.
+nothing says that the base is good enough. Every judgement is kept in training.json under --out; a finished seed is not
+measured again on the same committed revision.
 """
 
 import dataclasses
@@ -146,7 +146,8 @@ def _seeds(options: Options, config: TrainConfig, records: Records) -> tuple[lis
         one = replace(config, seed=seed)
         key = {"revision": revision, "every": options.every, "episodes": options.episodes, "threads": options.threads}
         key = plain(key | {"settings": to_dict(one)})
-        found = records.find(key)
+        # Uncommitted code may have changed since.
+        found = records.find(key) if revision and not revision.endswith("-dirty") else None
         reused += found is not None
         found = found or _run(one, key, records, options)
         times.append(seconds_to(found["trace"]))

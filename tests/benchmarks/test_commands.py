@@ -79,7 +79,8 @@ def test_growth_draws_a_plot(tmp_path: Path, capsys) -> None:
     assert "<svg" in (tmp_path / "growth.svg").read_text()
 
 
-def test_training_keeps_a_finished_seed_and_does_not_repeat_it(tmp_path: Path, capsys) -> None:
+def test_training_repeats_a_finished_seed_for_other_code_alone(tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("benchmarks.training.git_revision", lambda _: "0" * 40)
     options = ("--quick", "--out", tmp_path, "--json", tmp_path / "kept.json")
     assert run("training", *options) == 0
     found = figures("training", tmp_path / "kept.json", capsys.readouterr().out)
@@ -93,6 +94,24 @@ def test_training_keeps_a_finished_seed_and_does_not_repeat_it(tmp_path: Path, c
     assert run("training", *options) == 0
     assert "1 seeds were already in" in capsys.readouterr().out
     assert (tmp_path / "training.json").read_bytes() == first
+    monkeypatch.setattr("benchmarks.training.git_revision", lambda _: "0" * 40 + "-dirty")
+    assert run("training", *options) == 0
+    assert "were already in" not in capsys.readouterr().out
+    assert len(json.loads((tmp_path / "training.json").read_bytes())["runs"]) == 2
+
+
+def test_an_interrupted_training_keeps_its_judgements(tmp_path: Path, capsys, monkeypatch) -> None:
+    from benchmarks.training_run import Judgement
+
+    def interrupted(*arguments):
+        arguments[-1](Judgement(0, 0.5, 0.12))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("benchmarks.training_run.train_and_judge", interrupted)
+    assert run("training", "--quick", "--out", tmp_path) == 130
+    (kept,) = json.loads((tmp_path / "training.json").read_bytes())["runs"]
+    assert not kept["finished"]
+    assert kept["trace"] == [{"steps": 0, "seconds": 0.5, "velocity_error": 0.12}]
 
 
 def test_all_together_names_the_command_of_what_it_does_not_measure(tmp_path: Path, capsys, monkeypatch) -> None:
