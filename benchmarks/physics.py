@@ -1,159 +1,134 @@
-"""`python -m benchmarks.physics`: what each physics setting costs and gives up, against the shipped ones.
+"""`python -m benchmarks.physics`: what each physics setting costs, and what it gives up.
 
-Speed is the median ratio of runs interleaved A B A B. The deviation is that of one trot stride from a reference with a
-4x finer timestep and a fully converged Newton solver.
+The speed is that of robots under the trot, all settings in turns. The accuracy is that of one stride of the trot, the
+worst of several commands, against a 4x finer timestep with a fully converged Newton solver; and of a standing robot.
 """
 
-import statistics
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import NDArray
-from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
-from quad_env.robot import HOME_POSE, LEG_NAMES, MODEL_PATH
-
-Floats = NDArray[np.float64]
-SHIPPED = "shipped"
-ROBOTS, TICKS, REPEATS = 128, 60, 5
-
-
-def _options(**values: Any) -> Callable[[mujoco.MjSpec], None]:
-    def change(spec: mujoco.MjSpec) -> None:
-        for name, value in values.items():
-            setattr(spec.option, name, value)
-
-    return change
+from benchmarks.bars import ACCURACY, check
+from benchmarks.command import MOST_ENVS, MOST_THREADS, Common, Outcome, cell, in_range, run, table
+from benchmarks.measure import Floats, Subject, cores, interleave, speed_ratio, spread
+from benchmarks.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
+from benchmarks.physics_settings import FIRST, SERVO, SETTINGS, SHIPPED
+from benchmarks.progress import stage
+from evaluate import launcher
+from evaluate.command_line import UsageError
 
 
-def _gains(stiffness: float, damping: float) -> Callable[[mujoco.MjSpec], None]:
-    def change(spec: mujoco.MjSpec) -> None:
-        for actuator in spec.actuators:
-            actuator.gainprm[0], actuator.biasprm[1], actuator.biasprm[2] = stiffness, -stiffness, -damping
+@dataclass(frozen=True)
+class Options(Common):
+    """Solver, iterations, cone, contacts, timestep and servo gains."""
 
-    return change
-
-
-def _no_self_collision(spec: mujoco.MjSpec) -> None:
-    for geom in spec.geoms:
-        if geom.contype and geom.name != "ground":
-            geom.conaffinity = 2
-
-
-NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
-PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
-VARIANTS: dict[str, Callable[[mujoco.MjSpec], None]] = {
-    SHIPPED: _options(),
-    "Newton": _options(solver=NEWTON, iterations=100),
-    "PGS, 10 sweeps": _options(iterations=10),
-    "pyramidal cone": _options(cone=PYRAMIDAL, impratio=1),
-    "impratio 1": _options(impratio=1),
-    "timestep 1 ms": _options(timestep=0.001),
-    "kp 100, kv 4": _gains(100, 4),
-    "kp 200, kv 8": _gains(200, 8),
-    "kp 400, kv 12": _gains(400, 12),
-    "no self-collision": _no_self_collision,
-}
+    rounds: int = 9
+    """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
+    settings: tuple[str, ...] = ()
+    """Names of settings; all when none is given. The shipped and the first ones are always among them."""
+    envs: int = 64
+    """Robots (count)."""
+    threads: int = cores()
+    """Threads of the simulation (count; default: this machine's cores)."""
 
 
-def compiled(*changes: Callable[[mujoco.MjSpec], None]) -> mujoco.MjModel:
-    """The robot with those changes."""
-    spec = mujoco.MjSpec.from_file(str(MODEL_PATH))
-    for change in changes:
-        change(spec)
-    return spec.compile()
+def measure(options: Options) -> Outcome:
+    """Speeds, accuracies, servos, and which setting is the fastest within the bar."""
+    if options.quick:
+        options = replace(options, rounds=1, envs=2, settings=("PGS, 5",))
+    in_range("--envs", options.envs, 1, MOST_ENVS)
+    in_range("--threads", options.threads, 1, MOST_THREADS)
+    if unknown := set(options.settings) - set(SETTINGS):
+        raise UsageError(f"--settings: unknown {', '.join(sorted(unknown))}; valid: {'; '.join(SETTINGS)}")
+    names = [name for name in SETTINGS if not options.settings or name in {SHIPPED, FIRST, *options.settings}]
+    walked = strides()
+    subjects = {name: _walking(name, walked, options) for name in names}
+    with stage("physics, speed", options.rounds + 1) as advance:
+        seconds = interleave(subjects, options.rounds, advance)
+    found: dict[str, Accuracy] = {}
+    with stage("physics, accuracy", len(names)) as advance:
+        for name in names:
+            found[name] = accuracy(SETTINGS[name], walked)
+            advance()
+    within = [name for name in names if found[name].within and not name.startswith(SERVO)]
+    best = min(within, key=lambda name: spread(seconds[name]).median, default="none")
+    speeds = {name: speed_ratio(seconds[name], seconds[FIRST]) for name in names}
+    gained = speeds[SHIPPED].median if found[SHIPPED].within else float("nan")
+    tables = [_speeds(seconds, found, options), _accuracies(found)]
+    if any(name.startswith(SERVO) for name in names):
+        tables.append(_servos(found))
+    figures = {"seconds_per_simulated_second": seconds, "speed": speeds, "accuracy": found, "fastest_within": best}
+    notes = (f"fastest within the accuracy bar: {best}",)
+    return Outcome(figures, tuple(tables), (check("physics", gained),), notes)
 
 
-def targets(tick: int) -> Floats:
-    """Joint targets (12,) of a plain trot of 2.5 Hz, blended in from home over 0.2 s."""
-    swing = np.sin(2 * np.pi * 2.5 * tick * 0.01)
-    lift = np.maximum(0.0, np.array([swing, -swing, -swing, swing]))
-    sway = np.cos(2 * np.pi * 2.5 * tick * 0.01) * np.array([1, -1, -1, 1])
-    move = lift[:, None] * np.array([0.0, 0.3, -0.6]) + sway[:, None] * np.array([0.0, 0.15, 0.0])
-    return HOME_POSE + min(1.0, tick / 20) * move.ravel()
+def _walking(name: str, walked: tuple[Stride, ...], options: Options) -> Subject:
+    """Seconds a robot and simulated second of one stride, the robots on all strides alike."""
+    model = SETTINGS[name].model()
+    batch = Batch(model, options.envs, options.threads)
+    state = {key: batch.bind(key) for key in ("qpos", "qvel", "qacc_warmstart", "ctrl")}
+    rows = np.arange(options.envs) % len(walked)
+    start = [np.array([getattr(stride, key) for stride in walked])[rows] for key in ("qpos", "qvel", "warmstart")]
+    targets = np.array([stride.targets for stride in walked])[rows].swapaxes(0, 1)
+    substeps = round(CONTROL_PERIOD / model.opt.timestep)
+
+    def stride() -> float:
+        for key, values in zip(("qpos", "qvel", "qacc_warmstart"), start, strict=True):
+            state[key][:] = values
+        begin = time.perf_counter()
+        for target in targets:
+            state["ctrl"][:] = target
+            batch.step(nstep=substeps)
+        return (time.perf_counter() - begin) / (options.envs * len(targets) * CONTROL_PERIOD)
+
+    return stride
 
 
-def at_home(model: mujoco.MjModel) -> mujoco.MjData:
-    """The robot in the home keyframe."""
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    return data
+def _speeds(seconds: dict[str, Floats], found: dict[str, Accuracy], options: Options) -> Table:
+    rows = table(
+        f"Speed, {options.envs} robots under the trot, {options.threads} threads",
+        "setting",
+        "µs a physics step",
+        "speed, first settings 1",
+        "accurate",
+    )
+    for name, values in seconds.items():
+        step = spread(values).scaled(SETTINGS[name].model().opt.timestep * 1e6)
+        rows.add_row(name, cell(step), cell(speed_ratio(values, seconds[FIRST])), _mark(found[name]))
+    return rows
 
 
-def advance(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
-    """Step for that long."""
-    for _ in range(round(seconds / model.opt.timestep)):
-        mujoco.mj_step(model, data)
+def _accuracies(found: dict[str, Accuracy]) -> Table:
+    units = ("trunk\nmm", "tilt\nrad", "joints\nrad", "sinks\nmm", "slip\nmm/s", "lands\nmm", "energy\n%")
+    rows = table("Accuracy", "setting", *units, "")
+    for name, figures in found.items():
+        row = (figures.trunk_mm, figures.tilt_rad, figures.joints_rad, figures.sinks_mm, figures.slip_mm_s)
+        rest = (figures.impact_mm, figures.energy * 100)
+        rows.add_row(name, *(f"{value:.3g}" for value in row + rest), _mark(figures))
+    rows.add_row("bar", *(str(limit) for limit in ACCURACY.values()), "-", "-", "")
+    return rows
 
 
-def stride(model: mujoco.MjModel) -> Floats:
-    """Trunk position and joint angles each 10 ms of 0.4 s, (40, 15)."""
-    data, rows = at_home(model), []
-    for tick in range(40):
-        data.ctrl[:] = targets(tick)
-        advance(model, data, 0.01)
-        rows.append(np.concatenate((data.qpos[:3], data.qpos[7:])))
-    return np.array(rows)
+def _servos(found: dict[str, Accuracy]) -> Table:
+    rows = table("Servo: a robot in the home pose", "setting", "sags, rad", "settles, s")
+    for name, figures in found.items():
+        if name == SHIPPED or name.startswith(SERVO):
+            rows.add_row(name, f"{figures.sag_rad:.3f}", f"{figures.settles_s:.2f}")
+    return rows
 
 
-def standing(model: mujoco.MjModel) -> tuple[float, float, float, float]:
-    """Joint error, rad; settling time to 1 mm, s; creep under a 20 N side load, mm/s; penetration, mm."""
-    data, heights = at_home(model), []
-    for _ in range(200):
-        advance(model, data, 0.01)
-        heights.append(data.qpos[2])
-    late = np.flatnonzero(np.abs(np.array(heights) - heights[-1]) > 0.001)
-    error = np.abs(data.qpos[7:] - HOME_POSE).max()
-    data.xfrc_applied[model.body("base_link").id, 1] = 20.0
-    advance(model, data, 0.5)
-    feet = [model.site(f"{leg}_foot").id for leg in LEG_NAMES]
-    before = data.site_xpos[feet].copy()
-    advance(model, data, 1.0)
-    creep = np.linalg.norm((data.site_xpos[feet] - before)[:, :2], axis=1).max()
-    settling = 0.01 * (late.max() + 1) if len(late) else 0.0
-    return float(error), settling, float(creep) * 1000, float(0.02 - data.site_xpos[feet, 2].min()) * 1000
+def _mark(figures: Accuracy) -> str:
+    return "yes" if figures.within else "no"
 
 
-def seconds_per_run(batch: Batch, model: mujoco.MjModel) -> float:
-    """Time of TICKS control steps of ROBOTS trotting robots."""
-    batch.reset(keyframe=0)
-    controls, noise = batch.bind("ctrl"), np.random.default_rng(0)
-    begin = time.perf_counter()
-    for tick in range(TICKS):
-        controls[:] = targets(tick) + noise.normal(0, 0.02, (ROBOTS, 12))
-        batch.step(nstep=round(0.01 / model.opt.timestep))
-    return time.perf_counter() - begin
-
-
-def main() -> None:
-    """Print the table."""
-    models = {name: compiled(change) for name, change in VARIANTS.items()}
-    batches = {name: Batch(model, ROBOTS, 2) for name, model in models.items()}
-    times: dict[str, list[float]] = {name: [] for name in models}
-    for _ in track(range(REPEATS), description="speed"):
-        for name, model in models.items():
-            times[name].append(seconds_per_run(batches[name], model))
-    table = Table(title="Physics settings")
-    for head in ("setting", "speed", "trunk mm", "joints rad", "sag rad", "settles s", "creep mm/s", "sinks mm"):
-        table.add_column(head, justify="left" if head == "setting" else "right")
-    fine = _options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
-    for name, model in models.items():
-        ratio = statistics.median(a / b for a, b in zip(times[SHIPPED], times[name], strict=True))
-        error = stride(model) - stride(compiled(VARIANTS[name], fine))
-        trunk = np.linalg.norm(error[:, :3], axis=1).max() * 1000
-        figures = (ratio, trunk, np.abs(error[:, 3:]).max(), *standing(model))
-        table.add_row(name, *(f"{value:.3f}" for value in figures))
-    console = Console(width=110)
-    console.print(table)
-    rate = ROBOTS * TICKS / statistics.median(times[SHIPPED])
-    console.print(f"shipped: {rate:.0f} control steps/s with {ROBOTS} robots on 2 threads, MuJoCo {mujoco.__version__}")
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    return run(Options, measure, arguments, program="benchmarks.physics", description=__doc__ or "")
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(launcher.launch(main))

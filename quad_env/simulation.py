@@ -47,7 +47,7 @@ def compile_model(terrain: Terrain) -> mujoco.MjModel:
     return spec.compile()
 
 
-def _as_stepped(model: mujoco.MjModel) -> mujoco.MjModel:
+def stepped_model(model: mujoco.MjModel) -> mujoco.MjModel:
     """A copy that steps to the same bits faster: of all sensors it evaluates the one that is read, and it does not
     search for islands of constraints, of which one robot has only one."""
     lean = copy.copy(model)
@@ -68,7 +68,7 @@ class Simulation:
             raise ValueError(
                 f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
-        self._batch = Batch(_as_stepped(self.model), num_envs, nthread)
+        self._batch = Batch(stepped_model(self.model), num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]

@@ -1,0 +1,1 @@
+"""What is fast and what it costs: every figure a ratio or a median of one interleaved run."""

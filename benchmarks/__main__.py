@@ -1,0 +1,46 @@
+"""`python -m benchmarks`: the measurements that take minutes together, as the rows of what must be seen.
+
+Their tables, and the rows that take longer, are those of the commands named: `python -m benchmarks.NAME --help`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from benchmarks import physics, policies, single_env, startup, vector_env
+from benchmarks.bars import BARS
+from benchmarks.command import Outcome, Output, run
+from benchmarks.physics_settings import FIRST, SHIPPED
+from evaluate import launcher
+
+
+@dataclass(frozen=True)
+class Options(Output):
+    """Single and vector environment, physics, policies, start-up."""
+
+
+def measure(options: Options) -> Outcome:
+    """One measurement after the other, at the sizes that the bars are for."""
+    quick = options.quick
+    scenario, envs = vector_env.JUDGED
+    outcomes = {
+        "single_env": single_env.measure(single_env.Options(quick=quick)),
+        "vector_env": vector_env.measure(vector_env.Options(quick=quick, envs=(envs,), scenarios=(scenario,))),
+        "physics": physics.measure(physics.Options(quick=quick, settings=(SHIPPED, FIRST))),
+        "policies": policies.measure(policies.Options(quick=quick)),
+        "startup": startup.measure(startup.Options(quick=quick)),
+    }
+    return Outcome(
+        {name: outcome.figures for name, outcome in outcomes.items()},
+        (),
+        tuple(check for outcome in outcomes.values() for check in outcome.checks),
+        unmeasured=tuple(name for name, bar in BARS.items() if bar.command not in outcomes),
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    return run(Options, measure, arguments, program="benchmarks", description=__doc__ or "")
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

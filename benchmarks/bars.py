@@ -1,0 +1,92 @@
+"""What must be seen: the figures that the benchmarks are held to, each by the command that measures it."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A figure that must be reached, or not be passed."""
+
+    figure: float
+    at_least: bool
+    unit: str = ""
+
+    def met(self, value: float) -> bool:
+        """Whether the value is within the limit; NaN is not."""
+        return value >= self.figure if self.at_least else value <= self.figure
+
+    def __str__(self) -> str:
+        return f"{'≥' if self.at_least else '≤'} {self.figure:g}{self.unit}"
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One row: met if one of its limits is; without limits the value is only shown."""
+
+    what: str
+    command: str
+    limits: tuple[Limit, ...]
+
+
+def _least(figure: float, unit: str = "") -> Limit:
+    return Limit(figure, True, unit)
+
+
+def _most(figure: float, unit: str = "") -> Limit:
+    return Limit(figure, False, unit)
+
+
+THRESHOLDS = (0.15, 0.10, 0.08)
+"""Flat velocity errors that training is timed to, m/s."""
+
+BARS = {
+    "single_env": Bar("single env / bare mj_step loop, speed", "single_env", (_least(0.55),)),
+    "vector_env": Bar(
+        "vector env of 1024 / bare Batch.step, speed; overhead an env step",
+        "vector_env",
+        (_least(0.90), _most(6.0, " µs")),
+    ),
+    "physics": Bar("shipped physics / first settings, speed within the accuracy bar", "physics", (_least(1.5),)),
+    "async": Bar("vector env of 64 / AsyncVectorEnv of 64, speed", "peers", (_least(2.0),)),
+    "subproc": Bar("vector env of 64 / SubprocVecEnv of 64, speed", "peers", (_least(2.5),)),
+    "residual 0.15": Bar("residual, seconds to a velocity error of 0.15 m/s", "training", (_most(60.0, " s"),)),
+    "residual 0.08": Bar("residual, seconds to a velocity error of 0.08 m/s", "training", (_most(300.0, " s"),)),
+    "end-to-end 0.15": Bar("end-to-end, seconds to a velocity error of 0.15 m/s", "training --policy end-to-end", ()),
+    "end-to-end 0.08": Bar("end-to-end, seconds to a velocity error of 0.08 m/s", "training --policy end-to-end", ()),
+    "control step": Bar("control step of one robot, 99.9th percentile", "policies", (_most(10.0, " ms"),)),
+    "joint step": Bar("joint-loop step of one robot, 99.9th percentile", "policies", (_most(2.0, " ms"),)),
+    "import": Bar("import quad_env / import gymnasium, time", "startup", (_most(1.15),)),
+    "loaded": Bar("of mujoco and torch, loaded by import quad_env", "startup", (_most(0.0),)),
+    "help": Bar("--help of evaluate and train, the slower", "startup", (_most(1.0, " s"),)),
+    "memory": Bar("memory of 4096 envs", "growth", (_most(1.5, " GiB"),)),
+}
+
+ACCURACY = {
+    "trunk_mm": _most(2.0),
+    "tilt_rad": _most(0.01),
+    "joints_rad": _most(0.01),
+    "sinks_mm": _most(2.0),
+    "slip_mm_s": _most(1.0),
+}
+"""What a physics setting must keep, see `physics_accuracy.Accuracy`."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A bar and the values measured for it, one a limit."""
+
+    bar: str
+    values: tuple[float, ...]
+
+    @property
+    def met(self) -> bool | None:
+        """Whether one limit is met; None for a row that has none."""
+        limits = BARS[self.bar].limits
+        return any(limit.met(value) for limit, value in zip(limits, self.values, strict=True)) if limits else None
+
+
+def check(bar: str, *values: float) -> Check:
+    """The values, one a limit of that bar; a bar without limits takes one."""
+    if len(values) != max(len(BARS[bar].limits), 1):
+        raise ValueError(f"{bar}: {len(values)} values for {len(BARS[bar].limits)} limits")
+    return Check(bar, values)

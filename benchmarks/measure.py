@@ -1,0 +1,99 @@
+"""Fair measurement: subjects take turns (A B A B …), so that what else the machine does meets all of them alike."""
+
+import os
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Subject = Callable[[], float]
+"""Does the same work at every call; gives the seconds that one unit of it took."""
+
+
+def _no_progress() -> None:
+    return
+
+
+def interleave(
+    subjects: Mapping[str, Subject], rounds: int, progress: Callable[[], None] = _no_progress, warm_up: int = 1
+) -> dict[str, Floats]:
+    """Seconds a unit of each subject, (rounds,): all take their turn in each round.
+
+    The first `warm_up` rounds, on top of the others, count nowhere; `progress` is told of every round.
+    """
+    seconds: dict[str, list[float]] = {name: [] for name in subjects}
+    for number in range(warm_up + rounds):
+        for name, subject in subjects.items():
+            taken = subject()
+            if number >= warm_up:
+                seconds[name].append(taken)
+        progress()
+    return {name: np.array(values) for name, values in seconds.items()}
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Median and quartiles of the rounds."""
+
+    median: float
+    low: float
+    high: float
+
+    def scaled(self, factor: float) -> "Spread":
+        """In another unit; `factor` is positive."""
+        return Spread(self.median * factor, self.low * factor, self.high * factor)
+
+
+def spread(values: Floats) -> Spread:
+    """Median and quartiles of the rounds (rounds,)."""
+    low, median, high = np.quantile(values, (0.25, 0.5, 0.75))
+    return Spread(float(median), float(low), float(high))
+
+
+def speed_ratio(subject: Floats, other: Floats) -> Spread:
+    """How many times as fast `subject` is as `other`, from the seconds that both took in each round, (rounds,)."""
+    return spread(other / subject)
+
+
+def difference(subject: Floats, other: Floats) -> Spread:
+    """How much longer `subject` took than `other` in the same rounds, s; both (rounds,)."""
+    return spread(subject - other)
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def machine() -> dict[str, Any]:
+    """What the figures were made on: processor, cores, load before the run, versions."""
+    return {
+        "cpu": _processor(),
+        "cores": cores(),
+        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
+        "python": platform.python_version(),
+        **{name: metadata.version(name) for name in ("mujoco", "numpy", "gymnasium")},
+    }
+
+
+def machine_line(facts: Mapping[str, Any]) -> str:
+    """The same as one line."""
+    return (
+        f"{facts['cpu']}, {facts['cores']} cores, load {facts['load']} at the start; Python {facts['python']}, "
+        f"MuJoCo {facts['mujoco']}, NumPy {facts['numpy']}, Gymnasium {facts['gymnasium']}"
+    )
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, None) or platform.processor() or platform.machine()

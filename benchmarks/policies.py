@@ -1,0 +1,149 @@
+"""`python -m benchmarks.policies`: what an action costs, and whether one robot's loops keep their time.
+
+The last table has the 99.9th percentile of single calls: a robot's control loop has 10 ms, its joint loop 2 ms. Beside
+the wall time stands the processor's: what else runs on the machine lengthens the one, not the other.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+
+import policies
+from benchmarks import bare
+from benchmarks.bars import check
+from benchmarks.command import MOST_ENVS, Common, Outcome, cell, in_range, run, sizes_in_range, table
+from benchmarks.measure import Floats, Subject, interleave, spread
+from benchmarks.progress import stage
+from evaluate import launcher
+from evaluate.command_line import UsageError
+from quad_env import ENV_ID
+
+PERCENTILE = 99.9
+MOST_CALLS = 10**7
+JOINT_LOOP = "one mj_step of 2 ms"
+Clock = Callable[[], float]
+
+
+@dataclass(frozen=True)
+class Options(Common):
+    """Every policy at several numbers of robots, and one robot's worst calls."""
+
+    policies: tuple[str, ...] = policies.names()
+    """Names of policies, or folders of trained ones."""
+    envs: tuple[int, ...] = (1, 64, 1024)
+    """Numbers of robots (count)."""
+    steps: int = 20
+    """Actions of each robot in a round (count)."""
+    calls: int = 5000
+    """Calls that the percentiles are over (count); a thousand or more, for one to be beyond them."""
+
+
+def measure(options: Options) -> Outcome:
+    """Means at each size, then the percentiles."""
+    if options.quick:
+        options = replace(options, rounds=1, envs=(1, 2), steps=2, calls=10)
+    sizes_in_range("--envs", options.envs, MOST_ENVS)
+    in_range("--steps", options.steps, 1, 10**6)
+    in_range("--calls", options.calls, 10, MOST_CALLS)
+    if not options.policies or len(set(options.policies)) < len(options.policies):
+        raise UsageError(f"--policies: name each once; there are {', '.join(policies.names())}")
+    costs = {n: _costs(n, options) for n in options.envs}
+    calls, processor = _calls(options, time.perf_counter), _calls(options, time.process_time)
+    means = table("µs a robot and control step", "policy", *(f"n = {n}" for n in options.envs))
+    for name in options.policies:
+        means.add_row(name, *(cell(spread(costs[n][name]).scaled(1e6)) for n in options.envs))
+    tail = f"{PERCENTILE}th percentile"
+    tails = table("One robot, a call, ms", "", "median", tail, "largest", f"{tail}, processor time")
+    for name, values in calls.items():
+        row = (np.median(values), _tail(values), values.max(), _tail(processor[name]))
+        tails.add_row(name, *(f"{value * 1e3:.3f}" for value in row))
+    worst = {name: _tail(values) * 1e3 for name, values in calls.items()}
+    slowest = max(value for name, value in worst.items() if name != JOINT_LOOP)
+    checks = (check("control step", slowest), check("joint step", worst[JOINT_LOOP]))
+    figures = {
+        "seconds_per_robot_step": costs,
+        "percentile_ms": worst,
+        "processor_percentile_ms": {name: _tail(values) * 1e3 for name, values in processor.items()},
+    }
+    return Outcome(figures, (means, tails), checks)
+
+
+def _tail(values: Floats) -> float:
+    return float(np.percentile(values, PERCENTILE))
+
+
+def _costs(num_envs: int, options: Options) -> dict[str, Floats]:
+    """Seconds a robot and action of each policy, (rounds,)."""
+    observations, _ = gym.make_vec(ENV_ID, num_envs).reset(seed=0)
+    steps = options.steps
+
+    def subject(name: str) -> Subject:
+        policy = policies.resolve(name)
+        policy.reset(num_envs)
+
+        def act() -> float:
+            begin = time.perf_counter()
+            for _ in range(steps):
+                policy.act(observations)
+            return (time.perf_counter() - begin) / (steps * num_envs)
+
+        return act
+
+    with stage(f"policies, {num_envs} robots", options.rounds + 1) as advance:
+        return interleave({name: subject(name) for name in options.policies}, options.rounds, advance)
+
+
+def _calls(options: Options, clock: Clock) -> dict[str, Floats]:
+    """Seconds of single calls for one robot, (calls,): each policy's, a control step of the whole, a joint loop's."""
+    observation, _ = gym.make(ENV_ID).reset(seed=0)
+    start = bare.start("flat", 1)
+    data = bare.Loop(start).data
+
+    def action(name: str) -> Callable[[], object]:
+        policy = policies.resolve(name)
+        policy.reset()
+        return lambda: policy.act(observation)
+
+    calls = {f"{name}, action": action(name) for name in options.policies}
+    calls["trot, action and env.step"] = _control_step()
+    calls[JOINT_LOOP] = lambda: mujoco.mj_step(start.model, data)
+    with stage(f"policies, single calls, {clock.__name__}", options.calls + 1) as advance:
+        return interleave({name: _timed(call, clock) for name, call in calls.items()}, options.calls, advance)
+
+
+def _control_step() -> Callable[[], object]:
+    """One control step of one robot; an episode's end, once in a thousand, is among them."""
+    env, policy = gym.make(ENV_ID), policies.make("trot")
+    observation, _ = env.reset(seed=0)
+    policy.reset()
+
+    def step() -> None:
+        nonlocal observation
+        observation, _, terminated, truncated, _ = env.step(policy.act(observation))
+        if terminated or truncated:
+            observation, _ = env.reset()
+            policy.reset()
+
+    return step
+
+
+def _timed(call: Callable[[], object], clock: Clock) -> Subject:
+    def subject() -> float:
+        begin = clock()
+        call()
+        return clock() - begin
+
+    return subject
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    return run(Options, measure, arguments, program="benchmarks.policies", description=__doc__ or "")
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

@@ -1,0 +1,70 @@
+"""`python -m benchmarks.single_env`: the environment as `gym.make` returns it against a bare loop of `mj_step`."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import gymnasium as gym
+
+from benchmarks import bare
+from benchmarks.bars import check
+from benchmarks.command import Common, Outcome, cell, in_range, run, table
+from benchmarks.measure import difference, interleave, speed_ratio, spread
+from benchmarks.progress import stage
+from evaluate import launcher
+from quad_env import ENV_ID, MAX_EPISODE_STEPS
+
+
+@dataclass(frozen=True)
+class Options(Common):
+    """One robot: wrappers, checks, commands, observation, reward and infos against the physics alone."""
+
+    steps: int = 500
+    """Control steps of 10 ms in a round (count), at most an episode."""
+
+
+def measure(options: Options) -> Outcome:
+    """Both walk the same steps from the same state."""
+    if options.quick:
+        options = replace(options, rounds=1, steps=20)
+    in_range("--steps", options.steps, 1, MAX_EPISODE_STEPS)
+    actions = bare.walk(options.steps)
+    loop = bare.Loop(bare.start("flat", 1))
+    env = gym.make(ENV_ID)
+
+    def environment() -> float:
+        env.reset(seed=0, options={"command": bare.COMMAND})
+        return _run(env.step, actions)
+
+    def physics() -> float:
+        loop.restart()
+        return loop.run(actions)
+
+    with stage("single env", options.rounds + 1) as advance:
+        seconds = interleave({"gym.make": environment, "bare mj_step loop": physics}, options.rounds, advance)
+    env.close()
+    ours, limit = seconds["gym.make"], seconds["bare mj_step loop"]
+    ratio, overhead = speed_ratio(ours, limit), difference(ours, limit).scaled(1e6)
+    rows = table("Single env", "", "µs a control step", "control steps/s")
+    for name, values in seconds.items():
+        rows.add_row(name, cell(spread(values).scaled(1e6), 1), f"{1 / spread(values).median:,.0f}")
+    rows.add_row("ratio of speeds", cell(ratio), "")
+    rows.add_row("overhead, µs", cell(overhead, 1), "")
+    figures = {"seconds_per_step": seconds, "ratio": ratio, "overhead_us": overhead}
+    return Outcome(figures, (rows,), (check("single_env", ratio.median),))
+
+
+def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float:
+    begin = time.perf_counter()
+    for action in actions:
+        step(action)
+    return (time.perf_counter() - begin) / len(actions)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    return run(Options, measure, arguments, program="benchmarks.single_env", description=__doc__ or "")
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

@@ -1,0 +1,90 @@
+"""`python -m benchmarks.startup`: imports, the first environment and the help, each in a fresh interpreter.
+
+Imports are timed within the interpreter, so that its own start is not in the ratio; help is timed as a user waits
+for it.
+"""
+
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from benchmarks.bars import check
+from benchmarks.command import Common, Outcome, cell, run, table
+from benchmarks.measure import Subject, interleave, spread
+from benchmarks.progress import stage
+from evaluate import launcher
+from evaluate.provenance import REPOSITORY
+
+HEAVY = ("mujoco", "torch")
+"""What `import quad_env` must not load."""
+OURS, THEIRS = "import quad_env", "import gymnasium"
+MAKE = "gym.make after it"
+HELPS = ("python -m evaluate --help", "python -m train --help")
+_TIMED = "import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
+_CODE = {
+    OURS: _TIMED.format(code=OURS),
+    THEIRS: _TIMED.format(code=THEIRS),
+    MAKE: f"{OURS}, gymnasium; " + _TIMED.format(code="gymnasium.make(quad_env.ENV_ID)"),
+}
+_LOADED = f"import sys, quad_env; print(*(name for name in {HEAVY} if name in sys.modules))"
+
+
+@dataclass(frozen=True)
+class Options(Common):
+    """Seconds from nothing to what a user asked for."""
+
+    rounds: int = 7
+    """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
+
+
+def measure(options: Options) -> Outcome:
+    """One table; the ratio is that of the two imports."""
+    if options.quick:
+        options = replace(options, rounds=1)
+    subjects: dict[str, Subject] = {name: _inside(code) for name, code in _CODE.items()}
+    subjects |= {name: _outside(name) for name in HELPS}
+    warm_up = 0 if options.quick else 1  # the first reads from the disk
+    with stage("start-up", warm_up + options.rounds) as advance:
+        seconds = interleave(subjects, options.rounds, advance, warm_up)
+    loaded = _python("-c", _LOADED).split()
+    rows = table("Start-up, fresh interpreters", "", "s")
+    for name, values in seconds.items():
+        rows.add_row(name, cell(spread(values), 3))
+    ratio = spread(seconds[OURS] / seconds[THEIRS])
+    rows.add_row(f"{OURS} / {THEIRS}", cell(ratio))
+    slower = max(spread(seconds[name]).median for name in HELPS)
+    checks = (check("import", ratio.median), check("loaded", len(loaded)), check("help", slower))
+    figures = {"seconds": seconds, "import_ratio": ratio, "loaded_by_quad_env": loaded}
+    return Outcome(figures, (rows,), checks)
+
+
+def _python(*arguments: str) -> str:
+    """What a fresh interpreter prints in the root of the repository. OSError if it fails."""
+    run = subprocess.run([sys.executable, *arguments], cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    if run.returncode:
+        raise OSError(f"python {' '.join(arguments)} failed: {(run.stderr.splitlines() or ['no message'])[-1]}")
+    return run.stdout
+
+
+def _inside(code: str) -> Subject:
+    return lambda: float(_python("-c", code))
+
+
+def _outside(command: str) -> Subject:
+    def wait() -> float:
+        begin = time.perf_counter()
+        _python(*command.split()[1:])
+        return time.perf_counter() - begin
+
+    return wait
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    return run(Options, measure, arguments, program="benchmarks.startup", description=__doc__ or "")
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

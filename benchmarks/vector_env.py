@@ -1,0 +1,168 @@
+"""`python -m benchmarks.vector_env`: the whole of the batch's `step` against a bare `Batch.step` of the same robots.
+
+Both walk from the same states with the same actions, on as many threads. What happens too seldom to meet every round is
+billed: a thousandth of a reset, for the end of an episode, and twice that for the commands drawn each 5 s, of which a
+reset holds one.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import policies
+from benchmarks import bare
+from benchmarks.bars import check
+from benchmarks.command import (
+    MOST_ENVS,
+    MOST_THREADS,
+    Common,
+    Outcome,
+    cell,
+    in_range,
+    run,
+    sizes_in_range,
+    table,
+)
+from benchmarks.measure import Floats, Spread, cores, difference, interleave, speed_ratio, spread
+from benchmarks.progress import Advance, stage
+from evaluate import launcher
+from evaluate.command_line import UsageError
+from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges, scenario
+
+JUDGED = ("flat", 1024)
+"""Scenario and number of robots that the bar is for."""
+RESETS = 5
+"""Resets that are timed for the bill."""
+
+
+@dataclass(frozen=True)
+class Options(Common):
+    """n robots: commands, observations, rewards, ends, resets, pushes and terrain against the physics alone."""
+
+    envs: tuple[int, ...] = (1, 64, 256, 1024, 4096)
+    """Numbers of robots (count)."""
+    scenarios: tuple[str, ...] = tuple(SCENARIOS)
+    """Scenarios."""
+    threads: int = cores()
+    """Threads of both (count; default: this machine's cores)."""
+    rounds: int = 30
+    """Rounds, of one control step of both (count), at most an episode. Figures are medians and quartiles over them."""
+    robot_steps: int = 60_000
+    """More rounds where so many control steps, all robots together, take more (count)."""
+    warm_up: int = 40
+    """Control steps before the first round (count): the robots walk then."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """One size on one scenario."""
+
+    seconds: dict[str, Floats]
+    """Per robot and control step, (rounds,): of the environment with what is billed, and of the bare batch."""
+    reset_us: Spread
+    """A robot."""
+    ratio: Spread
+    overhead_us: Spread
+
+
+def measure(options: Options) -> Outcome:
+    """A table with a row for each scenario and size."""
+    if options.quick:
+        options = replace(options, rounds=1, envs=(1, 3), scenarios=("flat", "rough"), robot_steps=1, warm_up=1)
+    _check(options)
+    results = {}
+    parts = [(name, n) for name in options.scenarios for n in options.envs]
+    with stage("vector env", len(parts)) as advance:
+        for name, n in parts:
+            results[name, n] = compare(name, n, options, advance)
+    rows = table(
+        f"Vector env, {options.threads} threads", "scenario, robots", "ratio", "overhead, µs", "robot steps/s", "bare"
+    )
+    for (name, n), result in results.items():
+        rates = (f"{1 / spread(values).median:,.0f}" for values in result.seconds.values())
+        rows.add_row(f"{name}, {n}", cell(result.ratio), cell(result.overhead_us, 1), *rates)
+    judged = results.get(JUDGED)
+    checks = (check("vector_env", judged.ratio.median, judged.overhead_us.median),) if judged else ()
+    figures = {f"{name} {n}": result for (name, n), result in results.items()}
+    return Outcome(figures, (rows,), checks)
+
+
+def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Result:
+    """Environment and bare batch, a control step each in turns."""
+    start = bare.start(name, num_envs)
+    robots = bare.Robots(start, options.threads)
+    walkers = Walkers(name, start, options.threads)
+    for _ in range(options.warm_up):
+        walkers.step()
+        robots.run(walkers.action[None])
+    rounds = min(max(options.robot_steps // num_envs, options.rounds), MAX_EPISODE_STEPS - options.warm_up - 1)
+    subjects = {"environment": walkers.step, "bare": lambda: robots.run(walkers.action[None])}
+    seconds = interleave(subjects, rounds)
+    reset = interleave({"reset": walkers.reset}, RESETS)["reset"]
+    walkers.env.close()
+    advance()
+    seldom = 1 / MAX_EPISODE_STEPS + start.dt / CommandRanges().interval
+    whole, limit = seconds["environment"] + seldom * float(np.median(reset)), seconds["bare"]
+    return Result(
+        {"environment": whole, "bare": limit},
+        spread(reset).scaled(1e6),
+        speed_ratio(whole, limit),
+        difference(whole, limit).scaled(1e6),
+    )
+
+
+class Walkers:
+    """The environment's batch under the trot, from the given start."""
+
+    def __init__(self, name: str, start: bare.Start, threads: int) -> None:
+        count = len(start.seeds)
+        self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(ENV_ID, count, scenario=name, nthread=threads)
+        self._policy = policies.make("trot")
+        self._policy.reset(count)
+        self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
+        """Latest, (n, k)."""
+        self.action: bare.Actions = np.zeros((count, 12), np.float32)
+        """Of the latest step, (n, 12) rad."""
+
+    def step(self) -> float:
+        """Seconds a robot that `step` took, without the policy."""
+        self.action = self._policy.act(self.observation)
+        begin = time.perf_counter()
+        self.observation, _, terminated, truncated, _ = self.env.step(self.action)
+        seconds = time.perf_counter() - begin
+        if (ended := terminated | truncated).any():
+            self._policy.reset_where(ended)
+        return seconds / len(self.action)
+
+    def reset(self) -> float:
+        """Seconds a robot that a reset of all of them takes."""
+        begin = time.perf_counter()
+        self.env.reset()
+        return (time.perf_counter() - begin) / len(self.action)
+
+
+def _check(options: Options) -> None:
+    sizes_in_range("--envs", options.envs, MOST_ENVS)
+    in_range("--threads", options.threads, 1, MOST_THREADS)
+    in_range("--robot-steps", options.robot_steps, 1, 10**9)
+    in_range("--warm-up", options.warm_up, 1, MAX_EPISODE_STEPS)
+    if not options.scenarios:
+        raise UsageError(f"--scenarios: none given; valid: {', '.join(SCENARIOS)}")
+    for name in options.scenarios:
+        try:
+            scenario(name)
+        except ValueError as error:
+            raise UsageError(f"--scenarios: {error}") from None
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    return run(Options, measure, arguments, program="benchmarks.vector_env", description=__doc__ or "")
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

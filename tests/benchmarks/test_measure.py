@@ -1,0 +1,79 @@
+"""Subjects take turns, ratios are of the same rounds, and what cannot be measured is not called met."""
+
+import numpy as np
+import pytest
+
+from benchmarks.bars import BARS, check
+from benchmarks.measure import difference, interleave, machine, machine_line, speed_ratio, spread
+
+
+def test_subjects_take_turns_and_the_first_round_does_not_count() -> None:
+    order: list[str] = []
+    clock = iter(range(100))
+
+    def subject(name: str) -> float:
+        order.append(name)
+        return float(next(clock))
+
+    rounds = []
+    seconds = interleave(
+        {"a": lambda: subject("a"), "b": lambda: subject("b")}, 3, progress=lambda: rounds.append(len(order))
+    )
+    assert order == ["a", "b"] * 4
+    assert rounds == [2, 4, 6, 8]
+    assert seconds["a"].tolist() == [2.0, 4.0, 6.0]
+    assert seconds["b"].tolist() == [3.0, 5.0, 7.0]
+
+
+def test_every_round_counts_without_a_warm_up() -> None:
+    seconds = interleave({"a": iter([1.0, 2.0]).__next__}, 2, warm_up=0)
+    assert seconds["a"].tolist() == [1.0, 2.0]
+
+
+def test_spread_is_median_and_quartiles() -> None:
+    found = spread(np.array([5.0, 1.0, 3.0, 2.0, 4.0]))
+    assert (found.low, found.median, found.high) == (2.0, 3.0, 4.0)
+    assert found.scaled(10.0).high == 40.0
+
+
+def test_ratio_and_difference_are_taken_round_by_round() -> None:
+    """A machine that is ten times as slow in one round changes neither the ratio nor, much, its spread."""
+    subject, other = np.array([1.0, 10.0, 1.0]), np.array([2.0, 20.0, 2.0])
+    ratio = speed_ratio(subject, other)
+    assert (ratio.low, ratio.median, ratio.high) == (2.0, 2.0, 2.0)
+    assert difference(subject, other).median == -1.0
+
+
+@pytest.mark.parametrize(
+    ("bar", "values", "met"),
+    [
+        ("single_env", (0.55,), True),
+        ("single_env", (0.549,), False),
+        ("help", (1.0,), True),
+        ("help", (1.01,), False),
+        ("vector_env", (0.95, 9.0), True),
+        ("vector_env", (0.5, 6.0), True),
+        ("vector_env", (0.89, 6.1), False),
+        ("physics", (float("nan"),), False),
+        ("residual 0.08", (float("inf"),), False),
+        ("end-to-end 0.08", (1.0,), None),
+    ],
+)
+def test_a_bar_is_met_by_one_of_its_limits(bar: str, values: tuple[float, ...], met: bool | None) -> None:
+    assert check(bar, *values).met is met
+
+
+def test_a_bar_wants_a_value_for_each_limit() -> None:
+    with pytest.raises(ValueError, match="1 values for 2 limits"):
+        check("vector_env", 1.0)
+
+
+def test_every_bar_names_a_command_that_exists(repository) -> None:
+    modules = {bar.command.split()[0] for bar in BARS.values()}
+    assert {name for name in modules if not (repository / "benchmarks" / f"{name}.py").exists()} == set()
+
+
+def test_machine_line_has_what_figures_depend_on() -> None:
+    facts = machine()
+    line = machine_line(facts)
+    assert all(str(facts[key]) in line for key in ("cpu", "cores", "python", "mujoco", "numpy"))
