@@ -7,7 +7,6 @@ import contextlib
 import ctypes
 import os
 import sys
-from importlib.metadata import PackageNotFoundError, version
 
 import gymnasium as gym
 
@@ -26,11 +25,6 @@ if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get(
     with contextlib.suppress(OSError):
         ctypes.CDLL("libEGL.so.1")
         os.environ.setdefault("MUJOCO_GL", "egl")
-
-try:
-    __version__ = version("simple-quad")
-except PackageNotFoundError:  # run from a source tree that is not installed
-    __version__ = "0+unknown"
 
 __all__ = [
     "ENV_ID",
@@ -59,3 +53,15 @@ if ENV_ID not in gym.registry:
         vector_entry_point="quad_env.vector_env:SimpleQuadVectorEnv",
         max_episode_steps=MAX_EPISODE_STEPS,
     )
+
+
+def __getattr__(name: str) -> str:
+    """`__version__` when asked for: looking it up would take a tenth of the import."""
+    if name != "__version__":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("simple-quad")
+    except PackageNotFoundError:  # run from a source tree that is not installed
+        return "0+unknown"
