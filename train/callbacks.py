@@ -22,7 +22,7 @@ from train.config import TrainConfig, to_dict
 from train.display import Display
 from train.folder import BEST, CHECKPOINTS, LAST
 from train.interrupt import Interrupt
-from train.ppo import AdaptiveRate, actor_network
+from train.ppo import AdaptiveRate, actor_network, lower_noise
 from train.validation import score, validate
 from train.vec_env import TrainingEnv
 
@@ -100,6 +100,20 @@ class AdaptRate(BaseCallback):
         if kl is not None:
             self._rate.update(float(kl))
         self._memory.rate = self._rate.rate
+
+
+class LowerNoise(BaseCallback):
+    """Lowers the exploration noise on its schedule."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        super().__init__()
+        self._config = config
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        lower_noise(cast(PPO, self.model), self._config.ppo, self.num_timesteps / self._config.steps)
 
 
 class Keeper(BaseCallback):

@@ -51,6 +51,8 @@ class PpoConfig:
     """Largest norm of a gradient."""
     log_std_init: float = -2.0
     """Logarithm of the exploration noise at the start, in units of the authority."""
+    log_std_final: float | None = None
+    """What it is lowered to, linearly, until the last step; learned from its start when not given."""
     actor: tuple[int, ...] = (128, 128)
     """Hidden layer widths of the policy's network."""
     critic: tuple[int, ...] = (128, 128)

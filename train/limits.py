@@ -52,6 +52,8 @@ def check(config: TrainConfig) -> None:
         _check_range(place, _at(config, place), low, high)
     for name, weight in to_dict(config)["rewards"].items():
         _check_range(f"rewards.{name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
+    if config.ppo.log_std_final is not None:
+        _check_range("ppo.log_std_final", config.ppo.log_std_final, *LIMITS["ppo.log_std_init"])
     _check_layers("--ppo.actor", config.ppo.actor)
     _check_layers("--ppo.critic", config.ppo.critic)
     _check_rollout(config)

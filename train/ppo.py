@@ -86,7 +86,15 @@ def build(config: TrainConfig, env: TrainingEnv) -> PPO:
     )
     for parameter in model.policy.action_net.parameters():
         nn.init.zeros_(parameter)
+    model.policy.log_std.requires_grad_(ppo.log_std_final is None)
     return model
+
+
+def lower_noise(model: PPO, config: PpoConfig, progress: float) -> None:
+    """Set the exploration noise to what its schedule, if there is one, gives at this share of the run, 0 … 1."""
+    if config.log_std_final is not None:
+        fall = (config.log_std_final - config.log_std_init) * min(progress, 1.0)
+        model.policy.log_std.data.fill_(config.log_std_init + fall)
 
 
 def actor_network(model: PPO, activation: str) -> Network:

@@ -17,7 +17,7 @@ from quad_env.seeding import episode_seeds
 from quad_env.terrain import SmoothRandom
 from quad_env.vector_env import SimpleQuadVectorEnv
 from train import checkpoint
-from train.callbacks import AdaptRate, Keeper, Memory, Progress, recall
+from train.callbacks import AdaptRate, Keeper, LowerNoise, Memory, Progress, recall
 from train.config import TrainConfig, robots_per_scenario, to_dict
 from train.display import make_display
 from train.folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, refuse_folder_in_use
@@ -69,7 +69,7 @@ def _learn(config: TrainConfig, env: TrainingEnv, model: PPO, memory: Memory, no
         display.note(f"carrying on at {done:,} steps; the robots begin new episodes")
     try:
         with Interrupt() as interrupt:
-            callbacks: list[BaseCallback] = [Progress(env, display)]
+            callbacks: list[BaseCallback] = [Progress(env, display), LowerNoise(config)]
             if isinstance(model.learning_rate, AdaptiveRate):
                 callbacks.append(AdaptRate(model.learning_rate, memory))
             callbacks.append(Keeper(config, env, display, memory, interrupt))

@@ -11,6 +11,7 @@ from policies.bundle import load, save
 from policies.residual import ResidualPolicy
 from quad_env.scenarios import SCENARIOS
 from quad_env.seeding import PURPOSES, episode_seeds
+from train.callbacks import LowerNoise
 from train.config import PpoConfig, TrainConfig
 from train.ppo import AdaptiveRate, LinearRate, actor_network, build
 from train.run import make_env
@@ -39,6 +40,16 @@ def test_the_first_policy_corrects_nothing_anywhere():
     assert not model.predict(inputs, deterministic=True)[0].any()
     assert not actor_network(model, "elu")(inputs).any()
     np.testing.assert_allclose(model.policy.log_std.detach().numpy(), SMALL.log_std_init)
+
+
+def test_noise_falls_along_its_schedule_and_nothing_else_moves_it():
+    config, model = learner(log_std_init=-1.0, log_std_final=-3.0)
+    samples = config.ppo.envs * config.ppo.rollout_steps
+    seen = []
+    for rollouts in (1, 2, 4):  # the last begins at 0, 1/4 and 3/4 of the run
+        model.learn(rollouts * samples, LowerNoise(dataclasses.replace(config, steps=4 * samples)))
+        seen.append(model.policy.log_std.detach().numpy().copy())
+    np.testing.assert_allclose(seen, np.tile([[-1.0], [-1.5], [-2.5]], 12), rtol=1e-6)
 
 
 @pytest.mark.parametrize("activation", ["elu", "tanh"])
