@@ -119,10 +119,11 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
     "end-to-end": TrainConfig(
         policy="end-to-end",
         base="stand",
-        joint_authority=0.7,
-        hip_authority=0.35,
+        joint_authority=0.5,
+        hip_authority=0.25,
+        hardness=1.0,
         rewards=RewardWeights(fall=-0.3),
-        ppo=PpoConfig(log_std_init=-0.5, gamma=0.97, gae_lambda=0.95),
+        ppo=PpoConfig(log_std_init=-1.0, log_std_final=-3.0, gamma=0.99, gae_lambda=0.95),
     ),
 }
 """Defaults of each kind of policy."""

@@ -304,7 +304,9 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay) -> N
 
 def test_the_launcher_leaves_at_once_until_the_program_can_be_interrupted() -> None:
     code = (
-        "import signal\nfrom evaluate import launcher\nlauncher.leave_on_interrupt()\n{}"
+        "import signal\nfrom evaluate import launcher\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # deaf where the tests are a background job
+        "launcher.leave_on_interrupt()\n{}"
         "try:\n    signal.raise_signal(signal.SIGINT)\n    for _ in range(1000): pass\n"
         "except KeyboardInterrupt:\n    print('caught')\n"
     )
