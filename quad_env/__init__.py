@@ -7,17 +7,19 @@ import contextlib
 import ctypes
 import os
 import sys
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
-from quad_env.config import CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
-from quad_env.observations import OBSERVATION, OBSERVATION_SIZE
-from quad_env.robot import JOINT_NAMES
-from quad_env.scenarios import SCENARIOS, Pushes, Scenario, scenario
-from quad_env.terrain import Flat, SmoothRandom
+if TYPE_CHECKING:
+    from quad_env.config import FALL_RULE, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
+    from quad_env.observations import OBSERVATION, OBSERVATION_SIZE
+    from quad_env.robot import JOINT_NAMES
+    from quad_env.scenarios import SCENARIOS, Pushes, Scenario, scenario
+    from quad_env.terrain import Flat, SmoothRandom
 
 ENV_ID = "SimpleQuad-v0"
-FALL_RULE = FallRule().name
 MAX_EPISODE_STEPS = 1000
 
 if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
@@ -45,6 +47,8 @@ __all__ = [
     "TaskConfig",
     "scenario",
 ]
+_MODULES = ("config", "observations", "robot", "scenarios", "terrain")
+"""Where the names above come from; loaded when one is first asked for, so that the import costs next to nothing."""
 
 if ENV_ID not in gym.registry:
     gym.register(
@@ -55,10 +59,21 @@ if ENV_ID not in gym.registry:
     )
 
 
-def __getattr__(name: str) -> str:
-    """`__version__` when asked for: looking it up would take a tenth of the import."""
-    if name != "__version__":
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return _version()
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    for module in map(import_module, (f"{__name__}.{module}" for module in _MODULES)):
+        globals().update({each: getattr(module, each) for each in __all__ if hasattr(module, each)})
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, "__version__"})
+
+
+def _version() -> str:
     from importlib.metadata import PackageNotFoundError, version
 
     try:

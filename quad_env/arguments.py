@@ -69,7 +69,8 @@ def joint_targets(actions: Any, shape: tuple[int, ...]) -> Array:
         raise ValueError(f"an action is real joint targets in rad, got {array.dtype}")
     if array.shape != shape:
         raise ValueError(f"the action has shape {array.shape}; wanted {shape} joint targets in rad")
-    if np.count_nonzero(np.isfinite(array)) < array.size:
+    targets: Array = array.astype(np.float64)
+    if np.count_nonzero(np.isfinite(targets)) < targets.size:
         raise ValueError("an action is finite joint targets in rad")
-    targets: Array = np.minimum(np.maximum(array, JOINT_LOWER), JOINT_UPPER)
-    return targets
+    np.maximum(targets, JOINT_LOWER, out=targets)
+    return np.minimum(targets, JOINT_UPPER, out=targets)

@@ -60,6 +60,9 @@ class FallRule:
     """m, trunk centre above the terrain below it"""
 
 
+FALL_RULE = FallRule().name
+
+
 @dataclass(frozen=True)
 class RewardWeights:
     """Weight of each reward term; the terms are functions of the same names in `quad_env.rewards`."""
