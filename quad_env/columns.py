@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Column = TypeVar("Column", float, Array)
 Vector = Sequence[Column]
-"""k columns: a tuple or list, or an array (k, n) of n robots'."""
+"""k columns: a tuple, or an array (k, n) of n robots'."""
 Truth = bool | Mask
 """A column of truth values; combine them with `&` and `|`."""
 
@@ -29,7 +29,7 @@ def of_robots(rows: Array) -> Vector[Array]:
 
 def of_robot(rows: Array) -> Vector[float]:
     """The columns in the only row (1, k) of one robot."""
-    return cast("Vector[float]", rows[0].tolist())
+    return tuple(rows[0].tolist())
 
 
 def in_single_precision(vectors: Sequence[Vector[Column]]) -> NDArray[np.float32]:
