@@ -12,11 +12,9 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 
-import policies
-from policies import ResidualPolicy
-from train.callbacks import AdaptRate, Memory
+from train.callbacks import Memory, current_policy, schedules
 from train.config import TrainConfig, ValidationConfig
-from train.ppo import AdaptiveRate, actor_network, build
+from train.ppo import build
 from train.run import make_env
 from train.validation import validate
 from train.vec_env import TrainingEnv
@@ -148,10 +146,7 @@ def train_and_judge(
     try:
         model = _learner(config, env)
         judge = _Judge(config, env, every, episodes, goal, report, begin)
-        callbacks: list[BaseCallback] = [judge]
-        if isinstance(model.learning_rate, AdaptiveRate):
-            callbacks.append(AdaptRate(model.learning_rate, Memory()))
-        model.learn(config.steps, callbacks)
+        model.learn(config.steps, [judge, *schedules(config, model, Memory())])
     finally:
         env.close()
 
@@ -195,8 +190,7 @@ class _Judge(BaseCallback):
     def _judge(self) -> None:
         paused = time.perf_counter()
         config = self._config
-        network = actor_network(cast(PPO, self.model), config.ppo.activation)
-        policy = ResidualPolicy(policies.make(config.base), network, self._env.authority, config.policy)
+        policy = current_policy(config, cast(PPO, self.model), self._env)
         error = validate(policy, self._validation, config.threads)[JUDGED]["velocity_error"]
         self._report(Judgement(self.num_timesteps, paused - self._begin, error))
         self._reached = error <= self._goal

@@ -116,6 +116,19 @@ class LowerNoise(BaseCallback):
         lower_noise(cast(PPO, self.model), self._config.ppo, self.num_timesteps / self._config.steps)
 
 
+def schedules(config: TrainConfig, model: PPO, memory: Memory) -> list[BaseCallback]:
+    """What changes the learner's settings under way; a run without them is another run."""
+    if isinstance(model.learning_rate, AdaptiveRate):
+        return [LowerNoise(config), AdaptRate(model.learning_rate, memory)]
+    return [LowerNoise(config)]
+
+
+def current_policy(config: TrainConfig, model: PPO, env: TrainingEnv) -> ResidualPolicy:
+    """The actor as it would be shipped: on a fresh base, without exploration noise."""
+    network = actor_network(model, config.ppo.activation)
+    return ResidualPolicy(policies.make(config.base), network, env.authority, config.policy)
+
+
 class Keeper(BaseCallback):
     """Validates, keeps the best and the last bundle, writes checkpoints, and ends the run when asked to."""
 
@@ -151,9 +164,7 @@ class Keeper(BaseCallback):
         self._keep()
 
     def _policy(self) -> ResidualPolicy:
-        """The actor as it would be shipped: on a fresh base, without exploration noise."""
-        network = actor_network(cast(PPO, self.model), self._config.ppo.activation)
-        return ResidualPolicy(policies.make(self._config.base), network, self._env.authority, self._config.policy)
+        return current_policy(self._config, cast(PPO, self.model), self._env)
 
     def _validate(self) -> bool:
         """Judge the policy; whether it is the best so far, and is kept as that."""

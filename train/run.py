@@ -6,7 +6,6 @@ import json
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 import policies
@@ -17,12 +16,12 @@ from quad_env.seeding import episode_seeds
 from quad_env.terrain import SmoothRandom
 from quad_env.vector_env import SimpleQuadVectorEnv
 from train import checkpoint
-from train.callbacks import AdaptRate, Keeper, LowerNoise, Memory, Progress, recall
+from train.callbacks import Keeper, Memory, Progress, recall, schedules
 from train.config import TrainConfig, robots_per_scenario, to_dict
 from train.display import make_display
 from train.folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, refuse_folder_in_use
 from train.interrupt import Interrupt
-from train.ppo import AdaptiveRate, build
+from train.ppo import build
 from train.scenarios import practice
 from train.vec_env import TrainingEnv
 
@@ -69,9 +68,7 @@ def _learn(config: TrainConfig, env: TrainingEnv, model: PPO, memory: Memory, no
         display.note(f"carrying on at {done:,} steps; the robots begin new episodes")
     try:
         with Interrupt() as interrupt:
-            callbacks: list[BaseCallback] = [Progress(env, display), LowerNoise(config)]
-            if isinstance(model.learning_rate, AdaptiveRate):
-                callbacks.append(AdaptRate(model.learning_rate, memory))
+            callbacks = [Progress(env, display), *schedules(config, model, memory)]
             callbacks.append(Keeper(config, env, display, memory, interrupt))
             model.learn(max(config.steps - done, 0), callbacks, reset_num_timesteps=not memory.resumed)
     finally:
