@@ -1,5 +1,6 @@
 """The chosen battery: the scenarios that every policy is judged on, unless the user names others."""
 
+from quad_env.axes import AXES
 from quad_env.scenarios import SCENARIOS, Scenario, scenario
 
 DEFAULT = ("flat", "push", "rough")
@@ -16,4 +17,12 @@ def resolve(names: tuple[str, ...]) -> tuple[Scenario, ...]:
         raise ValueError(f"a scenario is given twice: {' '.join(names)}")
     if ALL in names:
         raise ValueError(f"'{ALL}' stands alone, without other scenarios")
-    return tuple(scenario(name) for name in names)
+    return tuple(_one(name) for name in names)
+
+
+def _one(name: str) -> Scenario:
+    """`push`, or a level of an axis, `push:3`."""
+    axis, colon, level = name.partition(":")
+    if colon and axis in AXES and level.isdecimal():
+        return AXES[axis].level(int(level))
+    return scenario(name)

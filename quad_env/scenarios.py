@@ -42,12 +42,14 @@ class Scenario:
     severity: float = 0.0
     """Of the scenario's own axis, in the unit of `severity_unit`; 0 where nothing disturbs."""
     severity_unit: str = ""
+    axis: str = ""
+    """Of `quad_env.axes`, where the scenario is a severity of one."""
 
 
 SCENARIOS: dict[str, Scenario] = {
-    "flat": Scenario("flat"),
-    "push": Scenario("push", pushes=Pushes(), severity=35.0, severity_unit="N·s"),
-    "rough": Scenario("rough", terrain=SmoothRandom(), severity=0.12, severity_unit="m"),
+    "flat": Scenario("flat", axis="flat"),
+    "push": Scenario("push", pushes=Pushes(), severity=35.0, severity_unit="N·s", axis="push"),
+    "rough": Scenario("rough", terrain=SmoothRandom(), severity=0.12, severity_unit="m", axis="rough"),
 }
 
 
