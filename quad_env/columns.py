@@ -7,7 +7,6 @@ are taken in order, by `total`: NumPy's own adds pairwise, and Python's compensa
 import math
 import operator
 from collections.abc import Iterable, Sequence
-from itertools import chain
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -29,13 +28,16 @@ def of_robots(rows: Array) -> Vector[Array]:
 
 def of_robot(rows: Array) -> Vector[float]:
     """The columns in the only row (1, k) of one robot."""
-    return tuple(rows[0].tolist())
+    return tuple(rows.tolist()[0])
 
 
 def in_single_precision(vectors: Sequence[Vector[Column]]) -> NDArray[np.float32]:
     """All columns of the vectors as one new array, (k,) or (k, n)."""
     if isinstance(vectors[0][0], float):
-        return np.array(list(chain.from_iterable(vectors)), np.float32)
+        flat: list[Any] = []
+        for vector in vectors:
+            flat += vector
+        return np.array(flat, np.float32)
     return np.concatenate(vectors, dtype=np.float32, casting="same_kind")
 
 
@@ -52,14 +54,31 @@ def differences(x: Vector[Column], y: Vector[Column] | Sequence[float]) -> Vecto
     return np.subtract(x.T, np.transpose(y)).T if isinstance(x, np.ndarray) else tuple(map(operator.sub, x, y))
 
 
-def products(x: Vector[Column], y: Vector[Column]) -> Vector[Column]:
-    """xᵢ yᵢ"""
-    return x * y if isinstance(x, np.ndarray) else tuple(map(operator.mul, x, y))
+def sum_of_squares(x: Vector[Column]) -> Column:
+    """Σ xᵢ²"""
+    if isinstance(x, np.ndarray):
+        return total(x * x)
+    out: Any = 0.0
+    for value in x:
+        out += value * value
+    return out  # type: ignore[no-any-return]
 
 
-def magnitudes(x: Vector[Column]) -> Vector[Column]:
-    """|xᵢ|"""
-    return np.abs(x) if isinstance(x, np.ndarray) else tuple(map(abs, x))
+def sum_of_magnitudes(x: Vector[Column], y: Vector[Column]) -> Column:
+    """Σ |xᵢ yᵢ|"""
+    if isinstance(x, np.ndarray):
+        return total(np.abs(x * y))
+    out: Any = 0.0
+    for a, b in zip(x, y, strict=True):
+        out += abs(a * b)
+    return out  # type: ignore[no-any-return]
+
+
+def share_above(x: Vector[Column], bound: float) -> Column:
+    """Share of the |xᵢ| above a bound."""
+    if isinstance(x, np.ndarray):
+        return cast("Column", np.count_nonzero(np.abs(x) > bound, axis=0) / len(x))
+    return sum([value > bound or value < -bound for value in x]) / len(x)  # type: ignore[return-value]
 
 
 def sqrt(x: Column) -> Column:

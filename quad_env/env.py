@@ -136,11 +136,13 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _judge(self) -> QuadState[float]:
         """Readings of the robot that just moved; whether it fell, and whether that ends the episode."""
-        self._diverged = self._simulation.one_diverged()
+        motion = self._simulation.motion_of_one()
+        self._diverged = self._simulation.one_diverged(motion)
         if self._diverged:
             self._simulation.park(np.zeros(1, np.intp))
+            motion = self._simulation.motion_of_one()
         self._followed = self._command
-        state = self._simulation.state_of_one(self._followed)
+        state = self._simulation.state_of_one(self._followed, motion)
         self._fall = None if self._diverged else fall_reason(state, self.config.fall_rule)
         self._terminated = self._diverged or (self._fall is not None and self.terminate_on_fall)
         return state

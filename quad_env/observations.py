@@ -55,15 +55,15 @@ BOUND.flags.writeable = SCALE.flags.writeable = False
 
 def observe(state: QuadState[Column], command: Vector[Column]) -> NDArray[np.float32]:
     """Fresh observation, (OBSERVATION_SIZE,) or (n, OBSERVATION_SIZE); `command`, (3), is the one to follow next."""
-    readings = {
-        "projected_gravity": state.projected_gravity,
-        "angular_velocity": state.angular_velocity,
-        "linear_velocity": state.linear_velocity,
-        "joint_position": differences(state.joint_position, _HOME),
-        "joint_velocity": state.joint_velocity,
-        "previous_action": differences(state.action, _HOME),
-        "command": command,
-    }
-    out = in_single_precision([readings[term.name] for term in TERMS]).T
+    in_order = (  # of TERMS
+        state.projected_gravity,
+        state.angular_velocity,
+        state.linear_velocity,
+        differences(state.joint_position, _HOME),
+        state.joint_velocity,
+        differences(state.action, _HOME),
+        command,
+    )
+    out = in_single_precision(in_order).T
     np.minimum(out, BOUND, out=out)
     return np.maximum(out, _LOWER_BOUND, out=out)

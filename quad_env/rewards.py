@@ -8,7 +8,7 @@ pay.
 from dataclasses import asdict
 from typing import Protocol
 
-from quad_env.columns import Column, Truth, anywhere, differences, exp, products, sqrt, total, where
+from quad_env.columns import Column, Truth, anywhere, differences, exp, sqrt, sum_of_squares, where
 from quad_env.config import RewardWeights
 from quad_env.state import QuadState
 
@@ -49,13 +49,12 @@ def tilt(state: QuadState[Column]) -> Column:
 
 def action_rate(state: QuadState[Column]) -> Column:
     """Squared change of the joint targets since the last step, summed over joints, rad²."""
-    change = differences(state.action, state.previous_action)
-    return total(products(change, change))
+    return sum_of_squares(differences(state.action, state.previous_action))
 
 
 def torque(state: QuadState[Column]) -> Column:
     """Squared joint torques, summed over joints, (N·m)²."""
-    return total(products(state.joint_torque, state.joint_torque))
+    return sum_of_squares(state.joint_torque)
 
 
 class Term(Protocol):

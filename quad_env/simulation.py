@@ -21,6 +21,8 @@ _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning
 _TRUNK_SENSOR = "trunk_ground"
 _FLOOR_DEPTH = 1.0
 """m of solid ground below a height field."""
+Motion = tuple[Vector[Column], Vector[Column]]
+"""Generalised positions (19) and velocities (18), as MuJoCo orders them."""
 
 
 def compile_model(terrain: Terrain) -> mujoco.MjModel:
@@ -115,15 +117,15 @@ class Simulation:
 
     def diverged(self, ids: Ids = ALL) -> Mask:
         """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite."""
-        return cast("Mask", self._diverged(lambda rows: of_robots(rows[ids])))
+        return cast("Mask", _diverged(*(of_robots(rows[ids]) for rows in (self._warnings, self._qpos, self._qvel))))
 
-    def one_diverged(self) -> bool:
-        """The same of the only robot of a batch of one."""
-        return bool(self._diverged(of_robot))
+    def motion_of_one(self) -> Motion[float]:
+        """Motion of the only robot of a batch of one."""
+        return of_robot(self._qpos), of_robot(self._qvel)
 
-    def _diverged(self, columns: Callable[[Array], Vector[Column]]) -> Truth:
-        warned: Any = total(columns(self._warnings)) > 0
-        return warned | not_finite(columns(self._qpos)) | not_finite(columns(self._qvel))  # type: ignore[no-any-return]
+    def one_diverged(self, motion: Motion[float]) -> bool:
+        """`diverged` of the only robot of a batch of one, whose motion it is."""
+        return bool(_diverged(of_robot(self._warnings), *motion))
 
     def park(self, ids: NDArray[np.intp]) -> None:
         """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
@@ -131,15 +133,18 @@ class Simulation:
 
     def state(self, command: Vector[Array], ids: Ids = ALL) -> QuadState[Array]:
         """Readings of those robots now; `command`, (3) is the one they were following."""
-        return self._readings(lambda rows: of_robots(rows[ids]), command)
+        motion = of_robots(self._qpos[ids]), of_robots(self._qvel[ids])
+        return self._readings(lambda rows: of_robots(rows[ids]), motion, command)
 
-    def state_of_one(self, command: Vector[float]) -> QuadState[float]:
-        """The same of the only robot of a batch of one."""
-        return self._readings(of_robot, command)
+    def state_of_one(self, command: Vector[float], motion: Motion[float] | None = None) -> QuadState[float]:
+        """The same of the only robot of a batch of one; `motion` is its own, where it has been read already."""
+        return self._readings(of_robot, motion or self.motion_of_one(), command)
 
-    def _readings(self, columns: Callable[[Array], Vector[Column]], command: Vector[Column]) -> QuadState[Column]:
+    def _readings(
+        self, columns: Callable[[Array], Vector[Column]], motion: Motion[Column], command: Vector[Column]
+    ) -> QuadState[Column]:
         """`columns` takes those of the wanted robots out of the rows of all."""
-        qpos, qvel = columns(self._qpos), columns(self._qvel)
+        qpos, qvel = motion
         rotation = rotation_matrix(qpos[3:7])
         x, y, z = qpos[:3]
         return QuadState(
@@ -164,6 +169,11 @@ class Simulation:
         data = self._batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
         return data
+
+
+def _diverged(warnings: Vector[Column], qpos: Vector[Column], qvel: Vector[Column]) -> Truth:
+    warned: Any = total(warnings) > 0
+    return warned | not_finite(qpos) | not_finite(qvel)  # type: ignore[no-any-return]
 
 
 def _quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:

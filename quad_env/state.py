@@ -1,9 +1,9 @@
 """Named readings, computed from the current positions and velocities, never from a substep earlier."""
 
-from typing import Any, Generic, NamedTuple
+from typing import Generic, NamedTuple
 
-from quad_env.columns import Column, Truth, Vector, magnitudes, products, sqrt, total, where
-from quad_env.robot import NUM_JOINTS, VELOCITY_LIMIT
+from quad_env.columns import Column, Truth, Vector, share_above, sqrt, sum_of_magnitudes, where
+from quad_env.robot import VELOCITY_LIMIT
 
 Rotation = tuple[Vector[Column], Vector[Column], Vector[Column]]
 """Rows of the matrix that turns base-frame vectors into world-frame ones."""
@@ -51,14 +51,12 @@ class QuadState(NamedTuple, Generic[Column]):
     @property
     def mechanical_power(self) -> Column:
         """Σ |torque · joint speed|, W."""
-        return total(magnitudes(products(self.joint_torque, self.joint_velocity)))
+        return sum_of_magnitudes(self.joint_torque, self.joint_velocity)
 
     @property
     def overspeed(self) -> Column:
         """Share of the joints that turn faster than their rated speed."""
-        too_fast: list[Any] = [speed > VELOCITY_LIMIT for speed in magnitudes(self.joint_velocity)]
-        share: Column = sum(too_fast) / NUM_JOINTS
-        return share
+        return share_above(self.joint_velocity, VELOCITY_LIMIT)
 
 
 def rotation_matrix(quaternion: Vector[Column]) -> Rotation[Column]:
