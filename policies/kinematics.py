@@ -13,6 +13,7 @@ reach a point the inverse takes the one with the foot below the thigh joint (z <
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from quad_env.kinematics import foot_positions as foot_positions
 from quad_env.robot import CALF_LENGTH, HIP_OFFSET, SIDE, THIGH_LENGTH
 
 Floats = NDArray[np.float64]
@@ -21,20 +22,6 @@ LONGEST_LEG = THIGH_LENGTH + CALF_LENGTH
 """Thigh joint to foot with the knee straight, m."""
 SHORTEST_LEG = abs(THIGH_LENGTH - CALF_LENGTH)
 """Thigh joint to foot with the knee folded (joint limits aside), m."""
-
-
-def foot_positions(joints: ArrayLike, side: Floats = SIDE) -> Floats:
-    """Feet in their hip frames, m; shape (..., legs, 3), from joint angles in rad of that shape.
-
-    `side` is +1 for a left and -1 for a right leg, shape (legs,) or a scalar array for a single leg's (..., 3).
-    """
-    hip, thigh, calf = np.moveaxis(np.asarray(joints, dtype=np.float64), -1, 0)
-    forward = -THIGH_LENGTH * np.sin(thigh) - CALF_LENGTH * np.sin(thigh + calf)
-    up = -THIGH_LENGTH * np.cos(thigh) - CALF_LENGTH * np.cos(thigh + calf)
-    outboard = side * HIP_OFFSET
-    return np.stack(
-        [forward, outboard * np.cos(hip) - up * np.sin(hip), outboard * np.sin(hip) + up * np.cos(hip)], axis=-1
-    )
 
 
 def joint_angles(feet: ArrayLike, side: Floats = SIDE) -> Floats:

@@ -19,6 +19,8 @@ ALL = slice(None)
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""
 _TRUNK_SENSOR = "trunk_ground"
+_FOOT_SENSORS = tuple(f"{leg}_foot_ground" for leg in LEG_NAMES)
+_LEG_SENSORS = tuple(f"{leg}_{link}_ground" for leg in LEG_NAMES for link in ("thigh", "calf"))
 _FLOOR_DEPTH = 1.0
 """m of solid ground below a height field."""
 Motion = tuple[Vector[Column], Vector[Column]]
@@ -49,19 +51,25 @@ def compile_model(terrain: Terrain) -> mujoco.MjModel:
     return spec.compile()
 
 
-def stepped_model(model: mujoco.MjModel) -> mujoco.MjModel:
-    """A copy that steps to the same bits faster: of all sensors it evaluates the one that is read, and it does not
+def stepped_model(model: mujoco.MjModel, sensors: tuple[str, ...] = (_TRUNK_SENSOR,)) -> mujoco.MjModel:
+    """A copy that steps to the same bits faster: of all sensors it evaluates those that are read, and it does not
     search for islands of constraints, of which one robot has only one."""
     lean = copy.copy(model)
-    lean.sensor_needstage[np.arange(model.nsensor) != model.sensor(_TRUNK_SENSOR).id] = mujoco.mjtStage.mjSTAGE_NONE
+    unread = np.setdiff1d(np.arange(model.nsensor), [model.sensor(name).id for name in sensors])
+    lean.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
     lean.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     return lean
 
 
 class Simulation:
-    """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads."""
+    """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
 
-    def __init__(self, terrain: Terrain, num_envs: int, nthread: int, control_rate: float) -> None:
+    With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`.
+    """
+
+    def __init__(
+        self, terrain: Terrain, num_envs: int, nthread: int, control_rate: float, contacts: bool = False
+    ) -> None:
         self.terrain = terrain
         self.model = compile_model(terrain)
         period = 1 / control_rate
@@ -70,12 +78,14 @@ class Simulation:
             raise ValueError(
                 f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
-        self._batch = Batch(stepped_model(self.model), num_envs, nthread)
+        more = (*_FOOT_SENSORS, *_LEG_SENSORS) if contacts else ()
+        self._batch = Batch(stepped_model(self.model, (_TRUNK_SENSOR, *more)), num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._torque = self._batch.bind("actuator_force")
         self._trunk_contact = self._batch.sensor(_TRUNK_SENSOR).data
+        self._leg_contacts = [self._batch.sensor(name).data for name in more]
         self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
         self._sites = self._batch.bind("site_xpos")
@@ -163,6 +173,22 @@ class Simulation:
             action=columns(self._action),
             previous_action=columns(self._previous_action),
         )
+
+    @property
+    def quaternion(self) -> Array:
+        """Orientation of every trunk in the world frame, (n, 4), w x y z."""
+        return cast("Array", self._qpos[:, 3:7].copy())
+
+    @property
+    def push(self) -> Array:
+        """Force on every trunk during the last step, world frame, x and y, (n, 2), N."""
+        return cast("Array", self._push.copy())
+
+    def ground_contacts(self) -> tuple[Mask, Mask]:
+        """Whether each foot, (n, 4), and whether a thigh or calf, (n,), touched the ground in the last substep."""
+        found = np.concatenate(self._leg_contacts, axis=1) > 0
+        feet, legs = found[:, : len(_FOOT_SENSORS)], found[:, len(_FOOT_SENSORS) :]
+        return feet, np.asarray(legs.any(axis=1))
 
     def snapshot(self, robot: int) -> mujoco.MjData:
         """A copy of one robot's simulation with every derived field current."""

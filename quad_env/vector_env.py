@@ -23,6 +23,7 @@ from quad_env.columns import Array, Mask
 from quad_env.config import TaskConfig
 from quad_env.episode import Episode, PushPlan
 from quad_env.observations import BOUND, observe
+from quad_env.readings import readings as readings_of
 from quad_env.rewards import reward_terms, step_weights
 from quad_env.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
 from quad_env.scenarios import Scenario
@@ -56,6 +57,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         terminate_on_fall: False keeps a fallen robot going.
         render_mode: None, "rgb_array" or "depth_array"; `render` gives a frame a robot. A window shows single ones.
         config: control rate, fall rule and reward weights.
+        readings: True adds `infos["readings"]`, what happened in the step beyond what policies observe: see
+            `quad_env.readings`.
     """
 
     def __init__(
@@ -68,6 +71,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         terminate_on_fall: bool = True,
         render_mode: str | None = None,
         config: TaskConfig | None = None,
+        readings: bool = False,
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
@@ -88,7 +92,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
         self.dt = 1 / self.config.control_rate
-        self.simulation = Simulation(self.scenario.terrain, num_envs, nthread, self.config.control_rate)
+        self.simulation = Simulation(self.scenario.terrain, num_envs, nthread, self.config.control_rate, readings)
+        self._readings = readings
         self._weights = step_weights(self.config.reward_weights, self.dt)
         self._interval = round(self.scenario.commands.interval / self.dt)
         self._seeds, self._next_episode = fresh_seeds(num_envs), [0] * num_envs
@@ -257,6 +262,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             "diverged": self._diverged.copy(),
             **paid,
         }
+        if self._readings:
+            infos["readings"] = readings_of(self.simulation)
         return infos | {f"_{key}": np.ones(self.num_envs, bool) for key in infos}
 
     def _restart(self, finished: Mask, infos: Infos, paid: Infos) -> Infos:
