@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import policies
 from quad_env import ENV_ID
-from quad_env.simulation import stepped_model
+from quad_env.model import stepped_model
 
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]

@@ -6,8 +6,8 @@ from typing import Any
 
 import mujoco
 
+from quad_env.model import stepped_model
 from quad_env.robot import MODEL_PATH
-from quad_env.simulation import stepped_model
 
 Change = Callable[[mujoco.MjSpec], None]
 

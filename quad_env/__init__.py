@@ -13,11 +13,14 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 
 if TYPE_CHECKING:
+    from quad_env.axes import AXES, Axis
+    from quad_env.conditions import Scenario
     from quad_env.config import FALL_RULE, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
+    from quad_env.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
     from quad_env.observations import OBSERVATION, OBSERVATION_SIZE
     from quad_env.robot import JOINT_NAMES
-    from quad_env.scenarios import SCENARIOS, Pushes, Scenario, scenario
-    from quad_env.terrain import Flat, SmoothRandom
+    from quad_env.scenarios import SCENARIOS, scenario
+    from quad_env.terrain import Flat, Slope, SmoothRandom, Stairs
 
 ENV_ID = "SimpleQuad-v0"
 MAX_EPISODE_STEPS = 1000
@@ -29,6 +32,7 @@ if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get(
         os.environ.setdefault("MUJOCO_GL", "egl")
 
 __all__ = [
+    "AXES",
     "ENV_ID",
     "FALL_RULE",
     "JOINT_NAMES",
@@ -36,18 +40,28 @@ __all__ = [
     "OBSERVATION",
     "OBSERVATION_SIZE",
     "SCENARIOS",
+    "Axis",
     "CommandRanges",
+    "Dropouts",
     "FallRule",
     "Flat",
+    "Ground",
+    "Latency",
+    "Motors",
+    "Payload",
     "Pushes",
     "RewardWeights",
     "Scenario",
+    "SensorNoise",
+    "Slope",
     "SmoothRandom",
+    "Stairs",
     "StartNoise",
+    "SteadyForce",
     "TaskConfig",
     "scenario",
 ]
-_MODULES = ("config", "observations", "robot", "scenarios", "terrain")
+_MODULES = ("axes", "conditions", "config", "disturbances", "observations", "robot", "scenarios", "terrain")
 """Where the names above come from; loaded when one is first asked for, so that the import costs next to nothing."""
 
 if ENV_ID not in gym.registry:

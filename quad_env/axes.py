@@ -3,11 +3,15 @@
 A severity is in the axis's own physical unit. `push` is the axis at its nominal severity, `push:3` its third level.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from quad_env.scenarios import SCENARIOS, Pushes, Scenario
-from quad_env.terrain import SmoothRandom
+from quad_env.conditions import Scenario
+from quad_env.config import CommandRanges
+from quad_env.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
+from quad_env.robot import TORQUE_LIMIT
+from quad_env.terrain import Slope, SmoothRandom, Stairs
 
 
 @dataclass(frozen=True)
@@ -20,6 +24,10 @@ class Axis:
     """Severities from the mildest to the hardest; where less is harder, as with friction, they fall."""
     at: Callable[[float], Scenario]
     """The scenario of a severity; its name, axis and severity are filled in here."""
+    nominal: float
+    """Severity of the scenario that has the axis's bare name."""
+    quantity: str
+    """What the severity is, in words."""
 
     def level(self, number: int) -> Scenario:
         """The scenario of the level of that number, counted from 1; ValueError names the valid ones."""
@@ -32,18 +40,111 @@ class Axis:
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
 
+def _flat(top_speed: float) -> Scenario:
+    """The ranges of `CommandRanges`, all in proportion to the top commanded forward speed."""
+    ranges = CommandRanges()
+    share = top_speed / ranges.forward[1]
+    forward, lateral, yaw_rate = (
+        (share * low, share * high) for low, high in (ranges.forward, ranges.lateral, ranges.yaw_rate)
+    )
+    return Scenario("flat", commands=replace(ranges, forward=forward, lateral=lateral, yaw_rate=yaw_rate))
+
+
 def _push(impulse: float) -> Scenario:
-    return replace(SCENARIOS["push"], pushes=Pushes(impulse=impulse))
+    return Scenario("push", pushes=Pushes(impulse=impulse))
+
+
+def _force(force: float) -> Scenario:
+    return Scenario("force", force=SteadyForce(force))
 
 
 def _rough(peak_to_valley: float) -> Scenario:
-    return replace(SCENARIOS["rough"], terrain=SmoothRandom(peak_to_valley=peak_to_valley))
+    return Scenario("rough", terrain=SmoothRandom(peak_to_valley=peak_to_valley))
+
+
+def _slope(degrees: float) -> Scenario:
+    return Scenario("slope", terrain=Slope(math.radians(degrees)))
+
+
+def _stairs(rise: float) -> Scenario:
+    return Scenario("stairs", terrain=Stairs(rise))
+
+
+def _gravel(peak_to_valley: float) -> Scenario:
+    """Stones of about a foot's size: the foot is a ball of 0.04 m."""
+    return Scenario("gravel", terrain=SmoothRandom(peak_to_valley, correlation_length=0.06, cell=0.03))
+
+
+def _soft(sink_depth: float) -> Scenario:
+    return Scenario("soft", ground=Ground(sink_depth=sink_depth))
+
+
+def _slippery(friction: float) -> Scenario:
+    return Scenario("slippery", ground=Ground(friction=friction))
+
+
+def _payload(mass: float) -> Scenario:
+    return Scenario("payload", payload=Payload(mass))
+
+
+def _weak_motors(torque_limit: float) -> Scenario:
+    return Scenario("weak_motors", motors=Motors(torque_limit=torque_limit))
+
+
+def _slow_motors(bandwidth: float) -> Scenario:
+    return Scenario("slow_motors", motors=Motors(bandwidth=bandwidth))
+
+
+def _latency(delay: float) -> Scenario:
+    return Scenario("latency", latency=Latency(action=delay, observation=delay))
+
+
+def _noise(gyro: float) -> Scenario:
+    return Scenario("noise", noise=SensorNoise(gyro))
+
+
+def _dropout(duration: float) -> Scenario:
+    return Scenario("dropout", dropouts=Dropouts(duration=duration))
+
+
+def _surprise(share: float) -> Scenario:
+    """All at once: at share 1 each disturbance has the amplitude written here, at another share that share of it.
+
+    Where less is harder it goes geometrically: friction 0.8 · 0.75^share, torque limit 100 N·m · 0.5^share. A servo's
+    time constant is in proportion. Latency is in whole control steps.
+    """
+    return Scenario(
+        "surprise",
+        terrain=SmoothRandom(peak_to_valley=0.06 * share),
+        pushes=Pushes(impulse=20.0 * share),
+        force=SteadyForce(10.0 * share),
+        ground=Ground(friction=Ground().friction * 0.75**share),
+        payload=Payload(2.0 * share),
+        motors=Motors(torque_limit=TORQUE_LIMIT * 0.5**share, bandwidth=20.0 / share),
+        latency=Latency(action=0.01 * share, observation=0.01 * share),
+        noise=SensorNoise(0.1 * share),
+        dropouts=Dropouts(duration=0.1 * share),
+    )
 
 
 AXES: dict[str, Axis] = {
     axis.name: axis
     for axis in (
-        Axis("push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0), _push),
-        Axis("rough", "m", (0.06, 0.12, 0.18, 0.24, 0.32, 0.4), _rough),
+        Axis("flat", "m/s", (1.0, 1.5, 2.0, 3.0, 4.0, 6.0), _flat, 1.5, "top commanded forward speed"),
+        Axis("push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0), _push, 35.0, "impulse of each push"),
+        Axis("rough", "m", (0.06, 0.12, 0.18, 0.24, 0.32, 0.4), _rough, 0.12, "height from valley to peak"),
+        Axis("force", "N", (10.0, 20.0, 30.0, 40.0, 50.0, 70.0), _force, 20.0, "steady horizontal force"),
+        Axis("slope", "°", (5.0, 10.0, 15.0, 20.0, 25.0, 35.0), _slope, 10.0, "angle of the plane"),
+        Axis("stairs", "m", (0.02, 0.05, 0.1, 0.15, 0.2, 0.3), _stairs, 0.05, "rise of a step, run 0.3 m"),
+        Axis("gravel", "m", (0.02, 0.04, 0.06, 0.08, 0.12, 0.16), _gravel, 0.04, "height from valley to peak"),
+        Axis("soft", "m", (0.005, 0.01, 0.02, 0.04, 0.08, 0.16), _soft, 0.02, "depth that standing feet sink"),
+        Axis("slippery", "", (0.6, 0.4, 0.3, 0.2, 0.1, 0.05), _slippery, 0.4, "friction coefficient"),
+        Axis("payload", "kg", (2.0, 5.0, 10.0, 15.0, 20.0, 30.0), _payload, 5.0, "mass on the trunk"),
+        Axis("weak_motors", "N·m", (50.0, 30.0, 20.0, 15.0, 10.0, 5.0), _weak_motors, 30.0, "torque limit"),
+        Axis("slow_motors", "Hz", (20.0, 10.0, 5.0, 3.0, 2.0, 1.0), _slow_motors, 10.0, "bandwidth of the servos"),
+        Axis("latency", "s", (0.01, 0.02, 0.04, 0.06, 0.1, 0.2), _latency, 0.02, "delay of actions, and of readings"),
+        Axis("noise", "rad/s", (0.05, 0.1, 0.2, 0.4, 0.8, 1.6), _noise, 0.2, "standard deviation of the gyro's noise"),
+        Axis("dropout", "s", (0.1, 0.2, 0.4, 0.8, 1.2, 2.0), _dropout, 0.2, "time that a joint hears nothing"),
+        Axis("surprise", "", (0.25, 0.5, 1.0, 1.5, 2.0, 3.0), _surprise, 1.0, "share of the reference amplitudes"),
     )
 }

@@ -10,20 +10,24 @@ from numpy.typing import NDArray
 
 from quad_env import columns
 from quad_env.arguments import check_options, held_commands, joint_targets, seeds_of
+from quad_env.conditions import Scenario
 from quad_env.config import TaskConfig
-from quad_env.episode import Episode
+from quad_env.episode import Episode, at_reset
 from quad_env.observations import observe
 from quad_env.rewards import reward_terms, step_weights
 from quad_env.robot import NUM_JOINTS
-from quad_env.scenarios import Scenario
 from quad_env.scenarios import scenario as find_scenario
 from quad_env.seeding import fresh_seeds
+from quad_env.sensors import sensors_of
 from quad_env.simulation import Simulation
 from quad_env.state import QuadState
 from quad_env.terminations import fall_reason
 from quad_env.vector_env import ACTION_SPACE, OBSERVATION_SPACE, Observation
+from quad_env.wires import wires_of
 
 RENDER_MODES = ("rgb_array", "depth_array", "human")
+_ROW = np.zeros(1, np.intp)
+"""The only robot among those of a batch of one."""
 
 
 class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -63,7 +67,9 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
         self.action_space, self.observation_space = ACTION_SPACE, OBSERVATION_SPACE
-        self._simulation = Simulation(self.scenario.terrain, 1, 1, self.config.control_rate)
+        self._simulation = Simulation.of(self.scenario, 1, 1, self.config.control_rate)
+        self._wires = wires_of(self.scenario, 1, self.dt)
+        self._sensors = sensors_of(self.scenario, 1, self.dt)
         self._weights = step_weights(self.config.reward_weights, self.dt)
         self._interval = round(self.scenario.commands.interval / self.dt)
         (self._seed,), self._next_episode = fresh_seeds(1), 0
@@ -104,7 +110,12 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._clock, self._fall, self._diverged, self._terminated = 0, None, False, False
         self._held = held is not None
         self._command = self._followed = columns.of_robot(self._episode.next_command()[None] if held is None else held)
-        self._simulation.reset(np.zeros(1, np.intp), self._episode.start[None])
+        self._simulation.reset(_ROW, *at_reset([self._episode]))
+        self._simulation.show_load(0)
+        if self._wires is not None:
+            self._wires.begin(_ROW, [self._episode])
+        if self._sensors is not None:
+            self._sensors.begin(_ROW, [self._episode])
         observation, info = self._still()
         if self.render_mode == "human":
             self.render()
@@ -122,13 +133,15 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._terminated:
             observation, info = self._still()
             return observation, 0.0, True, False, info
-        self._simulation.step(targets[None], self._episode.pushes.force_at([self._clock]))
+        wires = self._wires
+        heard = None if wires is None else wires.heard(targets[None], np.array([self._clock]), _ROW)
+        self._simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), heard=heard)
         self._clock += 1
         state = self._judge()
         terms = reward_terms(state, self._terminated, self._diverged, self._weights)
         if not self._held and self._clock % self._interval == 0:
             self._command = columns.of_robot(self._episode.next_command()[None])
-        observation = observe(state, self._command)
+        observation = self._observe(state)
         if self.render_mode == "human":
             self.render()
         info = self._info(state, terms, state.mechanical_power, state.overspeed)
@@ -139,7 +152,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         motion = self._simulation.motion_of_one()
         self._diverged = self._simulation.one_diverged(motion)
         if self._diverged:
-            self._simulation.park(np.zeros(1, np.intp))
+            self._simulation.park(_ROW)
             motion = self._simulation.motion_of_one()
         self._followed = self._command
         state = self._simulation.state_of_one(self._followed, motion)
@@ -151,7 +164,13 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Observation and info of a robot that has not moved."""
         state = self._simulation.state_of_one(self._followed)
         terms = dict.fromkeys(self._weights, 0.0)
-        return observe(state, self._command), self._info(state, terms, 0.0, 0.0)
+        return self._observe(state), self._info(state, terms, 0.0, 0.0)
+
+    def _observe(self, state: QuadState[float]) -> Observation:
+        observation = observe(state, self._command)
+        if self._sensors is not None:
+            self._sensors.sense(observation[None], np.array([self._clock]), _ROW)
+        return observation
 
     def _info(self, state: QuadState[float], terms: dict[str, float], power: float, overspeed: float) -> dict[str, Any]:
         return {

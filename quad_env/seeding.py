@@ -36,7 +36,7 @@ class EpisodeStreams:
     """
 
     def __init__(self, seed: int, episode: int) -> None:
-        self._seeds = np.random.SeedSequence(seed, spawn_key=(episode,)).spawn(3)
+        self._seed, self._episode = seed, episode
 
     @cached_property
     def start(self) -> np.random.Generator:
@@ -53,5 +53,27 @@ class EpisodeStreams:
         """Of the pushes."""
         return self._stream(2)
 
+    @cached_property
+    def force(self) -> np.random.Generator:
+        """Of the steady force's direction."""
+        return self._stream(3)
+
+    @cached_property
+    def payload(self) -> np.random.Generator:
+        """Of the payload's place."""
+        return self._stream(4)
+
+    @cached_property
+    def noise(self) -> np.random.Generator:
+        """Of the sensor noise."""
+        return self._stream(5)
+
+    @cached_property
+    def dropouts(self) -> np.random.Generator:
+        """Of the dropouts."""
+        return self._stream(6)
+
     def _stream(self, child: int) -> np.random.Generator:
-        return np.random.Generator(np.random.PCG64(self._seeds[child]))
+        """That of a child, by its number: adding a kind shifts none of the others."""
+        seed = np.random.SeedSequence(self._seed, spawn_key=(self._episode, child))
+        return np.random.Generator(np.random.PCG64(seed))

@@ -1,7 +1,7 @@
 """n robots on one MuJoCo batch: joint targets in, state out."""
 
-import copy
 from collections.abc import Callable
+from functools import partial
 from typing import Any, cast
 
 import mujoco
@@ -10,55 +10,21 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from quad_env.columns import Array, Column, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
-from quad_env.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, MODEL_PATH
+from quad_env.conditions import Scenario
+from quad_env.disturbances import Ground, Motors, Payload
+from quad_env.model import PAYLOAD, TRUNK_SENSOR, compile_model, slope_quaternion, stepped_model
+from quad_env.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES
 from quad_env.state import QuadState, heading_velocity, rotation_matrix, to_body
-from quad_env.terrain import SmoothRandom, Terrain
+from quad_env.terrain import Slope, Terrain
 
 Ids = slice | NDArray[np.intp]
 ALL = slice(None)
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""
-_TRUNK_SENSOR = "trunk_ground"
 _FOOT_SENSORS = tuple(f"{leg}_foot_ground" for leg in LEG_NAMES)
 _LEG_SENSORS = tuple(f"{leg}_{link}_ground" for leg in LEG_NAMES for link in ("thigh", "calf"))
-_FLOOR_DEPTH = 1.0
-"""m of solid ground below a height field."""
 Motion = tuple[Vector[Column], Vector[Column]]
 """Generalised positions (19) and velocities (18), as MuJoCo orders them."""
-
-
-def compile_model(terrain: Terrain) -> mujoco.MjModel:
-    """The robot on that terrain."""
-    spec = mujoco.MjSpec.from_file(str(MODEL_PATH))
-    if isinstance(terrain, SmoothRandom):
-        unit = terrain.heights() / terrain.peak_to_valley
-        spec.add_hfield(
-            name="terrain",
-            nrow=terrain.points,
-            ncol=terrain.points,
-            size=[terrain.half_size, terrain.half_size, terrain.peak_to_valley, _FLOOR_DEPTH],
-            userdata=unit.ravel(),
-        )
-        plane = spec.geom("ground")
-        spec.worldbody.add_geom(
-            name="terrain",
-            type=mujoco.mjtGeom.mjGEOM_HFIELD,
-            hfieldname="terrain",
-            material="ground",
-            friction=plane.friction,
-            solref=plane.solref,
-        )
-    return spec.compile()
-
-
-def stepped_model(model: mujoco.MjModel, sensors: tuple[str, ...] = (_TRUNK_SENSOR,)) -> mujoco.MjModel:
-    """A copy that steps to the same bits faster: of all sensors it evaluates those that are read, and it does not
-    search for islands of constraints, of which one robot has only one."""
-    lean = copy.copy(model)
-    unread = np.setdiff1d(np.arange(model.nsensor), [model.sensor(name).id for name in sensors])
-    lean.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
-    lean.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
-    return lean
 
 
 class Simulation:
@@ -68,10 +34,20 @@ class Simulation:
     """
 
     def __init__(
-        self, terrain: Terrain, num_envs: int, nthread: int, control_rate: float, contacts: bool = False
+        self,
+        terrain: Terrain,
+        num_envs: int,
+        nthread: int,
+        control_rate: float,
+        contacts: bool = False,
+        *,
+        ground: Ground | None = None,
+        motors: Motors | None = None,
+        payload: Payload | None = None,
     ) -> None:
         self.terrain = terrain
-        self.model = compile_model(terrain)
+        self.model = compile_model(terrain, ground, motors, payload)
+        """Of every robot, but for where its payload is: it is that of the robot that `show_load` named last."""
         period = 1 / control_rate
         self.substeps = round(period / self.model.opt.timestep)
         if self.substeps < 1 or abs(self.substeps * self.model.opt.timestep - period) > 1e-9:
@@ -79,47 +55,74 @@ class Simulation:
                 f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
         more = (*_FOOT_SENSORS, *_LEG_SENSORS) if contacts else ()
-        self._batch = Batch(stepped_model(self.model, (_TRUNK_SENSOR, *more)), num_envs, nthread)
+        self._batch = Batch(stepped_model(self.model, (TRUNK_SENSOR, *more)), num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._torque = self._batch.bind("actuator_force")
-        self._trunk_contact = self._batch.sensor(_TRUNK_SENSOR).data
+        self._trunk_contact = self._batch.sensor(TRUNK_SENSOR).data
         self._leg_contacts = [self._batch.sensor(name).data for name in more]
         self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
         self._sites = self._batch.bind("site_xpos")
+        self._filtered = self._batch.bind("act") if self.model.na else None
+        self._load = None if payload is None else self._batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
+        self._force: Array | None = None
+        self._alignment = slope_quaternion(terrain) if isinstance(terrain, Slope) else None
         self._action = np.tile(HOME_POSE, (num_envs, 1))
         self._previous_action = self._action.copy()
 
-    def reset(self, ids: NDArray[np.intp], rows: Array) -> None:
+    @classmethod
+    def of(
+        cls, scenario: Scenario, num_envs: int, nthread: int, control_rate: float, contacts: bool = False
+    ) -> "Simulation":
+        """Robots in that scenario."""
+        ground, motors, payload = scenario.ground, scenario.motors, scenario.payload
+        make = partial(cls, ground=ground, motors=motors, payload=payload)
+        return make(scenario.terrain, num_envs, nthread, control_rate, contacts)
+
+    def reset(self, ids: NDArray[np.intp], rows: Array, force: Array | None = None, load: Array | None = None) -> None:
         """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, feet just on the ground.
 
-        A row holds x, y, yaw, roll, pitch, 12 joint offsets from home, 6 trunk and 12 joint velocities.
+        A row holds x, y, yaw, roll, pitch, 12 joint offsets from home, 6 trunk and 12 joint velocities. `force`,
+        (k, 2), N, acts on their trunks at every step, world frame; `load`, (k, 2), m, is where their payloads are, base
+        frame.
         """
         self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._batch.warning[ids] = 0
         qpos = np.empty((len(ids), self.model.nq))
         qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], HOME_HEIGHT
         qpos[:, 3:7] = _quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
+        if self._alignment is not None:
+            qpos[:, 3:7] = _product(self._alignment, qpos[:, 3:7])
         qpos[:, 7:] = np.clip(HOME_POSE + rows[:, 5:17], JOINT_LOWER, JOINT_UPPER)
         self._qpos[ids] = qpos
         self._qvel[ids] = rows[:, 17:]
         self._ctrl[ids] = self._action[ids] = self._previous_action[ids] = HOME_POSE
+        if self._filtered is not None:
+            self._filtered[ids] = HOME_POSE
+        if force is not None:
+            self._force = np.zeros_like(self._push) if self._force is None else self._force
+            self._force[ids] = self._push[ids] = force
+        if self._load is not None:
+            self._load[ids] = 0.0 if load is None else load
+            self._batch.set_const(ids)
         self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         feet = self._sites[ids][:, self._feet]
-        lift = self.terrain.height(feet[:, :, 0], feet[:, :, 1]) + FOOT_RADIUS - feet[:, :, 2]
+        lift = self.terrain.ball_height(feet[:, :, 0], feet[:, :, 1], FOOT_RADIUS) - feet[:, :, 2]
         self._qpos[ids, 2] += lift.max(axis=1)
 
-    def step(self, action: Array, push: Array | None, ids: Ids = ALL) -> None:
+    def step(self, action: Array, push: Array | None, ids: Ids = ALL, heard: Array | None = None) -> None:
         """Advance those robots by one control period with joint targets (n, 12) and trunk forces (n, 2), N, of all.
 
-        None instead of forces leaves them as they are: none, since the reset, where nobody ever pushes.
+        None instead of forces leaves them as they are: since the reset, where nobody ever pushes. `heard` are the
+        targets that the servos hear, (n, 12), where they are not those of the action.
         """
         self._previous_action[ids] = self._action[ids]
-        self._action[ids] = self._ctrl[ids] = action[ids]
+        self._action[ids] = action[ids]
+        self._ctrl[ids] = (action if heard is None else heard)[ids]
         if push is not None:
-            self._push[ids] = push[ids]
+            self._push[ids] = push[ids] if self._force is None else push[ids] + self._force[ids]
         try:
             self._batch.step(None if ids is ALL else ids, self.substeps)
         except SimulationError as error:
@@ -181,8 +184,8 @@ class Simulation:
 
     @property
     def push(self) -> Array:
-        """Force on every trunk during the last step, world frame, x and y, (n, 2), N."""
-        return cast("Array", self._push.copy())
+        """Pushing force on every trunk during the last step, world frame, x and y, (n, 2), N; a steady force is none."""
+        return cast("Array", self._push.copy() if self._force is None else self._push - self._force)
 
     def ground_contacts(self) -> tuple[Mask, Mask]:
         """Whether each foot, (n, 4), and whether a thigh or calf, (n,), touched the ground in the last substep."""
@@ -190,8 +193,16 @@ class Simulation:
         feet, legs = found[:, : len(_FOOT_SENSORS)], found[:, len(_FOOT_SENSORS) :]
         return feet, np.asarray(legs.any(axis=1))
 
+    def show_load(self, robot: int) -> None:
+        """Make `model` that of this robot, whose payload is its own."""
+        if self._load is not None:
+            stages, flags = self.model.sensor_needstage.copy(), self.model.opt.disableflags
+            self._batch.get_model(robot, self.model)
+            self.model.sensor_needstage[:], self.model.opt.disableflags = stages, flags
+
     def snapshot(self, robot: int) -> mujoco.MjData:
-        """A copy of one robot's simulation with every derived field current."""
+        """A copy of one robot's simulation with every derived field current, to be looked at with `model`."""
+        self.show_load(robot)
         data = self._batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
         return data
@@ -212,6 +223,21 @@ def _quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
             sr * cp * cy - cr * sp * sy,
             cr * sp * cy + sr * cp * sy,
             cr * cp * sy - sr * sp * cy,
+        ),
+        axis=1,
+    )
+
+
+def _product(first: tuple[float, float, float, float], then: Array) -> Array:
+    """Quaternions (w, x, y, z) of the rotations `then`, (n, 4), turned by `first`."""
+    w, x, y, z = first
+    a, b, c, d = then.T
+    return np.stack(
+        (
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
         ),
         axis=1,
     )

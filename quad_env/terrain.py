@@ -1,11 +1,18 @@
-"""Terrains as values, and the height of the ground under a point."""
+"""Terrains as values, and the height of the ground under a point.
 
+The height of the centre of a resting ball, too: a foot is one.
+"""
+
+import math
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 
 from quad_env.columns import Array, Column, clip, where, whole
+
+STRIDE_ROOM = 0.7
+"""m of level ground about the trunk's centre that hold the legs of a starting robot, whatever way it faces."""
 
 
 @dataclass(frozen=True)
@@ -18,6 +25,83 @@ class Flat:
     def height(self, x: Column, y: Column) -> Column:
         """Ground height in the world frame, m."""
         return 0.0 * x
+
+    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+        """Centre height of a ball that touches the ground there, world frame, m."""
+        return self.height(x, y) + radius
+
+
+@dataclass(frozen=True)
+class Slope:
+    """An infinite plane through the origin that rises along the world's x axis; robots start aligned with it."""
+
+    angle: float = math.radians(15.0)
+    """rad above the horizontal"""
+    spawn_radius: float = 0.0
+    """m, half-side of the square over which robots start"""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.angle <= math.radians(80.0):
+            raise ValueError(f"a slope's angle must lie between 0 and 80° (1.396 rad), got {self.angle} rad")
+
+    def height(self, x: Column, y: Column) -> Column:
+        """Ground height in the world frame, m."""
+        height: Column = math.tan(self.angle) * x
+        return height
+
+    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+        """Centre height of a ball that touches the ground there, world frame, m."""
+        return self.height(x, y) + radius / math.cos(self.angle)
+
+
+@dataclass(frozen=True)
+class Stairs:
+    """Stairs with vertical risers, up towards the world's +x and down towards −x from a landing at z = 0.
+
+    Each step is a box 2·`half_width` wide, so that edges and risers are exact. The robots start on the landing, their
+    legs clear of the first steps whatever way they face. Below the last step down and above the last one up the ground
+    goes on level.
+    """
+
+    rise: float = 0.1
+    """m a step"""
+    run: float = 0.3
+    """m a step"""
+    steps: int = 60
+    """Each way; at the top commanded speed no robot leaves the stairs within 10 s"""
+    landing: float = 0.75
+    """m, half-length of the landing"""
+    half_width: float = 22.0
+    """m"""
+    spawn_radius: float = 0.0
+    """m, half-side of the square over which robots start"""
+
+    def __post_init__(self) -> None:
+        sizes = (self.rise, self.run, self.half_width)
+        if not all(0 < size < 1e4 for size in sizes) or not 1 <= self.steps <= 1000:
+            raise ValueError(f"stairs need a positive rise, run and half_width and 1 to 1000 steps, got {self}")
+        if not self.spawn_radius >= 0 or not self.landing >= self.spawn_radius + STRIDE_ROOM:
+            raise ValueError(f"the landing must be longer than the spawn_radius by {STRIDE_ROOM} m, got {self}")
+
+    def height(self, x: Column, y: Column) -> Column:
+        """Ground height in the world frame, m; that of the tread right on a riser."""
+        steps = (abs(x) - self.landing) / self.run + 1.0
+        climbed = self.rise * whole(clip(steps, 0.0, float(self.steps)), self.steps)
+        height: Column = where(x > 0.0, climbed, -climbed)
+        return height
+
+    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+        """Centre height of a ball on the tread there, world frame, m; of no use within `radius` of a riser."""
+        return self.height(x, y) + radius
+
+    def boxes(self) -> list[tuple[tuple[float, float], float]]:
+        """Range of x and top z of the landing and each step that is not on the lowest level, m."""
+        low = [-self.landing - k * self.run for k in range(self.steps)]
+        high = [self.landing + k * self.run for k in range(self.steps)]
+        down = [((low[k], low[k - 1]), -k * self.rise) for k in range(1, self.steps)]
+        up = [((high[k - 1], high[k]), k * self.rise) for k in range(1, self.steps)]
+        top = ((high[-1], high[-1] + self.half_width), self.steps * self.rise)
+        return [((-self.landing, self.landing), 0.0), *down, *up, top]
 
 
 @dataclass(frozen=True)
@@ -54,40 +138,64 @@ class SmoothRandom:
         """Grid points a side."""
         return round(2 * self.half_size / self.cell) + 1
 
+    @property
+    def unit_heights(self) -> Array:
+        """Grid of heights between 0 and 1, rows along y and columns along x, shape (points, points); one for surfaces
+        that differ in their amplitude alone."""
+        return _unit_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
+
     def heights(self) -> Array:
         """Grid of heights, rows along y and columns along x, shape (points, points), m."""
-        return _smooth_random_heights(self)
+        return self.unit_heights * self.peak_to_valley
 
     def height(self, x: Column, y: Column) -> Column:
         """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
-        grid, last = self.heights(), self.points - 1
+        grid, last = self.unit_heights, self.points - 1
         column = clip((x + self.half_size) / self.cell, 0.0, float(last))
         row = clip((y + self.half_size) / self.cell, 0.0, float(last))
         j, i = whole(column, last - 1), whole(row, last - 1)
         u, v = column - j, row - i
         near, far = where(u < v, u, v), where(u < v, v, u)
-        start, end = grid[i, j], grid[i + 1, j + 1]
-        side = where(u > v, grid[i, j + 1], grid[i + 1, j])
+        start, end = self.peak_to_valley * grid[i, j], self.peak_to_valley * grid[i + 1, j + 1]
+        side = self.peak_to_valley * where(u > v, grid[i, j + 1], grid[i + 1, j])
         surface = start + (side - start) * (far - near) + (end - start) * near
         inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
         height: Column = where(inside, surface, 0.0)
         return height
 
+    def ball_height(self, x: Array, y: Array, radius: float) -> Array:
+        """Centre height of a ball that touches the ground there, world frame, m.
 
-@cache
-def _smooth_random_heights(terrain: SmoothRandom) -> Array:
-    """Convolving white noise with exp(-2 r²/l²) gives the autocorrelation exp(-r²/l²); `ndtr` makes it uniform."""
+        Cells wider than the ball are taken for level under it; of finer ground, points a third of a radius apart are
+        looked at.
+        """
+        if self.cell > 2 * radius:
+            return self.height(x, y) + radius
+        thirds = [(i / 3, j / 3) for i in range(-3, 4) for j in range(-3, 4) if i * i + j * j <= 9]
+        touching = [
+            self.height(x + radius * i, y + radius * j) + radius * math.sqrt(max(0.0, 1 - i * i - j * j))
+            for i, j in thirds
+        ]
+        return np.max(touching, axis=0)  # type: ignore[no-any-return]
+
+
+@lru_cache(maxsize=16)
+def _unit_surface(points: int, width: float, seed: int) -> Array:
+    """Convolving white noise with exp(-2 r²/l²) gives the autocorrelation exp(-r²/l²); `ndtr` makes it uniform.
+
+    `width` is l/2 in cells.
+    """
     from scipy.ndimage import gaussian_filter
     from scipy.special import ndtr
 
-    noise = np.random.default_rng(terrain.seed).normal(size=(terrain.points, terrain.points))
-    smooth = gaussian_filter(noise, terrain.correlation_length / 2 / terrain.cell, mode="wrap")
+    noise = np.random.default_rng(seed).normal(size=(points, points))
+    smooth = gaussian_filter(noise, width, mode="wrap")
     unit: Array = ndtr((smooth - smooth.mean()) / smooth.std())
     unit = (unit - unit.min()) / (unit.max() - unit.min())
     # MuJoCo keeps height fields in single precision; both must see the same surface.
-    grid: Array = unit.astype(np.float32).astype(np.float64) * terrain.peak_to_valley
+    grid: Array = unit.astype(np.float32).astype(np.float64)
     grid.flags.writeable = False
     return grid
 
 
-Terrain = Flat | SmoothRandom
+Terrain = Flat | Slope | Stairs | SmoothRandom

@@ -20,18 +20,20 @@ from quad_env.arguments import (
     seeds_of,
 )
 from quad_env.columns import Array, Mask
+from quad_env.conditions import Scenario
 from quad_env.config import TaskConfig
-from quad_env.episode import Episode, PushPlan
+from quad_env.episode import Episode, PushPlan, at_reset
 from quad_env.observations import BOUND, observe
 from quad_env.readings import readings as readings_of
 from quad_env.rewards import reward_terms, step_weights
 from quad_env.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
-from quad_env.scenarios import Scenario
 from quad_env.scenarios import scenario as find_scenario
 from quad_env.seeding import fresh_seeds
+from quad_env.sensors import sensors_of
 from quad_env.simulation import ALL, Ids, Simulation
 from quad_env.state import QuadState
 from quad_env.terminations import fall_reasons
+from quad_env.wires import wires_of
 
 Observation = NDArray[np.float32]
 Infos = dict[str, Any]
@@ -92,7 +94,9 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
         self.dt = 1 / self.config.control_rate
-        self.simulation = Simulation(self.scenario.terrain, num_envs, nthread, self.config.control_rate, readings)
+        self.simulation = Simulation.of(self.scenario, num_envs, nthread, self.config.control_rate, readings)
+        self._wires = wires_of(self.scenario, num_envs, self.dt)
+        self._sensors = sensors_of(self.scenario, num_envs, self.dt)
         self._readings = readings
         self._weights = step_weights(self.config.reward_weights, self.dt)
         self._interval = round(self.scenario.commands.interval / self.dt)
@@ -102,7 +106,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self._pushes = PushPlan(
             np.tile(pushes.first_step, (num_envs, 1)), pushes.steps, np.tile(pushes.force, (num_envs, 1, 1))
         )
-        self._clock = np.zeros(num_envs, np.int64)
+        self._rows, self._clock = np.arange(num_envs), np.zeros(num_envs, np.int64)
         self._command, self._held = np.zeros((num_envs, 3)), np.zeros(num_envs, bool)
         self._started = np.zeros(num_envs, bool)
         self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
@@ -148,7 +152,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         targets = joint_targets(actions, (self.num_envs, NUM_JOINTS))
         done = self._terminated | self._truncated
         moving = np.flatnonzero(~done) if done.any() else ALL
-        self.simulation.step(targets, self._push(), moving)
+        heard = None if self._wires is None else self._wires.heard(targets, self._clock[moving], self._rows[moving])
+        self.simulation.step(targets, self._push(), moving, heard)
         self._clock[moving] += 1
         paid = self._judge(moving)
         rewards = columns.total(paid["reward_terms"].values())
@@ -199,7 +204,12 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self._clock[ids], self._held[ids] = 0, held is not None
         self._terminated[ids] = self._truncated[ids] = self._diverged[ids] = False
         self._fall[ids] = None
-        self.simulation.reset(ids, np.stack([self._episodes[i].start for i in ids]))
+        episodes = [self._episodes[i] for i in ids]
+        self.simulation.reset(ids, *at_reset(episodes))
+        if self._wires is not None:
+            self._wires.begin(ids, episodes)
+        if self._sensors is not None:
+            self._sensors.begin(ids, episodes)
         self._look(self._read(ids), ids)
 
     def _push(self) -> Array | None:
@@ -214,13 +224,16 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
     def _look(self, state: QuadState[Array], ids: Ids) -> None:
         """Take the observation of those robots, whose `state` it is, with the command to follow next."""
         self._heading_velocity[ids] = np.transpose(state.heading_velocity)
-        self._observation[ids] = observe(state, columns.of_robots(self._command[ids]))
+        observation = observe(state, columns.of_robots(self._command[ids]))
+        if self._sensors is not None:
+            self._sensors.sense(observation, self._clock[ids], self._rows[ids])
+        self._observation[ids] = observation
 
     def _judge(self, ids: Ids) -> Infos:
         """Falls, ends, observations of the robots that just moved; gives what the step earned and cost, all (n,)."""
         diverged = self.simulation.diverged(ids)
         if diverged.any():
-            self.simulation.park(np.arange(self.num_envs)[ids][diverged])
+            self.simulation.park(self._rows[ids][diverged])
         state = self._read(ids)
         reasons = fall_reasons(state, self.config.fall_rule)
         reasons[diverged] = None
@@ -251,7 +264,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
     def _redraw_commands(self, ids: Ids) -> None:
         due = ~self._held[ids] & (self._clock[ids] % self._interval == 0)
         if due.any():
-            for i in np.arange(self.num_envs)[ids][due]:
+            for i in self._rows[ids][due]:
                 self._command[i] = self._episodes[i].next_command()
 
     def _infos(self, paid: Infos) -> Infos:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from quad_env import robot
-from quad_env.simulation import compile_model
+from quad_env.model import compile_model
 from quad_env.terrain import Flat
 
 

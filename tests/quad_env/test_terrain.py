@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from quad_env.simulation import compile_model
+from quad_env.model import compile_model
 from quad_env.terrain import Flat, SmoothRandom
 
 SMALL = SmoothRandom(half_size=6.0)
