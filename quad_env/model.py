@@ -5,6 +5,7 @@ import math
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from quad_env.disturbances import Ground, Motors, Payload
 from quad_env.robot import HOME_POSE, LEG_NAMES, MASS, MODEL_PATH, TRUNK_SIZE
@@ -121,9 +122,19 @@ def _set_ground(model: mujoco.MjModel, ground: Ground) -> None:
     model.geom_priority[geoms] = 1
     model.geom_friction[geoms, 0] = ground.friction
     if ground.sink_depth > 0:
+        _let_shins_through(model, geoms)
         legs_end = [model.body(f"{leg}_calf_link").id for leg in LEG_NAMES]
         inverse_inertia = model.body_invweight0[legs_end, 0].mean()
         impedance = model.geom_solimp[geoms[0], 1]
         load = MASS * GRAVITY / len(LEG_NAMES)
         time_constant = math.sqrt(ground.sink_depth / ((1 - impedance) * inverse_inertia * load))
         model.geom_solref[geoms] = (time_constant, 1.0)
+
+
+def _let_shins_through(model: mujoco.MjModel, ground: NDArray[np.intp]) -> None:
+    """Ground and shins do not collide, all else as before: a second bit is that of collisions with the ground."""
+    robot = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_contype != 0))
+    model.geom_contype[robot] = model.geom_conaffinity[robot] = 0b11
+    shins = [model.geom(f"{leg}_calf").id for leg in LEG_NAMES]
+    model.geom_contype[shins] = model.geom_conaffinity[shins] = 0b01
+    model.geom_contype[ground] = model.geom_conaffinity[ground] = 0b10
