@@ -184,7 +184,7 @@ class Simulation:
 
     @property
     def push(self) -> Array:
-        """Pushing force on every trunk during the last step, world frame, x and y, (n, 2), N; a steady force is none."""
+        """Pushing force on every trunk during the last step, world frame, x and y, (n, 2), N; no steady one."""
         return cast("Array", self._push.copy() if self._force is None else self._push - self._force)
 
     def ground_contacts(self) -> tuple[Mask, Mask]:
