@@ -7,7 +7,8 @@ from itertools import combinations
 import numpy as np
 
 from evaluate.experiment import Cell
-from evaluate.statistics import Floats, Interval, bootstrap_interval, mcnemar, sign_flip_test
+from evaluate.significance import mcnemar, sign_flip_test
+from evaluate.statistics import Floats, Interval, bootstrap_interval
 
 BASELINE = "trot"
 FALL_RATE = "fall_rate"
