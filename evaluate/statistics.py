@@ -110,7 +110,7 @@ def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
         yield _draw(generator, size, min(rows, count - first))
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _kept(size: int, count: int, seed: int) -> Floats:
     counts = _draw(np.random.default_rng(seed), size, count)
     counts.flags.writeable = False
