@@ -9,6 +9,7 @@ from typing import Any
 
 from evaluate.comparison import Comparison, compare
 from evaluate.experiment import Cell
+from evaluate.limits import Limit, LimitRatio, limits
 from evaluate.provenance import versions
 from evaluate.summary import Summary, summarise
 from policies.files import write_atomically
@@ -29,6 +30,8 @@ class Results:
     summaries: dict[tuple[str, str], Summary]
     """By (scenario, policy), in the order of the run."""
     comparisons: tuple[Comparison, ...]
+    breaking_points: tuple[Limit, ...]
+    breaking_point_ratios: tuple[LimitRatio, ...]
     versions: dict[str, str | None]
 
     @property
@@ -43,7 +46,8 @@ class Results:
 
 
 def analyse(cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool) -> Results:
-    """Summaries and paired comparisons of the cells."""
+    """Summaries, paired comparisons and breaking points of the cells."""
+    breaking_points, ratios = limits(cells)
     return Results(
         seed=seed,
         episodes=episodes,
@@ -51,6 +55,8 @@ def analyse(cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool) 
         cells=tuple(cells),
         summaries={(cell.scenario.name, cell.policy): summarise(cell) for cell in cells},
         comparisons=tuple(compare(cells)),
+        breaking_points=tuple(breaking_points),
+        breaking_point_ratios=tuple(ratios),
         versions=versions(),
     )
 
@@ -68,6 +74,8 @@ def as_json(results: Results) -> dict[str, Any]:
         "versions": results.versions,
         "policies": policies,
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
+        "breaking_points": [asdict(limit) for limit in results.breaking_points],
+        "breaking_point_ratios": [asdict(ratio) for ratio in results.breaking_point_ratios],
     }
     without_nan: dict[str, Any] = _plain(contents)
     return without_nan

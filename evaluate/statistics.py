@@ -1,9 +1,10 @@
-"""Intervals and paired tests: Wilson, bootstrap of a mean, exact McNemar, sign-flip permutation of a mean difference.
+"""Intervals of shares and means, and the resampling behind every bootstrap; all 95 %.
 
-All are seeded, so that the same episodes always give the same report.
+Everything is seeded, so that the same episodes always give the same report.
 """
 
-import itertools
+from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +15,17 @@ Interval = tuple[float, float]
 
 CONFIDENCE = 0.95
 RESAMPLES = 9999
-"""Of a bootstrap, and of a permutation test too large to list in full: the smallest p-value is then 1/10000."""
-BATCH_VALUES = 2_000_000
-"""Values drawn at once by the bootstrap, which bounds its memory."""
-EXACT_PAIRS = 13
-"""Up to so many pairs all 2^n sign flips are listed (8192)."""
+"""Of a bootstrap of a mean."""
+FEWER_RESAMPLES = 1999
+"""Of a bootstrap of anything slower than a mean; rliable takes 2000 for what it cannot do 50 000 times."""
+KEPT_VALUES = 12_000_000
+"""Resamples of at most so many values in all (96 MB) are drawn once and kept for the next of that size."""
+BLOCK_VALUES = 500_000
+"""Others are drawn anew, so many values at a time, which bounds the memory."""
 
 
 def wilson_interval(successes: int, trials: int) -> Interval:
-    """Wilson score interval of a share, 95 %; (NaN, NaN) without trials."""
+    """Wilson score interval of a share; (NaN, NaN) without trials."""
     from scipy.stats import binomtest
 
     if trials == 0:
@@ -31,55 +34,96 @@ def wilson_interval(successes: int, trials: int) -> Interval:
     return (float(interval.low), float(interval.high))
 
 
+def share_difference_interval(only_a: int, only_b: int, pairs: int) -> Interval:
+    """Score interval of the difference of two paired shares, a − b (Tango 1998, Statistics in Medicine 17).
+
+    `only_a` and `only_b` of the pairs disagree. It inverts the score form of McNemar's test as Wilson's inverts that of
+    one share: without any disagreement it still has a width, where a bootstrap would claim certainty.
+    """
+    from scipy.optimize import brentq
+
+    if pairs == 0:
+        return (np.nan, np.nan)
+    difference, quantile = (only_a - only_b) / pairs, normal_quantile(0.5 + CONFIDENCE / 2)
+
+    def excess(hypothesis: float, sign: float) -> float:
+        return _score(only_a, only_b, pairs, hypothesis) - sign * quantile
+
+    low = brentq(excess, -1.0, difference, args=(1.0,)) if difference > -1.0 else -1.0
+    high = brentq(excess, difference, 1.0, args=(-1.0,)) if difference < 1.0 else 1.0
+    return (float(low), float(high))
+
+
+def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
+    """Distance of the data from a hypothetical difference of the shares, in its standard deviations.
+
+    The share of `only_b`, under the hypothesis, is the root of 2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14).
+    """
+    if abs(difference) == 1.0:  # a difference that allows for no other data
+        return float(np.copysign(np.inf, -difference))
+    linear = -only_a - only_b + (2 * pairs - only_a + only_b) * difference
+    constant = -only_b * difference * (1.0 - difference)
+    share = (np.sqrt(linear**2 - 8 * pairs * constant) - linear) / (4 * pairs)
+    variance = pairs * (2.0 * share + difference * (1.0 - difference))
+    distance = only_a - only_b - pairs * difference
+    if distance == 0.0:
+        return 0.0
+    return float(distance / np.sqrt(variance)) if variance > 0.0 else float(np.copysign(np.inf, distance))
+
+
 def bootstrap_interval(values: Floats, seed: int = 0) -> Interval:
-    """Bootstrap interval of the mean, 95 %, bias-corrected and accelerated; (NaN, NaN) for fewer than two values.
+    """Bootstrap interval of the mean, bias-corrected and accelerated; (NaN, NaN) for fewer than two values.
 
     Values that are all the same, but for rounding, leave nothing to resample: the interval is then that value.
+    `scipy.stats.bootstrap(method="BCa")` gives the same; resamples that are kept are four times faster.
     """
-    from scipy.stats import bootstrap
-
     if len(values) < 2:
         return (np.nan, np.nan)
     if np.ptp(values) <= 1e-9 * np.abs(values).max():
         return (float(values.min()), float(values.max()))
+    from scipy.special import ndtr, ndtri
+
+    sums = np.concatenate([counts @ values for counts in resamples(len(values), RESAMPLES, seed)])
+    below, not_above = (sums < values.sum()).mean(), (sums <= values.sum()).mean()
+    bias = ndtri((below + not_above) / 2)
+    deviation = values - values.mean()
+    acceleration = (deviation**3).sum() / (6.0 * (deviation**2).sum() ** 1.5)
+    tails = bias + ndtri([0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
+    low, high = np.quantile(sums, ndtr(bias + tails / (1.0 - acceleration * tails))) / len(values)
+    return (float(low), float(high))
+
+
+def percentile_interval(resampled: Floats) -> Interval:
+    """The middle 95 % of a statistic's resamples, (m,)."""
+    low, high = np.quantile(resampled, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
+    return (float(low), float(high))
+
+
+def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
+    """How often each of `size` values is drawn in each of `count` resamples, as blocks of rows (…, size)."""
+    if size * count <= KEPT_VALUES:
+        yield _kept(size, count, seed)
+        return
     generator = np.random.default_rng(seed)
-    interval = bootstrap(
-        (values,),
-        np.mean,
-        n_resamples=RESAMPLES,
-        batch=max(1, BATCH_VALUES // len(values)),
-        confidence_level=CONFIDENCE,
-        method="BCa",
-        rng=generator,
-    ).confidence_interval
-    return (float(interval.low), float(interval.high))
+    rows = max(1, BLOCK_VALUES // size)
+    for first in range(0, count, rows):
+        yield _draw(generator, size, min(rows, count - first))
 
 
-def mcnemar(a: Bools, b: Bools) -> float:
-    """Exact McNemar p-value, two-sided, of two paired yes/no outcomes: binomial test on the pairs that disagree."""
-    from scipy.stats import binomtest
-
-    only_a, only_b = int((a & ~b).sum()), int((b & ~a).sum())
-    if only_a + only_b == 0:
-        return 1.0
-    return float(binomtest(only_a, only_a + only_b).pvalue)
+@lru_cache(maxsize=4)
+def _kept(size: int, count: int, seed: int) -> Floats:
+    counts = _draw(np.random.default_rng(seed), size, count)
+    counts.flags.writeable = False
+    return counts
 
 
-def sign_flip_test(differences: Floats, seed: int = 0) -> float:
-    """Permutation p-value, two-sided, of a mean paired difference: share of sign flips with at least as large a mean.
+def _draw(generator: np.random.Generator, size: int, count: int) -> Floats:
+    drawn = generator.integers(0, size, (count, size), dtype=np.int32) + size * np.arange(count)[:, None]
+    return np.bincount(drawn.ravel(), minlength=count * size).reshape(count, size).astype(np.float64)
 
-    Few pairs are flipped in every way. For more, random flips, the observed one among them (Phipson and Smyth 2010).
-    `scipy.stats.permutation_test(permutation_type="samples")` gives the same; one matrix product is many times faster.
-    """
-    # Summation order differs between flips: sums that are equal on paper must count as equal.
-    observed = np.abs(differences.sum()) * (1.0 - 1e-12)
-    pairs = len(differences)
-    if pairs <= EXACT_PAIRS:
-        signs = np.array(list(itertools.product((1.0, -1.0), repeat=pairs)))
-        return float((np.abs(signs @ differences) >= observed).mean())
-    generator = np.random.default_rng(seed)
-    as_large = 1
-    for block in np.array_split(np.arange(RESAMPLES), 10):
-        signs = 1.0 - 2.0 * generator.integers(0, 2, (len(block), pairs), dtype=np.int8)
-        as_large += int((np.abs(signs @ differences) >= observed).sum())
-    return as_large / (RESAMPLES + 1)
+
+def normal_quantile(probability: float) -> float:
+    """Of the standard normal distribution."""
+    from scipy.special import ndtri
+
+    return float(ndtri(probability))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evaluate.experiment import Cell
+from evaluate.improvement import interquartile_mean, interquartile_mean_interval
 from evaluate.metrics import Measures, cost_of_transport
 from evaluate.rollout import WEIGHT
 from evaluate.statistics import Floats, Interval, bootstrap_interval, wilson_interval
@@ -26,8 +27,11 @@ class Summary:
     time_to_fall: float
     """Mean over the episodes that fell, s."""
     velocity_error: float
-    """m/s, as are the next four."""
+    """m/s, as are the next six."""
     velocity_error_ci: Interval
+    velocity_error_iqm: float
+    """Interquartile mean: of the middle half of the episodes."""
+    velocity_error_iqm_ci: Interval
     velocity_error_upright: float
     mean_velocity_error: float
     mean_velocity_error_ci: Interval
@@ -59,6 +63,8 @@ def summarise(cell: Cell) -> Summary:
         time_to_fall=_mean(measures.fall_time),
         velocity_error=_mean(measures.velocity_error),
         velocity_error_ci=bootstrap_interval(measures.velocity_error),
+        velocity_error_iqm=interquartile_mean(measures.velocity_error),
+        velocity_error_iqm_ci=interquartile_mean_interval(measures.velocity_error),
         velocity_error_upright=_mean(measures.velocity_error_upright),
         mean_velocity_error=_mean(measures.mean_velocity_error),
         mean_velocity_error_ci=bootstrap_interval(measures.mean_velocity_error),

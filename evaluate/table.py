@@ -5,7 +5,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.comparison import BASELINE, ERRORS, FALL_RATE, Comparison
+from evaluate.comparison import ERRORS, FALL_RATE, Comparison, baseline
 from evaluate.format import counted, number, p_value, percent, points
 from evaluate.results import Results
 from evaluate.summary import Summary
@@ -52,7 +52,7 @@ def against_baseline(results: Results) -> list[Comparison]:
 
 def baseline_of(results: Results) -> str:
     """The policy that the others are measured against."""
-    return BASELINE if BASELINE in results.policies else results.policies[0]
+    return baseline(results.policies)
 
 
 def difference_table(results: Results) -> Table:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from evaluate.comparison import FALL_RATE, SIGNIFICANT, Comparison
+from evaluate.comparison import FALL_RATE, Comparison
 from evaluate.format import listed, number, p_value
 from evaluate.results import Results
 from evaluate.summary import Summary
@@ -80,10 +80,9 @@ def _claims(results: Results, comparisons: list[Comparison], words: tuple[str, s
     better, worse, unshown = *words, "no difference shown"
     places: dict[str, list[str]] = {better: [], worse: [], unshown: []}
     for c in comparisons:
-        significant = c.p_value < SIGNIFICANT and c.difference != 0.0
-        key = (better if c.difference < 0.0 else worse) if significant else unshown
+        key = (better if c.difference < 0.0 else worse) if c.significant else unshown
         figures = figure(results.summaries[c.scenario, c.a], results.summaries[c.scenario, c.b])
-        places[key].append(f"{c.scenario} ({figures}, {p_value(c.p_value)})")
+        places[key].append(f"{c.scenario} ({figures}, {p_value(c.p_value_holm)})")
     return "; ".join(f"{key} on {listed(where)}" for key, where in places.items() if where)
 
 

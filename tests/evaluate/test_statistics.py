@@ -1,10 +1,18 @@
-"""Intervals and tests against published values, hand counts and scipy."""
+"""Intervals against published values, scipy's and hand counts."""
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from evaluate.statistics import EXACT_PAIRS, bootstrap_interval, mcnemar, sign_flip_test, wilson_interval
+from evaluate.statistics import (
+    BLOCK_VALUES,
+    KEPT_VALUES,
+    bootstrap_interval,
+    percentile_interval,
+    resamples,
+    share_difference_interval,
+    wilson_interval,
+)
 
 
 @pytest.mark.parametrize(
@@ -25,61 +33,69 @@ def test_wilson_interval_without_trials_does_not_exist() -> None:
     assert np.isnan(wilson_interval(0, 0)).all()
 
 
-def outcomes(both: int, only_a: int, only_b: int, neither: int) -> tuple[np.ndarray, np.ndarray]:
-    a = np.repeat([True, True, False, False], [both, only_a, only_b, neither])
-    b = np.repeat([True, False, True, False], [both, only_a, only_b, neither])
-    return a, b
+@pytest.mark.parametrize(
+    ("only_a", "only_b", "pairs", "low", "high"),
+    [
+        # Fagerland, Lydersen and Laake 2014, Statistics in Medicine 33, airway hyper-responsiveness: Tango's interval.
+        (1, 7, 21, -0.517, -0.026),
+    ],
+)
+def test_share_difference_interval_as_published(only_a, only_b, pairs, low, high) -> None:
+    assert share_difference_interval(only_a, only_b, pairs) == pytest.approx((low, high), abs=5e-4)
 
 
-def test_mcnemar_by_hand() -> None:
-    # 1 against 5 disagreements: 2 · (C(6,0) + C(6,1)) / 2⁶ = 14/64.
-    assert mcnemar(*outcomes(3, 1, 5, 20)) == pytest.approx(14 / 64)
-    # 0 against 10: 2 / 2¹⁰.
-    assert mcnemar(*outcomes(0, 0, 10, 118)) == pytest.approx(2 / 1024)
+def quartic_limits(only_a: int, only_b: int, pairs: int) -> tuple[float, float]:
+    """Tango's limits as the outer roots of a polynomial (Yang, Sun and Hardin 2012, Statistics in Medicine 32)."""
+    z2, n, d, s = stats.norm.ppf(0.975) ** 2, pairs, only_a - only_b, only_a + only_b
+    polynomial = [
+        n**2 * (n / z2 + 1) ** 2,
+        -n * d * (n / z2 + 1) * (4 * n / z2 + 1),
+        2 * n * d**2 * (3 * n / z2 + 2) / z2 - n**2 * (s / z2 + 1),
+        n * d * (2 * s / z2 + 1) - d**3 * (4 * n / z2 + 1) / z2,
+        d**2 * (d**2 / z2 - s) / z2,
+    ]
+    roots = np.roots(polynomial)
+    real = roots[np.abs(roots.imag) < 1e-6].real
+    return real.min(), real.max()
 
 
-def test_mcnemar_looks_at_disagreements_alone() -> None:
-    assert mcnemar(*outcomes(50, 2, 7, 0)) == mcnemar(*outcomes(0, 2, 7, 900))
-    assert mcnemar(*outcomes(5, 0, 0, 5)) == 1.0
+@pytest.mark.parametrize(("only_a", "only_b", "pairs"), [(12, 2, 50), (0, 0, 128), (3, 0, 128), (25, 28, 618)])
+def test_share_difference_interval_solves_the_polynomial_of_tangos_limits(only_a, only_b, pairs) -> None:
+    expected = quartic_limits(only_a, only_b, pairs)
+    assert share_difference_interval(only_a, only_b, pairs) == pytest.approx(expected, abs=1e-6)
 
 
-def test_sign_flips_of_three_pairs_by_hand() -> None:
-    # Of the 8 flips of (1, 2, 3) only +++ and −−− reach |sum| = 6.
-    assert sign_flip_test(np.array([1.0, 2.0, 3.0])) == pytest.approx(2 / 8)
-    # |sum| of (1, 2, −3) is 0: every flip reaches it.
-    assert sign_flip_test(np.array([1.0, 2.0, -3.0])) == 1.0
+def test_share_difference_interval_mirrors_when_the_policies_swap() -> None:
+    low, high = share_difference_interval(3, 9, 40)
+    assert share_difference_interval(9, 3, 40) == pytest.approx((-high, -low))
 
 
-def test_flips_that_are_equal_on_paper_count_as_equal() -> None:
-    # 0.1 + 0.2 − 0.3 and its kin differ from each other in the last bits.
-    assert sign_flip_test(np.array([0.1, 0.2, 0.3, 0.1])) == pytest.approx(2 / 16)
+def test_share_difference_interval_ends_at_one() -> None:
+    assert share_difference_interval(20, 0, 20)[1] == 1.0
+    assert share_difference_interval(0, 20, 20)[0] == -1.0
+    assert np.isnan(share_difference_interval(0, 0, 0)).all()
 
 
-@pytest.mark.parametrize("pairs", [5, EXACT_PAIRS])
-def test_exact_sign_flips_equal_scipys(pairs) -> None:
-    differences = np.random.default_rng(pairs).normal(0.4, 1.0, pairs)
-    reference = stats.permutation_test((differences,), np.mean, permutation_type="samples", n_resamples=np.inf)
-    assert sign_flip_test(differences) == pytest.approx(reference.pvalue)
+@pytest.mark.parametrize("values", [stats.gamma(1.5), stats.lognorm(0.8), stats.norm(3.0)])
+def test_bootstrap_interval_is_scipys(values) -> None:
+    sample = values.rvs(64, random_state=7)
+    reference = stats.bootstrap((sample,), np.mean, n_resamples=20_000, batch=1000, rng=1).confidence_interval
+    width = reference.high - reference.low
+    assert bootstrap_interval(sample) == pytest.approx(tuple(reference), abs=0.03 * width)
 
 
-def test_random_sign_flips_agree_with_the_exact_p_value() -> None:
-    differences = np.random.default_rng(2).normal(0.5, 1.0, 16)
-    reference = stats.permutation_test((differences,), np.mean, permutation_type="samples", n_resamples=np.inf)
-    assert sign_flip_test(differences) == pytest.approx(reference.pvalue, abs=0.01)
+def test_percentile_interval_leaves_a_fortieth_at_either_end() -> None:
+    assert percentile_interval(np.arange(401.0)) == pytest.approx((10.0, 390.0))
 
 
-def test_a_random_p_value_is_never_zero() -> None:
-    assert sign_flip_test(np.full(128, -0.1)) == pytest.approx(1 / 10_000)
-
-
-def test_no_difference_at_all_has_p_one() -> None:
-    assert sign_flip_test(np.zeros(128)) == 1.0
-
-
-def test_sign_flips_hold_their_level_without_a_difference() -> None:
-    generator = np.random.default_rng(3)
-    p_values = [sign_flip_test(generator.laplace(size=20)) for _ in range(200)]
-    assert np.mean(np.array(p_values) < 0.05) == pytest.approx(0.05, abs=0.04)
+@pytest.mark.parametrize("size", [5, KEPT_VALUES // 100, BLOCK_VALUES + 1])
+def test_every_resample_draws_as_many_values_as_there_are(size) -> None:
+    blocks = list(resamples(size, 101 if size < 100_000 else 3, seed=0))
+    counts = np.concatenate(blocks)
+    assert counts.shape == (101 if size < 100_000 else 3, size)
+    assert (counts.sum(axis=1) == size).all()
+    # The share of values that a resample leaves out is (1 - 1/n)^n.
+    assert (counts == 0).mean() == pytest.approx((1 - 1 / size) ** size, abs=0.03)
 
 
 def test_bootstrap_interval_covers_the_true_mean_as_often_as_it_says() -> None:
@@ -110,4 +126,4 @@ def test_bootstrap_interval_of_one_value_does_not_exist() -> None:
 def test_statistics_repeat_themselves() -> None:
     values = np.random.default_rng(6).normal(0.1, 1.0, 64)
     assert bootstrap_interval(values) == bootstrap_interval(values)
-    assert sign_flip_test(values) == sign_flip_test(values)
+    assert bootstrap_interval(values, seed=1) != bootstrap_interval(values, seed=2)

@@ -1,0 +1,264 @@
+"""Checks of intervals and tests: what is done with one made-up data set, and how often the outcome should be yes."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from evaluate.breaking_point import breaking_point, breaking_ratio
+from evaluate.improvement import (
+    improvement_by_episode,
+    interquartile_mean,
+    interquartile_mean_interval,
+    probability_of_improvement,
+)
+from evaluate.significance import fall_rates_test, mcnemar, relabelling_test, sign_flip_test
+from evaluate.statistics import Bools, Floats, Interval, bootstrap_interval, share_difference_interval, wilson_interval
+from evaluate.synthetic import LARGE, Axis, Episodes, episodes, mean_error
+
+COVERS = (0.93, 0.97)
+"""Bounds of the share of 95 % intervals that hold the truth."""
+SIGNIFICANT = 0.05
+HOLDS_LEVEL = (0.04, 0.06)
+"""Bounds of the share of tests that are significant where there is no difference."""
+DISCRETE = (0.0, 0.06)
+"""The same of tests of a count, whose p-value can jump past 5 %: exact ones stay below it."""
+EASIER = 0.8
+"""Fall probability of the second policy, over the first's."""
+AXES = {
+    "": Axis((20.0, 35.0, 50.0, 65.0, 80.0, 100.0), median=55.0, steepness=4.0),
+    ", a sixth falls anyway": Axis((20.0, 35.0, 50.0, 65.0, 80.0, 100.0), median=55.0, steepness=6.0, floor=1 / 6),
+    ", less is harder": Axis((1.0, 0.7, 0.5, 0.35, 0.25), median=0.45, steepness=5.0),
+}
+
+Outcome = Callable[[np.random.Generator], bool]
+
+
+@dataclass(frozen=True)
+class Check:
+    """A yes or no asked of many data sets."""
+
+    name: str
+    count: int
+    """Episodes of a data set."""
+    fall_probability: float
+    """NaN where it has none of its own."""
+    outcome: Outcome
+    bounds: Interval
+    """Of the share of yes."""
+    expected: float = 0.95
+    """Share of yes if all is well; NaN where it is not known."""
+
+
+def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
+    """Does the interval hold the truth?"""
+    rules: dict[str, Outcome] = {
+        "Wilson, falls": partial(_fall_rate, count, fall_probability),
+        "BCa bootstrap, mean error": partial(_mean, count, fall_probability),
+        "score, paired difference of falls": partial(_fall_difference, count, fall_probability),
+        "BCa bootstrap, paired difference of errors": partial(_mean_difference, count, fall_probability),
+        "bootstrap, interquartile mean": partial(_interquartile_mean, count, fall_probability),
+        "score, improvement by episode": partial(_improvement_by_episode, count, fall_probability),
+        "bootstrap, probability of improvement": partial(_improvement, count, fall_probability),
+    }
+    for name, outcome in rules.items():
+        yield Check(name, count, fall_probability, outcome, COVERS)
+
+
+def breaking_checks(count: int) -> Iterator[Check]:
+    """Does the interval hold the true breaking point, or ratio of two?"""
+    for name, axis in AXES.items():
+        yield Check(f"breaking point{name}", count, np.nan, partial(_breaking_point, count, axis), COVERS)
+    yield Check("ratio of breaking points", count, np.nan, partial(_breaking_ratio, count, AXES[""], 1.2), COVERS)
+
+
+def null_checks(count: int, fall_probability: float) -> Iterator[Check]:
+    """Is a difference claimed where there is none?"""
+    exact = attainable_mcnemar(count, discordance(fall_probability))
+    rules: dict[str, tuple[Outcome, Interval, float]] = {
+        "sign flips, exchangeable pairs": (partial(_sign_flip, count, fall_probability), HOLDS_LEVEL, SIGNIFICANT),
+        "McNemar, exchangeable pairs": (partial(_mcnemar, count, fall_probability), DISCRETE, exact),
+        "McNemar, ties by lot": (partial(_mcnemar_by_lot, count, fall_probability), HOLDS_LEVEL, SIGNIFICANT),
+        "relabelling, disjoint episodes": (partial(_relabelling, count, fall_probability), HOLDS_LEVEL, SIGNIFICANT),
+        "Barnard, disjoint episodes": (partial(_barnard, count, fall_probability), DISCRETE, np.nan),
+    }
+    for name, (outcome, bounds, expected) in rules.items():
+        yield Check(name, count, fall_probability, outcome, bounds, expected)
+
+
+def split_checks(label: str, fell: Bools, error: Floats) -> Iterator[Check]:
+    """Is a difference claimed between random halves of the episodes of one policy?"""
+    half = len(fell) // 2
+
+    def halves(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        order = generator.permutation(len(fell))
+        return order[:half], order[half : 2 * half]
+
+    def errors_differ(generator: np.random.Generator) -> bool:
+        a, b = halves(generator)
+        return relabelling_test(error[a], error[b]) < SIGNIFICANT
+
+    def falls_differ(generator: np.random.Generator) -> bool:
+        a, b = halves(generator)
+        return _barnard_p_value(half, int(fell[a].sum()), int(fell[b].sum())) < SIGNIFICANT
+
+    rate = float(fell.mean())
+    yield Check(f"relabelling, halves of {label}", half, rate, errors_differ, HOLDS_LEVEL, SIGNIFICANT)
+    yield Check(f"Barnard, halves of {label}", half, rate, falls_differ, DISCRETE, np.nan)
+
+
+def share_of_yes(check: Check, sets: int, seed: int) -> float:
+    """Over that many data sets, each of a generator of its own."""
+    return float(np.mean([check.outcome(np.random.default_rng([seed, number])) for number in range(sets)]))
+
+
+@cache
+def attainable_mcnemar(pairs: int, discordant: float) -> float:
+    """Exact chance that McNemar's test is significant without a difference, if pairs disagree with that probability."""
+    from scipy.stats import binom
+
+    size = 0.0
+    for count in range(pairs + 1):
+        splits = np.arange(count + 1)
+        rejected = np.array([_mcnemar_p_value(int(k), count) < SIGNIFICANT for k in splits])
+        size += float(binom.pmf(count, pairs, discordant)) * float(binom.pmf(splits, count, 0.5) @ rejected)
+    return size
+
+
+@cache
+def discordance(fall_probability: float) -> float:
+    """Probability that just one of two equal policies falls, which share half of their luck."""
+    from scipy.stats import multivariate_normal, norm
+
+    quantile = float(norm.ppf(fall_probability))
+    both = float(multivariate_normal(cov=[[1.0, 0.5], [0.5, 1.0]]).cdf([quantile, quantile]))
+    return 2.0 * (fall_probability - both)
+
+
+def _within(interval: Interval, truth: float) -> bool:
+    return interval[0] <= truth <= interval[1]
+
+
+def _one(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
+    return episodes(generator, (fall_probability,), count)
+
+
+def _two(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
+    return episodes(generator, (fall_probability, EASIER * fall_probability), count)
+
+
+def _alike(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
+    return episodes(generator, (fall_probability, fall_probability), count)
+
+
+def _fall_rate(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    fell = _one(generator, count, fall_probability).fell[0]
+    return _within(wilson_interval(int(fell.sum()), count), fall_probability)
+
+
+def _mean(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    error = _one(generator, count, fall_probability).error[0]
+    return _within(bootstrap_interval(error), mean_error(fall_probability))
+
+
+def _fall_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = _two(generator, count, fall_probability).fell
+    interval = share_difference_interval(int((a & ~b).sum()), int((b & ~a).sum()), count)
+    return _within(interval, (1.0 - EASIER) * fall_probability)
+
+
+def _mean_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = _two(generator, count, fall_probability).error
+    return _within(bootstrap_interval(a - b), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
+
+
+@cache
+def _true_interquartile_mean(fall_probability: float) -> float:
+    return interquartile_mean(_one(np.random.default_rng(0), LARGE, fall_probability).error[0])
+
+
+def _interquartile_mean(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    error = _one(generator, count, fall_probability).error[0]
+    return _within(interquartile_mean_interval(error), _true_interquartile_mean(fall_probability))
+
+
+@cache
+def _true_improvement(fall_probability: float, paired: bool) -> float:
+    a, b = _two(np.random.default_rng(1), LARGE, fall_probability).error
+    return float((a > (b if paired else np.roll(b, 1))).mean())
+
+
+def _improvement_by_episode(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = _two(generator, count, fall_probability).error
+    return _within(improvement_by_episode(a, b)[1], _true_improvement(fall_probability, True))
+
+
+def _improvement(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    """Of policies that ran different episodes."""
+    a = _one(generator, count, fall_probability).error[0]
+    b = _one(generator, count, EASIER * fall_probability).error[0]
+    return _within(probability_of_improvement(a, b)[1], _true_improvement(fall_probability, False))
+
+
+def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> bool:
+    point = breaking_point(np.array(axis.severities), axis.falls(generator, count))
+    return _within(point.ci, axis.breaking_point)
+
+
+def _breaking_ratio(count: int, axis: Axis, ratio: float, generator: np.random.Generator) -> bool:
+    """Of a policy that withstands severities larger by that ratio, with the same luck."""
+    severities, stronger = np.array(axis.severities), np.array(axis.severities) / ratio
+    both = Axis((*axis.severities, *stronger), axis.median, axis.steepness, axis.floor)
+    fell = both.falls(generator, count)
+    levels = len(severities)
+    a, b = breaking_point(severities, fell[levels:]), breaking_point(severities, fell[:levels])
+    return _within(breaking_ratio(a, b)[1], ratio)
+
+
+def _sign_flip(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = _alike(generator, count, fall_probability).error
+    return sign_flip_test(a - b) < SIGNIFICANT
+
+
+def _mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    return mcnemar(*_alike(generator, count, fall_probability).fell) < SIGNIFICANT
+
+
+def _mcnemar_by_lot(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    """A lot decides how much of the chance of the very outcome that was seen counts: exact at every level."""
+    a, b = _alike(generator, count, fall_probability).fell
+    rarer, discordant = sorted((int((a & ~b).sum()), int((b & ~a).sum())))[0], int((a ^ b).sum())
+    p_value = _mcnemar_p_value(rarer, discordant)
+    rarer_still = _mcnemar_p_value(rarer - 1, discordant) if rarer else 0.0
+    return rarer_still + generator.random() * (p_value - rarer_still) < SIGNIFICANT
+
+
+@cache
+def _mcnemar_p_value(only_a: int, discordant: int) -> float:
+    pairs = np.arange(discordant) < only_a
+    return mcnemar(pairs, ~pairs)
+
+
+def _relabelling(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    error = _one(generator, 2 * count, fall_probability).error[0]
+    return relabelling_test(error[:count], error[count:]) < SIGNIFICANT
+
+
+def _barnard(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    fell = _one(generator, 2 * count, fall_probability).fell[0]
+    return _barnard_p_value(count, int(fell[:count].sum()), int(fell[count:].sum())) < SIGNIFICANT
+
+
+@cache
+def _barnard_p_value(count: int, fell_a: int, fell_b: int) -> float:
+    return fall_rates_test(np.arange(count) < fell_a, np.arange(count) < fell_b)
+
+
+def all_checks(counts: Sequence[int], fall_probabilities: Sequence[float]) -> Iterator[Check]:
+    """Every check on made-up data."""
+    for count in counts:
+        for rules in (coverage_checks, null_checks):
+            for fall_probability in fall_probabilities:
+                yield from rules(count, fall_probability)
+        yield from breaking_checks(count)

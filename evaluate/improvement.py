@@ -1,0 +1,71 @@
+"""Interquartile mean and probability of improvement, as rliable defines them (Agarwal et al. 2021, NeurIPS).
+
+rliable's intervals are percentile bootstraps over training runs, drawn for each algorithm by itself. Ours are over
+episodes; two policies that ran the same episodes are resampled together, pair by pair.
+"""
+
+import numpy as np
+
+from evaluate.statistics import (
+    FEWER_RESAMPLES,
+    Floats,
+    Interval,
+    percentile_interval,
+    resamples,
+    share_difference_interval,
+)
+
+TRIMMED = 0.25
+"""Share of the values cut off at either end."""
+
+
+def interquartile_mean(values: Floats) -> float:
+    """Mean of the middle half of the values; NaN without any."""
+    from scipy.stats import trim_mean
+
+    return float(trim_mean(values, TRIMMED)) if len(values) else float("nan")
+
+
+def interquartile_mean_interval(values: Floats, seed: int = 0) -> Interval:
+    """Percentile bootstrap interval of the interquartile mean, 95 %; (NaN, NaN) for fewer than two values."""
+    if len(values) < 2:
+        return (np.nan, np.nan)
+    blocks = resamples(len(values), FEWER_RESAMPLES, seed)
+    return percentile_interval(np.concatenate([_trimmed_means(counts, values) for counts in blocks]))
+
+
+def _trimmed_means(counts: Floats, values: Floats) -> Floats:
+    """Interquartile means of resamples in which value j is drawn counts[:, j] times."""
+    order = np.argsort(values)
+    low = int(TRIMMED * len(values))
+    high = len(values) - low
+    reached = np.cumsum(counts[:, order], axis=1).clip(low, high)
+    within = np.diff(reached, axis=1, prepend=float(low))
+    means: Floats = within @ values[order] / (high - low)
+    return means
+
+
+def improvement_by_episode(a: Floats, b: Floats) -> tuple[float, Interval]:
+    """Probability that a's value is larger than b's in the same episode, ties counted as half; with its interval.
+
+    Wins and losses are two paired shares, so that the interval is the score interval of their difference. Equal to
+    rliable's figure only if the policies' episodes have nothing in common: chance in a shared episode cancels here.
+    """
+    wins, losses = int((a > b).sum()), int((a < b).sum())
+    if not len(a):
+        return (np.nan, (np.nan, np.nan))
+    low, high = share_difference_interval(wins, losses, len(a))
+    return ((1.0 + (wins - losses) / len(a)) / 2.0, ((1.0 + low) / 2.0, (1.0 + high) / 2.0))
+
+
+def probability_of_improvement(a: Floats, b: Floats, seed: int = 0) -> tuple[float, Interval]:
+    """rliable's, unpaired: probability that any value of a is larger than any of b, ties counted as half; its interval.
+
+    A percentile bootstrap that draws from a and b apart, as rliable's does.
+    """
+    if min(len(a), len(b)) < 2:
+        return (np.nan, (np.nan, np.nan))
+    wins = (np.sign(a[:, None] - b) + 1.0) / 2.0
+    blocks = zip(resamples(len(a), FEWER_RESAMPLES, seed), resamples(len(b), FEWER_RESAMPLES, seed + 1), strict=True)
+    shares = np.concatenate([((counts_a @ wins) * counts_b).sum(axis=1) for counts_a, counts_b in blocks])
+    return (float(wins.mean()), percentile_interval(shares / wins.size))

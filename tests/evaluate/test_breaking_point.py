@@ -1,0 +1,180 @@
+"""Breaking points of falls whose cause is known."""
+
+import time
+
+import numpy as np
+import pytest
+
+from evaluate.breaking_point import CURVES, breaking_point, breaking_ratio
+
+PUSHES = np.array([20.0, 35.0, 50.0, 65.0, 80.0, 100.0])
+FRICTION = np.array([1.0, 0.7, 0.5, 0.35, 0.25])
+EPISODES = 128
+
+
+def falls(severities: np.ndarray, strength: np.ndarray) -> np.ndarray:
+    """Episode i falls where the severity exceeds its strength: paired across levels, as a real robot's episodes are."""
+    return severities[:, None] > strength
+
+
+def strengths(median: float, spread: float, seed: int = 0) -> np.ndarray:
+    """Log-logistic: the falls follow a psychometric curve of steepness 1 / spread."""
+    return median * np.exp(np.random.default_rng(seed).logistic(0.0, spread, EPISODES))
+
+
+def test_breaking_point_is_the_median_strength() -> None:
+    point = breaking_point(PUSHES, falls(PUSHES, strengths(60.0, 0.2)))
+    assert point.found == "crossed"
+    assert point.severity50 == pytest.approx(60.0, rel=0.08)
+    low, high = point.ci
+    assert low < point.severity50 < high
+    assert high / low == pytest.approx(1.2, abs=0.1)
+
+
+def test_less_is_harder_where_the_levels_fall() -> None:
+    weakness = 1.0 / strengths(1.0 / 0.4, 0.2)
+    point = breaking_point(FRICTION, FRICTION[:, None] < weakness)
+    assert point.severity50 == pytest.approx(0.4, rel=0.08)
+    assert point.ci[0] < point.severity50 < point.ci[1]
+
+
+def test_both_directions_are_one_problem() -> None:
+    """Friction f as slipperiness 1 / f: the same falls give the reciprocal."""
+    fell = falls(1.0 / FRICTION, strengths(2.5, 0.2))
+    up, down = breaking_point(1.0 / FRICTION, fell), breaking_point(FRICTION, fell)
+    assert down.severity50 == pytest.approx(1.0 / up.severity50)
+    assert down.ci == pytest.approx((1.0 / up.ci[1], 1.0 / up.ci[0]))
+
+
+def test_unit_does_not_matter() -> None:
+    fell = falls(PUSHES, strengths(60.0, 0.2))
+    newton_seconds, millis = breaking_point(PUSHES, fell), breaking_point(1000.0 * PUSHES, fell)
+    assert millis.severity50 == pytest.approx(1000.0 * newton_seconds.severity50)
+    assert millis.ci == pytest.approx(tuple(1000.0 * end for end in newton_seconds.ci))
+
+
+def test_less_than_half_at_the_hardest_never_breaks() -> None:
+    fell = np.zeros((6, 100), bool)
+    fell[-1, :49] = True
+    point = breaking_point(PUSHES, fell)
+    assert point.found == "never"
+    assert np.isnan([point.severity50, *point.ci]).all()
+    fell[-1, 49] = True
+    assert breaking_point(PUSHES, fell).found == "crossed"
+
+
+def test_half_at_the_mildest_is_broken_already() -> None:
+    fell = np.ones((6, 100), bool)
+    fell[0, 50:] = False
+    assert breaking_point(PUSHES, fell).found == "always"
+    fell[0, 49] = False
+    assert breaking_point(PUSHES, fell).found == "crossed"
+
+
+def test_a_sharp_edge_lies_between_two_levels() -> None:
+    """Every robot falls from 57.3 N·s on: the data say no more than 50 to 65, and neither does the interval."""
+    point = breaking_point(PUSHES, falls(PUSHES, np.full(EPISODES, 57.3)))
+    assert point.ci == pytest.approx((50.0, 65.0))
+    assert 50.0 < point.severity50 < 65.0
+
+
+def test_an_interval_may_end_beyond_the_levels() -> None:
+    fell = falls(PUSHES, strengths(98.0, 0.3, seed=1))
+    low, high = breaking_point(PUSHES, fell).ci
+    assert 80.0 < low < 100.0
+    assert high == np.inf
+    low, high = breaking_point(FRICTION, falls(1.0 / FRICTION, strengths(1.02, 0.3, seed=0))).ci
+    assert 0.7 < low < 1.0
+    assert high == np.inf
+
+
+def test_falls_that_no_push_causes_are_not_the_pushes_fault() -> None:
+    """A fifth falls anyway: the breaking point is still where half fall in all, 3/8 of the way up the curve."""
+    points = []
+    for seed in range(30):
+        generator = np.random.default_rng([1, seed])
+        fell = falls(PUSHES, strengths(60.0, 0.1, seed)) | (generator.random(EPISODES) < 0.2)
+        points.append(breaking_point(PUSHES, fell).severity50)
+    assert np.mean(np.log(points)) == pytest.approx(np.log(60.0) + 0.1 * np.log(3 / 5), abs=0.015)
+
+
+def test_severity_zero_is_no_disturbance() -> None:
+    slopes = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.6])
+    point = breaking_point(slopes, falls(slopes, strengths(0.25, 0.2)))
+    assert point.severity50 == pytest.approx(0.25, rel=0.08)
+
+
+def test_levels_are_resampled_together() -> None:
+    """Episodes that are alike at every level carry less than as many independent ones: the interval is wider."""
+    paired = falls(PUSHES, strengths(60.0, 0.2))
+    shuffled = np.random.default_rng(3).permuted(paired, axis=1)
+    wide, narrow = breaking_point(PUSHES, paired).ci, breaking_point(PUSHES, shuffled).ci
+    assert np.log(wide[1] / wide[0]) > 1.2 * np.log(narrow[1] / narrow[0])
+
+
+def test_ratio_of_two_policies_is_paired() -> None:
+    """b is a tenth stronger in every episode: the ratio is known far better than either breaking point."""
+    a = strengths(55.0, 0.2)
+    first, second = breaking_point(PUSHES, falls(PUSHES, a)), breaking_point(PUSHES, falls(PUSHES, 1.1 * a))
+    ratio, (low, high) = breaking_ratio(second, first)
+    assert ratio == pytest.approx(second.severity50 / first.severity50)
+    assert low < 1.1 < high
+    apart = breaking_point(PUSHES, falls(PUSHES, 1.1 * strengths(55.0, 0.2, seed=9)))
+    _, (wide_low, wide_high) = breaking_ratio(apart, first)
+    assert np.log(high / low) < 0.5 * np.log(wide_high / wide_low)
+
+
+def test_ratio_of_a_policy_to_itself_is_one() -> None:
+    for strength in (strengths(55.0, 0.2), np.full(EPISODES, 57.3)):
+        point = breaking_point(PUSHES, falls(PUSHES, strength))
+        assert breaking_ratio(point, point) == (1.0, (1.0, 1.0))
+
+
+def test_ratio_of_two_sharp_edges_spans_their_gaps() -> None:
+    a = breaking_point(PUSHES, falls(PUSHES, np.full(EPISODES, 57.3)))
+    b = breaking_point(PUSHES, falls(PUSHES, np.full(EPISODES, 30.0)))
+    assert breaking_ratio(a, b)[1] == pytest.approx((50.0 / 35.0, 65.0 / 20.0))
+
+
+def test_ratio_falls_with_friction_as_well() -> None:
+    strength = strengths(2.0, 0.2)
+    a = breaking_point(FRICTION, falls(1.0 / FRICTION, 1.3 * strength))
+    b = breaking_point(FRICTION, falls(1.0 / FRICTION, strength))
+    ratio, (low, high) = breaking_ratio(a, b)
+    assert low < ratio < high
+    assert ratio == pytest.approx(1 / 1.3, rel=0.05)
+
+
+def test_ratio_takes_two_breaking_points() -> None:
+    crossed = breaking_point(PUSHES, falls(PUSHES, strengths(60.0, 0.2)))
+    never = breaking_point(PUSHES, np.zeros((6, EPISODES), bool))
+    for a, b in ((crossed, never), (never, crossed)):
+        ratio, interval = breaking_ratio(a, b)
+        assert np.isnan([ratio, *interval]).all()
+
+
+@pytest.mark.parametrize("severities", [[1.0, 2.0], [1.0, 3.0, 2.0], [1.0, 1.0, 2.0], [-1.0, 0.0, 1.0]])
+def test_severities_without_order_are_refused(severities) -> None:
+    with pytest.raises(ValueError, match="from the mildest to the hardest"):
+        breaking_point(np.array(severities), np.zeros((len(severities), 4), bool))
+
+
+def test_few_episodes_do_not_blow_up() -> None:
+    for seed in range(20):
+        fell = np.random.default_rng(seed).random((6, 3)) < np.linspace(0.0, 1.0, 6)[:, None]
+        point = breaking_point(PUSHES, fell)
+        assert point.found != "crossed" or 20.0 <= point.severity50 <= 100.0
+        assert len(point.resampled) in (0, CURVES)
+
+
+def test_a_battery_takes_seconds() -> None:
+    start = time.process_time()
+    for seed in range(8):
+        breaking_point(PUSHES, falls(PUSHES, strengths(50.0, 0.25, seed)))
+    assert (time.process_time() - start) / 8 * 64 < 20.0  # 16 axes of 4 policies, on a slow and busy core
+
+
+def test_breaking_points_repeat_themselves() -> None:
+    fell = falls(PUSHES, strengths(60.0, 0.2))
+    assert breaking_point(PUSHES, fell).ci == breaking_point(PUSHES, fell).ci
+    assert breaking_point(PUSHES, fell, seed=1).ci != breaking_point(PUSHES, fell, seed=2).ci

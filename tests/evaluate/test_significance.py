@@ -1,0 +1,149 @@
+"""Tests against hand counts, scipy and statsmodels."""
+
+import itertools
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from evaluate.significance import EXACT_PAIRS, fall_rates_test, holm, mcnemar, relabelling_test, sign_flip_test
+
+
+def outcomes(both: int, only_a: int, only_b: int, neither: int) -> tuple[np.ndarray, np.ndarray]:
+    a = np.repeat([True, True, False, False], [both, only_a, only_b, neither])
+    b = np.repeat([True, False, True, False], [both, only_a, only_b, neither])
+    return a, b
+
+
+def test_mcnemar_by_hand() -> None:
+    # 1 against 5 disagreements: 2 · (C(6,0) + C(6,1)) / 2⁶ = 14/64.
+    assert mcnemar(*outcomes(3, 1, 5, 20)) == pytest.approx(14 / 64)
+    # 0 against 10: 2 / 2¹⁰.
+    assert mcnemar(*outcomes(0, 0, 10, 118)) == pytest.approx(2 / 1024)
+
+
+def test_mcnemar_looks_at_disagreements_alone() -> None:
+    assert mcnemar(*outcomes(50, 2, 7, 0)) == mcnemar(*outcomes(0, 2, 7, 900))
+    assert mcnemar(*outcomes(5, 0, 0, 5)) == 1.0
+
+
+def test_sign_flips_of_three_pairs_by_hand() -> None:
+    # Of the 8 flips of (1, 2, 3) only +++ and −−− reach |sum| = 6.
+    assert sign_flip_test(np.array([1.0, 2.0, 3.0])) == pytest.approx(2 / 8)
+    # |sum| of (1, 2, −3) is 0: every flip reaches it.
+    assert sign_flip_test(np.array([1.0, 2.0, -3.0])) == 1.0
+
+
+def test_flips_that_are_equal_on_paper_count_as_equal() -> None:
+    # 0.1 + 0.2 − 0.3 and its kin differ from each other in the last bits.
+    assert sign_flip_test(np.array([0.1, 0.2, 0.3, 0.1])) == pytest.approx(2 / 16)
+
+
+@pytest.mark.parametrize("pairs", [5, EXACT_PAIRS])
+def test_exact_sign_flips_equal_scipys(pairs) -> None:
+    differences = np.random.default_rng(pairs).normal(0.4, 1.0, pairs)
+    reference = stats.permutation_test((differences,), np.mean, permutation_type="samples", n_resamples=np.inf)
+    assert sign_flip_test(differences) == pytest.approx(reference.pvalue)
+
+
+def test_random_sign_flips_agree_with_the_exact_p_value() -> None:
+    differences = np.random.default_rng(2).normal(0.5, 1.0, 16)
+    reference = stats.permutation_test((differences,), np.mean, permutation_type="samples", n_resamples=np.inf)
+    assert sign_flip_test(differences) == pytest.approx(reference.pvalue, abs=0.01)
+
+
+def test_a_random_p_value_is_never_zero() -> None:
+    assert sign_flip_test(np.full(128, -0.1)) == pytest.approx(1 / 100_000)
+
+
+def test_no_difference_at_all_has_p_one() -> None:
+    assert sign_flip_test(np.zeros(128)) == 1.0
+
+
+def test_sign_flips_hold_their_level_without_a_difference() -> None:
+    generator = np.random.default_rng(3)
+    p_values = [sign_flip_test(generator.laplace(size=20)) for _ in range(200)]
+    assert np.mean(np.array(p_values) < 0.05) == pytest.approx(0.05, abs=0.04)
+
+
+def test_statistics_repeat_themselves() -> None:
+    values = np.random.default_rng(6).normal(0.1, 1.0, 64)
+    assert sign_flip_test(values) == sign_flip_test(values)
+    assert relabelling_test(values[:20], values[20:]) == relabelling_test(values[:20], values[20:])
+
+
+def test_mcnemar_is_statsmodels() -> None:
+    # statsmodels.stats.contingency_tables.mcnemar([[30, 3], [14, 81]], exact=True).pvalue
+    assert mcnemar(*outcomes(30, 3, 14, 81)) == pytest.approx(0.012725830078125)
+
+
+def test_a_small_p_value_is_resolved_further() -> None:
+    # Of the 2¹⁶ flips only the observed one and its opposite reach the sum; 9999 flips could not tell this from 1e-4.
+    assert 1e-5 <= sign_flip_test(np.linspace(1.0, 2.0, 16)) < 9e-5
+
+
+def test_holm_is_statsmodels() -> None:
+    # statsmodels.stats.multitest.multipletests(p, method="holm")[1]
+    p = [0.01, 0.04, 0.03, 0.005, 0.2, 0.03]
+    assert holm(p) == pytest.approx([0.05, 0.12, 0.12, 0.03, 0.2, 0.12])
+
+
+def test_holm_by_hand() -> None:
+    assert holm([]) == []
+    assert holm([0.3]) == [0.3]
+    assert holm([0.04, 0.01]) == pytest.approx([0.04, 0.02])
+    assert holm([0.4, 0.4, 0.4]) == [1.0, 1.0, 1.0]
+
+
+def barnard_by_hand(fell_a: int, a: int, fell_b: int, b: int) -> float:
+    """In exact fractions: the largest chance, over the common rate, of tables whose squared z is at least as large."""
+
+    def z2(i, j):
+        pooled = Fraction(i + j, a + b)
+        return (Fraction(i, a) - Fraction(j, b)) ** 2 / (pooled * (1 - pooled)) if 0 < pooled < 1 else 0
+
+    tables = [(i, j) for i in range(a + 1) for j in range(b + 1) if z2(i, j) >= z2(fell_a, fell_b)]
+    rates = np.linspace(0.001, 0.999, 4001)
+    chances = sum(
+        math.comb(a, i) * math.comb(b, j) * rates ** (i + j) * (1 - rates) ** (a + b - i - j) for i, j in tables
+    )
+    return chances.max()
+
+
+@pytest.mark.parametrize(("fell_a", "a", "fell_b", "b"), [(7, 15, 12, 15), (1, 12, 9, 20), (0, 9, 3, 11), (5, 8, 5, 8)])
+def test_fall_rates_of_different_episodes_by_hand(fell_a, a, fell_b, b) -> None:
+    p_value = fall_rates_test(np.arange(a) < fell_a, np.arange(b) < fell_b)
+    assert p_value == pytest.approx(barnard_by_hand(fell_a, a, fell_b, b), rel=2e-3)
+
+
+def test_fall_rates_of_different_episodes_are_scipys_where_no_outcomes_tie() -> None:
+    reference = stats.barnard_exact([[20, 33], [44, 31]]).pvalue
+    assert fall_rates_test(np.arange(64) < 20, np.arange(64) < 33) == pytest.approx(reference, rel=1e-3)
+
+
+@pytest.mark.parametrize("fell", [True, False])
+def test_no_fall_or_only_falls_show_no_difference(fell) -> None:
+    assert fall_rates_test(np.full(12, fell), np.full(9, fell)) == 1.0
+
+
+def test_relabelling_is_scipys() -> None:
+    generator = np.random.default_rng(8)
+    a, b = generator.gamma(2.0, 1.0, 6), generator.gamma(2.0, 2.0, 7)
+    reference = stats.permutation_test(
+        (a, b), lambda x, y, axis: np.mean(x, axis=axis) - np.mean(y, axis=axis), n_resamples=np.inf
+    )
+    assert relabelling_test(a, b) == pytest.approx(reference.pvalue, abs=0.015)
+
+
+def test_relabelling_of_equal_values_has_p_one() -> None:
+    assert relabelling_test(np.ones(8), np.ones(9)) == 1.0
+
+
+def test_sign_flips_by_bytes_have_the_chances_of_coins() -> None:
+    """Fourteen equal pairs: |sum| ≥ 8 needs 11 heads or more of one side; two more than are listed in full."""
+    differences = np.append(np.full(11, 1.0), np.full(3, -1.0))
+    assert len(differences) == EXACT_PAIRS + 1
+    by_hand = sum(abs(sum(signs)) >= 8 for signs in itertools.product((1, -1), repeat=14)) / 2**14
+    assert sign_flip_test(differences) == pytest.approx(by_hand, abs=0.01)
