@@ -4,9 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evaluate.effort import cost_of_transport
+from evaluate.episodes import WEIGHT
 from evaluate.experiment import Cell
-from evaluate.metrics import Measures, cost_of_transport
-from evaluate.rollout import WEIGHT
+from evaluate.measures import FIGURES
+from evaluate.metrics import Measures
+from evaluate.response import Response, responses
 from evaluate.statistics import Floats, Interval, bootstrap_interval, wilson_interval
 
 
@@ -42,6 +45,12 @@ class Summary:
     """Mean of an episode, J."""
     distance: float
     """Mean of an episode, m."""
+    figures: dict[str, float]
+    """Mean of every figure of `evaluate.measures` over the episodes that have it."""
+    duty_factor: tuple[float, ...]
+    """Mean of each foot."""
+    response: dict[str, Response]
+    """Of each axis of the command."""
 
 
 def summarise(cell: Cell) -> Summary:
@@ -68,6 +77,9 @@ def summarise(cell: Cell) -> Summary:
         overspeed=_mean(measures.overspeed),
         energy=_mean(measures.energy),
         distance=_mean(measures.distance),
+        figures={name: _mean(getattr(measures, name)) for name in FIGURES},
+        duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
+        response=responses(measures.commands, measures.mean_velocities),
     )
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evaluate import metrics
-from evaluate.rollout import Episodes
+from evaluate.episodes import INFOS, READINGS, Episodes, blank, uneventful
 
 DT = 0.1
 STEPS = 100
@@ -18,17 +18,18 @@ COMMAND_STEPS = 50
 
 def episodes(velocity, command=(1.0, 0.0, 0.5), fall_step=STEPS, power=71.0) -> Episodes:
     """One episode with a constant, or a per-step, heading velocity."""
-    return Episodes(
-        seeds=np.array([7]),
-        command=np.broadcast_to(np.asarray(command, float), (STEPS, 3))[:, None].copy(),
-        heading_velocity=np.broadcast_to(np.asarray(velocity, float), (STEPS, 3))[:, None].copy(),
-        mechanical_power=np.full((STEPS, 1), power),
-        overspeed=np.full((STEPS, 1), 0.25),
-        fall_step=np.array([fall_step]),
-        fall_reason=np.array([None if fall_step == STEPS else "tilt"], dtype=object),
-        diverged=np.array([False]),
+    speed, torque = blank("joint_velocity", STEPS, 1), blank("joint_torque", STEPS, 1)
+    speed[..., :4], torque[..., 0] = (10.0, 11.0, 11.0, -11.0), power / 10  # three of twelve joints are too fast
+    return uneventful(
+        STEPS,
         dt=DT,
         command_steps=COMMAND_STEPS,
+        command=np.broadcast_to(np.asarray(command, np.float32), (STEPS, 3))[:, None].copy(),
+        heading_velocity=np.broadcast_to(np.asarray(velocity, np.float32), (STEPS, 3))[:, None].copy(),
+        joint_velocity=speed,
+        joint_torque=torque,
+        fall_step=np.array([fall_step]),
+        fall_reason=np.array([None if fall_step == STEPS else "tilt"], dtype=object),
         weight=142.0,
     )
 
@@ -176,22 +177,13 @@ def test_planar_errors_do_not_depend_on_their_direction(angle) -> None:
 
 def test_a_summary_is_the_plain_mean_over_episodes() -> None:
     fallen, steady = episodes((0.7, 0.4, 0.2), fall_step=SETTLING), episodes((0.7, 0.4, 0.2))
-    fields = (
-        "seeds",
-        "command",
-        "heading_velocity",
-        "mechanical_power",
-        "overspeed",
-        "fall_step",
-        "fall_reason",
-        "diverged",
-    )
-    axis = {"command": 1, "heading_velocity": 1, "mechanical_power": 1, "overspeed": 1}
-    both = replace(
-        steady,
-        **{f: np.concatenate([getattr(fallen, f), getattr(steady, f)], axis=axis.get(f, 0)) for f in fields},
-    )
-    summary = metrics.summarise(both)
+    per_episode = ("seeds", "push_step", "push_impulse", "fall_step", "fall_reason", "diverged")
+    both = {
+        name: np.concatenate([getattr(fallen, name), getattr(steady, name)], axis=axis)
+        for names, axis in (((*INFOS, *READINGS), 1), (per_episode, 0))
+        for name in names
+    }
+    summary = metrics.summarise(replace(steady, **both))
     assert summary["fall_rate"] == 0.5
     assert summary["diverged_rate"] == 0.0
     assert summary["velocity_error"] == pytest.approx((2.0 + 0.5) / 2)
