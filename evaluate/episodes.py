@@ -82,8 +82,8 @@ class Episodes:
     """First step whose reading is that of a fallen or diverged robot, (n,); `steps` if there is none."""
     fall_reason: NDArray[np.object_]
     """Which rule called the fall, (n,); None without one."""
-    diverged: Bools
-    """The simulation diverged, (n,)."""
+    divergence_step: NDArray[np.int64]
+    """First step at which the simulation diverged, (n,), where its record ends; `steps` if it never did."""
     dt: float
     """Control step, s."""
     command_steps: int
@@ -92,6 +92,8 @@ class Episodes:
     """N."""
     torque_limit: float = TORQUE_LIMIT
     """Largest torque of a joint, N·m."""
+    after_falls: bool = False
+    """Whether robots went on after their fall, and their record with them."""
 
     @property
     def steps(self) -> int:
@@ -102,6 +104,12 @@ class Episodes:
     def count(self) -> int:
         """How many episodes."""
         return len(self.seeds)
+
+    @property
+    def diverged(self) -> Bools:
+        """Whether a divergence, rather than the fall rule, ended the episode, (n,)."""
+        ended: Bools = (self.divergence_step <= self.fall_step) & (self.divergence_step < self.steps)
+        return ended
 
 
 def uneventful(steps: int, count: int = 1, *, dt: float = 0.01, command_steps: int = 500, **changes: Any) -> Episodes:
@@ -115,7 +123,7 @@ def uneventful(steps: int, count: int = 1, *, dt: float = 0.01, command_steps: i
         "push_steps": 0,
         "fall_step": np.full(count, steps, np.int64),
         "fall_reason": np.full(count, None, dtype=object),
-        "diverged": np.zeros(count, np.bool_),
+        "divergence_step": np.full(count, steps, np.int64),
     }
     return Episodes(**nothing | {"dt": dt, "command_steps": command_steps} | changes)
 

@@ -82,7 +82,7 @@ class _Recorder:
         self.signals = {name: blank(name, steps, count) for name in (*INFOS, *READINGS, *of_policy)}
         self.fall_step = np.full(count, steps, dtype=np.int64)
         self.fall_reason = np.full(count, None, dtype=object)
-        self.diverged = np.zeros(count, dtype=np.bool_)
+        self.divergence_step = np.full(count, steps, dtype=np.int64)
 
     def record(self, step: int, terminated: NDArray[np.bool_], infos: dict[str, Any]) -> None:
         """Write one control step; a time-out (`truncated`) is no fall."""
@@ -91,11 +91,11 @@ class _Recorder:
                 signal[step] = infos["readings"][name]
             else:
                 signal[step] = infos[name] if name in INFOS else getattr(self.policy, name)
+        np.minimum(self.divergence_step, step, out=self.divergence_step, where=infos["diverged"])
         new = (terminated | infos["fall"].astype(bool)) & (self.fall_step > step)
         if new.any():
             self.fall_step[new] = step
-            self.diverged[new] = infos["diverged"][new]
-            self.fall_reason[new] = np.where(self.diverged[new], "diverged", infos["fall"][new])
+            self.fall_reason[new] = np.where(infos["diverged"], "diverged", infos["fall"])[new]
 
     def episodes(self, seeds: NDArray[np.int64], env: "SimpleQuadVectorEnv") -> Episodes:
         """The finished record."""
@@ -107,7 +107,8 @@ class _Recorder:
             push_steps=env.pushes.steps,
             fall_step=self.fall_step,
             fall_reason=self.fall_reason,
-            diverged=self.diverged,
+            divergence_step=self.divergence_step,
+            after_falls=not env.terminate_on_fall,
             dt=env.dt,
             command_steps=round(env.scenario.commands.interval / env.dt),
         )

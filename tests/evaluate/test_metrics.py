@@ -177,7 +177,7 @@ def test_planar_errors_do_not_depend_on_their_direction(angle) -> None:
 
 def test_a_summary_is_the_plain_mean_over_episodes() -> None:
     fallen, steady = episodes((0.7, 0.4, 0.2), fall_step=SETTLING), episodes((0.7, 0.4, 0.2))
-    per_episode = ("seeds", "push_step", "push_impulse", "fall_step", "fall_reason", "diverged")
+    per_episode = ("seeds", "push_step", "push_impulse", "fall_step", "fall_reason", "divergence_step")
     both = {
         name: np.concatenate([getattr(fallen, name), getattr(steady, name)], axis=axis)
         for names, axis in (((*INFOS, *READINGS), 1), (per_episode, 0))

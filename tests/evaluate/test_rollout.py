@@ -91,7 +91,7 @@ def test_a_diverged_episode_is_a_fall_with_its_own_column() -> None:
     recorder = rollout._Recorder(3, 2, policies.make("stand"))
     recorder.record(0, np.array([True, False]), infos([None, None], [True, False]))
     np.testing.assert_array_equal(recorder.fall_step, [0, 3])
-    np.testing.assert_array_equal(recorder.diverged, [True, False])
+    np.testing.assert_array_equal(recorder.divergence_step, [0, 3])
     assert recorder.fall_reason.tolist() == ["diverged", None]
 
 
