@@ -39,7 +39,7 @@ def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats
 
 def peak_torque(torque: Recorded, upright: Bools) -> Floats:
     """Largest |torque| of any joint, (n,) N·m."""
-    peak = np.where(upright, np.abs(torque).max(axis=-1), -1.0).max(axis=0)
+    peak = np.where(upright, np.abs(torque).max(axis=-1), -1.0).max(axis=0).astype(np.float64)
     return np.where(peak < 0, np.nan, peak)
 
 

@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.conditions import Scenario
 from quad_env.robot import MASS, TORQUE_LIMIT
 
 Recorded = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-WEIGHT = MASS * 9.81
+GRAVITY = 9.81
+WEIGHT = MASS * GRAVITY
 """Of the robot, N."""
 
 READINGS: dict[str, tuple[int, ...]] = {
@@ -110,6 +112,11 @@ class Episodes:
         """Whether a divergence, rather than the fall rule, ended the episode, (n,)."""
         ended: Bools = (self.divergence_step <= self.fall_step) & (self.divergence_step < self.steps)
         return ended
+
+
+def weight_in(scenario: Scenario) -> float:
+    """Weight of the robot and what it carries in that scenario, N."""
+    return WEIGHT if scenario.payload is None else WEIGHT + scenario.payload.mass * GRAVITY
 
 
 def uneventful(steps: int, count: int = 1, *, dt: float = 0.01, command_steps: int = 500, **changes: Any) -> Episodes:

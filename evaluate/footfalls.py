@@ -60,11 +60,11 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
 
 def without_rattling(contact: Bools, shortest: int) -> Bools:
     """The contacts with every gap of fewer than `shortest` steps filled, along the first axis."""
-    lately = contact.copy()
+    given = np.concatenate((contact, np.zeros((shortest, *contact.shape[1:]), np.bool_)))
+    lately = given.copy()
     for back in range(1, shortest):
-        lately[back:] |= contact[:-back]
+        lately[back:] |= given[:-back]
     filled = lately.copy()
     for ahead in range(1, shortest):
         filled[:-ahead] &= lately[ahead:]
-        filled[-ahead:] &= contact[-ahead:]
-    return filled
+    return filled[: len(contact)]

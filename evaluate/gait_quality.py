@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.averages import Bools, Floats, count, over_steps, quotient, total, upright_rms
+from evaluate.episodes import GRAVITY
 from evaluate.footfalls import LONGEST_STRIDE, Footfalls
 from quad_env.robot import CALF_LENGTH, LEG_NAMES, THIGH_LENGTH
 
@@ -11,7 +12,6 @@ Recorded = NDArray[np.float32]
 Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Episodes and their steps."""
 
-GRAVITY = 9.81
 LEG_LENGTH = THIGH_LENGTH + CALF_LENGTH
 """Thigh joint to foot with the knee straight, m."""
 DIAGONALS = tuple((LEG_NAMES.index(front), LEG_NAMES.index(hind)) for front, hind in (("fl", "hr"), ("fr", "hl")))
@@ -48,21 +48,20 @@ def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> 
     return quotient(total(travel).sum(axis=-1), count(held).sum(axis=-1) * dt)
 
 
-def phase_error(falls: Footfalls, episodes: int, steps: int, dt: float) -> Floats:
+def phase_error(falls: Footfalls, first: int, episodes: int, steps: int, dt: float) -> Floats:
     """How far the diagonal pairs are out of step, in cycles, 0 … 0.5, mean over the strides of both pairs, (n,).
 
     For each stride of the front foot: the time from its first touch-down to the nearest one of the hind foot, over the
-    stride's length; 0.5 where the hind foot comes no nearer.
+    stride's length; 0.5 where the hind foot comes no nearer. Strides count if both swings began at `first` or later.
     """
     errors, owners = [], []
+    late = falls.after(first)
     for front, hind in DIAGONALS:
-        episode, step = falls.of(front)
-        same = np.diff(episode) == 0
-        first, length = step[:-1][same], np.diff(step)[same]
-        episode = episode[:-1][same]
-        stride = length * dt <= LONGEST_STRIDE
-        first, length, episode = first[stride], length[stride], episode[stride]
-        errors.append(np.minimum(_nearest(falls.of(hind), (episode, first), steps) / length, 0.5))
+        episode, step = late.of(front)
+        length = np.diff(step)
+        stride = (np.diff(episode) == 0) & (length * dt <= LONGEST_STRIDE)
+        begin, length, episode = step[:-1][stride], length[stride], episode[:-1][stride]
+        errors.append(np.minimum(_nearest(falls.of(hind), (episode, begin), steps) / length, 0.5))
         owners.append(episode)
     return _mean_by_episode(np.concatenate(errors), np.concatenate(owners), episodes)
 

@@ -166,7 +166,7 @@ def _gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Flo
         "duty_factor": gait_quality.duty_factor(falls.stance[settled], judged),
         "foot_slip": gait_quality.foot_slip(feet, contact, judged_before, dt),
         "foot_clearance": gait_quality.foot_clearance(episodes.foot_height, swings, count),
-        "phase_error": gait_quality.phase_error(swings, count, episodes.steps, dt),
+        "phase_error": gait_quality.phase_error(falls, settling, count, episodes.steps, dt),
         "roll_rate": gait_quality.turning_rate(rate[..., 0], judged),
         "pitch_rate": gait_quality.turning_rate(rate[..., 1], judged),
         "vertical_speed": gait_quality.vertical_speed(position, judged_before, dt),

@@ -38,7 +38,7 @@ class Pushes:
     """1 if a fall followed within FALL_WITHIN and before the next push, else 0."""
     recovery: Floats
     """s from the onset to the start of the first gait cycle, after the push, whose mean velocity error is no more than
-    RECOVERED_MARGIN above that of the cycle before; inf if none within LONGEST_RECOVERY, because of a fall or without;
+    RECOVERED_MARGIN above that of the cycle before; inf if none, or a fall, within LONGEST_RECOVERY;
     NaN where a new command, the next push or the time limit comes too near to say."""
 
 
@@ -96,7 +96,8 @@ def _recovery(episodes: Episodes) -> Floats:
         start = np.minimum(onset + wait, len(error) - 1)
         back = (_at(error, start) <= bound) & (start + cycle <= episodes.fall_step[:, None])
         recovery = np.where(back, wait * episodes.dt, recovery)
-    return recovery
+    fell = episodes.fall_step[:, None] < episodes.push_step + round(LONGEST_RECOVERY / episodes.dt)
+    return np.where(fell, np.inf, recovery)
 
 
 def cycle_errors(episodes: Episodes, cycle: int) -> Floats:

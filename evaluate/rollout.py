@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.episodes import INFOS, OF_POLICY, READINGS, WEIGHT, Episodes, blank
+from evaluate.episodes import INFOS, OF_POLICY, READINGS, Episodes, blank, weight_in
 from policies.base import Policy
-from quad_env.scenarios import Scenario
+from quad_env.conditions import Scenario
+from quad_env.robot import TORQUE_LIMIT
 
 if TYPE_CHECKING:
     from quad_env.vector_env import SimpleQuadVectorEnv
 
-__all__ = ["REPORT_EVERY", "STEPS", "WEIGHT", "Episodes", "run"]
+__all__ = ["REPORT_EVERY", "STEPS", "Episodes", "run"]
 
 STEPS = 1000
 """Control steps of a full episode."""
@@ -109,6 +110,8 @@ class _Recorder:
             fall_reason=self.fall_reason,
             divergence_step=self.divergence_step,
             after_falls=not env.terminate_on_fall,
+            weight=weight_in(env.scenario),
+            torque_limit=TORQUE_LIMIT if env.scenario.motors is None else env.scenario.motors.torque_limit,
             dt=env.dt,
             command_steps=round(env.scenario.commands.interval / env.dt),
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evaluate.effort import cost_of_transport
-from evaluate.episodes import WEIGHT
+from evaluate.episodes import weight_in
 from evaluate.experiment import Cell
 from evaluate.measures import FIGURES
 from evaluate.metrics import Measures
@@ -73,7 +73,7 @@ def summarise(cell: Cell) -> Summary:
         mean_velocity_error_ci=bootstrap_interval(measures.mean_velocity_error),
         yaw_rate_error=_mean(measures.yaw_rate_error),
         yaw_rate_error_ci=bootstrap_interval(measures.yaw_rate_error),
-        cost_of_transport=total_cost_of_transport(measures),
+        cost_of_transport=total_cost_of_transport(measures, weight_in(cell.scenario)),
         overspeed=_mean(measures.overspeed),
         energy=_mean(measures.energy),
         distance=_mean(measures.distance),
@@ -83,13 +83,13 @@ def summarise(cell: Cell) -> Summary:
     )
 
 
-def total_cost_of_transport(measures: Measures) -> float:
+def total_cost_of_transport(measures: Measures, weight: float) -> float:
     """Energy of all episodes over weight times the distance of all; NaN below 1 m of an average episode.
 
     A quotient of sums: an episode that was told to stand still adds its energy, and cannot blow up a mean of quotients.
     """
     return float(
-        cost_of_transport(measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True), WEIGHT)[0]
+        cost_of_transport(measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True), weight)[0]
     )
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evaluate.episodes import OF_POLICY, SIGNALS, TRUTHS, Episodes, blank
 from evaluate.experiment import Trace
 from policies.files import write_atomically
-from quad_env.scenarios import Scenario
+from quad_env.conditions import Scenario
 
 FOLDER = "traces"
 """Inside the folder of the results."""
