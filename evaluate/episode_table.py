@@ -8,25 +8,18 @@ from typing import Any
 import numpy as np
 
 from evaluate.experiment import Cell
+from evaluate.measures import FIGURES, LISTS
 from evaluate.statistics import Floats
 from policies.files import write_atomically
 
-FIGURES = (
-    "velocity_error",
-    "yaw_rate_error",
-    "mean_velocity_error",
-    "velocity_error_upright",
-    "energy",
-    "distance",
-    "cost_of_transport",
-    "overspeed",
-)
+VECTORS = ("commands", "mean_velocities", "push_impulse")
+"""Measures whose entries are vectors."""
 
 
 def columns(cell: Cell) -> dict[str, Any]:
-    """Columns of one cell's rows; null where a figure does not exist.
+    """Columns of one cell's rows, see `evaluate.measures`; null where a figure does not exist.
 
-    `commands` and `mean_velocities` are lists, an entry a command interval: forward m/s, lateral m/s, yaw rate rad/s.
+    Lists have an entry a command interval (`commands` and `mean_velocities`), a foot or a push.
     """
     measures, count = cell.measures, cell.episodes
     return {
@@ -37,11 +30,9 @@ def columns(cell: Cell) -> dict[str, Any]:
         "seed": cell.seeds.tolist(),
         "fell": measures.fell.tolist(),
         "fall_reason": cell.fall_reason.tolist(),
-        "fall_time": _nullable(measures.fall_time),
         "diverged": measures.diverged.tolist(),
         **{name: _nullable(getattr(measures, name)) for name in FIGURES},
-        "commands": _nullable_vectors(measures.commands),
-        "mean_velocities": _nullable_vectors(measures.mean_velocities),
+        **{name: [_nullable_list(row) for row in getattr(measures, name)] for name in LISTS},
     }
 
 
@@ -60,11 +51,9 @@ def write_parquet(cells: Sequence[Cell], path: Path) -> None:
             ("seed", pa.int64()),
             ("fell", pa.bool_()),
             ("fall_reason", pa.string()),
-            ("fall_time", pa.float64()),
             ("diverged", pa.bool_()),
             *((name, pa.float64()) for name in FIGURES),
-            ("commands", vectors),
-            ("mean_velocities", vectors),
+            *((name, vectors if name in VECTORS else pa.list_(pa.float64())) for name in LISTS),
         ]
     )
     buffer = io.BytesIO()
@@ -72,8 +61,9 @@ def write_parquet(cells: Sequence[Cell], path: Path) -> None:
     write_atomically(path, buffer.getvalue())
 
 
-def _nullable_vectors(values: Floats) -> list[list[list[float] | None]]:
-    return [[None if np.isnan(vector).any() else vector.tolist() for vector in episode] for episode in values]
+def _nullable_list(values: Floats) -> list[Any]:
+    """Entries of one episode, numbers or vectors; null for an entry with a NaN."""
+    return [None if np.isnan(entry).any() else entry.tolist() for entry in values]
 
 
 def _nullable(values: Floats) -> list[float | None]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate import rollout
+from evaluate.episodes import Episodes
 from evaluate.metrics import Measures, measure
 from policies.base import Policy
 from quad_env.scenarios import Scenario
@@ -41,6 +42,8 @@ class Cell:
         return len(self.seeds)
 
 
+Trace = Callable[[str, Scenario, int, Episodes], None]
+"""Given a policy's name, the scenario, the number of the first episode and what was recorded of this part of a cell."""
 CellProgress = Callable[[str, str, float], None]
 """Told the policy, the scenario and the share of their cell that is done; 1 exactly once."""
 
@@ -51,17 +54,23 @@ def cells(
     seeds: NDArray[np.int64],
     nthread: int,
     progress: CellProgress,
+    trace: Trace | None = None,
 ) -> Iterator[Cell]:
     """Every policy on one scenario, then on the next: what is done when a user interrupts is comparable."""
     for scenario in scenarios:
         for entrant in entrants:
-            yield run_cell(entrant, scenario, seeds, nthread, progress)
+            yield run_cell(entrant, scenario, seeds, nthread, progress, trace)
 
 
 def run_cell(
-    entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], nthread: int, progress: CellProgress
+    entrant: Entrant,
+    scenario: Scenario,
+    seeds: NDArray[np.int64],
+    nthread: int,
+    progress: CellProgress,
+    trace: Trace | None = None,
 ) -> Cell:
-    """Simulate and measure one cell."""
+    """Simulate and measure one cell; with a `trace` robots go on after their fall, which changes no measure."""
     parts: list[Cell] = []
     chunks = np.array_split(seeds, -(-len(seeds) // EPISODES_AT_ONCE))
     for number, chunk in enumerate(chunks):
@@ -70,7 +79,11 @@ def run_cell(
             if share < 1.0:
                 progress(entrant.label, scenario.name, (number + share) / len(chunks))
 
-        episodes = rollout.run(entrant.policy, scenario, chunk, nthread=nthread, progress=report)
+        episodes = rollout.run(
+            entrant.policy, scenario, chunk, nthread=nthread, progress=report, after_falls=trace is not None
+        )
+        if trace is not None:
+            trace(entrant.label, scenario, sum(part.episodes for part in parts), episodes)
         parts.append(Cell(entrant.label, scenario, chunk, episodes.fall_reason, measure(episodes)))
     cell = join(parts)
     progress(entrant.label, scenario.name, 1.0)

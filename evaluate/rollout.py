@@ -1,18 +1,21 @@
 """Episodes of one policy on one scenario: one episode an environment, so that short ones are never over-counted."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.episodes import INFOS, OF_POLICY, READINGS, Episodes, blank, weight_in
 from policies.base import Policy
-from quad_env.robot import MASS
-from quad_env.scenarios import Scenario
+from quad_env.conditions import Scenario
+from quad_env.robot import TORQUE_LIMIT
 
-WEIGHT = MASS * 9.81
-"""Of the robot, N."""
+if TYPE_CHECKING:
+    from quad_env.vector_env import SimpleQuadVectorEnv
+
+__all__ = ["REPORT_EVERY", "STEPS", "Episodes", "run"]
+
 STEPS = 1000
 """Control steps of a full episode."""
 REPORT_EVERY = 25
@@ -26,39 +29,6 @@ def _no_progress(_: float) -> None:
     return
 
 
-@dataclass(frozen=True)
-class Episodes:
-    """What happened, step by step, in n episodes; entries after a fall mean nothing."""
-
-    seeds: NDArray[np.int64]
-    """`env.reset(seed=seeds[i])` starts episode i again, (n,)."""
-    command: NDArray[np.float64]
-    """Forward m/s, lateral m/s, yaw rate rad/s, (steps, n, 3)."""
-    heading_velocity: NDArray[np.float64]
-    """The same of the trunk, in the heading frame, (steps, n, 3)."""
-    mechanical_power: NDArray[np.float64]
-    """Σ |torque · joint speed|, (steps, n) W."""
-    overspeed: NDArray[np.float64]
-    """Share of the joints that turned faster than their rated speed, (steps, n)."""
-    fall_step: NDArray[np.int64]
-    """First step whose reading is that of a fallen or diverged robot, (n,); `steps` if there is none."""
-    fall_reason: NDArray[np.object_]
-    """Which rule called the fall, (n,); None without one."""
-    diverged: NDArray[np.bool_]
-    """The simulation diverged, (n,)."""
-    dt: float
-    """Control step, s."""
-    command_steps: int
-    """Steps that a command lasts."""
-    weight: float = WEIGHT
-    """N."""
-
-    @property
-    def steps(self) -> int:
-        """Control steps up to the time limit."""
-        return len(self.command)
-
-
 def run(
     policy: Policy,
     scenario: str | Scenario,
@@ -67,20 +37,30 @@ def run(
     nthread: int = 2,
     steps: int = STEPS,
     progress: Progress = _no_progress,
+    after_falls: bool = False,
 ) -> Episodes:
-    """One episode of `policy` for each seed, all side by side; a robot that has fallen stays frozen to the end."""
+    """One episode of `policy` for each seed, all side by side.
+
+    A robot that has fallen stays frozen to the end; with `after_falls` it goes on, and the record goes on with it, so
+    that other rules can say when it fell. What comes before the fall is the same to the bit either way.
+    """
     from gymnasium.vector import AutoresetMode
 
     from quad_env.vector_env import SimpleQuadVectorEnv
 
-    count = len(seeds)
     env = SimpleQuadVectorEnv(
-        count, scenario=scenario, nthread=nthread, autoreset_mode=AutoresetMode.DISABLED, max_episode_steps=steps
+        len(seeds),
+        scenario=scenario,
+        nthread=nthread,
+        autoreset_mode=AutoresetMode.DISABLED,
+        max_episode_steps=steps,
+        terminate_on_fall=not after_falls,
+        readings=True,
     )
-    recorder = _Recorder(steps, count)
     try:
         observation, _ = env.reset(seed=seeds.tolist())
-        policy.reset(num_envs=count, seed=0)
+        policy.reset(num_envs=len(seeds), seed=0)
+        recorder = _Recorder(steps, len(seeds), policy)
         for step in range(steps):
             observation, _, terminated, _, infos = env.step(policy.act(observation))
             recorder.record(step, terminated, infos)
@@ -91,45 +71,47 @@ def run(
     finally:
         env.close()
     progress(1.0)
-    command_steps = round(env.scenario.commands.interval / env.dt)
-    return recorder.episodes(seeds, env.dt, command_steps)
+    return recorder.episodes(seeds, env)
 
 
 class _Recorder:
-    """Arrays of a run in the making; an episode is written until its fall."""
+    """Arrays of a run in the making; an episode counts until its fall."""
 
-    def __init__(self, steps: int, count: int) -> None:
-        self.command = np.zeros((steps, count, 3))
-        self.heading_velocity = np.zeros((steps, count, 3))
-        self.mechanical_power = np.zeros((steps, count))
-        self.overspeed = np.zeros((steps, count))
+    def __init__(self, steps: int, count: int, policy: Policy) -> None:
+        self.policy = policy
+        of_policy = [name for name in OF_POLICY if getattr(policy, name, None) is not None]
+        self.signals = {name: blank(name, steps, count) for name in (*INFOS, *READINGS, *of_policy)}
         self.fall_step = np.full(count, steps, dtype=np.int64)
         self.fall_reason = np.full(count, None, dtype=object)
-        self.diverged = np.zeros(count, dtype=np.bool_)
+        self.divergence_step = np.full(count, steps, dtype=np.int64)
 
     def record(self, step: int, terminated: NDArray[np.bool_], infos: dict[str, Any]) -> None:
-        """Write one control step; only `terminated` is a fall, a time-out (`truncated`) is not."""
-        self.command[step] = infos["command"]
-        self.heading_velocity[step] = infos["heading_velocity"]
-        self.mechanical_power[step] = infos["mechanical_power"]
-        self.overspeed[step] = infos["overspeed"]
-        new = terminated & (self.fall_step > step)
+        """Write one control step; a time-out (`truncated`) is no fall."""
+        for name, signal in self.signals.items():
+            if name in READINGS:
+                signal[step] = infos["readings"][name]
+            else:
+                signal[step] = infos[name] if name in INFOS else getattr(self.policy, name)
+        np.minimum(self.divergence_step, step, out=self.divergence_step, where=infos["diverged"])
+        new = (terminated | infos["fall"].astype(bool)) & (self.fall_step > step)
         if new.any():
             self.fall_step[new] = step
-            self.diverged[new] = infos["diverged"][new]
-            self.fall_reason[new] = np.where(self.diverged[new], "diverged", infos["fall"][new])
+            self.fall_reason[new] = np.where(infos["diverged"], "diverged", infos["fall"])[new]
 
-    def episodes(self, seeds: NDArray[np.int64], dt: float, command_steps: int) -> Episodes:
+    def episodes(self, seeds: NDArray[np.int64], env: "SimpleQuadVectorEnv") -> Episodes:
         """The finished record."""
         return Episodes(
             seeds=seeds,
-            command=self.command,
-            heading_velocity=self.heading_velocity,
-            mechanical_power=self.mechanical_power,
-            overspeed=self.overspeed,
+            **dict.fromkeys(OF_POLICY) | self.signals,  # type: ignore[arg-type]
+            push_step=env.pushes.first_step.copy(),
+            push_impulse=env.pushes.force * (env.pushes.steps * env.dt),
+            push_steps=env.pushes.steps,
             fall_step=self.fall_step,
             fall_reason=self.fall_reason,
-            diverged=self.diverged,
-            dt=dt,
-            command_steps=command_steps,
+            divergence_step=self.divergence_step,
+            after_falls=not env.terminate_on_fall,
+            weight=weight_in(env.scenario),
+            torque_limit=TORQUE_LIMIT if env.scenario.motors is None else env.scenario.motors.torque_limit,
+            dt=env.dt,
+            command_steps=round(env.scenario.commands.interval / env.dt),
         )

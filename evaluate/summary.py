@@ -4,10 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evaluate.effort import cost_of_transport
+from evaluate.episodes import weight_in
 from evaluate.experiment import Cell
 from evaluate.improvement import interquartile_mean, interquartile_mean_interval
-from evaluate.metrics import Measures, cost_of_transport
-from evaluate.rollout import WEIGHT
+from evaluate.measures import FIGURES
+from evaluate.metrics import Measures
+from evaluate.response import Response, responses
 from evaluate.statistics import Floats, Interval, bootstrap_interval, wilson_interval
 
 
@@ -46,6 +49,12 @@ class Summary:
     """Mean of an episode, J."""
     distance: float
     """Mean of an episode, m."""
+    figures: dict[str, float]
+    """Mean of every figure of `evaluate.measures` over the episodes that have it."""
+    duty_factor: tuple[float, ...]
+    """Mean of each foot."""
+    response: dict[str, Response]
+    """Of each axis of the command."""
 
 
 def summarise(cell: Cell) -> Summary:
@@ -70,20 +79,23 @@ def summarise(cell: Cell) -> Summary:
         mean_velocity_error_ci=bootstrap_interval(measures.mean_velocity_error),
         yaw_rate_error=_mean(measures.yaw_rate_error),
         yaw_rate_error_ci=bootstrap_interval(measures.yaw_rate_error),
-        cost_of_transport=total_cost_of_transport(measures),
+        cost_of_transport=total_cost_of_transport(measures, weight_in(cell.scenario)),
         overspeed=_mean(measures.overspeed),
         energy=_mean(measures.energy),
         distance=_mean(measures.distance),
+        figures={name: _mean(getattr(measures, name)) for name in FIGURES},
+        duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
+        response=responses(measures.commands, measures.mean_velocities),
     )
 
 
-def total_cost_of_transport(measures: Measures) -> float:
+def total_cost_of_transport(measures: Measures, weight: float) -> float:
     """Energy of all episodes over weight times the distance of all; NaN below 1 m of an average episode.
 
     A quotient of sums: an episode that was told to stand still adds its energy, and cannot blow up a mean of quotients.
     """
     return float(
-        cost_of_transport(measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True), WEIGHT)[0]
+        cost_of_transport(measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True), weight)[0]
     )
 
 

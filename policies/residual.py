@@ -53,21 +53,39 @@ class ResidualPolicy(Policy):
         self.authority = authority
         self.name = name
         super().__init__()
+        self._allocate(1)
 
     @property
     def phase(self) -> Floats | None:
         """The base's phase, rad, shape (n,); None over a base without a clock."""
         return self.base.phase if isinstance(self.base, GaitedPolicy) else None
 
+    @property
+    def correction(self) -> NDArray[np.float32]:
+        """The latest correction, in shares of the authority, -1 … 1, shape (n, 12); zero before the first action."""
+        return self._correction
+
+    @property
+    def base_action(self) -> Actions:
+        """The base's latest action, rad, shape (n, 12); the home pose before the first."""
+        return self._base_action
+
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
         """Start `num_envs` robots anew, base included."""
         super().reset(num_envs, seed)
         self.base.reset(num_envs, seed)
 
+    def _allocate(self, num_envs: int) -> None:
+        self._correction = np.zeros((num_envs, NUM_JOINTS), np.float32)
+        self._base_action: Actions = np.tile(_HOME, (num_envs, 1))
+
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         self.base.reset_where(mask)
+        self._correction = np.where(mask[:, None], np.float32(0.0), self._correction)
+        self._base_action = np.where(mask[:, None], _HOME, self._base_action)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        base_action = self.base.act(observation)
-        correction = self.network(features(observation, self.phase, base_action))
-        return compose(base_action, correction, self.authority)
+        self._base_action = self.base.act(observation)
+        correction = self.network(features(observation, self.phase, self._base_action))
+        self._correction = np.clip(correction, np.float32(-1.0), np.float32(1.0))
+        return compose(self._base_action, self._correction, self.authority)

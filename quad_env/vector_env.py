@@ -182,6 +182,11 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             self._camera.close()
             self._camera = None
 
+    @property
+    def pushes(self) -> PushPlan:
+        """The pushes of every env's present episode."""
+        return self._pushes
+
     def _reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
         if seed is None:
             return

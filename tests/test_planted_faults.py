@@ -16,7 +16,7 @@ import pytest
 
 import policies
 import quad_env
-from evaluate import metrics, rollout
+from evaluate import metrics, rollout, tracking
 from evaluate.experiment import evaluation_seeds
 from quad_env import seeding
 from quad_env.columns import Vector
@@ -235,12 +235,12 @@ def time_out_counted_as_fall(patch: pytest.MonkeyPatch) -> None:
 
 
 def error_only_while_upright(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("evaluate.metrics.velocity_error", metrics.velocity_error_upright)
+    patch.setattr("evaluate.tracking.velocity_error", tracking.velocity_error_upright)
 
 
 def steps_after_a_fall_billed_nothing(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(
-        "evaluate.metrics._billed", lambda error, upright, cap: np.where(upright, np.minimum(error, cap), 0.0)
+        "evaluate.tracking._billed", lambda error, upright, cap: np.where(upright, np.minimum(error, cap), 0.0)
     )
 
 

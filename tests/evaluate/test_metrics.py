@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluate import metrics
-from evaluate.rollout import Episodes
+from evaluate import metrics, tracking
+from evaluate.averages import upright_mean
+from evaluate.episodes import INFOS, READINGS, Episodes, blank, uneventful
+from evaluate.measures import FIGURES, MEASURES
 
 DT = 0.1
 STEPS = 100
@@ -18,17 +20,18 @@ COMMAND_STEPS = 50
 
 def episodes(velocity, command=(1.0, 0.0, 0.5), fall_step=STEPS, power=71.0) -> Episodes:
     """One episode with a constant, or a per-step, heading velocity."""
-    return Episodes(
-        seeds=np.array([7]),
-        command=np.broadcast_to(np.asarray(command, float), (STEPS, 3))[:, None].copy(),
-        heading_velocity=np.broadcast_to(np.asarray(velocity, float), (STEPS, 3))[:, None].copy(),
-        mechanical_power=np.full((STEPS, 1), power),
-        overspeed=np.full((STEPS, 1), 0.25),
-        fall_step=np.array([fall_step]),
-        fall_reason=np.array([None if fall_step == STEPS else "tilt"], dtype=object),
-        diverged=np.array([False]),
+    speed, torque = blank("joint_velocity", STEPS, 1), blank("joint_torque", STEPS, 1)
+    speed[..., :4], torque[..., 0] = (10.0, 11.0, 11.0, -11.0), power / 10  # three of twelve joints are too fast
+    return uneventful(
+        STEPS,
         dt=DT,
         command_steps=COMMAND_STEPS,
+        command=np.broadcast_to(np.asarray(command, np.float32), (STEPS, 3))[:, None].copy(),
+        heading_velocity=np.broadcast_to(np.asarray(velocity, np.float32), (STEPS, 3))[:, None].copy(),
+        joint_velocity=speed,
+        joint_torque=torque,
+        fall_step=np.array([fall_step]),
+        fall_reason=np.array([None if fall_step == STEPS else "tilt"], dtype=object),
         weight=142.0,
     )
 
@@ -162,7 +165,9 @@ def test_falling_earlier_never_lowers_an_error(velocities, falls) -> None:
     # Mean errors stay below the cap, as they do for a robot that can do 3 m/s at most.
     velocity = np.repeat(velocities, STEPS // 5, axis=0)
     early, late = (measure(velocity, (0.0, 0.0, 0.0), fall_step=fall) for fall in sorted(falls))
-    for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error"):
+    billed = [m.name for m in MEASURES if m.name in FIGURES and (m.better, m.scope) == ("less", "whole episode")]
+    assert billed
+    for name in billed:
         assert getattr(early, name)[0] >= getattr(late, name)[0] - 1e-12
 
 
@@ -176,23 +181,69 @@ def test_planar_errors_do_not_depend_on_their_direction(angle) -> None:
 
 def test_a_summary_is_the_plain_mean_over_episodes() -> None:
     fallen, steady = episodes((0.7, 0.4, 0.2), fall_step=SETTLING), episodes((0.7, 0.4, 0.2))
-    fields = (
-        "seeds",
-        "command",
-        "heading_velocity",
-        "mechanical_power",
-        "overspeed",
-        "fall_step",
-        "fall_reason",
-        "diverged",
-    )
-    axis = {"command": 1, "heading_velocity": 1, "mechanical_power": 1, "overspeed": 1}
-    both = replace(
-        steady,
-        **{f: np.concatenate([getattr(fallen, f), getattr(steady, f)], axis=axis.get(f, 0)) for f in fields},
-    )
-    summary = metrics.summarise(both)
+    per_episode = ("seeds", "push_step", "push_impulse", "fall_step", "fall_reason", "divergence_step")
+    both = {
+        name: np.concatenate([getattr(fallen, name), getattr(steady, name)], axis=axis)
+        for names, axis in (((*INFOS, *READINGS), 1), (per_episode, 0))
+        for name in names
+    }
+    summary = metrics.summarise(replace(steady, **both))
     assert summary["fall_rate"] == 0.5
     assert summary["diverged_rate"] == 0.0
     assert summary["velocity_error"] == pytest.approx((2.0 + 0.5) / 2)
     assert summary["yaw_rate_error"] == pytest.approx((3.0 + 0.3) / 2)
+
+
+def mean_of_errors(command, velocity, upright, windows):
+    return upright_mean(tracking.planar(command - velocity), upright)
+
+
+def unbilled_yaw_rate(command, velocity, upright):
+    return upright_mean(np.abs(command[..., 2] - velocity[..., 2]), upright)
+
+
+def whole_error(command, velocity, upright):
+    return tracking.velocity_error(command, velocity, upright)
+
+
+def path_length(velocity, upright, stretches, dt):
+    return np.where(upright, tracking.planar(velocity), 0.0)[SETTLING:].sum(axis=0) * dt
+
+
+FAULTS = {
+    "the mean of errors for the error of means": (
+        "mean_velocity_error",
+        mean_of_errors,
+        test_swaying_within_a_stride_costs_velocity_error_but_no_mean_velocity_error,
+    ),
+    "no cap on the yaw rate": ("yaw_rate_error", unbilled_yaw_rate, test_a_step_costs_at_most_the_cap),
+    "the upright error bills falls": (
+        "velocity_error_upright",
+        whole_error,
+        test_every_step_from_the_fall_to_the_time_limit_costs_the_cap,
+    ),
+    "the path for the distance": ("distance_covered", path_length, test_stepping_in_place_has_no_cost_of_transport),
+    "intervals that a fall cut short": (
+        "mean_velocities",
+        lambda velocity, upright, windows: np.stack([velocity[window.start] for window in windows], axis=1),
+        test_an_interval_that_was_not_ended_upright_has_no_mean_velocity,
+    ),
+    "commands that were never begun": (
+        "commands_given",
+        lambda command, upright, starts: np.stack([command[start] for start in starts], axis=1),
+        test_an_interval_that_was_never_begun_has_no_command,
+    ),
+    "one window for both commands": (
+        "command_intervals",
+        lambda steps, command_steps: (slice(0, steps),),
+        test_each_command_interval_has_its_own_mean_after_its_first_second,
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    name, faulty, check = FAULTS[fault]
+    monkeypatch.setattr(tracking, name, faulty)
+    with pytest.raises((AssertionError, IndexError)):
+        check()

@@ -5,6 +5,7 @@ import json
 import math
 import platform
 import re
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -15,8 +16,8 @@ import policies
 import quad_env
 from evaluate import metrics
 from evaluate.comparison import compare
+from evaluate.episodes import blank, uneventful
 from evaluate.experiment import Cell, evaluation_seeds
-from evaluate.rollout import Episodes
 
 CELL_NUMBERS = (
     "fall_rate",
@@ -133,30 +134,19 @@ def replay(row) -> metrics.Measures:
     policy = policies.make(row["policy"])
     policy.reset()
     observation, _ = env.reset(seed=row["seed"])
-    names = ("command", "heading_velocity", "mechanical_power", "overspeed")
-    record: dict[str, list] = {name: [] for name in names}
+    names = ("command", "heading_velocity", "joint_velocity", "joint_torque")
+    record = {name: blank(name, 1000, 1) for name in names}
     terminated = truncated = False
+    step = -1
     while not (terminated or truncated):
+        step += 1
         observation, _, terminated, truncated, info = env.step(policy.act(observation))
+        state = env.unwrapped._simulation.state_of_one((0.0, 0.0, 0.0))
+        joints = {"joint_velocity": state.joint_velocity, "joint_torque": state.joint_torque}
         for name in names:
-            record[name].append(info[name])
-    length = len(record["command"])
-    padding = [(0, 1000 - length)]
-    filled = {
-        name: np.pad(np.array(v), padding + [(0, 0)] * (np.ndim(v) - 1))[:, None].astype(float)
-        for name, v in record.items()
-    }
-    return metrics.measure(
-        Episodes(
-            seeds=np.array([row["seed"]]),
-            fall_step=np.array([length - 1 if terminated else 1000]),
-            fall_reason=np.array([info["fall"]], dtype=object),
-            diverged=np.array([info["diverged"]]),
-            dt=0.01,
-            command_steps=500,
-            **filled,
-        )
-    )
+            record[name][step, 0] = (info | joints)[name]
+    fall_step = np.array([step if terminated else 1000])
+    return metrics.measure(uneventful(1000, seeds=np.array([row["seed"]]), fall_step=fall_step, **record))
 
 
 @pytest.mark.parametrize(("policy", "scenario"), [("trot", "push"), ("stand", "push"), ("trot", "flat")])
@@ -190,27 +180,18 @@ def test_progress_goes_to_stderr_a_line_a_cell(run) -> None:
 
 def cell(policy: str, seeds, fell, error) -> Cell:
     count = len(seeds)
-    nothing = np.full(count, np.nan)
     values = np.asarray(error, float)
     return Cell(
         policy=policy,
         scenario=quad_env.SCENARIOS["flat"],
         seeds=np.asarray(seeds),
         fall_reason=np.full(count, None, dtype=object),
-        measures=metrics.Measures(
+        measures=replace(
+            metrics.measure(uneventful(200, count)),
             fell=np.asarray(fell),
-            diverged=np.zeros(count, bool),
-            fall_time=nothing,
             velocity_error=values,
             yaw_rate_error=values,
             mean_velocity_error=values,
-            velocity_error_upright=nothing,
-            energy=nothing,
-            distance=nothing,
-            cost_of_transport=nothing,
-            overspeed=nothing,
-            commands=np.zeros((count, 1, 3)),
-            mean_velocities=np.zeros((count, 1, 3)),
         ),
     )
 

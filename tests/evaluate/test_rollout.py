@@ -1,6 +1,7 @@
 """Rollouts: one episode an env, the same starts for every policy, nothing after a fall."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import policies
 import quad_env
 from evaluate import battery, rollout
+from evaluate.episodes import INFOS, READINGS, blank
 from evaluate.experiment import EPISODES_AT_ONCE, Entrant, evaluation_seeds, run_cell
 from evaluate.metrics import measure
 from policies.base import Policy
@@ -40,7 +42,7 @@ def test_there_is_one_episode_for_each_seed_however_many_fall() -> None:
     fell = episodes.fall_step < STEPS
     assert 0 < fell.sum() < 12, "some must fall and some not for this to show anything"
     assert episodes.command.shape == episodes.heading_velocity.shape == (STEPS, 12, 3)
-    assert episodes.mechanical_power.shape == (STEPS, 12)
+    assert episodes.joint_torque.shape == (STEPS, 12, 12)
     np.testing.assert_array_equal(episodes.seeds, evaluation_seeds(0, 12))
     assert [reason is not None for reason in episodes.fall_reason] == fell.tolist()
 
@@ -49,12 +51,13 @@ def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:
     together, threads = run(nthread=2), run(nthread=1)
     alone = rollout.run(policies.make("stand"), PUSHED, evaluation_seeds(0, 12)[5:6], steps=STEPS, nthread=1)
     fall = together.fall_step[5]
-    for name in ("command", "heading_velocity", "mechanical_power"):
+    for name in (*INFOS, *READINGS):
         np.testing.assert_array_equal(getattr(together, name)[:fall], getattr(threads, name)[:fall])
         np.testing.assert_array_equal(getattr(together, name)[:fall, 5], getattr(alone, name)[:fall, 0])
     assert alone.fall_step[0] == fall
-    for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy", "distance"):
-        assert getattr(measure(alone), name)[0] == getattr(measure(together), name)[5]
+    one, many = measure(alone), measure(together)
+    for field in fields(one):
+        np.testing.assert_array_equal(getattr(one, field.name)[0], getattr(many, field.name)[5], err_msg=field.name)
 
 
 def test_the_policy_is_shown_the_latest_observation() -> None:
@@ -78,35 +81,24 @@ def test_progress_rises_and_ends_with_one_exactly_once() -> None:
     assert shares[-1] == 1.0
 
 
+def infos(fall: list[str | None], diverged: list[bool]) -> dict[str, Any]:
+    """What an environment says after a step in which nothing else happened."""
+    nothing = {name: blank(name, 1, len(fall))[0] for name in (*INFOS, *READINGS)}
+    return nothing | {"readings": nothing, "fall": np.array(fall, dtype=object), "diverged": np.array(diverged)}
+
+
 def test_a_diverged_episode_is_a_fall_with_its_own_column() -> None:
-    recorder = rollout._Recorder(3, 2)
-    infos = {
-        "command": np.zeros((2, 3)),
-        "heading_velocity": np.zeros((2, 3)),
-        "mechanical_power": np.zeros(2),
-        "overspeed": np.zeros(2),
-        "fall": np.array([None, None], dtype=object),
-        "diverged": np.array([True, False]),
-    }
-    recorder.record(0, np.array([True, False]), infos)
-    episodes = recorder.episodes(np.array([0, 1]), 0.01, 2)
-    np.testing.assert_array_equal(episodes.fall_step, [0, 3])
-    np.testing.assert_array_equal(episodes.diverged, [True, False])
-    assert episodes.fall_reason.tolist() == ["diverged", None]
+    recorder = rollout._Recorder(3, 2, policies.make("stand"))
+    recorder.record(0, np.array([True, False]), infos([None, None], [True, False]))
+    np.testing.assert_array_equal(recorder.fall_step, [0, 3])
+    np.testing.assert_array_equal(recorder.divergence_step, [0, 3])
+    assert recorder.fall_reason.tolist() == ["diverged", None]
 
 
 def test_the_first_fall_counts() -> None:
-    recorder = rollout._Recorder(5, 1)
-    for step, terminated in enumerate((False, True, True, True)):
-        infos = {
-            "command": np.zeros((1, 3)),
-            "heading_velocity": np.zeros((1, 3)),
-            "mechanical_power": np.zeros(1),
-            "overspeed": np.zeros(1),
-            "fall": np.array(["tilt" if step == 1 else "height"], dtype=object),
-            "diverged": np.array([False]),
-        }
-        recorder.record(step, np.array([terminated]), infos)
+    recorder = rollout._Recorder(5, 1, policies.make("stand"))
+    for step, reason in enumerate((None, "tilt", "height", "height")):
+        recorder.record(step, np.array([reason is not None]), infos([reason], [False]))
     assert recorder.fall_step.tolist() == [1]
     assert recorder.fall_reason.tolist() == ["tilt"]
 

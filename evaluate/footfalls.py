@@ -1,0 +1,70 @@
+"""Footfalls: stance, swing and touch-downs of every foot, found in the recorded contacts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.averages import Bools
+
+Ints = NDArray[np.intp]
+
+SHORTEST_SWING = 0.04
+"""s; a foot off the ground for less has not stepped: it rattles."""
+LONGEST_STRIDE = 1.0
+"""s; touch-downs of a foot that are further apart are no stride."""
+
+
+@dataclass(frozen=True)
+class Footfalls:
+    """Contacts of n episodes' four feet, without those from the fall on."""
+
+    stance: Bools
+    """On the ground, rattling counted as stance, (steps, n, 4)."""
+    swing_start: Ints
+    """First step of each swing, (swings,); only swings that were begun and ended upright are listed."""
+    touch_down: Ints
+    """First step of the stance after it, (swings,)."""
+    episode: Ints
+    """Which episode it belongs to, (swings,)."""
+    foot: Ints
+    """Which foot, 0 … 3, (swings,); swings are ordered by episode, then foot, then time."""
+
+    def after(self, step: int) -> "Footfalls":
+        """Without the swings that began before that step."""
+        late = self.swing_start >= step
+        lists = (self.swing_start, self.touch_down, self.episode, self.foot)
+        return Footfalls(self.stance, *(each[late] for each in lists))
+
+    def of(self, foot: int) -> tuple[Ints, Ints]:
+        """Episodes and steps of one foot's touch-downs."""
+        its = self.foot == foot
+        return self.episode[its], self.touch_down[its]
+
+
+def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
+    """Footfalls of (steps, n, 4) contacts; `upright`, (steps, n), says which of them count."""
+    steps = len(contact)
+    stance = without_rattling(contact & upright[..., None], round(SHORTEST_SWING / dt))
+    rows = np.ascontiguousarray(np.moveaxis(stance, 0, -1)).reshape(-1, steps)
+    change = np.diff(rows.astype(np.int8), axis=1)
+    lifted_row, lifted = np.nonzero(change == -1)
+    landed_row, landed = np.nonzero(change == 1)
+    # They alternate: the latest lift-off before a landing, on the axis of all rows, is the foot's own if it has one.
+    latest = np.searchsorted(lifted_row * steps + lifted, landed_row * steps + landed) - 1
+    owner = np.append(lifted_row, -1)[latest]  # of no lift-off, -1: nobody
+    whole = owner == landed_row
+    row = landed_row[whole]
+    return Footfalls(stance, lifted[latest[whole]] + 1, landed[whole] + 1, row // 4, row % 4)
+
+
+def without_rattling(contact: Bools, shortest: int) -> Bools:
+    """The contacts with every gap of fewer than `shortest` steps filled, along the first axis."""
+    given = np.concatenate((contact, np.zeros((shortest, *contact.shape[1:]), np.bool_)))
+    lately = given.copy()
+    for back in range(1, shortest):
+        lately[back:] |= given[:-back]
+    filled = lately.copy()
+    for ahead in range(1, shortest):
+        filled[:-ahead] &= lately[ahead:]
+    return filled[: len(contact)]

@@ -1,0 +1,134 @@
+"""What pushes do: when, how hard, from where, at which phase of the gait, and what came of them.
+
+Arrays (n, k): the k pushes of each of n episodes; NaN for a push that a fall forestalled.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.averages import Bools, Floats, over_steps, planar, quotient
+from evaluate.episodes import Episodes
+from evaluate.tracking import SETTLING_TIME
+
+Ints = NDArray[np.int64]
+
+FALL_WITHIN = 2.0
+"""s from a push's onset within which a fall is put down to it."""
+GAIT_CYCLE = 0.4
+"""s over which a velocity error is averaged, so that swaying within a stride is none."""
+RECOVERED_MARGIN = 0.1
+"""m/s above the error of the gait cycle before the push at which the robot has recovered."""
+LONGEST_RECOVERY = 2.0
+"""s from a push's onset; what takes longer is no recovery."""
+
+
+@dataclass(frozen=True)
+class Pushes:
+    """Of each push, (n, k)."""
+
+    time: Floats
+    """s from the episode's start."""
+    impulse: Floats
+    """Forward and left, in the heading frame of the step before the push, (n, k, 2) N·s."""
+    phase: Floats
+    """Of the policy's clock at the onset, rad; NaN without a clock."""
+    fell: Floats
+    """1 if a fall followed within FALL_WITHIN and before the next push, else 0."""
+    recovery: Floats
+    """s from the onset to the start of the first gait cycle, after the push, whose mean velocity error is no more than
+    RECOVERED_MARGIN above that of the cycle before; inf if none, or a fall, within LONGEST_RECOVERY;
+    NaN where a new command, the next push or the time limit comes too near to say."""
+
+
+def pushes(episodes: Episodes) -> Pushes:
+    """Every push of the episodes."""
+    onset = episodes.push_step
+    pushed = (onset <= episodes.fall_step[:, None]) & (onset < episodes.steps)
+    phase = np.full(onset.shape, np.nan)
+    if episodes.phase is not None:
+        phase = _at(episodes.phase.astype(np.float64), onset)
+    deadline = np.minimum(onset + round(FALL_WITHIN / episodes.dt), _next(onset, episodes.steps))
+    return Pushes(
+        time=np.where(pushed, onset * episodes.dt, np.nan),
+        impulse=np.where(pushed[..., None], _in_heading(episodes), np.nan),
+        phase=np.where(pushed, phase, np.nan),
+        fell=np.where(pushed, episodes.fall_step[:, None] < deadline, np.nan),
+        recovery=np.where(pushed & _can_be_judged(episodes), _recovery(episodes), np.nan),
+    )
+
+
+def fall_after_push(fell: Floats) -> Floats:
+    """Share of an episode's pushes that a fall followed, (n,); NaN without a push."""
+    return _known_mean(fell)
+
+
+def recovery_time(recovery: Floats) -> Floats:
+    """Mean time of the recoveries, (n,) s; NaN without one."""
+    return _known_mean(np.where(np.isfinite(recovery), recovery, np.nan))
+
+
+def not_recovered(recovery: Floats) -> Floats:
+    """Share of the pushes that can be judged after which the robot fell or did not recover, (n,)."""
+    return _known_mean(np.where(np.isnan(recovery), np.nan, np.isinf(recovery)))
+
+
+def _can_be_judged(episodes: Episodes) -> Bools:
+    """Whether command and surroundings stay the same from before a push to the end of the longest recovery, (n, k);
+    known before the push, so that no outcome is left out for what it is."""
+    onset, dt = episodes.push_step, episodes.dt
+    end = onset + round((LONGEST_RECOVERY + GAIT_CYCLE) / dt)
+    since = onset % episodes.command_steps
+    same_command = (since >= round(SETTLING_TIME / dt)) & (since + end - onset <= episodes.command_steps)
+    judged: Bools = same_command & (end <= _next(onset, episodes.steps))
+    return judged
+
+
+def _recovery(episodes: Episodes) -> Floats:
+    """Of pushes that can be judged; anything of others."""
+    cycle, length = round(GAIT_CYCLE / episodes.dt), episodes.push_steps
+    error = cycle_errors(episodes, cycle)
+    onset = np.minimum(episodes.push_step, len(error) - 1)
+    bound = _at(error, np.maximum(onset - cycle, 0)) + RECOVERED_MARGIN
+    recovery = np.full(onset.shape, np.inf)
+    for wait in range(round(LONGEST_RECOVERY / episodes.dt), length - 1, -1):  # the earliest is written last
+        start = np.minimum(onset + wait, len(error) - 1)
+        back = (_at(error, start) <= bound) & (start + cycle <= episodes.fall_step[:, None])
+        recovery = np.where(back, wait * episodes.dt, recovery)
+    fell = episodes.fall_step[:, None] < episodes.push_step + round(LONGEST_RECOVERY / episodes.dt)
+    return np.where(fell, np.inf, recovery)
+
+
+def cycle_errors(episodes: Episodes, cycle: int) -> Floats:
+    """‖mean of command − planar velocity‖ over the gait cycle from each step on, (steps − cycle + 1, n) m/s."""
+    error = episodes.command[..., :2].astype(np.float64) - episodes.heading_velocity[..., :2]
+    upright = np.arange(episodes.steps)[:, None] < episodes.fall_step
+    sums = np.cumsum(np.where(over_steps(upright, error), error, 0.0), axis=0)
+    sums = np.concatenate((np.zeros((1, *sums.shape[1:])), sums))
+    return planar(sums[cycle:] - sums[:-cycle]) / cycle
+
+
+def _in_heading(episodes: Episodes) -> Floats:
+    """The impulses seen along the trunk's nose just before each push, (n, k, 2)."""
+    w, x, y, z = np.moveaxis(_at(episodes.quaternion.astype(np.float64), np.maximum(episodes.push_step - 1, 0)), -1, 0)
+    nose_x, nose_y = 1 - 2 * (y * y + z * z), 2 * (x * y + w * z)
+    length = np.maximum(np.hypot(nose_x, nose_y), 1e-6)
+    cos, sin = nose_x / length, nose_y / length
+    east, north = np.moveaxis(episodes.push_impulse, -1, 0)
+    return np.stack((cos * east + sin * north, cos * north - sin * east), axis=-1)
+
+
+def _at(values: Floats, step: Ints) -> Floats:
+    """`values`, (steps, n, …), at the steps (n, k) of each episode, (n, k, …)."""
+    return values[np.minimum(step, len(values) - 1), np.arange(len(step))[:, None]]
+
+
+def _next(onset: Ints, steps: int) -> Ints:
+    """Step of the push after each, or the time limit, (n, k)."""
+    return np.concatenate((onset[:, 1:], np.full((len(onset), 1), steps, onset.dtype)), axis=1)[:, : onset.shape[1]]
+
+
+def _known_mean(values: Floats) -> Floats:
+    known = ~np.isnan(values)
+    return quotient(np.where(known, values, 0.0).sum(axis=-1), known.sum(axis=-1))

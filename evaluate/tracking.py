@@ -1,0 +1,104 @@
+"""How well commands are followed: pure functions over (steps, n, …) arrays in the heading frame.
+
+Every step that is not upright, up to the time limit, is billed the cap of the measure, so that a fall never makes an
+error smaller.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
+
+SETTLING_TIME = 1.0
+"""Start of an episode, and of each command interval, that is not judged, s."""
+VELOCITY_CAP = 2.0
+"""Largest planar velocity error that a step is billed, m/s; also what a step after a fall costs."""
+YAW_RATE_CAP = 3.0
+"""Largest yaw-rate error that a step is billed, rad/s; also what a step after a fall costs."""
+
+
+def command_intervals(steps: int, command_steps: int) -> tuple[slice, ...]:
+    """Steps of each command interval; a command lasts `command_steps`."""
+    return tuple(slice(start, min(start + command_steps, steps)) for start in range(0, steps, command_steps))
+
+
+def velocity_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
+    """Mean planar velocity error of all given steps, billed after a fall, (n,) m/s."""
+    return total(_billed(planar(command - velocity), upright, VELOCITY_CAP)) / len(upright)
+
+
+def yaw_rate_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
+    """Mean yaw-rate error of all given steps, billed after a fall, (n,) rad/s."""
+    return total(_billed(np.abs(command[..., 2] - velocity[..., 2]), upright, YAW_RATE_CAP)) / len(upright)
+
+
+def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) -> Floats:
+    """Mean capped planar velocity error of the upright steps alone, (n,) m/s; NaN where there is none."""
+    return upright_mean(np.minimum(planar(command - velocity), VELOCITY_CAP), upright)
+
+
+def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
+    """‖command − mean velocity‖ of each window, averaged over the windows' steps, (n,) m/s.
+
+    The mean is taken over a window's upright steps, and its error is what each of those is billed.
+    """
+    billed, steps = np.zeros(upright.shape[1]), 0
+    for window in windows:
+        error = planar(command[window.start] - window_mean(velocity, upright, window))
+        standing = upright[window].sum(axis=0)
+        length = window.stop - window.start
+        billed += np.where(standing > 0, np.minimum(error, VELOCITY_CAP) * standing, 0.0)
+        billed += VELOCITY_CAP * (length - standing)
+        steps += length
+    return billed / steps
+
+
+def commands_given(command: Floats, upright: Bools, starts: tuple[int, ...]) -> Floats:
+    """Commands at the starts of the intervals, (n, k, 3); NaN where the robot was not upright any more."""
+    return np.stack([np.where(upright[start, :, None], command[start], np.nan) for start in starts], axis=1)
+
+
+def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
+    """Mean heading velocity over each window, (n, k, 3); NaN where the robot was not upright to the window's end."""
+    means = [
+        np.where(upright[window.stop - 1, :, None], window_mean(velocity, upright, window), np.nan)
+        for window in windows
+    ]
+    return np.stack(means, axis=1)
+
+
+def distance_covered(velocity: Floats, upright: Bools, stretches: tuple[slice, ...], dt: float) -> Floats:
+    """Distance along the mean heading velocity of each stretch, upright steps, (n,) m."""
+    covered = [planar(total(np.where(upright[stretch, :, None], velocity[stretch], 0.0))) * dt for stretch in stretches]
+    distance: Floats = np.add.reduce(covered)
+    return distance
+
+
+def drift(position: Floats, still: Bools, upright: Bools, windows: tuple[slice, ...], dt: float) -> Floats:
+    """Planar speed, from its first to its last step, over the windows that `still`, (n, k), picks, (n,) m/s.
+
+    Windows that were not ended upright do not count; NaN where no window is left.
+    """
+    distance, time = np.zeros(len(still)), np.zeros(len(still))
+    for number, window in enumerate(windows):
+        counts = still[:, number] & upright[window.stop - 1]
+        distance += np.where(counts, planar(position[window.stop - 1] - position[window.start]), 0.0)
+        time += counts * ((window.stop - 1 - window.start) * dt)
+    return quotient(distance, time)
+
+
+def standing_still(command: NDArray[np.floating[Any]], windows: tuple[slice, ...]) -> Bools:
+    """Whether the command of each window is zero, (n, k)."""
+    return np.stack([~command[window.start].any(axis=-1) for window in windows], axis=1)
+
+
+def window_mean(velocity: Floats, upright: Bools, window: slice) -> Floats:
+    """Mean over a window's upright steps, (n, 3); NaN where there is none."""
+    standing = upright[window]
+    return quotient(total(np.where(over_steps(standing, velocity), velocity[window], 0.0)), standing.sum(0)[:, None])
+
+
+def _billed(error: Floats, upright: Bools, cap: float) -> Floats:
+    return np.where(upright, np.minimum(error, cap), cap)

@@ -1,0 +1,219 @@
+"""What the motors did and what a residual made of its authority: by hand, and with a fault planted into each."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from evaluate import effort, metrics, residual_use
+from evaluate.averages import upright_mean, upright_share
+from evaluate.episodes import blank, uneventful
+from quad_env.robot import JOINT_LOWER, JOINT_UPPER
+
+DT = 0.1
+STEPS = 50
+SETTLING = 10
+JUDGED = STEPS - SETTLING
+FALL = 30
+"""Half of what is judged comes before the fall, in the episodes that fall."""
+
+
+def signal(name: str, change: Callable[[np.ndarray], None]) -> np.ndarray:
+    """An empty record of one episode after `change` has written to its steps, (steps, …)."""
+    record = blank(name, STEPS, 1)
+    change(record[:, 0])
+    return record
+
+
+def joints(name: str, *places: tuple[slice | int, slice | int, float]) -> dict[str, np.ndarray]:
+    """A joint signal that is zero but for values at (steps, joints)."""
+
+    def change(record: np.ndarray) -> None:
+        for steps, which, value in places:
+            record[steps, which] = value
+
+    return {name: signal(name, change)}
+
+
+def measured(name: str, **changes) -> float:
+    return getattr(metrics.measure(uneventful(STEPS, dt=DT, **changes)), name)[0]
+
+
+ALL, FELL = slice(None), {"fall_step": np.array([FALL])}
+WALK = {"heading_velocity": signal("heading_velocity", lambda record: np.copyto(record, (0.5, 0.0, 0.0)))}
+BRAKING = joints("joint_torque", (ALL, 0, 20.0), (ALL, 1, -10.0)) | joints(
+    "joint_velocity", (ALL, 0, 2.0), (ALL, 1, 3.0)
+)
+"""70 W: 40 W into one joint and 30 W out of another, which no spring keeps."""
+
+
+def energy() -> None:
+    assert measured("energy", **BRAKING) == pytest.approx(70 * 4.0)
+    assert measured("energy", **BRAKING, **FELL) == pytest.approx(70 * 2.0)
+
+
+def cost_of_transport() -> None:
+    assert measured("cost_of_transport", **BRAKING, **WALK, weight=140.0) == pytest.approx(280 / (140 * 2.0))
+
+
+def mechanical_power() -> None:
+    assert measured("mechanical_power", **BRAKING) == pytest.approx(70)
+    assert measured("mechanical_power", **BRAKING, **FELL) == pytest.approx(70)
+
+
+def peak_torque() -> None:
+    late = joints("joint_torque", (20, 3, -80.0), (25, 4, 60.0), (FALL + 5, 5, 95.0), (3, 5, 99.0))
+    assert measured("peak_torque", **late) == 95
+    assert measured("peak_torque", **late, **FELL) == 80
+
+
+def mean_torque() -> None:
+    swinging = joints("joint_torque", (slice(0, None, 2), 0, 12.0), (slice(1, None, 2), 0, -12.0))
+    assert measured("mean_torque", **swinging) == pytest.approx(1.0)
+
+
+def torque_saturation() -> None:
+    weak = joints("joint_torque", (slice(20, 30), 2, -40.0), (slice(20, 30), 3, 39.0))
+    assert measured("torque_saturation", **weak, torque_limit=40.0) == pytest.approx(10 / (JUDGED * 12))
+    assert measured("torque_saturation", **weak, torque_limit=40.0, **FELL) == pytest.approx(10 / (20 * 12))
+
+
+def joint_limit() -> None:
+    middle = (JOINT_LOWER + JOINT_UPPER) / 2
+
+    def change(record: np.ndarray) -> None:
+        record[:] = middle
+        record[20:24, 0] = JOINT_LOWER[0] + 0.009
+        record[20:28, 1] = JOINT_UPPER[1] + 0.1
+        record[20:28, 2] = JOINT_UPPER[2] - 0.02
+
+    assert measured("joint_limit", joint_position=signal("joint_position", change)) == pytest.approx(12 / (JUDGED * 12))
+
+
+def overspeed() -> None:
+    fast = joints("joint_velocity", (slice(20, 26), 0, -10.5), (slice(20, 26), 1, 9.5))
+    assert measured("overspeed", **fast) == pytest.approx(6 / (JUDGED * 12))
+
+
+def action_rate() -> None:
+    """One target that steps by 0.3 rad once: 3 rad/s for one of the judged steps and twelve joints."""
+    step = joints("action", (slice(20, None), 0, 0.3))
+    assert measured("action_rate", **step) == pytest.approx(3 / np.sqrt(JUDGED * 12))
+    first = joints("action", (slice(SETTLING, None), 0, 0.3))
+    assert measured("action_rate", **first) == pytest.approx(3 / np.sqrt(JUDGED * 12)), "from the step before"
+    assert measured("action_rate", **joints("action", (slice(FALL, None), 0, 0.3)), **FELL) == 0
+
+
+def corrected(*places: tuple[slice | int, slice | int, float], base: tuple = ()) -> dict[str, np.ndarray]:
+    return joints("correction", *places) | joints("base_action", *base)
+
+
+def authority_used() -> None:
+    assert measured("authority_used", **corrected((ALL, 0, -0.6), (ALL, 1, 0.6))) == pytest.approx(0.1)
+    assert np.isnan(measured("authority_used"))
+
+
+def authority_saturated() -> None:
+    high = corrected((slice(20, 30), 0, -1.0), (slice(20, 30), 1, 0.98))
+    assert measured("authority_saturated", **high) == pytest.approx(10 / (JUDGED * 12))
+
+
+def against_base() -> None:
+    """Two joints that the base lowers by 0.05 rad a step, in ten steps: one is held back, in four of them, one helped;
+    a third is held back, but hardly, and a fourth at rest."""
+    ramp = [(slice(20 + k, STEPS), which, -0.05 * (k + 1)) for which in (0, 1, 2) for k in range(10)]
+    base = [(ALL, slice(0, 3), 1.0), *((steps, which, 1.0 + value) for steps, which, value in ramp)]
+    use = corrected((slice(20, 24), 0, 0.5), (slice(20, 30), 1, -0.5), (ALL, 2, 0.04), (ALL, 3, 1.0), base=base)
+    assert measured("against_base", **use) == pytest.approx(4 / 14)
+
+
+def replaced(module: object, name: str, faulty: object) -> Callable[[pytest.MonkeyPatch], None]:
+    return lambda patch: patch.setattr(module, name, faulty)
+
+
+def signed_power(torque: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    return (torque * speed.astype(float)).sum(axis=-1)
+
+
+CHECKS = (
+    energy, cost_of_transport, mechanical_power, peak_torque, mean_torque, torque_saturation, joint_limit, overspeed,
+    action_rate, authority_used, authority_saturated, against_base,
+)  # fmt: skip
+FAULTS = {
+    "braking gives energy back": (energy, replaced(effort, "mechanical_power", signed_power)),
+    "mass for weight": (
+        cost_of_transport,
+        lambda patch, true=effort.cost_of_transport: patch.setattr(
+            effort, "cost_of_transport", lambda energy, distance, weight: true(energy, distance, weight / 9.81)
+        ),
+    ),
+    "power over the whole time limit": (
+        mechanical_power,
+        replaced(effort, "mean_power", lambda power, upright: np.where(upright, power, 0).mean(axis=0)),
+    ),
+    "only positive torques peak": (
+        peak_torque,
+        replaced(effort, "peak_torque", lambda torque, upright: np.where(upright, torque.max(-1), -1).max(0)),
+    ),
+    "torques that cancel": (
+        mean_torque,
+        replaced(effort, "mean_torque", lambda torque, upright: upright_mean(torque.mean(-1), upright)),
+    ),
+    "the strong motors' limit": (
+        torque_saturation,
+        replaced(
+            effort, "torque_saturation", lambda torque, _, upright: upright_share(np.abs(torque) >= 99.9, upright)
+        ),
+    ),
+    "lower limits alone": (
+        joint_limit,
+        replaced(
+            effort, "joint_limit", lambda angle, upright: upright_share(angle <= JOINT_LOWER + 0.01, upright)
+        ),
+    ),
+    "forward speeds alone": (
+        overspeed,
+        replaced(effort, "overspeed", lambda speed, upright: upright_share(speed > 10, upright)),
+    ),
+    "change a step for rate": (
+        action_rate,
+        lambda patch, true=effort.action_rate: patch.setattr(
+            effort, "action_rate", lambda action, upright, dt: true(action, upright, 1.0)
+        ),
+    ),
+    "corrections that cancel": (
+        authority_used,
+        replaced(residual_use, "authority_used", lambda c, upright: upright_mean(c.astype(float).mean(-1), upright)),
+    ),
+    "saturated on one side": (
+        authority_saturated,
+        replaced(residual_use, "authority_saturated", lambda c, upright: upright_share(c >= 0.99, upright)),
+    ),
+    "the base's place for its motion": (
+        against_base,
+        lambda patch, true=residual_use.against_base: patch.setattr(
+            residual_use, "against_base", lambda c, base, upright, dt: true(c, np.cumsum(base, axis=0), upright, dt)
+        ),
+    ),
+    "slight corrections judged": (against_base, replaced(residual_use, "SLIGHT", 0.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+def test_measured_by_hand(check: Callable[[], None]) -> None:
+    check()
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    check, plant = FAULTS[fault]
+    plant(monkeypatch)
+    with pytest.raises(AssertionError):
+        check()
+
+
+def test_every_measure_of_motors_and_residuals_is_checked_and_has_a_fault() -> None:
+    episodes = uneventful(STEPS, dt=DT)
+    upright = np.ones((STEPS, 1), bool)
+    names = {*metrics._effort(episodes, upright, np.ones(1)), *metrics._residual(episodes, upright)}
+    assert {check.__name__ for check in CHECKS} == {check.__name__ for check, _ in FAULTS.values()} == names

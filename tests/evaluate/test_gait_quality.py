@@ -1,0 +1,222 @@
+"""How a robot steps, stands still and carries its trunk: by hand, and with a fault planted into each measure."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluate import footfalls, gait_quality, metrics, tracking
+from evaluate.averages import count, quotient, upright_mean
+from evaluate.episodes import blank, uneventful
+
+DT = 0.01
+STEPS = 1000
+SETTLING = 100
+FALL = 600
+FELL = {"fall_step": np.array([FALL])}
+STRIDE = 40
+FL, FR, HL, HR = range(4)
+
+
+def measured(name: str, **changes: Any) -> Any:
+    return getattr(metrics.measure(uneventful(STEPS, **changes)), name)[0]
+
+
+def trotting(delay: int = 0, swing: int = 16) -> np.ndarray:
+    """Contacts of a trot of 0.4 s whose hind feet are `delay` steps late, each foot `swing` steps in the air."""
+    contact = blank("foot_contact", STEPS, 1)
+    time = np.arange(STEPS)
+    for foot, start in ((FL, 0), (HR, delay), (FR, STRIDE // 2), (HL, STRIDE // 2 + delay)):
+        contact[:, 0, foot] = (time - start) % STRIDE >= swing
+    return contact
+
+
+def commanded(*intervals: float) -> np.ndarray:
+    """Forward commands, each for half of the episode."""
+    command = blank("command", STEPS, 1)
+    command[: STEPS // 2, 0, 0], command[STEPS // 2 :, 0, 0] = intervals
+    return command
+
+
+def duty_factor() -> None:
+    contact = trotting()
+    contact[10::STRIDE, 0, FL] = True  # three steps apart from the ground before and after: a swing is a swing
+    contact[5::STRIDE, 0, FR] = False  # rattles while it stands
+    factor = measured("duty_factor", foot_contact=contact)
+    np.testing.assert_allclose(factor, [25 / 40, 24 / 40, 24 / 40, 24 / 40], atol=0.01)
+    always = np.ones_like(contact)
+    np.testing.assert_array_equal(measured("duty_factor", foot_contact=always, **FELL), 1.0)
+
+
+def foot_clearance() -> None:
+    """Swings peak at 0.08 m, though the foot is reported higher while it stands, before the first second, and after a
+    fall."""
+    contact, height = trotting(), blank("foot_height", STEPS, 1)
+    height[contact], height[~contact] = 0.5, 0.05
+    height[8::STRIDE, 0, FL], height[28::STRIDE, 0, FR] = 0.08, 0.08
+    height[8::STRIDE, 0, HR], height[28::STRIDE, 0, HL] = 0.08, 0.08
+    height[:SETTLING][~contact[:SETTLING]], height[FALL:] = 0.3, 0.4
+    assert measured("foot_clearance", foot_contact=contact, foot_height=height, **FELL) == pytest.approx(0.08)
+
+
+def foot_slip() -> None:
+    """One foot slides 1 mm a step along a diagonal of the ground; another swings, and lifts while it stands."""
+    contact, position = blank("foot_contact", STEPS, 1), blank("foot_position", STEPS, 1)
+    contact[:, 0, [FL, HL]] = True
+    time = np.arange(STEPS)
+    position[:, 0, FL, 0], position[:, 0, FL, 1] = 0.0006 * time, -0.0008 * time
+    position[:, 0, FR, 0], position[:, 0, HL, 2] = 0.01 * time, 0.01 * time
+    assert measured("foot_slip", foot_contact=contact, foot_position=position) == pytest.approx(0.05, rel=1e-3)
+    assert np.isnan(measured("foot_slip", foot_position=position))
+
+
+def phase_error() -> None:
+    assert measured("phase_error", foot_contact=trotting()) == pytest.approx(0.0)
+    assert measured("phase_error", foot_contact=trotting(delay=4)) == pytest.approx(0.1)
+    assert measured("phase_error", foot_contact=trotting(delay=STRIDE - 4)) == pytest.approx(0.1)
+    pacing = trotting()[..., [FL, FR, FL, FR]]
+    assert measured("phase_error", foot_contact=pacing) == pytest.approx(0.5)
+    assert np.isnan(measured("phase_error", foot_contact=np.ones_like(pacing)))
+
+
+def needless_steps() -> None:
+    """Ten touch-downs a second, of four feet at 2.5 Hz, while told to stand; none of those while told to walk."""
+    contact = trotting()
+    assert measured("needless_steps", foot_contact=contact, command=commanded(0, 0)) == pytest.approx(10.0)
+    contact[500:] = True
+    assert measured("needless_steps", foot_contact=contact, command=commanded(1, 0)) == 0
+    assert np.isnan(measured("needless_steps", foot_contact=contact, command=commanded(1, 1)))
+    assert np.isnan(measured("needless_steps", foot_contact=contact, command=commanded(1, 0), **FELL))
+
+
+def drift() -> None:
+    """0.03 m/s along a diagonal while told to stand, swaying about that line; far faster while told to walk."""
+    time, position = np.arange(STEPS) * DT, blank("position", STEPS, 1)
+    position[:, 0, 0] = np.where(time < 5, 0.018 * time, 5 * time)
+    position[:, 0, 1] = 0.024 * time
+    position[150:450, 0, 1] += 0.01 * np.sin(20 * time[150:450])
+    assert measured("drift", position=position, command=commanded(0, 1)) == pytest.approx(0.03, rel=1e-3)
+    assert np.isnan(measured("drift", position=position, command=commanded(1, 1)))
+
+
+def rates(axis: int) -> np.ndarray:
+    """The trunk turns at ±2 rad/s about one axis, at 0.5 rad/s about the others."""
+    rate = blank("angular_velocity", STEPS, 1) + np.float32(0.5)
+    rate[::2, 0, axis], rate[1::2, 0, axis] = 2.0, -2.0
+    rate[:SETTLING] = 9.0
+    return rate
+
+
+def roll_rate() -> None:
+    assert measured("roll_rate", angular_velocity=rates(0)) == pytest.approx(2.0)
+
+
+def pitch_rate() -> None:
+    assert measured("pitch_rate", angular_velocity=rates(1)) == pytest.approx(2.0)
+
+
+def vertical_speed() -> None:
+    """4 mm up and 4 mm down, step by step, while walking at 1 m/s."""
+    position = blank("position", STEPS, 1)
+    position[:, 0, 0], position[::2, 0, 2] = np.arange(STEPS) * DT, 0.004
+    assert measured("vertical_speed", position=position) == pytest.approx(0.4, rel=1e-4)
+
+
+def froude_number() -> None:
+    velocity = blank("heading_velocity", STEPS, 1)
+    velocity[..., 0], velocity[..., 1] = 0.9, 1.2
+    expected = pytest.approx(1.5**2 / (9.81 * 0.6))
+    assert measured("froude_number", heading_velocity=velocity) == expected
+    assert measured("froude_number", heading_velocity=velocity, **FELL) == expected
+
+
+def replaced(module: object, name: str, faulty: object) -> Callable[[pytest.MonkeyPatch], None]:
+    return lambda patch: patch.setattr(module, name, faulty)
+
+
+def path_length(position, still, upright, windows, dt):
+    steps = np.hypot(*np.moveaxis(np.diff(position[..., :2], axis=0), -1, 0))
+    time = np.array([window.stop - window.start for window in windows]) * dt
+    length = np.stack([steps[window].sum(axis=0) for window in windows], axis=1)
+    return quotient((length * still).sum(axis=1), (time * still).sum(axis=1))
+
+
+def slip_of_all_feet(position, contact, upright, dt, true=gait_quality.foot_slip):
+    return true(position, contact | True, upright, dt)
+
+
+def mean_square_as_mean(rate, upright):
+    return upright_mean(rate.astype(float), upright)
+
+
+def sideways_too(position, upright, dt):
+    speed = np.linalg.norm(np.diff(position.astype(float), axis=0), axis=-1) / dt
+    return np.sqrt(upright_mean(speed * speed, upright[1:]))
+
+
+CHECKS = (
+    duty_factor, foot_clearance, foot_slip, phase_error, needless_steps, drift, roll_rate, pitch_rate, vertical_speed,
+    froude_number,
+)  # fmt: skip
+FAULTS = {
+    "rattling taken for swings": (duty_factor, replaced(footfalls, "SHORTEST_SWING", 0.0)),
+    "time after a fall counted": (
+        duty_factor,
+        replaced(gait_quality, "duty_factor", lambda stance, upright: count(stance) / len(stance)),
+    ),
+    "clearance of the whole stride": (
+        foot_clearance,
+        replaced(gait_quality, "foot_clearance", lambda height, falls, episodes: height[100:].max((0, 2))),
+    ),
+    "swings of the first second": (foot_clearance, replaced(footfalls.Footfalls, "after", lambda falls, step: falls)),
+    "slip of feet in the air": (foot_slip, replaced(gait_quality, "foot_slip", slip_of_all_feet)),
+    "pairs of one side": (phase_error, replaced(gait_quality, "DIAGONALS", ((FL, HL), (FR, HR)))),
+    "every command is zero": (
+        needless_steps,
+        replaced(tracking, "standing_still", lambda command, windows: np.ones((command.shape[1], len(windows)), bool)),
+    ),
+    "path for displacement": (drift, replaced(tracking, "drift", path_length)),
+    "a mean for a root mean square of roll": (roll_rate, replaced(gait_quality, "turning_rate", mean_square_as_mean)),
+    "a mean for a root mean square of pitch": (pitch_rate, replaced(gait_quality, "turning_rate", mean_square_as_mean)),
+    "horizontal motion as vertical": (vertical_speed, replaced(gait_quality, "vertical_speed", sideways_too)),
+    "the time limit for the time upright": (
+        froude_number,
+        lambda patch, true=gait_quality.froude_number: patch.setattr(
+            gait_quality, "froude_number", lambda distance, upright, dt: true(distance, upright | True, dt)
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+def test_measured_by_hand(check: Callable[[], None]) -> None:
+    check()
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    check, plant = FAULTS[fault]
+    plant(monkeypatch)
+    with pytest.raises(AssertionError):
+        check()
+
+
+def test_every_measure_of_the_gait_is_checked_and_has_a_fault() -> None:
+    names = set(metrics._gait(uneventful(STEPS), np.ones((STEPS, 1), bool), np.ones(1)))
+    assert {check.__name__ for check in CHECKS} == {check.__name__ for check, _ in FAULTS.values()} == names
+
+
+def test_gaps_shorter_than_a_swing_are_filled_and_others_kept() -> None:
+    given = np.array([0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0, 1, 0], bool)
+    filled = footfalls.without_rattling(given[:, None], 4)[:, 0].astype(int)
+    assert filled.tolist() == [0, 1, 1, 1, 1, 1, 0, 0, 0, 0, 1, 1, 1, 1, 0]
+
+
+def test_swings_are_listed_with_their_foot_and_only_if_they_were_ended_upright() -> None:
+    contact = np.ones((60, 2, 4), bool)
+    contact[10:20, 1, HL] = contact[30:40, 1, HL] = contact[52:, 1, HL] = False
+    contact[:5, 0, FR] = contact[15:25, 0, FR] = False
+    found = footfalls.footfalls(contact, np.arange(60)[:, None] < np.array([22, 60]), 0.01)
+    listed = (found.episode, found.foot, found.swing_start, found.touch_down)
+    assert np.transpose(listed).tolist() == [[1, HL, 10, 20], [1, HL, 30, 40]]

@@ -1,0 +1,61 @@
+"""The table of measures: complete, and true to the columns it heads."""
+
+from dataclasses import fields
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from evaluate import measures, metrics
+from evaluate.episodes import SIGNALS, TRUTHS, Episodes, uneventful
+from evaluate.measures import BY_NAME, FIGURES, LISTS, MEASURES, OUTCOMES, heading
+
+
+def test_every_measure_is_in_the_table_once() -> None:
+    names = [measure.name for measure in MEASURES]
+    assert sorted(names) == sorted(field.name for field in fields(metrics.Measures))
+    assert len(BY_NAME) == len(names)
+    assert sorted((*FIGURES, *LISTS, *OUTCOMES)) == sorted(names)
+
+
+def test_every_measure_says_what_it_is() -> None:
+    for measure in MEASURES:
+        assert measure.title, measure
+        assert measure.formula, measure
+        assert measure.formula.isascii(), measure.name
+    assert len({measure.title for measure in MEASURES}) == len(MEASURES)
+    assert heading("velocity_error") == "velocity error, m/s"
+    assert heading("overspeed") == "joints above rated speed"
+
+
+def test_figures_are_numbers_of_an_episode_and_lists_are_lists() -> None:
+    measured = metrics.measure(uneventful(200, 3))
+    for name in FIGURES:
+        assert getattr(measured, name).shape == (3,), name
+        assert getattr(measured, name).dtype == np.float64, name
+    for name in LISTS:
+        assert getattr(measured, name).ndim > 1, name
+
+
+def test_every_measure_is_a_column_of_the_episodes_table(run) -> None:
+    columns = pq.read_table(run.folder / "episodes.parquet").column_names
+    assert set(BY_NAME) <= set(columns)
+
+
+def test_every_figure_is_in_the_results(run) -> None:
+    for policy in run.results["policies"].values():
+        for cell in policy["scenarios"].values():
+            assert set(cell["figures"]) == set(FIGURES)
+            for name in set(FIGURES) & {"velocity_error", "overspeed", "energy", "velocity_error_upright"}:
+                assert cell["figures"][name] == cell[name], name
+
+
+def test_what_could_flatter_a_robot_that_falls_is_labelled() -> None:
+    """Of all figures where less is better, those that bill a fall are the contract's errors and nothing else."""
+    billed = {m.name for m in MEASURES if m.name in FIGURES and m.better == "less" and m.scope == measures.WHOLE}
+    assert billed == {"velocity_error", "yaw_rate_error", "mean_velocity_error"}
+
+
+def test_every_signal_is_recorded() -> None:
+    names = [field.name for field in fields(Episodes)]
+    assert set(SIGNALS) < set(names)
+    assert set(TRUTHS) < set(SIGNALS)
