@@ -1,0 +1,178 @@
+"""Intervals cover as often as they say and tests claim no more than they may; the checks of that see planted faults."""
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from evaluate import breaking_point, calibration, checks, statistics
+from evaluate.comparison import compare
+from evaluate.significance import relabelling_test
+from evaluate.synthetic import Axis, episodes, mean_error
+from quad_env import axes
+
+FALLS = (0.1, 0.3, 0.5, 0.7, 0.9)
+COUNT = 64
+COVERAGE = [check.name for check in checks.coverage_checks(COUNT, 0.5)]
+PUSHES = [axes.AXES["push"].level(number) for number in (1, 2, 3)]
+LEVEL = ["sign flips, exchangeable pairs", "McNemar, ties by lot", "relabelling, disjoint episodes"]
+
+
+def share(rules, name: str, sets: int, falls=FALLS) -> float:
+    """Of yes, over data sets of all those fall probabilities."""
+    rows = [check for p in falls for check in rules(COUNT, p) if check.name == name]
+    return float(np.mean([checks.share_of_yes(check, sets // len(falls), seed=2) for check in rows]))
+
+
+@pytest.fixture
+def narrow(monkeypatch) -> None:
+    """Every interval a 90 % one."""
+    monkeypatch.setattr(statistics, "CONFIDENCE", 0.9)
+    monkeypatch.setattr(breaking_point, "CONFIDENCE", 0.9)
+
+
+@pytest.mark.parametrize("name", COVERAGE)
+def test_intervals_cover_the_truth(name) -> None:
+    low, high = checks.COVERS
+    assert low <= share(checks.coverage_checks, name, 700) <= high
+
+
+@pytest.mark.parametrize("name", COVERAGE)
+def test_a_90_percent_interval_would_be_seen(name, narrow) -> None:
+    assert share(checks.coverage_checks, name, 700) < checks.COVERS[0]
+
+
+def covers_breaking_point(sets: int) -> float:
+    check = next(checks.breaking_checks(COUNT))
+    return checks.share_of_yes(check, sets, seed=2)
+
+
+def test_breaking_point_intervals_cover_the_truth() -> None:
+    low, high = checks.COVERS
+    assert low <= covers_breaking_point(400) <= high
+
+
+def test_a_90_percent_breaking_point_would_be_seen(narrow) -> None:
+    assert covers_breaking_point(400) < checks.COVERS[0]
+
+
+def test_levels_resampled_apart_would_be_seen(monkeypatch) -> None:
+    """Episodes that share all their luck, resampled as if each level had its own."""
+    axis = Axis((20.0, 35.0, 50.0, 65.0, 80.0, 100.0), median=55.0, steepness=4.0)
+    severities = np.array(axis.severities)
+
+    def covers(shuffle: bool) -> float:
+        held = []
+        for seed in range(120):
+            generator = np.random.default_rng([3, seed])
+            fell = axis.falls(generator, COUNT, shared=0.95)
+            low, high = breaking_point.breaking_point(
+                severities, generator.permuted(fell, axis=1) if shuffle else fell
+            ).ci
+            held.append(low <= axis.breaking_point <= high)
+        return float(np.mean(held))
+
+    assert covers(shuffle=False) > 0.9
+    assert covers(shuffle=True) < 0.85
+
+
+@pytest.mark.parametrize("name", LEVEL)
+def test_tests_hold_their_level(name) -> None:
+    low, high = checks.HOLDS_LEVEL
+    assert low <= share(checks.null_checks, name, 2000) <= high
+
+
+def test_exact_mcnemar_is_conservative_by_as_much_as_its_jumps() -> None:
+    exact = np.mean([checks.attainable_mcnemar(COUNT, checks.discordance(p)) for p in FALLS])
+    assert exact < 0.035
+    assert share(checks.null_checks, "McNemar, exchangeable pairs", 2000) == pytest.approx(exact, abs=0.01)
+
+
+def test_attainable_size_by_hand() -> None:
+    # All of 6 pairs disagree: only 0 and 6 are significant, 2/2⁶. With 5 nothing is.
+    assert checks.attainable_mcnemar(6, 1.0) == pytest.approx(2 / 2**6)
+    assert checks.attainable_mcnemar(5, 1.0) == 0.0
+
+
+def test_barnard_stays_below_its_level() -> None:
+    assert 0.02 < share(checks.null_checks, "Barnard, disjoint episodes", 1000, falls=(0.3, 0.5)) <= 0.06
+
+
+def test_an_unpaired_test_of_pairs_would_be_seen() -> None:
+    claims = []
+    for seed in range(300):
+        a, b = episodes(np.random.default_rng([4, seed]), (0.4, 0.4), COUNT, shared=0.9).error
+        claims.append(relabelling_test(a, b) < checks.SIGNIFICANT)
+    assert np.mean(claims) < checks.HOLDS_LEVEL[0]
+
+
+def test_an_unpaired_interval_of_pairs_would_be_seen() -> None:
+    held = []
+    for seed in range(300):
+        a, b = episodes(np.random.default_rng([4, seed]), (0.5, 0.4), COUNT, shared=0.9).error
+        reach = 1.96 * np.sqrt((a.var() + b.var()) / COUNT)
+        held.append(abs((a - b).mean() - mean_error(0.5) + mean_error(0.4)) <= reach)
+    assert np.mean(held) > checks.COVERS[1]
+
+
+def test_a_family_without_differences_makes_one_false_claim_in_twenty(made_up_cell) -> None:
+    """Three comparisons of errors a battery: corrected, 5 % of the batteries claim anything; by themselves, 14 %."""
+    claims, uncorrected = [], []
+    for seed in range(200):
+        generator = np.random.default_rng([5, seed])
+        never = np.zeros(20, bool)
+        cells = [
+            made_up_cell(policy, never, generator.gamma(4.0, 0.1, 20), scenario)
+            for scenario in PUSHES
+            for policy in ("trot", "a")
+        ]
+        family = [c for c in compare(cells) if c.metric == "velocity_error"]
+        claims.append(any(c.significant for c in family))
+        uncorrected.append(any(c.p_value < 0.05 for c in family))
+    assert np.mean(claims) == pytest.approx(0.05, abs=0.03)
+    assert np.mean(uncorrected) > 0.1
+
+
+def test_made_up_errors_have_the_mean_they_claim() -> None:
+    for p in FALLS:
+        made = episodes(np.random.default_rng(6), (p,), 200_000)
+        assert made.fell.mean() == pytest.approx(p, abs=0.004)
+        assert made.error.mean() == pytest.approx(mean_error(p), rel=0.01)
+
+
+def test_the_command_prints_a_row_a_check(capsys) -> None:
+    arguments = ["--sets", "20", "--episodes", "16", "--fall-probabilities", "0.4", "--only", "McNemar"]
+    assert calibration.main(arguments) == 0
+    printed = capsys.readouterr()
+    assert [line.split("  ")[0] for line in printed.out.splitlines()[2:-1]] == [
+        "McNemar, exchangeable pairs",
+        "McNemar, ties by lot",
+    ]
+    assert len(printed.err.splitlines()) == 2
+
+
+def test_the_command_splits_real_episodes(tmp_path, capsys) -> None:
+    made = episodes(np.random.default_rng(7), (0.4,), 60)
+    columns = {
+        "policy": ["trot"] * 60,
+        "scenario": ["push"] * 60,
+        "fell": made.fell[0],
+        "velocity_error": made.error[0],
+    }
+    pq.write_table(pa.table(columns), tmp_path / "episodes.parquet")
+    assert calibration.main(["--sets", "200", "--real", str(tmp_path / "episodes.parquet")]) == 0
+    rows = capsys.readouterr().out.splitlines()[2:-1]
+    assert [row.split("  ")[0] for row in rows] == [
+        "relabelling, halves of trot on push",
+        "Barnard, halves of trot on push",
+    ]
+    assert 1.0 <= float(rows[0].split()[-2]) <= 9.0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--only", "nothing"], ["--sets", "1"], ["--fall-probabilities", "1.2"], ["--real", "missing.parquet"]],
+)
+def test_mistakes_are_one_line(arguments, capsys) -> None:
+    assert calibration.main(arguments) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
