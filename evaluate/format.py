@@ -71,3 +71,9 @@ def listed(names: Sequence[str]) -> str:
 def counted(count: int, thing: str) -> str:
     """`1 episode`, `128 episodes`."""
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
+
+
+def share(value: float, ends: Interval) -> str:
+    """`41 % [36, 47]`: a share of 1 with its interval, in whole per cent."""
+    low, high = (number(100.0 * end, 0) for end in ends)
+    return f"{number(100.0 * value, 0)}{NO_BREAK}% [{low},{NO_BREAK}{high}]"

@@ -9,10 +9,14 @@ from typing import Annotated, Any
 import tyro
 
 from evaluate.command_line import UsageError, fail, parse
-from evaluate.format import interval, number, percent, percent_interval
+from evaluate.format import ABSENT, interval, number, percent, percent_interval
+from evaluate.limit_text import words
+from evaluate.limits import Limit
 from policies.files import write_atomically
 
 PROGRAM = "python -m evaluate.readme"
+SHOWN = ("flat", "push", "rough")
+"""Scenarios of the table; all of them in a run without these."""
 BEGIN, END = "<!-- results -->", "<!-- /results -->"
 
 
@@ -55,15 +59,18 @@ def insert(text: str, lines: str) -> str:
 
 
 def table(found: dict[str, Any]) -> str:
-    """The comparison as a Markdown table, and the command that makes it."""
+    """The comparison as a Markdown table, breaking points below it, and the command that makes them."""
     names = list(found["policies"])
-    scenarios = list(dict.fromkeys(name for policy in found["policies"].values() for name in policy["scenarios"]))
+    run = list(dict.fromkeys(name for policy in found["policies"].values() for name in policy["scenarios"]))
+    scenarios = [name for name in run if name in SHOWN] or run
     lines = [
         "| scenario | policy | falls | velocity error, m/s | yaw-rate error, rad/s | mean velocity error, m/s |",
         "|---|---|---|---|---|---|",
     ]
     for scenario in scenarios:
         lines += [f"| {scenario} | `{name}` | {row(_cell(found, name, scenario))} |" for name in names]
+    if found["breaking_points"]:
+        lines += ["", *breaking_points(found["breaking_points"], names)]
     versions = found["versions"]
     lines += [
         "",
@@ -71,6 +78,24 @@ def table(found: dict[str, Any]) -> str:
         f"MuJoCo {versions['mujoco']}, Python {versions['python']}.",
     ]
     return "\n".join(lines)
+
+
+def breaking_points(points: list[dict[str, Any]], names: list[str]) -> list[str]:
+    """Severity at which half of the episodes end in a fall: an axis a row, a policy a column."""
+    cells = {(point["axis"], point["policy"]): words(Limit(**_limit(point))) for point in points}
+    axes = {point["axis"]: point["unit"] for point in points}
+    rows = [
+        f"| {axis}{unit and f', {unit}'} | {' | '.join(cells.get((axis, name), ABSENT) for name in names)} |"
+        for axis, unit in axes.items()
+    ]
+    heads = " | ".join(f"`{name}`" for name in names)
+    return [f"| half of the episodes fall at | {heads} |", f"|---|{'---|' * len(names)}", *rows]
+
+
+def _limit(point: dict[str, Any]) -> dict[str, Any]:
+    """Fields of a Limit; an end that JSON cannot hold is beyond the severities tried."""
+    fields: dict[str, Any] = _without_null(point)
+    return fields | {"ci": tuple(fields["ci"])}
 
 
 def _cell(found: dict[str, Any], policy: str, scenario: str) -> dict[str, Any]:

@@ -1,90 +1,162 @@
-"""The outcome in words, made from the same figures as the tables."""
+"""The outcome in words, made from the same figures as the tables; what got worse is said like what got better."""
 
-from collections.abc import Callable
-
-import numpy as np
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from evaluate.comparison import FALL_RATE, Comparison
-from evaluate.format import listed, number, p_value
+from evaluate.format import listed, number, share
+from evaluate.ladders import Ladder, ladders, place
+from evaluate.limit_text import times, words
 from evaluate.results import Results
-from evaluate.summary import Summary
 from evaluate.table import against_baseline, baseline_of
 
-Figure = Callable[[Summary, Summary], str]
-"""Words for one scenario's figures of a policy and of the baseline."""
+BETTER, WORSE, UNSHOWN = "better", "worse", "unshown"
+BREAKING_POINT = "breaking_point"
+WORDS = {
+    FALL_RATE: {BETTER: "fewer falls", WORSE: "more falls", UNSHOWN: "no difference in falls shown"},
+    BREAKING_POINT: {
+        BETTER: "breaks later",
+        WORSE: "breaks earlier",
+        UNSHOWN: "no difference in breaking point shown",
+    },
+    "velocity_error": {
+        BETTER: "smaller velocity error",
+        WORSE: "larger velocity error",
+        UNSHOWN: "no difference in velocity error shown",
+    },
+}
 
 
-def headline(results: Results) -> list[str]:
-    """Which policy has the smallest error and the fewest falls, on which scenarios."""
-    return [
-        f"Smallest velocity error: {_winners(results, lambda summary: round(summary.velocity_error, 3))}.",
-        f"Fewest falls: {_winners(results, lambda summary: summary.falls)}.",
+@dataclass(frozen=True)
+class Finding:
+    """What one policy's difference from the baseline is in one metric on one axis."""
+
+    metric: str
+    kind: str
+    """BETTER, WORSE or UNSHOWN."""
+    axis: str
+    text: str
+    """The largest difference with both figures and the count of levels."""
+    size: float
+    """Of the largest difference; of a breaking point, its factor's logarithm."""
+
+
+def headline(results: Results) -> list[list[str]]:
+    """Sentences on each policy: on which axes it does better and worse than the baseline; then its largest differences.
+
+    Without another policy, what the only one did on each axis.
+    """
+    paragraphs = [sentences for policy in _others(results) if (sentences := list(_lead(results, policy)))]
+    return paragraphs or [_absolute(results, baseline_of(results))]
+
+
+def verdict(results: Results) -> list[tuple[str, list[Finding]]]:
+    """(policy, what is to be said of it against the baseline), the smallest velocity error first."""
+    return [(policy, findings(results, policy)) for policy in _others(results)]
+
+
+def findings(results: Results, policy: str) -> list[Finding]:
+    """Every finding on a policy, falls before errors."""
+    comparisons = [c for c in against_baseline(results) if c.a == policy]
+    found = [
+        finding
+        for metric in WORDS
+        for ladder in ladders(results)
+        for finding in _on(results, ladder, [c for c in comparisons if c.metric == metric])
     ]
+    return [*found, *_breaking(results, policy)]
 
 
-def verdict(results: Results) -> list[tuple[str, list[str]]]:
-    """(policy, what is to be said of it), the smallest velocity error first."""
-    baseline = baseline_of(results)
-    ranked = sorted(results.policies, key=lambda policy: _mean_error(results, policy))
-    return [
-        (policy, _absolute(results, policy) if policy == baseline else _relative(results, policy)) for policy in ranked
-    ]
+def summary(found: Sequence[Finding], metric: str) -> str:
+    """`fewer falls on push and rough; more falls on slope; no difference in falls shown on flat`."""
+    places = {kind: [f.axis for f in found if (f.metric, f.kind) == (metric, kind)] for kind in WORDS[metric]}
+    count = len({finding.axis for finding in found if finding.metric == metric})
+    return "; ".join(f"{WORDS[metric][kind]} on {_named(axes, count)}" for kind, axes in places.items() if axes)
 
 
-def _winners(results: Results, figure: Callable[[Summary], float]) -> str:
-    """`trot on flat; trot and stand on push`."""
-    places: dict[str, list[str]] = {}
-    for scenario in results.scenarios:
-        figures = {policy: figure(s) for (name, policy), s in results.summaries.items() if name == scenario}
-        best = min(figures.values())
-        winners = listed([policy for policy, value in figures.items() if value == best])
-        places.setdefault(winners, []).append(scenario)
-    return "; ".join(f"{winners} on {listed(where)}" for winners, where in places.items())
+def _named(axes: Sequence[str], count: int) -> str:
+    return f"all {count} axes" if len(axes) == count > 3 else listed(axes)
 
 
-def _mean_error(results: Results, policy: str) -> float:
-    return float(np.mean([summary.velocity_error for _, summary in _summaries(results, policy)]))
+def _others(results: Results) -> list[str]:
+    """Policies but the baseline, by the mean of their velocity errors over the scenarios."""
+    errors: dict[str, list[float]] = {policy: [] for policy in results.policies if policy != baseline_of(results)}
+    for (_, policy), figures in results.summaries.items():
+        if policy in errors:
+            errors[policy].append(figures.velocity_error)
+    return sorted(errors, key=lambda policy: sum(errors[policy]) / len(errors[policy]))
+
+
+def _lead(results: Results, policy: str) -> Iterator[str]:
+    found = findings(results, policy)
+    if not found:
+        return
+    yield f"{policy} against {baseline_of(results)}: {summary(found, FALL_RATE)}."
+    for metric in (FALL_RATE, BREAKING_POINT):
+        for kind in (BETTER, WORSE):
+            claims = (finding for finding in found if (finding.metric, finding.kind) == (metric, kind))
+            if strongest := max(claims, key=lambda finding: finding.size, default=None):
+                yield f"{strongest.text}."
 
 
 def _absolute(results: Results, policy: str) -> list[str]:
     """What a policy did, without comparing it."""
-    summaries = _summaries(results, policy)
-    errors = listed([f"{number(s.velocity_error, 2)} on {scenario}" for scenario, s in summaries])
-    falls = listed([f"{s.falls} of {s.episodes} on {scenario}" for scenario, s in summaries])
-    return [f"Velocity error, m/s: {errors}.", f"Falls: {falls}."]
+    found = []
+    for ladder in ladders(results):
+        shares = [
+            f"{share(summary.fall_rate, summary.fall_rate_ci)} on {place(level)}"
+            for level in dict.fromkeys((ladder.levels[0], ladder.levels[-1]))
+            if (summary := results.summaries.get((level.name, policy)))
+        ]
+        found.append(f"{policy} falls in {listed(shares)}.")
+    return found
 
 
-def _relative(results: Results, policy: str) -> list[str]:
-    """How a policy compares with the baseline, in tracking and in falls."""
-    comparisons = [comparison for comparison in against_baseline(results) if comparison.a == policy]
-    if not comparisons:
-        return _absolute(results, policy)
-    name = comparisons[0].b
-    tracking = _claims(
-        results,
-        [comparison for comparison in comparisons if comparison.metric == "velocity_error"],
-        (f"smaller than {name}'s", f"larger than {name}'s"),
-        lambda a, b: f"{number(a.velocity_error, 2)} against {number(b.velocity_error, 2)}",
-    )
-    falls = _claims(
-        results,
-        [comparison for comparison in comparisons if comparison.metric == FALL_RATE],
-        (f"fewer than {name}", f"more than {name}"),
-        lambda a, b: f"{a.falls} against {b.falls} of {a.episodes}",
-    )
-    return [f"Velocity error, m/s: {tracking}.", f"Falls: {falls}."]
+def _breaking(results: Results, policy: str) -> Iterator[Finding]:
+    """What is known of the ratios of its breaking points to the baseline's; nothing where either has none."""
+    limits = {(limit.axis, limit.policy): limit for limit in results.breaking_points}
+    for ratio in results.breaking_point_ratios:
+        if (ratio.a, ratio.b) != (policy, baseline_of(results)):
+            continue
+        mine, other = limits[ratio.axis, ratio.a], limits[ratio.axis, ratio.b]
+        rising = mine.hardest == mine.highest
+        larger, smaller = ratio.ci[0] > 1.0, ratio.ci[1] < 1.0
+        kind = UNSHOWN if not (larger or smaller) else BETTER if larger == rising else WORSE
+        text = (
+            f"{ratio.a} breaks on {ratio.axis} at {words(mine)}, {ratio.b} at {words(other)}: "
+            f"{times(ratio.ratio, ratio.ci)}"
+        )
+        yield Finding(BREAKING_POINT, kind, ratio.axis, text, abs(math.log(ratio.ratio)))
 
 
-def _claims(results: Results, comparisons: list[Comparison], words: tuple[str, str], figure: Figure) -> str:
-    """Where the policy is better, where worse, and where no difference is shown."""
-    better, worse, unshown = *words, "no difference shown"
-    places: dict[str, list[str]] = {better: [], worse: [], unshown: []}
-    for c in comparisons:
-        key = (better if c.difference < 0.0 else worse) if c.significant else unshown
-        figures = figure(results.summaries[c.scenario, c.a], results.summaries[c.scenario, c.b])
-        places[key].append(f"{c.scenario} ({figures}, {p_value(c.p_value_holm)})")
-    return "; ".join(f"{key} on {listed(where)}" for key, where in places.items() if where)
+def _on(results: Results, ladder: Ladder, comparisons: Sequence[Comparison]) -> Iterator[Finding]:
+    """What the comparisons of one metric show on one axis; better on some levels and worse on others gives two."""
+    by_scenario = {c.scenario: c for c in comparisons}
+    levels = [by_scenario[level.name] for level in ladder.levels if level.name in by_scenario]
+    if not levels:
+        return
+    metric = levels[0].metric
+    claims = {
+        BETTER: [c for c in levels if c.significant and c.difference < 0.0],
+        WORSE: [c for c in levels if c.significant and c.difference > 0.0],
+    }
+    for kind, claimed in claims.items():
+        if claimed:
+            largest = max(claimed, key=lambda c: abs(c.difference))
+            among = f"; {WORDS[metric][kind]} at {len(claimed)} of {len(levels)} levels" if len(levels) > 1 else ""
+            text = f"{_figures(results, ladder, largest)}{among}"
+            yield Finding(metric, kind, ladder.name, text, abs(largest.difference))
+    if not any(claims.values()):
+        yield Finding(metric, UNSHOWN, ladder.name, "", 0.0)
 
 
-def _summaries(results: Results, policy: str) -> list[tuple[str, Summary]]:
-    return [(scenario, summary) for (scenario, name), summary in results.summaries.items() if name == policy]
+def _figures(results: Results, ladder: Ladder, c: Comparison) -> str:
+    """`residual falls in 3 % [1, 6] of episodes on push at 50 N·s, where trot falls in 41 % [36, 47]`."""
+    a, b = (results.summaries[c.scenario, policy] for policy in (c.a, c.b))
+    level = next(level for level in ladder.levels if level.name == c.scenario)
+    if c.metric == FALL_RATE:
+        mine, other = share(a.fall_rate, a.fall_rate_ci), share(b.fall_rate, b.fall_rate_ci)
+        return f"{c.a} falls in {mine} of episodes on {place(level)}, where {c.b} falls in {other}"
+    mine, other = number(a.velocity_error), number(b.velocity_error)
+    return f"{c.a} is {mine} m/s off its command on {place(level)}, where {c.b} is {other} m/s off"

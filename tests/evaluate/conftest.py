@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from evaluate.__main__ import main
+from evaluate.battery import resolve
 from evaluate.experiment import Cell
 from evaluate.metrics import Measures
+from evaluate.results import Results, analyse
 from quad_env import SCENARIOS as NOMINAL
 from quad_env import Scenario
 
@@ -65,3 +67,39 @@ def outcomes(policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"]
 def made_up_cell() -> Callable[..., Cell]:
     """Makes a cell of outcomes that a test chooses: policy, fell, error, scenario, first seed."""
     return outcomes
+
+
+def fallen(policy: str, scenario: str, falls: int, error: Sequence[float]) -> Cell:
+    """Episodes of which the first so many fell after 2 s; nobody was pushed."""
+    count = len(error)
+    fell = np.arange(count) < falls
+    cell = outcomes(policy, fell, error, resolve((scenario,))[0])
+    measures = dataclasses.replace(
+        cell.measures,
+        fall_time=np.where(fell, 2.0, np.nan),
+        commands=np.full((count, 1, 3), np.nan),
+        mean_velocities=np.full((count, 1, 3), np.nan),
+        duty_factor=np.full((count, 4), np.nan),
+        push_impulse=np.empty((count, 0, 2)),
+        **dict.fromkeys(("push_time", "push_phase", "push_fell", "push_recovery"), np.empty((count, 0))),
+    )
+    return dataclasses.replace(cell, fall_reason=np.where(fell, "tilt", None), measures=measures)
+
+
+@pytest.fixture(scope="session")
+def made() -> Results:
+    """Trot and another policy: fewer falls on three of four pushes, more on rough, none on flat."""
+    falls = {
+        "flat": (0, 0),
+        "push:1": (0, 0),
+        "push:3": (20, 2),
+        "push:5": (34, 17),
+        "push:6": (38, 28),
+        "rough": (2, 22),
+    }
+    cells = [
+        fallen(policy, scenario, count, 0.1 + 0.002 * np.arange(40) - 0.05 * (policy == "other"))
+        for scenario, both in falls.items()
+        for policy, count in zip(("trot", "other"), both, strict=True)
+    ]
+    return analyse(cells, seed=0, episodes=40, complete=True)

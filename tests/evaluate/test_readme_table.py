@@ -16,7 +16,14 @@ CELL = {
     "yaw_rate_error_ci": [0.19, 0.21],
     "mean_velocity_error": 0.05,
 }
+POINT = {"axis": "push", "unit": "N·s", "lowest": 20.0, "highest": 100.0, "hardest": 100.0}
+POINTS = [
+    POINT | {"policy": "trot", "severity50": 48.2, "ci": [45.0, None], "found": "crossed"},
+    POINT | {"policy": "stand", "severity50": None, "ci": [None, None], "found": "never"},
+    POINT | {"axis": "soft", "policy": "stand", "severity50": None, "ci": [None, None], "found": "always", "unit": "m"},
+]
 FOUND = {
+    "breaking_points": [],
     "episodes": 128,
     "seed": 0,
     "versions": {"mujoco": "4.0.0", "python": "3.11.7"},
@@ -29,6 +36,19 @@ def test_a_row_for_each_policy_on_each_scenario() -> None:
     assert [row.split("|")[2].strip() for row in rows] == ["`trot`", "`stand`"]
     assert "25" in rows[0]
     assert "0.123" in rows[0]
+
+
+def test_breaking_points_are_a_table_of_axes_and_policies() -> None:
+    text = table(FOUND | {"breaking_points": POINTS}).replace("\u00a0", " ")
+    assert "| push, N·s | 48.2 N·s [45, > 100] | none up to 100 N·s |" in text
+    assert "| soft, m | – | already at 20 m |" in text
+    assert "half of the episodes fall" not in table(FOUND)
+
+
+def test_of_a_whole_battery_three_scenarios_are_shown() -> None:
+    scenarios = dict.fromkeys(("flat", "push:1", "push", "rough", "ice"), CELL)
+    rows = table(FOUND | {"policies": {"trot": {"scenarios": scenarios}}}).splitlines()[2:]
+    assert [row.split("|")[1].strip() for row in rows if row.startswith("| ")] == ["flat", "push", "rough"]
 
 
 def test_only_what_is_between_the_markers_changes() -> None:

@@ -1,0 +1,121 @@
+"""The film of the report: which episode it shows, and how it gets into the page."""
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from evaluate.format import counted
+from evaluate.ladders import place
+from evaluate.report.camera import FRAMES, STEPS_PER_FRAME, Shot
+from evaluate.report.drawing import cell_of
+from evaluate.report.figures import named
+from evaluate.report.html import image, note, section
+from evaluate.results import Results
+from quad_env.config import TaskConfig
+from quad_env.scenarios import Scenario
+from quad_env.terrain import Flat
+
+LIMIT = 120.0
+"""s that filming may take"""
+AFTERMATH = 1.5
+"""s shown after the last fall"""
+DT = 1.0 / TaskConfig().control_rate
+"""Control step, s."""
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+class NoFilm(Exception):
+    """Nothing can be filmed here; says why."""
+
+
+@dataclass(frozen=True)
+class Take:
+    """The stretch of an episode that is shown."""
+
+    scenario: Scenario
+    episode: int
+    seed: int
+    first_step: int
+
+
+def footage(results: Results) -> str:
+    """The section with the film, or with the reason why there is none."""
+    take = choose(results)
+    if take is None:
+        return ""
+    what = (
+        f"Episode {take.episode} of {place(take.scenario)}, seed {take.seed}, "
+        f"{take.first_step * DT:g} … {(take.first_step + FRAMES * STEPS_PER_FRAME) * DT:g} s, in real time: the first "
+        "on level ground that splits the policies most evenly into fallen and not, about the last fall."
+    )
+    try:
+        strips = shoot(results.policies, take)
+    except NoFilm as reason:
+        return section("The same episode", note(f"No film: {reason}."))
+    tiles = (
+        f"<figure>{_screen(strip, policy)}<figcaption>{named(results, policy)}</figcaption></figure>"
+        for policy, strip in zip(results.policies, strips, strict=True)
+    )
+    timing = f"--frames: {FRAMES}; --length: {FRAMES * STEPS_PER_FRAME * DT:g}s"
+    switch = '<label class="pause"><input type="checkbox"> pause</label>'
+    return section("The same episode", note(what), f'<div class="film" style="{timing}">{switch}{"".join(tiles)}</div>')
+
+
+def choose(results: Results) -> Take | None:
+    """The first episode that splits the policies most evenly, on level ground if any is; None without a whole one."""
+    takes = [take for scenario in _scenarios(results) if (take := _most_even(results, scenario))]
+    return min(takes, key=lambda take: take[0])[1] if takes else None
+
+
+def shoot(names: tuple[str, ...], take: Take) -> list[bytes]:
+    """The strips of frames of the policies; NoFilm says why there are none."""
+    shots = [Shot(name, take.scenario, take.seed, take.first_step) for name in names]
+    paths = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "evaluate.report.camera", folder]
+        try:
+            done = subprocess.run(
+                command,
+                input=pickle.dumps(shots),
+                capture_output=True,
+                timeout=LIMIT,
+                env=os.environ | {"PYTHONPATH": paths},
+            )
+        except (OSError, subprocess.TimeoutExpired, pickle.PicklingError) as error:
+            raise NoFilm(str(error)) from error
+        if done.returncode != 0:
+            lines = done.stderr.decode(errors="replace").strip().splitlines()
+            raise NoFilm(f"rendering is impossible here ({lines[-1] if lines else f'exit code {done.returncode}'})")
+        return [(Path(folder) / f"{number}.webp").read_bytes() for number in range(len(shots))]
+
+
+def _screen(strip: bytes, policy: str) -> str:
+    described = f"{counted(FRAMES, 'frame')} of {policy}"
+    return f'<div class="screen">{image(strip, escape(described), "webp")}</div>'
+
+
+def _scenarios(results: Results) -> list[Scenario]:
+    scenarios = list({cell.scenario.name: cell.scenario for cell in results.cells}.values())
+    return [scenario for scenario in scenarios if isinstance(scenario.terrain, Flat)] or scenarios
+
+
+def _most_even(results: Results, scenario: Scenario) -> tuple[int, Take] | None:
+    """How far from even the scenario's most even episode is, and its stretch."""
+    cells = [cell_of(results, scenario.name, policy) for policy in results.policies]
+    whole = [cell for cell in cells if cell is not None]
+    if len(whole) < len(cells):
+        return None
+    fell = np.array([cell.measures.fell for cell in whole])
+    unevenness = np.abs(2 * fell.sum(axis=0) - len(whole))
+    episode = int(unevenness.argmin())
+    times = [cell.measures.fall_time[episode] for cell in whole if cell.measures.fell[episode]]
+    end = min(max(times, default=2.0) + AFTERMATH, 10.0)
+    first = max(0, round(end / DT) - FRAMES * STEPS_PER_FRAME)
+    return int(unevenness[episode]), Take(scenario, episode, int(whole[0].seeds[episode]), first)

@@ -1,0 +1,64 @@
+"""Pieces of HTML: tables, images, folds. Every argument called text is escaped here, every other is ready HTML."""
+
+import base64
+from collections.abc import Iterable
+from html import escape
+
+BEST = "!"
+"""A cell that starts with it is shaded."""
+
+
+def section(title: str, *parts: str, anchor: str = "") -> str:
+    """A section of the page; empty without parts."""
+    body = "".join(parts)
+    identity = f' id="{escape(anchor)}"' if anchor else ""
+    return f"<section{identity}><h2>{title}</h2>{body}</section>\n" if body else ""
+
+
+def fold(summary: str, body: str, *, opened: bool = False, printed: bool = False) -> str:
+    """Something that opens on a click; on paper only if it is open or `printed`; empty without a body."""
+    state = (' class="printed"' if printed else "") + (" open" if opened else "")
+    return f"<details{state}><summary>{summary}</summary>{body}</details>" if body else ""
+
+
+def note(text: str) -> str:
+    """A line in small soft type."""
+    return f'<p class="note">{escape(text)}</p>'
+
+
+def table(heads: Iterable[str], rows: Iterable[Iterable[str]], kind: str = "") -> str:
+    """A table that scrolls within itself where a phone is too narrow."""
+    head = "".join(f"<th>{text}</th>" for text in heads)
+    body = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
+    named = f' class="{kind}"' if kind else ""
+    return f'<div class="wide"><table{named}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def heading(name: str, unit: str) -> str:
+    """A column's name with its unit below."""
+    return f"{name}<small>{unit}</small>" if unit else name
+
+
+def breakable(text: str) -> str:
+    """A name that may break where a phone needs it to."""
+    return escape(text).replace("_", "_<wbr>").replace("/", "/<wbr>")
+
+
+def mark(colour: str, glyph: str) -> str:
+    """A policy's mark in its colour."""
+    return f'<span class="mark" style="color:{colour}">{glyph}</span>'
+
+
+def image(data: bytes, description: str, kind: str = "svg+xml") -> str:
+    """An image that travels within the page."""
+    source = base64.b64encode(data).decode()
+    return f'<img alt="{escape(description)}" src="data:image/{kind};base64,{source}">'
+
+
+def grid(images: Iterable[str], columns: int) -> str:
+    """Images in so many columns; on a phone one below the other."""
+    return f'<div class="plots" style="--columns: {max(2, min(columns, 4))}">{"".join(images)}</div>'
+
+
+def _cell(text: str) -> str:
+    return f'<td class="best">{text[1:]}</td>' if text.startswith(BEST) else f"<td>{text}</td>"

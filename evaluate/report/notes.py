@@ -1,0 +1,25 @@
+"""How the figures were made: what a reader has to know before believing them."""
+
+NOTES = (
+    "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
+    "terrain. They come from a family of seeds that training and parameter searches never draw from.",
+    "Velocity and yaw-rate error are means over the control steps after an episode's first second, in the heading "
+    "frame. A step's error is capped at 2 m/s and 3 rad/s, and every step from a fall to the time limit counts the "
+    "cap, so that falling early never pays.",
+    "Mean velocity error compares the command with the mean velocity over each command interval after its first "
+    "second: a gait is not billed for swaying within a stride. Falls are billed likewise.",
+    "A divergence of the simulation counts as a fall. A time-out does not.",
+    "Cost of transport is the energy of all episodes, ∑|torque · joint speed| before a fall, over weight times "
+    "distance, where the distance of a command interval is its time times its mean planar speed: swaying on the spot "
+    "covers none.",
+    "Intervals are 95 %: Wilson for falls, bootstrap (BCa) over episodes for means, Tango's score interval for "
+    "differences of falls. Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation "
+    "for means. p-values are corrected by Holm's method, metric by metric, over the comparisons with the baseline on "
+    "every scenario of the run; those of the other pairs are families of their own. A difference is claimed below "
+    "0.05: the chance of any false claim in a family is then at most 5 %. Where none is claimed there may still be one "
+    "that so many episodes cannot show.",
+    "A breaking point is where a logistic curve with a floor and a lapse, fitted to the falls over the logarithm of "
+    "severity, crosses one half; its interval is a bootstrap over episodes, which are the same at every level and for "
+    "every policy, so that ratios of breaking points are paired too.",
+    "The intervals speak of episodes, not of training: another training seed gives another policy.",
+)

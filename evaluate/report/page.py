@@ -1,0 +1,109 @@
+"""The whole page, section by section."""
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+from evaluate.format import counted, listed
+from evaluate.judgement import Verdict
+from evaluate.ladders import ladders
+from evaluate.report import drawing
+from evaluate.report.disturbances import disturbances
+from evaluate.report.figures import named
+from evaluate.report.footage import footage
+from evaluate.report.gait_section import gaits
+from evaluate.report.gate_section import gates
+from evaluate.report.html import fold, note, section
+from evaluate.report.measures_section import definitions
+from evaluate.report.notes import NOTES
+from evaluate.report.overview import overview
+from evaluate.report.response_section import responses
+from evaluate.report.training_section import training
+from evaluate.report.worst import worst_episodes
+from evaluate.results import Results
+from evaluate.table import baseline_of
+from evaluate.verdict import UNSHOWN, WORDS, Finding, headline, summary, verdict
+from policies.files import write_atomically
+
+FEW_AXES = 4
+"""Up to so many axes the findings are unfolded."""
+
+
+def write_report(results: Results, path: Path, *, film: bool = False, verdicts: Sequence[Verdict] = ()) -> None:
+    """Write report.html; filming takes a few seconds, and the page says why where it is impossible."""
+    write_atomically(path, render(results, path.parent, film=film, verdicts=verdicts).encode())
+
+
+def render(results: Results, folder: Path, *, film: bool = False, verdicts: Sequence[Verdict] = ()) -> str:
+    """The whole page; `folder` is where the results are, for the commands that the page names."""
+    css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
+    with drawing.settings():
+        sections = (
+            _outcome(results),
+            gates(verdicts),
+            overview(results),
+            disturbances(results),
+            footage(results) if film else "",
+            gaits(results),
+            responses(results),
+            training(results),
+            worst_episodes(results, folder),
+            _notes(results),
+        )
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>SimpleQuad: comparison of policies</title><style>{css}</style></head>\n<body>\n"
+        f"{_head(results)}\n{''.join(sections)}</body></html>\n"
+    )
+
+
+def _head(results: Results) -> str:
+    warning = (
+        ""
+        if results.complete
+        else '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
+    )
+    axes = listed([escape(ladder.name) for ladder in ladders(results)])
+    legend = "".join(f"<li>{named(results, policy)}{_role(results, policy)}</li>" for policy in results.policies)
+    return (
+        f"<h1>{escape(listed(results.policies))}</h1>"
+        f'<p class="soft">{counted(results.episodes, "episode")} of each policy on each of '
+        f"{counted(len(results.scenarios), 'scenario')}: {axes}. Seed {results.seed}.</p>{warning}"
+        f'<ul class="legend">{legend}</ul>'
+    )
+
+
+def _role(results: Results, policy: str) -> str:
+    return " <small>(baseline)</small>" if policy == baseline_of(results) and len(results.policies) > 1 else ""
+
+
+def _outcome(results: Results) -> str:
+    first = "".join(
+        f"<p><strong>{escape(lead)}</strong> {escape(' '.join(rest))}</p>" for lead, *rest in headline(results)
+    )
+    return section(
+        "Outcome",
+        first,
+        *(_findings(results, policy, found) for policy, found in verdict(results)),
+    )
+
+
+def _findings(results: Results, policy: str, found: list[Finding]) -> str:
+    summaries = [f"<li>{escape(text[0].upper() + text[1:])}.</li>" for m in WORDS if (text := summary(found, m))]
+    claims = [f'<li class="{f.kind}">{escape(f.text)}.</li>' for f in found if f.kind != UNSHOWN]
+    title = f"{named(results, policy)} against {escape(baseline_of(results))}"
+    body = f"<ul>{''.join(summaries)}</ul>" + (f"<ul>{''.join(claims)}</ul>" if claims else "")
+    return fold(title, body, opened=len(ladders(results)) <= FEW_AXES, printed=True) if found else ""
+
+
+def _notes(results: Results) -> str:
+    notes = "".join(f"<li>{escape(text)}</li>" for text in NOTES)
+    made_with = "; ".join(f"{name} {version or 'unknown'}" for name, version in results.versions.items())
+    return section(
+        "How it was measured",
+        f"<ul>{notes}</ul>",
+        fold("Every measure: unit, frame, formula, source", definitions(), printed=True),
+        note(f"Made with {made_with}."),
+        note("Beside this page: results.json (these figures), episodes.parquet (a row an episode)."),
+    )

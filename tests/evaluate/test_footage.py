@@ -1,0 +1,54 @@
+"""The film: which episode it shows, and that the page comes out where nothing can be rendered."""
+
+import dataclasses
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evaluate.report.camera import FRAMES, HEIGHT, WIDTH, Shot, film
+from evaluate.report.footage import choose, footage
+
+
+def test_it_shows_the_first_episode_that_splits_the_policies_most_evenly(made) -> None:
+    """On level ground: trot alone falls in episodes 2 … 19 of push:3, and in 28 … 37 of push:6."""
+    take = choose(made)
+    assert take is not None
+    assert (take.scenario.name, take.episode, take.seed) == ("push:3", 2, 2)
+    assert take.first_step == 0  # the fall after 2 s, and what follows, are within the first 4 s
+
+
+def test_it_shows_what_led_to_a_late_fall(made) -> None:
+    late = [
+        dataclasses.replace(c, measures=dataclasses.replace(c.measures, fall_time=c.measures.fall_time + 5.0))
+        for c in made.cells
+    ]
+    take = choose(dataclasses.replace(made, cells=tuple(late)))
+    assert take is not None
+    assert take.first_step == 450  # 7 s and 1.5 s more, less 4 s
+
+
+def test_without_a_scenario_that_every_policy_ran_there_is_none(made) -> None:
+    alone = tuple(c for c in made.cells if c.policy == "trot" and c.scenario.name != "rough")
+    other = tuple(c for c in made.cells if c.policy == "other" and c.scenario.name == "rough")
+    assert choose(dataclasses.replace(made, cells=alone + other)) is None
+
+
+def test_where_nothing_can_be_rendered_the_page_says_so(made, monkeypatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "nonsense")
+    cells = tuple(dataclasses.replace(c, policy="stand" if c.policy == "other" else c.policy) for c in made.cells)
+    page = footage(dataclasses.replace(made, cells=cells))
+    assert "No film: rendering is impossible here" in page
+    assert "nonsense" in page
+
+
+@pytest.mark.rendering
+def test_a_film_shows_the_robot_moving(made) -> None:
+    scenario = next(c.scenario for c in made.cells if c.scenario.name == "flat")
+    with Image.open(io.BytesIO(film(Shot("trot", scenario, 5, 100)))) as image:
+        strip = np.asarray(image.convert("RGB")).astype(int)
+    assert strip.shape == (FRAMES * HEIGHT, WIDTH, 3)
+    frames = strip.reshape(FRAMES, HEIGHT, WIDTH, 3)
+    assert frames.std(axis=(1, 2)).min() > 5.0
+    assert (np.abs(np.diff(frames, axis=0)).max(axis=-1) > 40).mean(axis=(1, 2)).min() > 0.001

@@ -1,0 +1,33 @@
+"""report.md: the outcome first, gates by name, figures folded."""
+
+from evaluate.gates import parse
+from evaluate.judgement import judge
+from evaluate.markdown import render
+
+
+def test_the_outcome_comes_first_and_figures_are_folded(made) -> None:
+    text = render(made).replace("\u00a0", " ")
+    assert text.index("fewer falls on push; more falls on rough") < text.index("<details>")
+    assert "| 50 N·s | `trot` | 50 % [35, 65] | 0.139 [" in text
+    assert text.count("<details>") == text.count("</details>") == 1 + 3  # a policy in words, three axes
+    assert "Gates" not in text
+
+
+def test_every_row_of_a_table_has_as_many_cells_as_its_head(made) -> None:
+    rows = [line for line in render(made).splitlines() if line.startswith("|")]
+    assert len(rows) == 3 * 2 + 6 * 2
+    assert {row.count("|") for row in rows} == {6}
+
+
+def test_a_failed_gate_says_where_and_why(made) -> None:
+    verdicts = judge([parse("other falls <= trot"), parse("trot diverged <= 0")], made)
+    text = render(made, verdicts).replace("\u00a0", " ")
+    assert "- `other falls <= trot`: failed on 1 of 6 scenarios\n  - rough: 55 % against 5.0 % of trot" in text
+    assert "- `trot diverged <= 0`: passed" in text
+
+
+def test_an_interrupted_run_says_so(made) -> None:
+    import dataclasses
+
+    assert "Interrupted" in render(dataclasses.replace(made, complete=False))
+    assert "Interrupted" not in render(made)
