@@ -14,7 +14,15 @@ from evaluate.improvement import (
     probability_of_improvement,
 )
 from evaluate.significance import fall_rates_test, mcnemar, relabelling_test, sign_flip_test
-from evaluate.statistics import Bools, Floats, Interval, bootstrap_interval, share_difference_interval, wilson_interval
+from evaluate.statistics import (
+    Bools,
+    Floats,
+    Interval,
+    bootstrap_interval,
+    difference_interval,
+    share_difference_interval,
+    wilson_interval,
+)
 from evaluate.synthetic import LARGE, Axis, Episodes, episodes, mean_error
 
 COVERS = (0.93, 0.97)
@@ -57,7 +65,7 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
         "Wilson, falls": partial(_fall_rate, count, fall_probability),
         "BCa bootstrap, mean error": partial(_mean, count, fall_probability),
         "score, paired difference of falls": partial(_fall_difference, count, fall_probability),
-        "BCa bootstrap, paired difference of errors": partial(_mean_difference, count, fall_probability),
+        "bootstrap, paired difference of errors": partial(_mean_difference, count, fall_probability),
         "bootstrap, interquartile mean": partial(_interquartile_mean, count, fall_probability),
         "score, improvement by episode": partial(_improvement_by_episode, count, fall_probability),
         "bootstrap, probability of improvement": partial(_improvement, count, fall_probability),
@@ -170,7 +178,7 @@ def _fall_difference(count: int, fall_probability: float, generator: np.random.G
 
 def _mean_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     a, b = _two(generator, count, fall_probability).error
-    return _within(bootstrap_interval(a - b), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
+    return _within(difference_interval(a - b), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
 
 
 @cache

@@ -9,7 +9,7 @@ import numpy as np
 from evaluate.experiment import Cell
 from evaluate.improvement import improvement_by_episode
 from evaluate.significance import holm, mcnemar, sign_flip_test
-from evaluate.statistics import Floats, Interval, bootstrap_interval, share_difference_interval
+from evaluate.statistics import Floats, Interval, difference_interval, share_difference_interval
 
 BASELINE = "trot"
 FALL_RATE = "fall_rate"
@@ -94,7 +94,7 @@ def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
     yield _comparison(a, b, FALL_RATE, *falls, interval, mcnemar(fell_a, fell_b), "exact McNemar")
     for metric in ERRORS:
         values_a, values_b = getattr(a.measures, metric), getattr(b.measures, metric)
-        interval = bootstrap_interval(values_a - values_b)
+        interval = difference_interval(values_a - values_b)
         p_value = sign_flip_test(values_a - values_b)
         yield _comparison(a, b, metric, values_a, values_b, interval, p_value, "paired sign-flip permutation")
 

@@ -77,13 +77,11 @@ def bootstrap_interval(values: Floats, seed: int = 0) -> Interval:
     Values that are all the same, but for rounding, leave nothing to resample: the interval is then that value.
     `scipy.stats.bootstrap(method="BCa")` gives the same; resamples that are kept are four times faster.
     """
-    if len(values) < 2:
-        return (np.nan, np.nan)
-    if np.ptp(values) <= 1e-9 * np.abs(values).max():
-        return (float(values.min()), float(values.max()))
     from scipy.special import ndtr, ndtri
 
-    sums = np.concatenate([counts @ values for counts in resamples(len(values), RESAMPLES, seed)])
+    if (alike := _alike(values)) is not None:
+        return alike
+    sums = _resampled_sums(values, seed)
     below, not_above = (sums < values.sum()).mean(), (sums <= values.sum()).mean()
     bias = ndtri((below + not_above) / 2)
     deviation = values - values.mean()
@@ -91,6 +89,37 @@ def bootstrap_interval(values: Floats, seed: int = 0) -> Interval:
     tails = bias + ndtri([0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
     low, high = np.quantile(sums, ndtr(bias + tails / (1.0 - acceleration * tails))) / len(values)
     return (float(low), float(high))
+
+
+def difference_interval(differences: Floats, seed: int = 0) -> Interval:
+    """Bootstrap interval of the mean of paired differences; (NaN, NaN) for fewer than two pairs.
+
+    Percentiles, moved outwards as far as Student's t lies outside the normal distribution and n outside n − 1
+    (Hesterberg 2015, The American Statistician 69). Not BCa: most of a difference is the few episodes in which one
+    policy fell, either way round, and from those it estimates a skewness that is hardly there: with 64 episodes, of
+    which a tenth fall, it covers 90 % instead of 95 % (`python -m evaluate.calibration`).
+    """
+    from scipy.special import ndtr, stdtrit
+
+    if (alike := _alike(differences)) is not None:
+        return alike
+    pairs = len(differences)
+    tail = ndtr(-np.sqrt(pairs / (pairs - 1)) * stdtrit(pairs - 1, 0.5 + CONFIDENCE / 2))
+    low, high = np.quantile(_resampled_sums(differences, seed), [tail, 1.0 - tail]) / pairs
+    return (float(low), float(high))
+
+
+def _alike(values: Floats) -> Interval | None:
+    """The interval of values that cannot be resampled, if they are such."""
+    if len(values) < 2:
+        return (np.nan, np.nan)
+    if np.ptp(values) <= 1e-9 * np.abs(values).max():
+        return (float(values.min()), float(values.max()))
+    return None
+
+
+def _resampled_sums(values: Floats, seed: int) -> Floats:
+    return np.concatenate([counts @ values for counts in resamples(len(values), RESAMPLES, seed)])
 
 
 def percentile_interval(resampled: Floats) -> Interval:

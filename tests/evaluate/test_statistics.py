@@ -8,6 +8,7 @@ from evaluate.statistics import (
     BLOCK_VALUES,
     KEPT_VALUES,
     bootstrap_interval,
+    difference_interval,
     percentile_interval,
     resamples,
     share_difference_interval,
@@ -82,6 +83,26 @@ def test_bootstrap_interval_is_scipys(values) -> None:
     reference = stats.bootstrap((sample,), np.mean, n_resamples=20_000, batch=1000, rng=1).confidence_interval
     width = reference.high - reference.low
     assert bootstrap_interval(sample) == pytest.approx(tuple(reference), abs=0.03 * width)
+
+
+def test_difference_interval_is_students_for_many_differences() -> None:
+    differences = np.random.default_rng(10).normal(0.1, 0.5, 40)
+    low, high = difference_interval(differences)
+    reference = stats.ttest_1samp(differences, 0.0).confidence_interval()
+    assert (low, high) == pytest.approx(tuple(reference), abs=0.03 * (reference.high - reference.low))
+
+
+def test_difference_interval_of_few_pairs_is_wider_than_percentiles() -> None:
+    """Of twelve pairs t is 2.201 instead of 1.960, and 12 / 11 the variance: tails of Φ(−2.299) = 1.076 % each."""
+    differences = np.random.default_rng(12).normal(0.2, 1.0, 12)
+    drawn = differences[np.random.default_rng(11).integers(0, 12, (200_000, 12))].mean(axis=1)
+    expected = np.quantile(drawn, [0.01076, 0.98924])
+    assert difference_interval(differences) == pytest.approx(tuple(expected), abs=0.02 * np.ptp(expected))
+
+
+def test_difference_interval_without_spread_or_pairs() -> None:
+    assert difference_interval(np.full(8, -2.0)) == (-2.0, -2.0)
+    assert np.isnan(difference_interval(np.array([1.0]))).all()
 
 
 def test_percentile_interval_leaves_a_fortieth_at_either_end() -> None:
