@@ -1,5 +1,7 @@
 """The comparison as a table on the terminal."""
 
+from collections.abc import Sequence
+
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
@@ -7,17 +9,61 @@ from rich.table import Table
 
 from evaluate.comparison import ERRORS, FALL_RATE, Comparison, baseline
 from evaluate.format import counted, number, p_value, percent, points
+from evaluate.ladders import Ladder, ladders, place
+from evaluate.limit_text import words
 from evaluate.results import Results
 from evaluate.summary import Summary
 
+MOST_SCENARIOS = 6
+"""Scenarios of which every figure is printed."""
+
 
 def print_results(results: Results, console: Console) -> None:
-    """Print every cell, and every policy's difference from the baseline; 80 columns are enough."""
+    """Print every cell, and every policy's difference from the baseline; 80 columns are enough.
+
+    Of more scenarios than a screen holds, the share of falls on each and the breaking points.
+    """
+    if len(results.scenarios) > MOST_SCENARIOS:
+        graded = [ladder for ladder in ladders(results) if len(ladder.levels) > 1]
+        for ladder in graded:
+            console.print(falls_table(results, ladder))
+        if single := [ladder for ladder in ladders(results) if len(ladder.levels) == 1]:
+            console.print(single_table(results, single))
+        console.print()
+        return
     console.print(summary_table(results))
     if against_baseline(results):
         console.print()
         console.print(difference_table(results))
     console.print()
+
+
+def falls_table(results: Results, ladder: Ladder) -> Table:
+    """Falls in per cent on each level of an axis, and the breaking point."""
+    limits = {limit.policy: limit for limit in results.breaking_points if limit.axis == ladder.name}
+    table = _table(f"[bold]{escape(ladder.name)}[/bold]: falls in % at {escape(ladder.quantity)}")
+    for level in ladder.levels:
+        table.add_column(f"{level.severity:g}", justify="right")
+    if limits:
+        table.add_column("half fall at")
+    for policy in results.policies:
+        found = [results.summaries.get((level.name, policy)) for level in ladder.levels]
+        shares = ["" if summary is None else number(100.0 * summary.fall_rate, 0) for summary in found]
+        where = [words(limits[policy])] if policy in limits else []
+        table.add_row(f" {escape(policy)}", *shares, *where)
+    return table
+
+
+def single_table(results: Results, single: Sequence[Ladder]) -> Table:
+    """Falls in per cent: a scenario a row, a policy a column."""
+    table = _table("falls in %", "scenario")
+    for policy in results.policies:
+        table.add_column(escape(policy), justify="right", overflow="fold")
+    for ladder in single:
+        found = [results.summaries.get((ladder.scenarios[0], policy)) for policy in results.policies]
+        shares = ["" if summary is None else number(100.0 * summary.fall_rate, 0) for summary in found]
+        table.add_row(f" {escape(place(ladder.rungs[0]))}", *shares)
+    return table
 
 
 def summary_table(results: Results) -> Table:
@@ -71,11 +117,11 @@ def difference_table(results: Results) -> Table:
     return table
 
 
-def _table(title: str) -> Table:
+def _table(title: str, first: str = "policy") -> Table:
     table = Table(
         title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
     )
-    table.add_column("policy", overflow="fold")
+    table.add_column(first, overflow="fold")
     return table
 
 

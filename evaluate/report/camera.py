@@ -64,7 +64,7 @@ def film(shot: Shot) -> bytes:
     env.close()
     buffer = io.BytesIO()
     strip = np.concatenate(frames + frames[-1:] * (FRAMES - len(frames)))
-    Image.fromarray(strip).save(buffer, "webp", quality=QUALITY)
+    Image.fromarray(strip).save(buffer, "webp", quality=QUALITY, method=1)
     return buffer.getvalue()
 
 

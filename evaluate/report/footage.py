@@ -22,7 +22,7 @@ from quad_env.config import TaskConfig
 from quad_env.scenarios import Scenario
 from quad_env.terrain import Flat
 
-LIMIT = 120.0
+LIMIT = 300.0
 """s that filming may take"""
 AFTERMATH = 1.5
 """s shown after the last fall"""

@@ -2,7 +2,7 @@
 
 from html import escape
 
-from evaluate.format import ABSENT
+from evaluate.format import ABSENT, NO_BREAK
 from evaluate.ladders import ladders
 from evaluate.limit_text import parts
 from evaluate.limits import Limit
@@ -37,4 +37,4 @@ def overview(results: Results) -> str:
 
 def _cell(limit: Limit) -> str:
     figure, ends = parts(limit)
-    return f"{escape(figure)}<small>{escape(ends)}</small>" if ends else escape(figure)
+    return f"{escape(figure)}<small>{escape(ends.replace(NO_BREAK, ' '))}</small>" if ends else escape(figure)
