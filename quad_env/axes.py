@@ -143,8 +143,16 @@ AXES: dict[str, Axis] = {
             "top commanded forward speed",
             "a leg of 0.6 m at its rated 10 rad/s",
         ),
-        Axis("push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0), _push, 35.0, "impulse of each push", FALLS),
-        Axis("rough", "m", (0.06, 0.12, 0.18, 0.24, 0.32, 0.4), _rough, 0.12, "height from valley to peak", FALLS),
+        Axis(
+            "push",
+            "N·s",
+            (20.0, 35.0, 50.0, 65.0, 80.0, 100.0, 140.0, 200.0),
+            _push,
+            35.0,
+            "impulse of each push",
+            FALLS,
+        ),
+        Axis("rough", "m", (0.06, 0.12, 0.18, 0.24, 0.32, 0.4, 0.5), _rough, 0.12, "height from valley to peak", FALLS),
         Axis(
             "force",
             "N",
