@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Floats
-from policies.contacts import Contacts, duty_factors, on_flat_ground, stance_offsets, wrapped
+from policies.contacts import Contacts, duty_factors, landing_offsets, landings, on_flat_ground, wrapped
 from policies.gait import TURN
 from policies.gaits import Gaits
 
@@ -69,9 +69,11 @@ class Strides:
         return errors
 
     def offset_errors(self) -> Floats:
-        """Measured minus commanded phase of each foot ahead of the first one, cycles, (n, 4)."""
+        """Measured minus commanded phase ahead of the first foot's, cycles, (n, 4); nan if a foot never landed."""
+        cycles = (self.phase[..., None] + self.offsets) % TURN / TURN
+        landed = landings(self.measured, cycles, self.duty)
         commanded = (self.offsets[-1] - self.offsets[-1][:, :1]) / TURN
-        return wrapped(stance_offsets(self.measured, self.phase) - commanded)
+        return wrapped(landing_offsets(landed, self.phase) - commanded)
 
 
 def walked(

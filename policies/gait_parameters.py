@@ -55,16 +55,12 @@ class GaitParameters:
     """Middle of the strides ahead of the hip joints, m."""
     bounce: float = 0.0
     """How far each hip is thrown up while its leg swings, per free flight of that time."""
+    sway: float = 0.0
+    """How far the trunk leans over to the side of the standing feet while those of the other side swing, m."""
     stance_load: float = 0.8
     """Share of its mean load whose give in the joint servos the targets of a standing leg make up for."""
     servo_lead: float = 0.01
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    tilt_gain: float = 0.0
-    """How far the feet stay level when the trunk tilts: 0 not at all, 1 fully."""
-    tilt_damping: float = 0.0
-    """The same per rate of tilt, s."""
-    velocity_gain: float = 0.0
-    """Foothold ahead of the neutral point per velocity beyond the commanded, s."""
     forward_gain: float = 1.0
     """Gait's forward velocity per commanded."""
     forward_bias: float = 0.0
@@ -92,11 +88,9 @@ LIMITS: dict[str, tuple[float, float]] = {
     "stance_width": (0.2, 0.8),
     "stance_shift": (-0.2, 0.2),
     "bounce": (0.0, 2.0),
+    "sway": (-0.2, 0.2),
     "stance_load": (0.0, 3.0),
     "servo_lead": (0.0, 0.1),
-    "tilt_gain": (-2.0, 2.0),
-    "tilt_damping": (-0.5, 0.5),
-    "velocity_gain": (-0.5, 0.5),
     "forward_gain": (-10.0, 10.0),
     "forward_bias": (-1.0, 1.0),
     "lateral_gain": (-10.0, 10.0),

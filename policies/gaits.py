@@ -43,8 +43,6 @@ TARGET_RATE_LIMIT = 25.0
 """No joint target moves faster, in a gait or between two, rad/s."""
 LONGEST_REACH = 0.2
 """Farthest that a foot goes from under its place, forward and sideways each, m."""
-LARGEST_TILT_CORRECTION = 0.06
-"""Of a leg's length by the attitude feedback, m."""
 CLOSE = 0.005
 """How far from its place a foot may come to rest, forward and sideways each, m."""
 _REACH = CONTROL_PERIOD * np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
@@ -70,6 +68,8 @@ class Beat(NamedTuple):
     """s, (n, 1)."""
     stance_time: Floats
     """s, (n, 1)."""
+    sway: Floats
+    """How far the left feet are in the air and the right ones not, -1 to 1, by the first harmonic; (n, 1)."""
 
 
 class Gaits(GaitedPolicy):
@@ -199,15 +199,15 @@ class Gaits(GaitedPolicy):
         values = self._change.values
         p = Columns(values)
         beat = self._beat(values)
-        correction = self._level(observation, p)
-        self._move_feet(beat, p, self._mapped(p), observation)
+        self._move_feet(beat, p, self._mapped(p))
         _, lift = swing_path(beat.cycle.progress, self.path)
-        z = np.where(self._swing, p.step_height * lift, 0.0) - p.body_height + correction
+        z = np.where(self._swing, p.step_height * lift, 0.0) - p.body_height
         z = z - hip_height(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
-        hip, thigh, calf = leg_angles(self._x, self._y, z)
+        y = self._y + p.sway * beat.sway
+        hip, thigh, calf = leg_angles(self._x, y, z)
         share = load(LegCycle(self._swing, beat.cycle.progress))
         force = share * p.stance_load * (MASS * GRAVITY / 4.0 / self._duty[:, None])
-        joints = np.stack(held_up(hip, thigh, calf, self._x, self._y, force), axis=-1).reshape(-1, NUM_JOINTS)
+        joints = np.stack(held_up(hip, thigh, calf, self._x, y, force), axis=-1).reshape(-1, NUM_JOINTS)
         ahead = p.servo_lead / CONTROL_PERIOD * (joints - self._joints)
         self._joints = joints
         return to_actions(joints + ahead)
@@ -227,7 +227,9 @@ class Gaits(GaitedPolicy):
         self._left_x = np.where(starting, self._x, self._left_x)
         self._left_y = np.where(starting, self._y, self._left_y)
         self._window, self._swing = window, swing
-        return Beat(LegCycle(window, progress), (1.0 - duty) / rate, duty / rate)
+        to_side = SIDE * np.cos(TURN * (fraction - 0.5 * (1.0 - duty)))
+        sway = 0.5 * (to_side[:, 0] + to_side[:, 1] + to_side[:, 2] + to_side[:, 3])
+        return Beat(LegCycle(window, progress), (1.0 - duty) / rate, duty / rate, sway[:, None])
 
     def _in_place(self, values: Floats) -> Mask:
         """Which feet are where they belong at rest, (n, 4)."""
@@ -245,20 +247,15 @@ class Gaits(GaitedPolicy):
             p.yaw_gain * yaw_rate + p.yaw_per_lateral * lateral,
         )
 
-    def _move_feet(
-        self, beat: Beat, p: Columns, velocity: tuple[Floats, Floats, Floats], observation: NDArray[np.float32]
-    ) -> None:
+    def _move_feet(self, beat: Beat, p: Columns, velocity: tuple[Floats, Floats, Floats]) -> None:
         """Carry the feet on by a tick: on the ground at -(v + ω × r), through the air to the next foothold."""
         forward, lateral, yaw_rate = velocity
         middle_x, middle_y = _middle(p)
         ahead_x = forward - yaw_rate * (HIP_POSITIONS[:, 1] + middle_y)
         ahead_y = lateral + yaw_rate * (HIP_POSITIONS[:, 0] + middle_x)
-        measured = observation[:, OBSERVATION["linear_velocity"]].astype(np.float64)
-        capture_x = p.velocity_gain * (measured[:, 0, None] - self._command[:, 0, None])
-        capture_y = p.velocity_gain * (measured[:, 1, None] - self._command[:, 1, None])
         half = 0.5 * beat.stance_time
-        landing_x = middle_x + np.clip(half * ahead_x + capture_x, -LONGEST_REACH, LONGEST_REACH)
-        landing_y = middle_y + np.clip(half * ahead_y + capture_y, -LONGEST_REACH, LONGEST_REACH)
+        landing_x = middle_x + np.clip(half * ahead_x, -LONGEST_REACH, LONGEST_REACH)
+        landing_y = middle_y + np.clip(half * ahead_y, -LONGEST_REACH, LONGEST_REACH)
         share, _ = swing_path(beat.cycle.progress, self.path)
         # Over the ground the foot is carried by `share` of the way, while the ground goes by evenly.
         gone = beat.swing_time * (share - beat.cycle.progress)
@@ -269,15 +266,6 @@ class Gaits(GaitedPolicy):
         x, y = np.where(self._swing, air_x, ground_x), np.where(self._swing, air_y, ground_y)
         self._x = np.clip(x, middle_x - LONGEST_REACH, middle_x + LONGEST_REACH)
         self._y = np.clip(y, middle_y - LONGEST_REACH, middle_y + LONGEST_REACH)
-
-    def _level(self, observation: NDArray[np.float32], p: Columns) -> Floats:
-        """What the attitude feedback adds to the feet's height, m, (n, 4): a hip that is or gets low is pushed up."""
-        gravity = observation[:, OBSERVATION["projected_gravity"]].astype(np.float64)
-        spin = observation[:, OBSERVATION["angular_velocity"]].astype(np.float64)
-        height = -(gravity[:, 0, None] * HIP_POSITIONS[:, 0] + gravity[:, 1, None] * HIP_POSITIONS[:, 1])
-        rate = spin[:, 0, None] * HIP_POSITIONS[:, 1] - spin[:, 1, None] * HIP_POSITIONS[:, 0]
-        correction: Floats = p.tilt_gain * height + p.tilt_damping * rate
-        return np.clip(correction, -LARGEST_TILT_CORRECTION, LARGEST_TILT_CORRECTION)
 
 
 def _middle(p: Columns) -> tuple[Floats, Floats]:

@@ -79,7 +79,7 @@ def cost(strides: Strides, command: Floats) -> float:
     """Mean over the episodes of the scaled errors, plus what the response to the commands (n, 3) lacks."""
     units = (
         np.minimum(np.abs(strides.duty_errors()).max(axis=1) / DUTY_SCALE, LARGEST_UNITS)
-        + np.minimum(np.abs(strides.offset_errors()).max(axis=1) / OFFSET_SCALE, LARGEST_UNITS)
+        + np.minimum(np.nan_to_num(np.abs(strides.offset_errors()).max(axis=1), nan=1.0) / OFFSET_SCALE, LARGEST_UNITS)
         + np.minimum(strides.tilt.max(axis=0) / TILT_SCALE, LARGEST_UNITS)
         + strides.target_rate / TARGET_RATE_SCALE
         + strides.overspeed.mean(axis=0) / OVERSPEED_SCALE

@@ -33,21 +33,27 @@ _COMMON: Ranges = {
     "servo_lead": (0.0, 0.04),
     "stance_load": (0.0, 1.5),
 }
-_FEEDBACK: Ranges = {"tilt_gain": (-0.5, 1.0), "tilt_damping": (-0.05, 0.1), "velocity_gain": (-0.05, 0.2)}
 RANGES: dict[str, Ranges] = {
     "trot": _COMMON,
     "walk": _COMMON
-    | {"frequency": (1.0, 2.2), "duty": (0.76, 0.82), "duty_fall": (0.0, 0.005), "stance_width": (0.4, 0.7)},
-    "pace": _COMMON | {"frequency": (2.2, 3.6), "stance_width": (0.3, 0.6), "bounce": (0.0, 1.2)},
+    | {
+        "frequency": (1.0, 2.2),
+        "duty": (0.76, 0.82),
+        "duty_fall": (0.0, 0.005),
+        "stance_width": (0.4, 0.7),
+        "sway": (0.0, 0.08),
+    },
+    "pace": _COMMON | {"sway": (0.0, 0.05), "frequency": (2.2, 3.6), "stance_width": (0.3, 0.6), "bounce": (0.0, 1.2)},
     "bound": _COMMON | {"frequency": (2.0, 3.2), "duty": (0.42, 0.52), "bounce": (0.0, 1.5)},
     "pronk": _COMMON | {"frequency": (1.8, 3.2), "duty": (0.45, 0.65), "bounce": (0.3, 1.4)},
 }
-"""Bounds of each gait's search by field name; `--feedback` adds the gains of the attitude feedback and the foothold."""
+"""Bounds of each gait's search by field name."""
 MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
 MAP_EPISODES = 64
-LIMITS = {
+LIMITS: dict[str, tuple[float, float]] = {
     "generations": (0, 10_000),
+    "spread": (0.001, 0.5),
     "candidates": (4, 1000),
     "episodes": (FEWEST, 10_000),
     "steps": (SETTLING + 100, 100_000),
@@ -63,10 +69,10 @@ class SearchOptions:
 
     gait: str
     """Gait to search: bound, pace, pronk, trot or walk."""
-    feedback: bool = False
-    """Whether to search the gains of the feedback too; they stay as they are without."""
     generations: int = 20
     """Rounds of the search; 0 fits the command map alone."""
+    spread: float = 0.15
+    """Standard deviation of the first candidates, in widths of the ranges."""
     candidates: int = 10
     """Parameter sets tried in a round."""
     episodes: int = 10
@@ -97,10 +103,10 @@ def search(options: SearchOptions, start: GaitParameters) -> GaitParameters:
     import cma
     from rich.progress import track
 
-    ranges = RANGES[options.gait] | (_FEEDBACK if options.feedback else {})
+    ranges = RANGES[options.gait]
     strategy = cma.CMAEvolutionStrategy(
         np.clip(encode(start, ranges), 0.02, 0.98),
-        0.15,
+        options.spread,
         {"bounds": [0, 1], "popsize": options.candidates, "seed": options.seed + 1, "verbose": -9},
     )
     rng = np.random.default_rng((0, options.seed))
@@ -136,7 +142,7 @@ def check(options: SearchOptions) -> None:
         raise UsageError(f"--gait must be one of {', '.join(OFFSETS)}, got {options.gait}")
     for name, (low, high) in LIMITS.items():
         if not low <= getattr(options, name) <= high:
-            raise UsageError(f"--{name} must be from {low} to {high}, got {getattr(options, name)}")
+            raise UsageError(f"--{name} must be from {low:g} to {high:g}, got {getattr(options, name)}")
     if options.out.is_dir() or not options.out.parent.is_dir():
         raise UsageError(f"--out must be a file in a folder that is there, got {options.out}")
 
