@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Floats
-from policies.contacts import Contacts, duty_factors, landing_offsets, landings, on_flat_ground, wrapped
+from policies.contacts import Contacts, duty_factors, landing_offsets, landings, wrapped
 from policies.gait import TURN
 from policies.gaits import Gaits
 
@@ -82,12 +82,12 @@ def walked(
     """An episode of `policy` on flat ground for each seed, at held commands (3,) or (n, 3)."""
     from gymnasium.vector import AutoresetMode
 
-    from quad_env.columns import of_robots
     from quad_env.vector_env import SimpleQuadVectorEnv
 
     count = len(seeds)
-    env = SimpleQuadVectorEnv(count, nthread=nthread, autoreset_mode=AutoresetMode.DISABLED, max_episode_steps=steps)
-    unused = of_robots(np.zeros((count, 3)))
+    env = SimpleQuadVectorEnv(
+        count, nthread=nthread, autoreset_mode=AutoresetMode.DISABLED, max_episode_steps=steps, readings=True
+    )
     record: dict[str, list[NDArray[Any]]] = {name: [] for name in Strides.__dataclass_fields__ if name != "fell"}
     try:
         observation, _ = env.reset(seed=seeds.tolist(), options={"command": command})
@@ -98,17 +98,16 @@ def walked(
             action = policy.act(observation)
             observation, _, terminated, _, infos = env.step(action)
             fell |= terminated
-            state = env.simulation.state(unused)
-            gravity, joints = np.stack(state.projected_gravity, -1), np.stack(state.joint_position, -1)
+            readings = infos["readings"]
             entries = {
                 "commanded": ~policy.swing,
-                "measured": on_flat_ground(state.height, gravity, joints),
+                "measured": readings["foot_contact"],
                 "phase": policy.phase,
                 "duty": policy.duty,
                 "clock_rate": policy.clock_rate,
                 "offsets": policy.offsets,
                 "heading_velocity": infos["heading_velocity"],
-                "tilt": np.arccos(np.clip(-gravity[:, 2], -1.0, 1.0)),
+                "tilt": readings["tilt"],
                 "overspeed": infos["overspeed"],
                 "targets": action.astype(np.float64),
             }

@@ -4,22 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait import TURN, Floats
-from policies.kinematics import foot_positions
-from quad_env.robot import FOOT_RADIUS, HIP_POSITIONS
 
 Contacts = NDArray[np.bool_]
-
-
-def on_flat_ground(height: Floats, projected_gravity: Floats, joints: Floats) -> Contacts:
-    """Which feet touch the plane z = 0, (..., 4).
-
-    By the trunk's height (...), m, gravity in the base frame (..., 3) and joint angles (..., 12), rad: the feet are
-    spheres, and their centres come from the leg's kinematics.
-    """
-    feet = foot_positions(joints.reshape(*joints.shape[:-1], 4, 3)) + HIP_POSITIONS
-    centre = height[..., None] - (feet * projected_gravity[..., None, :]).sum(axis=-1)
-    touching: Contacts = centre < FOOT_RADIUS
-    return touching
 
 
 def duty_factors(contacts: Contacts) -> Floats:

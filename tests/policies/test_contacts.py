@@ -1,44 +1,8 @@
-import gymnasium as gym
 import numpy as np
 import pytest
 
-import policies
-from policies.contacts import duty_factors, landing_offsets, landings, on_flat_ground, wrapped
+from policies.contacts import duty_factors, landing_offsets, landings, wrapped
 from policies.gait import WALK_OFFSETS, Gait
-from quad_env import OBSERVATION
-from quad_env.robot import HOME_HEIGHT, HOME_POSE
-
-DOWN = np.array([0.0, 0.0, -1.0])
-
-
-def test_feet_of_the_home_pose_touch_just_below_the_height_at_which_it_stands():
-    heights = HOME_HEIGHT + np.array([-1e-4, 1e-4])
-    touching = on_flat_ground(heights, np.tile(DOWN, (2, 1)), np.tile(HOME_POSE, (2, 1)))
-    assert touching.tolist() == [[True] * 4, [False] * 4]
-
-
-def test_a_trunk_that_rolls_to_the_left_lifts_the_right_feet():
-    rolled = np.array([0.0, np.sin(0.05), -np.cos(0.05)])  # left side, +y, down
-    # Feet 0.25 m out, 0.25 sin(0.05) = 12 mm down or up.
-    assert on_flat_ground(np.array(HOME_HEIGHT), -rolled * -1.0, HOME_POSE).tolist() == [True, False, True, False]
-
-
-def test_contacts_are_those_that_the_simulation_finds():
-    env = gym.make("SimpleQuad-v0")
-    policy = policies.make("walk")
-    observation, _ = env.reset(seed=3, options={"command": (0.3, 0.0, 0.0)})
-    agree, lifted = [], []
-    for _ in range(200):
-        observation, *_ = env.step(policy.act(observation))
-        data = env.unwrapped.data
-        found = [data.sensor(f"{leg}_foot_touch").data[0] > 0.0 for leg in ("fl", "fr", "hl", "hr")]
-        joints = data.qpos[7:]
-        ours = on_flat_ground(data.qpos[2], observation[OBSERVATION["projected_gravity"]].astype(np.float64), joints)
-        agree.append(ours == found)
-        lifted.append(~ours)
-    assert np.mean(lifted) > 0.1
-    assert np.mean(agree) > 0.99  # float32 gravity
-    env.close()
 
 
 def stepping(duty, offsets=WALK_OFFSETS):
