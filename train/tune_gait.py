@@ -15,7 +15,7 @@ from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 from policies.base import Floats, PolicyError
 from policies.files import write_atomically
-from policies.gait_parameters import OFFSETS, PARAMETERS_FILE, STAND, GaitParameters, searched_parameters
+from policies.gait_parameters import OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
 from quad_env.seeding import episode_seeds
 from train.gait_cost import FEWEST, SETTLING, commands, cost, mapped, response, shared_walk
 
@@ -153,11 +153,11 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         options = parse(SearchOptions, arguments, program="python -m train.tune_gait", description="Search a gait.")
         check(options)
-        gaits = {name: each for name, each in searched_parameters().items() if name != STAND}
-        start = gaits[options.gait]
+        start = searched_parameters()[options.gait]
         found = fitted(options, search(options, start) if options.generations else start)
-        gaits[options.gait] = found
-        text = json.dumps({name: asdict(gaits[name]) for name in sorted(gaits)}, indent=2) + "\n"
+        searched_parameters.cache_clear()  # another gait's search may have ended in the meantime
+        gaits = searched_parameters() | {options.gait: found}
+        text = json.dumps({name: asdict(gaits[name]) for name in sorted(OFFSETS)}, indent=2) + "\n"
         write_atomically(options.out, text.encode())
         print(json.dumps(asdict(found), indent=2))
     except (UsageError, PolicyError) as error:
