@@ -6,12 +6,14 @@ action = policy.act(observation)  # (n, k) -> (n, 12) rad
 """
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from policies.base import GaitedPolicy, Policy, PolicyError
 from policies.bundle import load
 from policies.document import Document
 from policies.document_repaired import DocumentRepaired
+from policies.gaits import Gaits
 from policies.residual import ResidualPolicy
 from policies.stand import Stand
 from policies.trot import Trot, TrotParameters
@@ -27,11 +29,16 @@ def _shipped_residual() -> Policy:
 
 
 _MAKERS: dict[str, Callable[[], Policy]] = {
+    "bound": partial(Gaits, "bound", name="bound"),
     "document": Document,
     "document_repaired": DocumentRepaired,
+    "gaits": Gaits,
+    "pace": partial(Gaits, "pace", name="pace"),
+    "pronk": partial(Gaits, "pronk", name="pronk"),
     "residual": _shipped_residual,
     "stand": Stand,
     "trot": Trot,
+    "walk": partial(Gaits, "walk", name="walk"),
 }
 
 
@@ -62,6 +69,7 @@ __all__ = [
     "Document",
     "DocumentRepaired",
     "GaitedPolicy",
+    "Gaits",
     "Policy",
     "PolicyError",
     "ResidualPolicy",

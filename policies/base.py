@@ -44,16 +44,19 @@ class Policy(ABC):
 
     def reset_where(self, mask: ArrayLike) -> None:
         """Start anew the robots where `mask`, shape (num_envs,) of bool, is true; the others go on."""
-        chosen = np.asarray(mask)
-        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,):
-            raise ValueError(f"mask must be bool of shape ({self.num_envs},), not {chosen.dtype} of {chosen.shape}")
-        self._restart(chosen)
+        self._restart(self._checked_mask(mask))
 
     def act(self, observation: ArrayLike) -> Actions:
         """Joint targets in rad, float32, within the limits: (n, 12) for observations (n, k), (12,) for one (k,)."""
         batch, single = self._checked(observation)
         actions = self._act(batch)
         return actions[0] if single else actions
+
+    def _checked_mask(self, mask: ArrayLike) -> NDArray[np.bool_]:
+        chosen = np.asarray(mask)
+        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,):
+            raise ValueError(f"mask must be bool of shape ({self.num_envs},), not {chosen.dtype} of {chosen.shape}")
+        return chosen
 
     def _checked(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
         rows = np.asarray(observation, dtype=np.float32)

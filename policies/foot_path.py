@@ -9,6 +9,9 @@ import numpy as np
 
 from policies.gait import Floats, LegCycle
 
+GRAVITY = 9.81
+"""m/s²"""
+
 
 def stride(cycle: LegCycle, duty: float) -> Floats:
     """Displacement along the stride, in stride lengths; +0.5 at touch-down, -0.5 at lift-off; shape of the cycle.
@@ -37,3 +40,36 @@ def load(cycle: LegCycle) -> Floats:
     edge = (2.0 * t - 1.0) ** 2
     share: Floats = np.where(cycle.swing, 0.0, 1.0 - edge * edge)
     return share
+
+
+SWING_PATHS = ("cycloid", "half-sine")
+"""Paths of a foot over the ground from lift-off to touch-down."""
+
+
+def swing_path(progress: Floats, path: str) -> tuple[Floats, Floats]:
+    """Share of the way over the ground and of the step height at a swing progress from 0 to 1; shapes of `progress`.
+
+    The half-sine is the document's: even speed forward and sin(πt) up, so that the foot meets the ground at speed. The
+    cycloid, t - sin(2πt)/2π forward and sin²(πt) up, leaves the ground and lands on it at rest.
+    """
+    if path == "half-sine":
+        return progress, np.sin(np.pi * progress)
+    if path == "cycloid":
+        turn = 2.0 * np.pi * progress
+        return progress - np.sin(turn) / (2.0 * np.pi), 0.5 - 0.5 * np.cos(turn)
+    raise ValueError(f"unknown foot path {path!r}; there are {', '.join(SWING_PATHS)}")
+
+
+def hip_height(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce: Floats) -> Floats:
+    """Height of a hip about its mean course over a cycle, m: thrown up by the stance and caught by the next one.
+
+    With `bounce` 1 the hip flies freely in swing, g·t·(T - t)/2, and its stance dips along a half-sine that takes up
+    and gives back the same speed, gT/2; a smaller `bounce` scales both. Times in s, shapes to broadcast with the
+    cycle's.
+    """
+    t = cycle.progress
+    fall = 0.5 * GRAVITY * bounce * swing_time
+    height: Floats = np.where(
+        cycle.swing, fall * swing_time * t * (1.0 - t), -fall * stance_time / np.pi * np.sin(np.pi * t)
+    )
+    return height

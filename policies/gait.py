@@ -61,3 +61,11 @@ def advance(phase: Floats, frequency: float, period: float) -> Floats:
 
 TROT_OFFSETS = (0.0, np.pi, np.pi, 0.0)
 """Diagonal pairs, as the document prints: fl and hr together, fr and hl half a cycle later."""
+WALK_OFFSETS = (0.0, np.pi, 0.5 * np.pi, 1.5 * np.pi)
+"""Four beats a quarter of a cycle apart, hl, fl, hr, fr: each hind foot just before the fore foot ahead."""
+PACE_OFFSETS = (0.0, np.pi, 0.0, np.pi)
+"""The legs of one side together, those of the other half a cycle later."""
+BOUND_OFFSETS = (0.0, 0.0, np.pi, np.pi)
+"""The fore legs together, the hind legs half a cycle later."""
+PRONK_OFFSETS = (0.0, 0.0, 0.0, 0.0)
+"""All four legs together."""

@@ -1,3 +1,4 @@
+import hashlib
 import itertools
 from dataclasses import asdict, fields, replace
 
@@ -259,3 +260,15 @@ def test_within_the_limits_every_action_is_finite(data):
     for _ in range(5):
         action = policy.act(observe(data.draw(st.sampled_from([(1.5, 0.8, 1.2), (-1.0, -0.8, -1.2), (0.0, 0.0, 0.0)]))))
         assert np.isfinite(action).all()
+
+
+def test_shipped_trot_gives_the_bits_that_the_shipped_residual_stands_on():
+    rng = np.random.default_rng(11)
+    policy = policies.make("trot")
+    policy.reset(16)
+    digest = hashlib.sha256()
+    for _ in range(20):
+        command = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (16, 3))
+        for _ in range(25):
+            digest.update(policy.act(observe(command)).tobytes())
+    assert digest.hexdigest() == "4bc32ac6b959ffc44b79d4495e939b64859ee820d533038c700cad5dc877b5a9"

@@ -1,0 +1,63 @@
+"""The way of n robots from one gait's numbers and phase offsets to another's, each robot at its own time."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD
+from policies.gait import TURN, Floats
+
+CHANGE_TIME = 1.0
+"""From one gait to another, s."""
+_ROUNDING = 1e-9
+
+
+class GaitChange:
+    """Values (n, k) and phase offsets (n, 4), rad, that go smoothly from old ones to new ones; all start settled."""
+
+    def __init__(self, values: Floats, offsets: Floats) -> None:
+        self._old = self._new = values
+        self._old_offsets = self._new_offsets = offsets
+        self._share: Floats = np.ones(len(values))
+
+    @property
+    def values(self) -> Floats:
+        """The values now, (n, k)."""
+        return self._between(self._old, self._new)
+
+    @property
+    def offsets(self) -> Floats:
+        """The phase offsets now, rad, (n, 4); not wrapped."""
+        return self._between(self._old_offsets, self._new_offsets)
+
+    @property
+    def settled(self) -> NDArray[np.bool_]:
+        """Which robots are at the new values, (n,)."""
+        return self._share >= 1.0
+
+    def advance(self) -> None:
+        """Go on by one control step."""
+        self._share = np.minimum(self._share + CONTROL_PERIOD / CHANGE_TIME, 1.0)
+
+    def start(self, mask: NDArray[np.bool_], values: Floats, offsets: Floats) -> None:
+        """Send the masked robots (n,) from where they are to these values and offsets, of shapes to broadcast."""
+        rows = mask[:, None]
+        old, old_offsets = self.values, self.offsets
+        # The shorter way round; half a cycle always backward, so that all legs that shift by it go together.
+        ahead = (offsets - old_offsets + np.pi + _ROUNDING) % TURN - np.pi - _ROUNDING
+        self._old, self._new = np.where(rows, old, self._old), np.where(rows, values, self._new)
+        self._old_offsets = np.where(rows, old_offsets, self._old_offsets)
+        self._new_offsets = np.where(rows, old_offsets + ahead, self._new_offsets)
+        self._share = np.where(mask, 0.0, self._share)
+
+    def place(self, mask: NDArray[np.bool_], values: Floats, offsets: Floats) -> None:
+        """Put the masked robots (n,) at these values and offsets, settled; of shapes to broadcast."""
+        rows = mask[:, None]
+        self._old, self._new = np.where(rows, values, self._old), np.where(rows, values, self._new)
+        self._old_offsets = np.where(rows, offsets, self._old_offsets)
+        self._new_offsets = np.where(rows, offsets, self._new_offsets)
+        self._share = np.where(mask, 1.0, self._share)
+
+    def _between(self, old: Floats, new: Floats) -> Floats:
+        weight = (self._share * self._share * (3.0 - 2.0 * self._share))[:, None]
+        between: Floats = old + weight * (new - old)
+        return between
