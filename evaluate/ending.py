@@ -15,6 +15,7 @@ from evaluate.command_line import UsageError
 from evaluate.episode_table import write_parquet
 from evaluate.experiment import Cell
 from evaluate.launcher import silence_stdout
+from evaluate.manifest import Manifest
 from evaluate.report import write_report
 from evaluate.results import analyse, write_json
 from evaluate.table import print_results
@@ -29,25 +30,27 @@ class Terminal(Console):
         silence_stdout()
 
 
-def conclude(cells: Sequence[Cell], folder: Path, *, seed: int, episodes: int, complete: bool) -> None:
+def conclude(cells: Sequence[Cell], folder: Path, manifest: Manifest, *, complete: bool) -> None:
     """Print the table and write the three files, the slowest last; UsageError names what could not be written.
 
     The table comes first and no failure keeps the rest from being tried: simulating took long.
     """
-    results = analyse(cells, seed=seed, episodes=episodes, complete=complete)
+    results = analyse(
+        cells, seed=manifest.seed, episodes=manifest.episodes, complete=complete, provenance=manifest.provenance()
+    )
     console = Terminal()
     failures = _tried("the table", partial(print_results, results, console))
     if failures:
         console.on_broken_pipe()
     for name, write in (
         ("results.json", partial(write_json, results)),
-        ("episodes.parquet", partial(write_parquet, cells)),
+        ("episodes.parquet", partial(write_parquet, cells, run=manifest.fingerprint)),
         ("report.html", partial(write_report, results)),
     ):
         path = folder / name
         failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(_print_path, console, path))
     if failures:
-        raise UsageError(f"cannot write {'; '.join(failures)}")
+        raise UsageError(f"cannot write {'; '.join(failures)}; once it can be: python -m evaluate report {folder}")
 
 
 def _print_path(console: Console, path: Path) -> None:

@@ -2,8 +2,8 @@
 
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,9 @@ class Results:
     comparisons: tuple[Comparison, ...]
     breaking_points: tuple[Limit, ...]
     breaking_point_ratios: tuple[LimitRatio, ...]
-    versions: dict[str, str | None]
+    versions: Mapping[str, str | None]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -45,8 +47,11 @@ class Results:
         return tuple(dict.fromkeys(cell.scenario.name for cell in self.cells))
 
 
-def analyse(cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool) -> Results:
-    """Summaries, paired comparisons and breaking points of the cells."""
+def analyse(
+    cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool, provenance: Mapping[str, Any] | None = None
+) -> Results:
+    """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
+    made_with = dict(provenance or {"versions": versions()})
     breaking_points, ratios = limits(cells)
     return Results(
         seed=seed,
@@ -57,7 +62,8 @@ def analyse(cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool) 
         comparisons=tuple(compare(cells)),
         breaking_points=tuple(breaking_points),
         breaking_point_ratios=tuple(ratios),
-        versions=versions(),
+        versions=made_with.pop("versions"),
+        provenance=made_with,
     )
 
 
@@ -71,7 +77,8 @@ def as_json(results: Results) -> dict[str, Any]:
         "seed": results.seed,
         "episodes": results.episodes,
         "complete": results.complete,
-        "versions": results.versions,
+        "versions": dict(results.versions),
+        "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
         "policies": policies,
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(limit) for limit in results.breaking_points],

@@ -15,6 +15,7 @@ import pytest
 
 import policies
 from evaluate.__main__ import main
+from evaluate.plan import FILES
 from policies import bundle
 from policies.network import Network
 from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
@@ -119,8 +120,12 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
     printed = capsys.readouterr()
     assert "2.000" in printed.out
     line = printed.err.splitlines()[-1]
-    assert line == f"error: cannot write {tmp_path / failing} ({os.strerror(errno.ENOSPC)})"
-    assert {path.name for path in tmp_path.iterdir()} == {"results.json", "episodes.parquet", "report.html"} - {failing}
+    assert line.startswith(f"error: cannot write {tmp_path / failing} ({os.strerror(errno.ENOSPC)})")
+    assert line.endswith(f"python -m evaluate report {tmp_path}")
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES, "parts"} - {failing}
+    monkeypatch.undo()
+    assert main(["report", str(tmp_path)]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES}
 
 
 def test_one_episode_is_called_one(capsys, tmp_path) -> None:
@@ -224,7 +229,7 @@ def test_a_reader_that_leaves_early_loses_no_file(repository, tmp_path) -> None:
     finished = subprocess.run(command, cwd=repository, stdout=writing, stderr=writing, check=False)
     os.close(writing)
     assert finished.returncode == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["episodes.parquet", "report.html", "results.json"]
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES}
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
@@ -276,12 +281,13 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path) -> None:
     assert process.returncode == 130
     assert "Traceback" not in error
     assert "interrupted" in error.splitlines()[-1]
+    assert error.splitlines()[-1].endswith(f"python -m evaluate --resume --out {tmp_path}")
     results = json.loads((tmp_path / "results.json").read_text())
     assert results["complete"] is False
     assert list(results["policies"]) == ["document"]
     assert results["policies"]["document"]["scenarios"]["flat"]["episodes"] == 512
     assert "Interrupted" in (tmp_path / "report.html").read_text()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["episodes.parquet", "report.html", "results.json"]
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES, "parts"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")

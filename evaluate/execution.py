@@ -1,0 +1,65 @@
+"""A plan carried out: every cell simulated and kept, then everything shown and written, even after Ctrl-C."""
+
+import sys
+from pathlib import Path
+
+# Everything that is needed to the end, so that no interrupt can come in the middle of an import.
+import quad_env.vector_env  # noqa: F401
+from evaluate import ending, launcher
+from evaluate.command_line import UsageError
+from evaluate.experiment import Bench, Cell, cells, evaluation_seeds
+from evaluate.options import PROGRAM
+from evaluate.plan import Plan
+from evaluate.progress import show_progress
+from evaluate.store import Store, is_unfinished, read_run, remove_parts
+
+
+def execute(plan: Plan) -> int:
+    """Run every cell and conclude; the exit code. Raises UsageError, and KeyboardInterrupt if nothing was kept."""
+    out, manifest = plan.options.out, plan.manifest
+    if plan.options.resume and (run := read_run(out)).complete:
+        print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
+        ending.conclude(run.cells, out, manifest, complete=True)
+        remove_parts(out)
+        return 0
+    if not plan.options.resume and is_unfinished(out):
+        print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
+    store = Store(out, manifest, resumed=plan.options.resume)
+    done, interrupted = _simulate(plan, store)
+    if done:
+        ending.conclude(done, out, manifest, complete=not interrupted)
+    if not interrupted:
+        remove_parts(out)
+        return 0
+    total = len(plan.entrants) * len(plan.scenarios)
+    _say_what_is_kept(f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done", out)
+    return launcher.INTERRUPTED
+
+
+def _simulate(plan: Plan, store: Store) -> tuple[list[Cell], bool]:
+    """The cells that were finished, and whether the user interrupted."""
+    done: list[Cell] = []
+    seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
+    names = [entrant.label for entrant in plan.entrants], [scenario.name for scenario in plan.scenarios]
+    try:
+        launcher.raise_on_interrupt()
+        with show_progress(*names) as progress:
+            bench = Bench(plan.options.threads, progress, plan.options.at_once, store)
+            done.extend(cells(plan.entrants, plan.scenarios, seeds, bench))
+    except KeyboardInterrupt:
+        if not store.begun:
+            raise
+        return done, True
+    except OSError as error:
+        raise UsageError(
+            f"cannot write to {store.folder} ({error.strerror or error}); make room, then go on: {_go_on(store.folder)}"
+        ) from error
+    return done, False
+
+
+def _say_what_is_kept(what: str, out: Path) -> None:
+    print(f"interrupted: {what} to {out}; go on with: {_go_on(out)}", file=sys.stderr)
+
+
+def _go_on(out: Path) -> str:
+    return f"{PROGRAM} --resume --out {out}"
