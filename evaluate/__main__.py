@@ -16,6 +16,7 @@ from evaluate.options import PROGRAM, Options, asks_to_resume
 
 COMMANDS = {
     "report": "evaluate.report_again",
+    "replay": "evaluate.replay",
 }
 """First word of the command line -> module whose `main` it runs with the rest."""
 

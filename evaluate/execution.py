@@ -44,7 +44,7 @@ def _simulate(plan: Plan, store: Store) -> tuple[list[Cell], bool]:
     try:
         launcher.raise_on_interrupt()
         with show_progress(*names) as progress:
-            bench = Bench(plan.options.threads, progress, plan.options.at_once, store)
+            bench = Bench(plan.options.threads, progress, plan.options.at_once, store, steps=plan.manifest.steps)
             done.extend(cells(plan.entrants, plan.scenarios, seeds, bench))
     except KeyboardInterrupt:
         if not store.begun:

@@ -78,13 +78,15 @@ Watcher = Callable[[Entrant, Scenario, NDArray[np.int64], rollout.Episodes], Non
 
 @dataclass(frozen=True)
 class Bench:
-    """How cells are simulated; none of it changes their figures."""
+    """How cells are simulated; but for the length of an episode none of it changes their figures."""
 
     nthread: int
     progress: CellProgress
     at_once: int = EPISODES_AT_ONCE
     keeper: Keeper = dataclasses.field(default_factory=_Nothing)
     watch: Watcher | None = None
+    steps: int = dataclasses.field(default_factory=lambda: rollout.STEPS)
+    """Control steps of an episode."""
 
 
 def cells(
@@ -113,7 +115,7 @@ def run_cell(entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], ben
             scenario,
             chosen,
             nthread=bench.nthread,
-            steps=rollout.STEPS,
+            steps=bench.steps,
             progress=report,
             after_falls=bench.watch is not None,
         )
