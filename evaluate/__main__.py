@@ -17,6 +17,7 @@ from evaluate.options import PROGRAM, Options, asks_to_resume
 COMMANDS = {
     "report": "evaluate.report_again",
     "replay": "evaluate.replay",
+    "axes": "evaluate.axes",
 }
 """First word of the command line -> module whose `main` it runs with the rest."""
 

@@ -1,6 +1,6 @@
 """The end of a comparison: the table on the terminal, then the files."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -13,12 +13,15 @@ from rich.console import Console
 
 from evaluate.command_line import UsageError
 from evaluate.episode_table import write_parquet
-from evaluate.experiment import Cell
 from evaluate.launcher import silence_stdout
-from evaluate.manifest import Manifest
 from evaluate.report import write_report
-from evaluate.results import analyse, write_json
+from evaluate.results import Results, analyse, write_json
+from evaluate.store import Run
 from evaluate.table import print_results
+from evaluate.training_seeds import print_spread
+
+Show = Callable[[Results, Console], None]
+"""Prints an outcome."""
 
 
 class Terminal(Console):
@@ -30,21 +33,37 @@ class Terminal(Console):
         silence_stdout()
 
 
-def conclude(cells: Sequence[Cell], folder: Path, manifest: Manifest, *, complete: bool) -> None:
+def analysed(run: Run) -> Results:
+    """What the finished cells of a run show."""
+    made_with = run.manifest
+    return analyse(
+        run.cells,
+        seed=made_with.seed,
+        episodes=made_with.episodes,
+        complete=run.complete,
+        provenance=made_with.provenance(),
+    )
+
+
+def print_all(results: Results, console: Console) -> None:
+    """Every table of a comparison."""
+    print_results(results, console)
+    print_spread(results, console)
+
+
+def conclude(run: Run, folder: Path, show: Show = print_all) -> None:
     """Print the table and write the three files, the slowest last; UsageError names what could not be written.
 
     The table comes first and no failure keeps the rest from being tried: simulating took long.
     """
-    results = analyse(
-        cells, seed=manifest.seed, episodes=manifest.episodes, complete=complete, provenance=manifest.provenance()
-    )
+    results = analysed(run)
     console = Terminal()
-    failures = _tried("the table", partial(print_results, results, console))
+    failures = _tried("the table", partial(show, results, console))
     if failures:
         console.on_broken_pipe()
     for name, write in (
         ("results.json", partial(write_json, results)),
-        ("episodes.parquet", partial(write_parquet, cells, run=manifest.fingerprint)),
+        ("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)),
         ("report.html", partial(write_report, results)),
     ):
         path = folder / name

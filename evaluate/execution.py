@@ -7,19 +7,23 @@ from pathlib import Path
 import quad_env.vector_env  # noqa: F401
 from evaluate import ending, launcher
 from evaluate.command_line import UsageError
+from evaluate.ending import Show, print_all
 from evaluate.experiment import Bench, Cell, cells, evaluation_seeds
 from evaluate.options import PROGRAM
 from evaluate.plan import Plan
 from evaluate.progress import show_progress
-from evaluate.store import Store, is_unfinished, read_run, remove_parts
+from evaluate.store import Run, Store, is_unfinished, read_run, remove_parts
 
 
-def execute(plan: Plan) -> int:
-    """Run every cell and conclude; the exit code. Raises UsageError, and KeyboardInterrupt if nothing was kept."""
+def execute(plan: Plan, show: Show = print_all) -> int:
+    """Run every cell and conclude, the outcome shown so; the exit code.
+
+    Raises UsageError, and KeyboardInterrupt if nothing was kept.
+    """
     out, manifest = plan.options.out, plan.manifest
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
-        ending.conclude(run.cells, out, manifest, complete=True)
+        ending.conclude(run, out, show)
         remove_parts(out)
         return 0
     if not plan.options.resume and is_unfinished(out):
@@ -27,7 +31,7 @@ def execute(plan: Plan) -> int:
     store = Store(out, manifest, resumed=plan.options.resume)
     done, interrupted = _simulate(plan, store)
     if done:
-        ending.conclude(done, out, manifest, complete=not interrupted)
+        ending.conclude(Run(manifest, tuple(done)), out, show)
     if not interrupted:
         remove_parts(out)
         return 0

@@ -18,7 +18,8 @@ OF_THE_MACHINE = ("out", "threads", "at_once", "resume")
 """Options that change no figure: a run may go on with others."""
 
 
-def _cores() -> int:
+def available_cores() -> int:
+    """Cores that this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -44,7 +45,7 @@ class Options:
     """Folder for results.json, episodes.parquet, report.html and manifest.json; files of these names are replaced."""
     resume: Flag = False
     """Carry on the interrupted run in the folder --out, with its options: the outcome is that of a run in one go."""
-    threads: int = _cores()
+    threads: int = available_cores()
     """Threads of the simulation (count; default: this machine's cores). The outcome does not depend on it."""
     at_once: int = 512
     """Episodes simulated side by side (count), and written together. The outcome does not depend on it."""

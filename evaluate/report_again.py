@@ -31,7 +31,7 @@ def main(arguments: list[str]) -> int:
         raise UsageError(str(error)) from error
     if not run.cells:
         raise UsageError(f"{options.folder} holds no finished part of a comparison yet")
-    ending.conclude(run.cells, options.folder, run.manifest, complete=run.complete)
+    ending.conclude(run, options.folder)
     if run.complete:
         remove_parts(options.folder)
     return 0

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from evaluate import training_seeds
 from evaluate.comparison import Comparison, compare
 from evaluate.experiment import Cell
 from evaluate.limits import Limit, LimitRatio, limits
@@ -80,6 +81,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "versions": dict(results.versions),
         "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
         "policies": policies,
+        "training_seeds": training_seeds.as_json(results),
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(limit) for limit in results.breaking_points],
         "breaking_point_ratios": [asdict(ratio) for ratio in results.breaking_point_ratios],
