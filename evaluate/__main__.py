@@ -40,9 +40,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _compare(words: list[str]) -> int:
     options = _options(words)
-    from evaluate import execution, plan
+    from evaluate.plan import check
 
-    return execution.execute(plan.check(options))
+    plan = check(options)
+    from evaluate.execution import execute  # only now, so that a mistake is answered at once
+
+    return execute(plan)
 
 
 def _options(words: list[str]) -> Options:

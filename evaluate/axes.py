@@ -37,9 +37,7 @@ class Options:
 def main(arguments: list[str]) -> int:
     """Run the command; the exit code. Raises UsageError."""
     options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
-    from evaluate import execution, fall_curves, plan
-    from evaluate.ending import analysed
-    from evaluate.store import read_run
+    from evaluate.plan import check
     from quad_env.axes import AXES
 
     if unknown := [name for name in options.axes if name not in AXES]:
@@ -54,7 +52,13 @@ def main(arguments: list[str]) -> int:
         resume=options.resume,
         threads=options.threads,
     )
-    if code := execution.execute(plan.check(asked), show=fall_curves.print_curves):
+    plan = check(asked)
+    from evaluate import fall_curves
+    from evaluate.ending import analysed
+    from evaluate.execution import execute
+    from evaluate.store import read_run
+
+    if code := execute(plan, show=fall_curves.print_curves):
         return code
     picture = options.out / PICTURE
     try:

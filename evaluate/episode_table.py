@@ -147,4 +147,5 @@ def _values(rows: "pa.Table", name: str) -> NDArray[Any]:
     if _WIDTH in metadata:
         absent = [None] * int(metadata[_WIDTH])
         entries = [[absent if vector is None else vector for vector in entry] for entry in entries]
+        return np.array(entries, dtype=np.float64).reshape(len(entries), -1 if entries[0] else 0, len(absent))
     return np.array(entries, dtype=np.float64)

@@ -72,8 +72,8 @@ class _Nothing:
 
 CellProgress = Callable[[str, str, float], None]
 """Told the policy, the scenario and the share of their cell that is done; 1 exactly once."""
-Watcher = Callable[[Entrant, Scenario, NDArray[np.int64], rollout.Episodes], None]
-"""Shown every step of the episodes of those numbers in their cell, before they are kept."""
+Trace = Callable[[str, Scenario, int, rollout.Episodes], None]
+"""Given a policy's name, the scenario, the number of the first episode and what was recorded of this part of a cell."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Bench:
     progress: CellProgress
     at_once: int = EPISODES_AT_ONCE
     keeper: Keeper = dataclasses.field(default_factory=_Nothing)
-    watch: Watcher | None = None
+    trace: Trace | None = None
     steps: int = dataclasses.field(default_factory=lambda: rollout.STEPS)
     """Control steps of an episode."""
 
@@ -103,7 +103,7 @@ def run_cell(entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], ben
     parts = list(bench.keeper.kept(entrant.label, scenario))
     done = sum(len(part.numbers) for part in parts)
     missing = np.setdiff1d(np.arange(len(seeds)), np.concatenate([np.arange(0), *(part.numbers for part in parts)]))
-    for numbers in np.array_split(missing, -(-len(missing) // bench.at_once)) if len(missing) else ():
+    for numbers in _stretches(missing, bench.at_once):
 
         def report(share: float, done: int = done, count: int = len(numbers)) -> None:
             if share < 1.0:
@@ -119,14 +119,21 @@ def run_cell(entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], ben
             progress=report,
             after_falls=bench.watch is not None,
         )
-        if bench.watch is not None:
-            bench.watch(entrant, scenario, numbers, episodes)
+        if bench.trace is not None:
+            bench.trace(entrant.label, scenario, int(numbers[0]), episodes)
         part = Part(numbers, Cell(entrant.label, scenario, chosen, episodes.fall_reason, measure(episodes)))
         bench.keeper.keep(part)
         parts.append(part)
         done += len(numbers)
     bench.progress(entrant.label, scenario.name, 1.0)
     return join(parts)
+
+
+def _stretches(numbers: NDArray[np.int64], at_once: int) -> Iterator[NDArray[np.int64]]:
+    """Rising numbers in stretches without a gap, of at most `at_once`."""
+    for stretch in np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1):
+        if len(stretch):
+            yield from np.array_split(stretch, -(-len(stretch) // at_once))
 
 
 def join(parts: Sequence[Part]) -> Cell:

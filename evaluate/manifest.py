@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,18 +41,21 @@ class Manifest:
     """As they were asked for, by name, so that --resume needs none of them again."""
     threads: int
     """Of the simulation; no figure depends on it."""
+    fingerprint: str = ""
+    """SHA-256 of all that a figure depends on, as it was written when the run began."""
 
-    @property
-    def fingerprint(self) -> str:
-        """SHA-256 of all that a figure depends on."""
-        return hashlib.sha256(json.dumps(self._decisive(), sort_keys=True).encode()).hexdigest()
+    def begun(self) -> "Manifest":
+        """With its fingerprint."""
+        known = {name: version for name, version in self.versions.items() if name not in _NOT_COMPARED}
+        decisive = {**self.provenance(), "versions": known, "threads": None}
+        return replace(self, fingerprint=hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest())
 
     def as_json(self) -> dict[str, Any]:
         """The contents of the file."""
-        return {"schema": SCHEMA, "options": dict(self.options), **self.provenance()}
+        return {"schema": SCHEMA, "fingerprint": self.fingerprint, "options": dict(self.options), **self.provenance()}
 
     def provenance(self) -> dict[str, Any]:
-        """All but the options, as JSON values."""
+        """All but the options and the fingerprint, as JSON values."""
         return {
             "seed": self.seed,
             "episodes": self.episodes,
@@ -64,10 +67,6 @@ class Manifest:
             "cpu": self.cpu,
             "threads": self.threads,
         }
-
-    def _decisive(self) -> dict[str, Any]:
-        kept = {name: version for name, version in self.versions.items() if name not in _NOT_COMPARED}
-        return {**self.provenance(), "versions": kept, "threads": None}
 
     def write(self, folder: Path) -> None:
         """Write the file."""
@@ -95,7 +94,7 @@ def manifest(
         cpu=cpu_model(),
         options=options,
         threads=threads,
-    )
+    ).begun()
 
 
 def read(folder: Path) -> Manifest:
