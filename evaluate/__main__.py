@@ -10,13 +10,18 @@ if __name__ == "__main__":  # before the imports that take time
 
 import sys
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 from evaluate.options import PROGRAM, Options, asks_to_resume
 
+if TYPE_CHECKING:
+    from evaluate.plan import Plan
+
 COMMANDS = {
     "report": "evaluate.report_again",
     "replay": "evaluate.replay",
+    "compare": "evaluate.compare",
     "axes": "evaluate.axes",
 }
 """First word of the command line -> module whose `main` it runs with the rest."""
@@ -39,32 +44,28 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _compare(words: list[str]) -> int:
-    options = _options(words)
-    from evaluate.plan import check
-
-    plan = check(options)
+    """Policies may stand at the beginning of the words."""
+    bare = bool(words) and not words[0].startswith("-")
+    try:
+        plan = _plan(["--policies", *words] if bare else words)
+    except UsageError as mistake:
+        raise UsageError(f"{mistake}; the commands are {', '.join(COMMANDS)}" if bare else str(mistake)) from mistake
     from evaluate.execution import execute  # only now, so that a mistake is answered at once
 
     return execute(plan)
 
 
-def _options(words: list[str]) -> Options:
-    """The options of a command line, at whose beginning policies may stand; the defaults of --resume are the run's."""
-    if bare := bool(words) and not words[0].startswith("-"):
-        words = ["--policies", *words]
+def _plan(words: list[str]) -> "Plan":
+    """What the words ask for; the defaults of --resume are the options of the run."""
     default = None
     if folder := asks_to_resume(words):
         from evaluate.plan import begun_with
 
         default = begun_with(folder)
-    try:
-        return parse(Options, words, program=PROGRAM, description=__doc__ or "", default=default)
-    except UsageError as mistake:
-        raise UsageError(f"{mistake}{_commands()}" if bare else str(mistake)) from mistake
+    options = parse(Options, words, program=PROGRAM, description=__doc__ or "", default=default)
+    from evaluate.plan import check  # after --help, which is to be quick
 
-
-def _commands() -> str:
-    return f"; the commands are {', '.join(COMMANDS)}"
+    return check(options)
 
 
 if __name__ == "__main__":

@@ -16,9 +16,9 @@ from evaluate.episode_table import write_parquet
 from evaluate.launcher import silence_stdout
 from evaluate.report import write_report
 from evaluate.results import Results, analyse, write_json
+from evaluate.seed_table import print_spread
 from evaluate.store import Run
 from evaluate.table import print_results
-from evaluate.training_seeds import print_spread
 
 Show = Callable[[Results, Console], None]
 """Prints an outcome."""

@@ -53,7 +53,9 @@ def print_curves(results: Results, console: Console) -> None:
     found = curves(results)
     levels = max(len(curve.scenarios) for axis in found.values() for curve in axis)
     title = f"episodes that end in a fall, of {counted(results.episodes, 'episode')} each"
-    table = Table(title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(
+        title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
+    )
     for name in ("", *[""] * levels):
         table.add_column(name, justify="right" if len(table.columns) else "left")
     table.show_header = False

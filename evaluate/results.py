@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from evaluate import training_seeds
+from evaluate import seed_table
 from evaluate.comparison import Comparison, compare
 from evaluate.experiment import Cell
 from evaluate.limits import Limit, LimitRatio, limits
@@ -81,13 +81,13 @@ def as_json(results: Results) -> dict[str, Any]:
         "versions": dict(results.versions),
         "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
         "policies": policies,
-        "training_seeds": training_seeds.as_json(results),
+        "training_seeds": seed_table.as_json(results),
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(limit) for limit in results.breaking_points],
         "breaking_point_ratios": [asdict(ratio) for ratio in results.breaking_point_ratios],
     }
-    without_nan: dict[str, Any] = _plain(contents)
-    return without_nan
+    plain: dict[str, Any] = without_nan(contents)
+    return plain
 
 
 def write_json(results: Results, path: Path) -> None:
@@ -95,9 +95,10 @@ def write_json(results: Results, path: Path) -> None:
     write_atomically(path, (json.dumps(as_json(results), indent=2, allow_nan=False) + "\n").encode())
 
 
-def _plain(value: Any) -> Any:
+def without_nan(value: Any) -> Any:
+    """JSON values with null for a number that does not exist."""
     if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
+        return {key: without_nan(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [without_nan(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,90 +1,58 @@
-"""Spread over training seeds: what another training of the same kind would give, apart from what other episodes would.
+"""The spread over training seeds, as the results and the terminal show it."""
 
-A trained seed is one value a scenario and metric, its mean over the episodes. Intervals count seeds, never episodes.
-"""
+from typing import TYPE_CHECKING, Any
 
-import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import PurePath
-
-import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 from evaluate.comparison import ERRORS, FALL_RATE
-from evaluate.experiment import Cell
-from evaluate.statistics import CONFIDENCE, Floats, Interval
+from evaluate.format import number, percent
+from evaluate.training_seeds import SeedSpread, seed_spreads, training_runs
 
-SEED_FOLDER = re.compile(r"seed-\d+")
-METRICS = (FALL_RATE, *ERRORS)
+if TYPE_CHECKING:
+    from evaluate.results import Results
 
-
-@dataclass(frozen=True)
-class SeedSpread:
-    """One metric of all training seeds of a run on one scenario."""
-
-    run: str
-    """Folder of the seeds' folders."""
-    scenario: str
-    metric: str
-    seeds: int
-    mean: float
-    """Over the seeds, as are the next; NaN where a figure does not exist."""
-    lowest: float
-    highest: float
-    standard_deviation: float
-    """Of the sample: NaN for a single seed."""
-    ci: Interval
-    """95 %, Student's t with seeds − 1 degrees of freedom; within 0 … 1 for rates."""
+SHOWN = (FALL_RATE, *ERRORS)
+_FIGURES = ("seeds", "mean", "lowest", "highest", "standard_deviation", "ci")
 
 
-def training_runs(policies: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Run's folder to the policies of its seeds, `models/run/seed-3`, in their order; runs of one seed are left out."""
-    runs: dict[str, tuple[str, ...]] = {}
-    for policy in dict.fromkeys(policies):
-        path = PurePath(policy)
-        if SEED_FOLDER.fullmatch(path.name):
-            run = str(path.parent)
-            runs[run] = (*runs.get(run, ()), policy)
-    return {run: seeds for run, seeds in runs.items() if len(seeds) > 1}
+def as_json(results: "Results") -> dict[str, Any]:
+    """`training_seeds` of results.json: run -> its policies, and scenario -> metric -> figures; NaN for none."""
+    out: dict[str, Any] = {
+        run: {"policies": list(policies), "scenarios": {}} for run, policies in training_runs(results.policies).items()
+    }
+    for spread in seed_spreads(results.cells):
+        metrics = out[spread.run]["scenarios"].setdefault(spread.scenario, {})
+        metrics[spread.metric] = {name: getattr(spread, name) for name in _FIGURES}
+    return out
 
 
-def seed_spreads(cells: Sequence[Cell]) -> list[SeedSpread]:
-    """Every run's spread on every scenario in every metric; ValueError if its seeds ran different episodes."""
-    runs = training_runs([cell.policy for cell in cells])
-    scenarios = dict.fromkeys(cell.scenario.name for cell in cells)
-    return [
-        spread
-        for run, seeds in runs.items()
-        for scenario in scenarios
-        for spread in _spreads(
-            run, [cell for cell in cells if (cell.scenario.name, cell.policy in seeds) == (scenario, True)]
-        )
-    ]
+def print_spread(results: "Results", console: Console) -> None:
+    """A table for each run with several seeds, if there is one."""
+    runs: dict[str, dict[str, dict[str, SeedSpread]]] = {}
+    for spread in seed_spreads(results.cells):
+        runs.setdefault(spread.run, {}).setdefault(spread.scenario, {})[spread.metric] = spread
+    for run, scenarios in runs.items():
+        console.print(_table(run, scenarios))
+        console.print()
 
 
-def spread_over_seeds(values: Floats) -> tuple[float, float, float, float, Interval]:
-    """Mean, lowest, highest, standard deviation and 95 % t-interval of one value a seed, (n,)."""
-    from scipy.stats import t
-
-    mean, count = float(values.mean()), len(values)
-    if count < 2:
-        return mean, mean, mean, np.nan, (np.nan, np.nan)
-    deviation = float(values.std(ddof=1))
-    reach = float(t.ppf(0.5 + CONFIDENCE / 2, count - 1)) * deviation / np.sqrt(count)
-    return mean, float(values.min()), float(values.max()), deviation, (mean - reach, mean + reach)
-
-
-def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
-    if not cells:
-        return
-    if any(not np.array_equal(cell.seeds, cells[0].seeds) for cell in cells):
-        raise ValueError(f"the training seeds of {run} ran different episodes on {cells[0].scenario.name}")
-    for metric in METRICS:
-        mean, lowest, highest, deviation, (low, high) = spread_over_seeds(np.array([_value(c, metric) for c in cells]))
-        ci = (max(low, 0.0), min(high, 1.0)) if metric == FALL_RATE and len(cells) > 1 else (low, high)
-        yield SeedSpread(run, cells[0].scenario.name, metric, len(cells), mean, lowest, highest, deviation, ci)
+def _table(run: str, scenarios: dict[str, dict[str, SeedSpread]]) -> Table:
+    count = next(iter(scenarios.values()))[FALL_RATE].seeds
+    title = f"{escape(run)}, {count} training seeds: mean ± standard deviation, lowest … highest"
+    table = Table(
+        title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
+    )
+    for name in ("scenario", "falls", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s"):
+        table.add_column(name, justify="left" if name == "scenario" else "right")
+    for scenario, metrics in scenarios.items():
+        table.add_row(escape(scenario), *(_figures(metrics[name]) for name in SHOWN))
+    return table
 
 
-def _value(cell: Cell, metric: str) -> float:
-    """Of one seed: its mean over the episodes."""
-    return float(np.mean(cell.measures.fell if metric == FALL_RATE else getattr(cell.measures, metric)))
+def _figures(spread: SeedSpread) -> str:
+    form = percent if spread.metric == FALL_RATE else number
+    middle = f"{form(spread.mean)} ± {form(spread.standard_deviation)}"
+    return f"{middle}\n{form(spread.lowest)} … {form(spread.highest)}"

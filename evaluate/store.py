@@ -103,6 +103,19 @@ def read_run(folder: Path) -> Run:
         raise ValueError(f"{path} cannot be read as the run of {manifests.NAME}: {error}") from error
 
 
+def read_rows(folder: Path) -> "tuple[Manifest, pa.Table]":
+    """The rows of the finished cells, with the columns that they were written with; errors as of `read_run`."""
+    import pyarrow as pa
+
+    manifest = manifests.read(folder)
+    if is_unfinished(folder):
+        store = Store(folder, manifest, resumed=True)
+        finished = [table(cell) for cell in _from_parts(store)]
+        return manifest, pa.concat_tables(finished) if finished else pa.table({})
+    path = folder / EPISODES
+    return manifest, read_table(path, manifest.fingerprint) if path.is_file() else pa.table({})
+
+
 def is_unfinished(folder: Path) -> bool:
     """Whether the folder holds parts of a run that has not come to its end."""
     return (folder / manifests.NAME).is_file() and any(_parts(folder))
