@@ -13,7 +13,6 @@ Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
 DEFAULT_POLICIES = ("document", "document_repaired", "trot", "residual")
 DEFAULT_BATTERY = ("default",)
-EPISODES, QUICK_EPISODES = 128, 64
 OF_THE_MACHINE = ("out", "threads", "at_once", "resume")
 """Options that change no figure: a run may go on with others."""
 
@@ -34,10 +33,10 @@ class Options:
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, a battery (quick, default, full,
     all), or a quad_env.Scenario in a file of yours, my_file.py:NAME."""
     quick: Flag = False
-    """The quick battery, for a first look: --scenarios quick --episodes 64."""
+    """The quick battery, for a first look: --scenarios quick."""
     full: Flag = False
     """The full battery, every axis at every level: --scenarios full."""
-    episodes: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 128, quick: 64)")] = None
+    episodes: int = 64
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
@@ -55,14 +54,9 @@ class Options:
         """Names of the scenarios."""
         return ("quick",) if self.quick else ("full",) if self.full else self.scenarios
 
-    @property
-    def count(self) -> int:
-        """Episodes of each cell."""
-        return self.episodes if self.episodes is not None else QUICK_EPISODES if self.quick else EPISODES
-
     def of_the_run(self) -> dict[str, Any]:
         """What a run must be carried on with, as JSON values."""
-        chosen = {n: value for n, value in asdict(self).items() if n not in OF_THE_MACHINE} | {"episodes": self.count}
+        chosen = {n: value for n, value in asdict(self).items() if n not in OF_THE_MACHINE}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
 
 
@@ -99,4 +93,4 @@ def asks_to_resume(arguments: list[str]) -> Path | None:
 
 
 def _words(value: Any) -> str:
-    return " ".join(map(str, value)) if isinstance(value, list) else "not given" if value is None else str(value)
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)

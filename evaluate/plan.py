@@ -52,7 +52,7 @@ def check(options: Options) -> Plan:
     entrants = _entrants(options.policies)
     _check_folder(options.out)
     manifest = manifests.manifest(
-        entrants, scenarios, options.of_the_run(), seed=options.seed, episodes=options.count, threads=options.threads
+        entrants, scenarios, options.of_the_run(), seed=options.seed, episodes=options.episodes, threads=options.threads
     )
     if options.resume:
         manifest = _carried_on(manifest, options)
@@ -61,7 +61,7 @@ def check(options: Options) -> Plan:
 
 def _check_numbers(options: Options) -> None:
     for name, value, low, high in (
-        ("episodes", options.count, 1, MOST_EPISODES),
+        ("episodes", options.episodes, 1, MOST_EPISODES),
         ("threads", options.threads, 1, MOST_THREADS),
         ("at-once", options.at_once, 1, MOST_AT_ONCE),
         ("seed", options.seed, 0, 2**63 - 1),
