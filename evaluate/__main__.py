@@ -1,6 +1,6 @@
 """`python -m evaluate`: compare policies on the same episodes of every scenario.
 
-Other commands, each with its own --help: report, replay, compare and axes, as in `python -m evaluate compare A B`.
+Other commands, each with its own --help: report, replay, compare, axes, rescore, as in `python -m evaluate axes`.
 """
 
 from evaluate import launcher
@@ -23,6 +23,7 @@ COMMANDS = {
     "replay": "evaluate.replay",
     "compare": "evaluate.compare",
     "axes": "evaluate.axes",
+    "rescore": "evaluate.rescore",
 }
 """First word of the command line -> module whose `main` it runs with the rest."""
 

@@ -50,6 +50,7 @@ def main(arguments: list[str]) -> int:
         seed=options.seed,
         out=options.out,
         resume=options.resume,
+        film=False,
         threads=options.threads,
     )
     plan = check(asked)

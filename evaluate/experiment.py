@@ -117,7 +117,7 @@ def run_cell(entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], ben
             nthread=bench.nthread,
             steps=bench.steps,
             progress=report,
-            after_falls=bench.watch is not None,
+            after_falls=bench.trace is not None,
         )
         if bench.trace is not None:
             bench.trace(entrant.label, scenario, int(numbers[0]), episodes)

@@ -5,7 +5,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -13,8 +13,8 @@ Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
 DEFAULT_POLICIES = ("document", "document_repaired", "trot", "residual")
 DEFAULT_BATTERY = ("default",)
-OF_THE_MACHINE = ("out", "threads", "at_once", "resume")
-"""Options that change no figure: a run may go on with others."""
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "film")
+"""Options that a run may be carried on with as one likes."""
 
 
 def available_cores() -> int:
@@ -41,9 +41,18 @@ class Options:
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
     out: Path = Path("results/evaluation")
-    """Folder for results.json, episodes.parquet, report.html and manifest.json; files of these names are replaced."""
+    """Folder for results.json, episodes.parquet, report.html, report.md and manifest.json; files of these names are
+    replaced."""
     resume: Flag = False
     """Carry on the interrupted run in the folder --out, with its options: the outcome is that of a run in one go."""
+    gate: tuple[str, ...] = ()
+    """What must hold, each in quotes, such as "residual falls <= trot on push:all", or default; if one does not, the
+    exit code is 1. Verdicts go to junit.xml and the reports."""
+    trace: Literal["none", "compact", "full"] = "none"
+    """Whether to keep every step, in the folder traces: compact for `rescore`, full for every measure. Robots then go
+    on after a fall, which takes longer and changes no figure."""
+    film: bool = True
+    """Whether report.html shows a film of one episode."""
     threads: int = available_cores()
     """Threads of the simulation (count; default: this machine's cores). The outcome does not depend on it."""
     at_once: int = 512
@@ -56,13 +65,13 @@ class Options:
 
     def of_the_run(self) -> dict[str, Any]:
         """What a run must be carried on with, as JSON values."""
-        chosen = {n: value for n, value in asdict(self).items() if n not in OF_THE_MACHINE}
+        chosen = {n: value for n, value in asdict(self).items() if n not in CHANGE_NO_FIGURE}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
 
 
 def restored(found: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of Options from what `of_the_run` gave; ValueError for what it never gives."""
-    names = {field.name for field in fields(Options)} - set(OF_THE_MACHINE)
+    names = {field.name for field in fields(Options)} - set(CHANGE_NO_FIGURE)
     if set(found) != names:
         raise ValueError(f"its options are those of another version: {', '.join(sorted(set(found) ^ names))}")
     return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}

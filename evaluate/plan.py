@@ -1,23 +1,22 @@
 """What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import policies
-from evaluate import battery
+from evaluate import battery, gates
 from evaluate import manifest as manifests
 from evaluate.command_line import UsageError
 from evaluate.experiment import Entrant
+from evaluate.gates import Gate
 from evaluate.manifest import Manifest
 from evaluate.options import DEFAULT_BATTERY, Options, changed, restored
-from evaluate.store import PARTS
+from evaluate.store import FILES, JUNIT, PARTS
 from policies.files import make_writable_folder
 from quad_env.scenarios import Scenario
 
-FILES = ("results.json", "episodes.parquet", "report.html", manifests.NAME)
-"""What a comparison leaves in its folder."""
 MOST_EPISODES = 1_000_000
 MOST_THREADS = 256
 MOST_AT_ONCE = 65_536
@@ -30,6 +29,7 @@ class Plan:
     entrants: tuple[Entrant, ...]
     scenarios: tuple[Scenario, ...]
     manifest: Manifest
+    gates: tuple[Gate, ...]
     options: Options
 
 
@@ -50,13 +50,24 @@ def check(options: Options) -> Plan:
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
     entrants = _entrants(options.policies)
+    found = check_gates(options.gate, [entrant.label for entrant in entrants], scenarios)
     _check_folder(options.out)
     manifest = manifests.manifest(
         entrants, scenarios, options.of_the_run(), seed=options.seed, episodes=options.episodes, threads=options.threads
     )
     if options.resume:
         manifest = _carried_on(manifest, options)
-    return Plan(entrants, scenarios, manifest, options)
+    return Plan(entrants, scenarios, manifest, found, options)
+
+
+def check_gates(sentences: Sequence[str], labels: Sequence[str], scenarios: Sequence[Scenario]) -> tuple[Gate, ...]:
+    """The gates of these sentences, about these policies and scenarios. Raises UsageError."""
+    try:
+        found = tuple(map(gates.parse, sentences))
+        gates.check(found, labels, [(scenario.name, scenario.axis) for scenario in scenarios])
+    except ValueError as error:
+        raise UsageError(f"--gate: {error}") from error
+    return found
 
 
 def _check_numbers(options: Options) -> None:
@@ -75,7 +86,7 @@ def _check_folder(out: Path) -> None:
         make_writable_folder(out)
     except OSError as error:
         raise UsageError(f"cannot write to the folder {out} ({error.strerror}); name another one with --out") from error
-    if taken := [str(out / name) for name in FILES if (out / name).is_dir()]:
+    if taken := [str(out / name) for name in (*FILES, JUNIT) if (out / name).is_dir()]:
         raise UsageError(f"{', '.join(taken)} is to be a file, but is a folder; name another folder with --out")
     if (out / PARTS).exists() and not (out / PARTS).is_dir():
         raise UsageError(f"{out / PARTS} is to be a folder, but is a file; name another folder with --out")

@@ -17,11 +17,15 @@ from quad_env.scenarios import Scenario
 if TYPE_CHECKING:
     import pyarrow as pa
 
+FILES = ("results.json", "episodes.parquet", "report.html", "report.md", manifests.NAME)
+"""What a comparison leaves in its folder."""
+JUNIT = "junit.xml"
+"""Another file, if there are gates."""
 PARTS = "parts"
 """Folder of the parts of cells, while a run is going on."""
 EPISODES = "episodes.parquet"
 _PART = re.compile(r"\d{5}-\d{7}\.parquet")
-_TEMPORARY = re.compile(r"\.(\d{5}-\d{7}\.parquet|manifest\.json|results\.json|episodes\.parquet|report\.html)\..{8}")
+_TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, (*FILES, JUNIT)))}|{_PART.pattern})\..{{8}}")
 
 
 @dataclass(frozen=True)

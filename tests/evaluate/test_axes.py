@@ -35,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     seeds = [str(place / f"seed-{seed}") for seed in (0, 1)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("evaluate.rollout.STEPS", 150)
-        patch.setattr("evaluate.ending.write_report", lambda _, path: path.write_text("report"))
+        patch.setattr("evaluate.ending.write_report", lambda _, path, **_options: path.write_text("report"))
         arguments = ["--policies", "document", *seeds, "--episodes", "2", "--out", str(place / "out")]
         assert main(["axes", "push", *arguments]) == 0
     return place
@@ -106,7 +106,7 @@ def test_the_spread_is_printed_once_a_run(folder) -> None:
 def test_policies_may_be_named_first(folder, tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr("evaluate.rollout.STEPS", 150)
     seeds = [str(folder / f"seed-{seed}") for seed in (0, 1)]
-    assert main([*seeds, "--scenarios", "flat", "--episodes", "1", "--out", str(tmp_path)]) == 0
+    assert main([*seeds, "--scenarios", "flat", "--episodes", "1", "--no-film", "--out", str(tmp_path)]) == 0
     assert "2 training seeds" in capsys.readouterr().out
     assert main(["repaly", "--out", str(tmp_path)]) == 2
     assert "the commands are report, replay" in capsys.readouterr().err

@@ -22,8 +22,8 @@ from evaluate import manifest, rollout, store
 from evaluate.__main__ import main
 from evaluate.episode_table import read_table, write_parquet, write_table
 from evaluate.experiment import Bench, Cell, Entrant, Part, evaluation_seeds, run_cell
-from evaluate.plan import FILES
 from evaluate.results import Results, as_json
+from evaluate.store import FILES
 from policies import bundle
 from policies.files import write_atomically
 from policies.network import Network
@@ -44,7 +44,7 @@ from evaluate.episode_table import read_table, write_parquet, write_table
 from policies import files
 from evaluate import ending, results
 rollout.STEPS = int(sys.argv[1])
-ending.write_report = lambda found, path: files.write_atomically(path, repr(results.as_json(found)).encode())
+ending.write_report = lambda found, path, **_: files.write_atomically(path, repr(results.as_json(found)).encode())
 left = int(sys.argv[2])
 class Dying(type(files.Path())):
     def replace(self, target):
@@ -59,7 +59,7 @@ raise SystemExit(main(sys.argv[3:]))
 """The command with short episodes, which is killed just before its file of that number would be in its place."""
 
 
-def a_page(results: Results, path: Path) -> None:
+def a_page(results: Results, path: Path, **_options) -> None:
     """Instead of the report, whose plots take a second."""
     write_atomically(path, repr(as_json(results)).encode())
 
