@@ -12,7 +12,7 @@ from pathlib import Path
 import gymnasium as gym
 
 import policies
-from evaluate.experiment import Entrant, evaluation_seeds, run_cell
+from evaluate.experiment import Bench, Entrant, evaluation_seeds, run_cell
 from quad_env import ENV_ID, SCENARIOS
 
 WARM_UP = 3
@@ -35,7 +35,7 @@ def episodes(count: int, threads: int, steps: int) -> tuple[float, int]:
     """Seconds and episodes of the trot's evaluation on flat ground; episodes have their own length."""
     entrant = Entrant("trot", policies.make("trot"))
     begin = time.perf_counter()
-    run_cell(entrant, SCENARIOS["flat"], evaluation_seeds(0, count), threads, lambda *_: None)
+    run_cell(entrant, SCENARIOS["flat"], evaluation_seeds(0, count), Bench(threads, lambda *_: None))
     return time.perf_counter() - begin, count
 
 

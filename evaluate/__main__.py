@@ -1,66 +1,42 @@
-"""`python -m evaluate`: compare policies on the same episodes of every scenario."""
+"""`python -m evaluate`: compare policies on the same episodes of every scenario.
+
+Other commands, each with its own --help: report, replay, compare, axes, rescore, as in `python -m evaluate axes`.
+"""
 
 from evaluate import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
 
-import os
 import sys
-from dataclasses import dataclass
-from pathlib import Path
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.options import PROGRAM, Options, asks_to_resume
 
 if TYPE_CHECKING:
-    from evaluate.experiment import Cell, Entrant
-    from quad_env.scenarios import Scenario
+    from evaluate.plan import Plan
 
-PROGRAM = "python -m evaluate"
-DEFAULT_POLICIES = ("document", "document_repaired", "trot", "residual")
-FILES = ("results.json", "episodes.parquet", "report.html")
-"""What a comparison leaves in its folder."""
-MOST_EPISODES = 1_000_000
-MOST_THREADS = 256
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@dataclass(frozen=True)
-class Options:
-    """What to compare, and where the outcome goes."""
-
-    policies: tuple[str, ...] = DEFAULT_POLICIES
-    """Names of policies, or folders of trained ones such as models/residual."""
-    scenarios: tuple[str, ...] = ("flat", "push", "rough")
-    """Names of scenarios, or `all`."""
-    episodes: int = 128
-    """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
-    seed: int = 0
-    """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
-    out: Path = Path("results/evaluation")
-    """Folder for results.json, episodes.parquet and report.html; files of these names are replaced."""
-    threads: int = _cores()
-    """Threads of the simulation (count; default: this machine's cores). The outcome does not depend on it."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Options that have been checked: everything exists and can be written."""
-
-    entrants: "tuple[Entrant, ...]"
-    scenarios: "tuple[Scenario, ...]"
-    options: Options
+COMMANDS = {
+    "report": "evaluate.report_again",
+    "replay": "evaluate.replay",
+    "compare": "evaluate.compare",
+    "axes": "evaluate.axes",
+    "rescore": "evaluate.rescore",
+}
+"""First word of the command line -> module whose `main` it runs with the rest."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; the exit code: 0, 2 after a user's mistake, 130 after Ctrl-C."""
     survive_narrow_encodings()
+    words = sys.argv[1:] if arguments is None else arguments
     try:
-        return _compare(_check(parse(Options, arguments, program=PROGRAM, description=__doc__ or "")))
+        if words and words[0] in COMMANDS:
+            code: int = import_module(COMMANDS[words[0]]).main(words[1:])
+            return code
+        return _compare(words)
     except UsageError as mistake:
         return fail(str(mistake))
     except KeyboardInterrupt:
@@ -68,75 +44,29 @@ def main(arguments: list[str] | None = None) -> int:
         return launcher.INTERRUPTED
 
 
-def _check(options: Options) -> Plan:
-    """Everything that can be wrong, before anything is simulated."""
-    from evaluate import battery
-    from policies.files import make_writable_folder
-
-    for name, value, low, high in (
-        ("episodes", options.episodes, 1, MOST_EPISODES),
-        ("threads", options.threads, 1, MOST_THREADS),
-        ("seed", options.seed, 0, 2**63 - 1),
-    ):
-        if not low <= value <= high:
-            raise UsageError(f"--{name} must be a whole number from {low} to {high}, not {value}")
+def _compare(words: list[str]) -> int:
+    """Policies may stand at the beginning of the words."""
+    bare = bool(words) and not words[0].startswith("-")
     try:
-        scenarios = battery.resolve(options.scenarios)
-    except ValueError as error:
-        raise UsageError(f"--scenarios: {error}") from error
-    entrants = _entrants(options.policies)
-    try:
-        make_writable_folder(options.out)
-    except OSError as error:
-        raise UsageError(
-            f"cannot write to the folder {options.out} ({error.strerror}); name another one with --out"
-        ) from error
-    if taken := [str(options.out / name) for name in FILES if (options.out / name).is_dir()]:
-        raise UsageError(f"{', '.join(taken)} is to be a file, but is a folder; name another folder with --out")
-    return Plan(entrants, scenarios, options)
+        plan = _plan(["--policies", *words] if bare else words)
+    except UsageError as mistake:
+        raise UsageError(f"{mistake}; the commands are {', '.join(COMMANDS)}" if bare else str(mistake)) from mistake
+    from evaluate.execution import execute  # only now, so that a mistake is answered at once
+
+    return execute(plan)
 
 
-def _entrants(names: tuple[str, ...]) -> "tuple[Entrant, ...]":
-    import policies
-    from evaluate.experiment import Entrant
+def _plan(words: list[str]) -> "Plan":
+    """What the words ask for; the defaults of --resume are the options of the run."""
+    default = None
+    if folder := asks_to_resume(words):
+        from evaluate.plan import begun_with
 
-    labels = [name if name in policies.names() else name.rstrip("/\\") or name for name in names]
-    if not labels:
-        raise UsageError(f"--policies: none given; name at least one of {', '.join(policies.names())}, or a folder")
-    places = [label if label in policies.names() else str(Path(label).resolve()) for label in labels]
-    if repeated := sorted({label for label, place in zip(labels, places, strict=True) if places.count(place) > 1}):
-        raise UsageError(f"--policies: {', '.join(repeated)} given more than once; name each policy once")
-    try:
-        return tuple(Entrant(label, policies.resolve(label)) for label in labels)
-    except policies.PolicyError as error:
-        raise UsageError(f"--policies: {error}") from error
+        default = begun_with(folder)
+    options = parse(Options, words, program=PROGRAM, description=__doc__ or "", default=default)
+    from evaluate.plan import check  # after --help, which is to be quick
 
-
-def _compare(plan: Plan) -> int:
-    """Run every cell, then show and write what was done, even if the user interrupted."""
-    # Everything that is needed to the end, so that no interrupt can come in the middle of an import.
-    import quad_env.vector_env  # noqa: F401
-    from evaluate import ending
-    from evaluate.experiment import cells, evaluation_seeds
-    from evaluate.progress import show_progress
-
-    options = plan.options
-    done: list[Cell] = []
-    total = len(plan.entrants) * len(plan.scenarios)
-    seeds = evaluation_seeds(options.seed, options.episodes)
-    interrupted = False
-    try:
-        launcher.raise_on_interrupt()
-        with show_progress(total) as progress:
-            done.extend(cells(plan.entrants, plan.scenarios, seeds, options.threads, progress))
-    except KeyboardInterrupt:
-        interrupted = True
-        if not done:
-            raise
-    ending.conclude(done, options.out, seed=options.seed, episodes=options.episodes, complete=not interrupted)
-    if interrupted:
-        print(f"interrupted: wrote the {len(done)} finished parts of {total} to {options.out}", file=sys.stderr)
-    return launcher.INTERRUPTED if interrupted else 0
+    return check(options)
 
 
 if __name__ == "__main__":

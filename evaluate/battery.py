@@ -1,28 +1,93 @@
-"""The chosen battery: the scenarios that every policy is judged on, unless the user names others."""
+"""The batteries: the scenarios that every policy is judged on, and what a name on the command line stands for."""
 
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import chain
+
+from evaluate.scenario_file import from_file
 from quad_env.axes import AXES
 from quad_env.scenarios import SCENARIOS, Scenario, scenario
 
-DEFAULT = ("flat", "push", "rough")
+NOMINAL = ("flat", "push", "rough")
+"""What every battery begins with."""
+QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
+"""Levels in the quick battery, by axis."""
+DEFAULT_LEVELS: dict[str, tuple[int, ...]] = {}
+"""Levels in the default battery, by axis; the others have USUAL_LEVELS."""
+USUAL_LEVELS = (3, 5)
 ALL = "all"
+_FILE = ".py:"
+
+
+def quick() -> tuple[Scenario, ...]:
+    """For a first look."""
+    return _battery(lambda axis: QUICK_LEVELS.get(axis, ()))
+
+
+def default() -> tuple[Scenario, ...]:
+    """Every axis at a few levels."""
+    return _battery(lambda axis: DEFAULT_LEVELS.get(axis, USUAL_LEVELS))
+
+
+def full() -> tuple[Scenario, ...]:
+    """Every axis at every level."""
+    return _battery(lambda axis: tuple(range(1, len(AXES[axis].levels) + 1)))
+
+
+BATTERIES: dict[str, Callable[[], tuple[Scenario, ...]]] = {
+    "quick": quick,
+    "default": default,
+    "full": full,
+    ALL: lambda: tuple(SCENARIOS.values()),
+}
+"""Names that stand for several scenarios; `all` is every axis at its nominal severity."""
 
 
 def resolve(names: tuple[str, ...]) -> tuple[Scenario, ...]:
-    """Scenarios of the given names; `all` is every one there is. ValueError lists the valid names."""
-    if names == (ALL,):
-        return tuple(SCENARIOS.values())
+    """Scenarios of names as `push`, `push:3`, `push:all`, `full`, `file.py:NAME`; ValueError lists the valid ones."""
     if not names:
-        raise ValueError(f"no scenario given; valid: {', '.join(SCENARIOS)}, {ALL}")
-    if len(set(names)) < len(names):
-        raise ValueError(f"a scenario is given twice: {' '.join(names)}")
-    if ALL in names:
-        raise ValueError(f"'{ALL}' stands alone, without other scenarios")
-    return tuple(_one(name) for name in names)
+        raise ValueError(f"no scenario given; valid: {_valid()}")
+    found = tuple(chain.from_iterable(map(_named, names)))
+    called = [each.name for each in found]
+    if twice := [name for name in dict.fromkeys(called) if called.count(name) > 1]:
+        raise ValueError(f"a scenario is given twice: {' '.join(twice)}")
+    return found
 
 
-def _one(name: str) -> Scenario:
-    """`push`, or a level of an axis, `push:3`."""
+def _named(name: str) -> tuple[Scenario, ...]:
+    if name in BATTERIES:
+        return BATTERIES[name]()
+    if _FILE in name:
+        return from_file(name)
     axis, colon, level = name.partition(":")
-    if colon and axis in AXES and level.isdecimal():
-        return AXES[axis].level(int(level))
-    return scenario(name)
+    if colon and axis in AXES:
+        if level == ALL:
+            return tuple(_levels(axis))
+        if level.isdecimal():
+            return (AXES[axis].level(int(level)),)
+        raise ValueError(
+            f"{name!r} is no level of {axis}; valid: {axis}:1 to {axis}:{len(AXES[axis].levels)}, {axis}:{ALL}"
+        )
+    if name not in SCENARIOS:
+        raise ValueError(f"unknown scenario {name!r}; valid: {_valid()}")
+    return (scenario(name),)
+
+
+def _valid() -> str:
+    levels = "a level of an axis such as push:3 or push:all, a file of yours such as my_file.py:NAME"
+    return f"{', '.join((*SCENARIOS, *BATTERIES))}, {levels}"
+
+
+def _levels(axis: str) -> Iterator[Scenario]:
+    return map(AXES[axis].level, range(1, len(AXES[axis].levels) + 1))
+
+
+def _battery(levels: Callable[[str], tuple[int, ...]]) -> tuple[Scenario, ...]:
+    """The nominal scenarios and those levels of each axis, none twice."""
+    chosen = [SCENARIOS[name] for name in NOMINAL]
+    for axis in AXES.values():
+        for level in levels(axis.name):
+            new = axis.level(min(level, len(axis.levels)))
+            if not any(replace(new, name=known.name) == known for known in chosen):
+                chosen.append(new)
+    return tuple(chosen)

@@ -5,7 +5,7 @@ import io
 import itertools
 import re
 import sys
-from typing import TypeVar
+from typing import TypeVar, cast
 
 Options = TypeVar("Options")
 
@@ -16,14 +16,24 @@ class UsageError(Exception):
     """A user's mistake; the message is one line that names the remedy."""
 
 
-def parse(kind: type[Options], arguments: list[str] | None, *, program: str, description: str) -> Options:
-    """Options of that dataclass from the command line; UsageError for what does not fit, SystemExit(0) after --help."""
+def parse(
+    kind: type[Options],
+    arguments: list[str] | None,
+    *,
+    program: str,
+    description: str,
+    default: Options | None = None,
+) -> Options:
+    """Options of that dataclass from the command line; UsageError for what does not fit, SystemExit(0) after --help.
+
+    What the command line leaves out is as in `default`, or as the dataclass has it.
+    """
     import tyro
 
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
-            return tyro.cli(kind, prog=program, description=description, args=arguments)
+            return cast(Options, tyro.cli(kind, prog=program, description=description, args=arguments, default=default))
     except SystemExit as end:
         if not end.code:
             raise

@@ -3,19 +3,19 @@
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluate import rollout
-from evaluate.episodes import Episodes
 from evaluate.metrics import Measures, measure
 from policies.base import Policy
 from quad_env.scenarios import Scenario
 from quad_env.seeding import episode_seeds
 
 EPISODES_AT_ONCE = 512
-"""Episodes simulated side by side, which bounds the memory of a run."""
+"""Episodes simulated side by side, which bounds the memory of a run; no outcome depends on it."""
 
 
 @dataclass(frozen=True)
@@ -42,62 +42,110 @@ class Cell:
         return len(self.seeds)
 
 
-Trace = Callable[[str, Scenario, int, Episodes], None]
-"""Given a policy's name, the scenario, the number of the first episode and what was recorded of this part of a cell."""
+@dataclass(frozen=True)
+class Part:
+    """Some of a cell's episodes, and their numbers in it, (n,)."""
+
+    numbers: NDArray[np.int64]
+    cell: Cell
+
+
+class Keeper(Protocol):
+    """Keeps what is done, so that an interrupted run can go on."""
+
+    def kept(self, policy: str, scenario: Scenario) -> Sequence[Part]:
+        """Parts of that cell that are done already; no episode in two of them."""
+        ...
+
+    def keep(self, part: Part) -> None:
+        """Keep a part that has just been done."""
+        ...
+
+
+class _Nothing:
+    def kept(self, policy: str, scenario: Scenario) -> Sequence[Part]:
+        return ()
+
+    def keep(self, part: Part) -> None:
+        return
+
+
 CellProgress = Callable[[str, str, float], None]
 """Told the policy, the scenario and the share of their cell that is done; 1 exactly once."""
+Trace = Callable[[str, Scenario, int, rollout.Episodes], None]
+"""Given a policy's name, the scenario, the number of the first episode and what was recorded of this part of a cell."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """How cells are simulated; but for the length of an episode none of it changes their figures."""
+
+    nthread: int
+    progress: CellProgress
+    at_once: int = EPISODES_AT_ONCE
+    keeper: Keeper = dataclasses.field(default_factory=_Nothing)
+    trace: Trace | None = None
+    steps: int = dataclasses.field(default_factory=lambda: rollout.STEPS)
+    """Control steps of an episode."""
 
 
 def cells(
-    entrants: Sequence[Entrant],
-    scenarios: Sequence[Scenario],
-    seeds: NDArray[np.int64],
-    nthread: int,
-    progress: CellProgress,
-    trace: Trace | None = None,
+    entrants: Sequence[Entrant], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], bench: Bench
 ) -> Iterator[Cell]:
     """Every policy on one scenario, then on the next: what is done when a user interrupts is comparable."""
     for scenario in scenarios:
         for entrant in entrants:
-            yield run_cell(entrant, scenario, seeds, nthread, progress, trace)
+            yield run_cell(entrant, scenario, seeds, bench)
 
 
-def run_cell(
-    entrant: Entrant,
-    scenario: Scenario,
-    seeds: NDArray[np.int64],
-    nthread: int,
-    progress: CellProgress,
-    trace: Trace | None = None,
-) -> Cell:
-    """Simulate and measure one cell; with a `trace` robots go on after their fall, which changes no measure."""
-    parts: list[Cell] = []
-    chunks = np.array_split(seeds, -(-len(seeds) // EPISODES_AT_ONCE))
-    for number, chunk in enumerate(chunks):
+def run_cell(entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], bench: Bench) -> Cell:
+    """Simulate and measure what is not kept of one cell already."""
+    parts = list(bench.keeper.kept(entrant.label, scenario))
+    done = sum(len(part.numbers) for part in parts)
+    missing = np.setdiff1d(np.arange(len(seeds)), np.concatenate([np.arange(0), *(part.numbers for part in parts)]))
+    for numbers in _stretches(missing, bench.at_once):
 
-        def report(share: float, number: int = number) -> None:
+        def report(share: float, done: int = done, count: int = len(numbers)) -> None:
             if share < 1.0:
-                progress(entrant.label, scenario.name, (number + share) / len(chunks))
+                bench.progress(entrant.label, scenario.name, (done + share * count) / len(seeds))
 
+        chosen = seeds[numbers]
         episodes = rollout.run(
-            entrant.policy, scenario, chunk, nthread=nthread, progress=report, after_falls=trace is not None
+            entrant.policy,
+            scenario,
+            chosen,
+            nthread=bench.nthread,
+            steps=bench.steps,
+            progress=report,
+            after_falls=bench.trace is not None,
         )
-        if trace is not None:
-            trace(entrant.label, scenario, sum(part.episodes for part in parts), episodes)
-        parts.append(Cell(entrant.label, scenario, chunk, episodes.fall_reason, measure(episodes)))
-    cell = join(parts)
-    progress(entrant.label, scenario.name, 1.0)
-    return cell
+        if bench.trace is not None:
+            bench.trace(entrant.label, scenario, int(numbers[0]), episodes)
+        part = Part(numbers, Cell(entrant.label, scenario, chosen, episodes.fall_reason, measure(episodes)))
+        bench.keeper.keep(part)
+        parts.append(part)
+        done += len(numbers)
+    bench.progress(entrant.label, scenario.name, 1.0)
+    return join(parts)
 
 
-def join(parts: Sequence[Cell]) -> Cell:
-    """Parts of one cell as one, episodes in the order of the parts."""
+def _stretches(numbers: NDArray[np.int64], at_once: int) -> Iterator[NDArray[np.int64]]:
+    """Rising numbers in stretches without a gap, of at most `at_once`."""
+    for stretch in np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1):
+        if len(stretch):
+            yield from np.array_split(stretch, -(-len(stretch) // at_once))
+
+
+def join(parts: Sequence[Part]) -> Cell:
+    """Parts of one cell as one, episodes in the order of their numbers."""
+    order = np.argsort(np.concatenate([part.numbers for part in parts]))
+    cells = [part.cell for part in parts]
     fields = [field.name for field in dataclasses.fields(Measures)]
-    joined = {name: np.concatenate([getattr(part.measures, name) for part in parts]) for name in fields}
+    joined = {name: np.concatenate([getattr(cell.measures, name) for cell in cells])[order] for name in fields}
     return dataclasses.replace(
-        parts[0],
-        seeds=np.concatenate([part.seeds for part in parts]),
-        fall_reason=np.concatenate([part.fall_reason for part in parts]),
+        cells[0],
+        seeds=np.concatenate([cell.seeds for cell in cells])[order],
+        fall_reason=np.concatenate([cell.fall_reason for cell in cells])[order],
         measures=Measures(**joined),
     )
 

@@ -72,9 +72,10 @@ def table(found: dict[str, Any]) -> str:
     if found["breaking_points"]:
         lines += ["", *breaking_points(found["breaking_points"], names)]
     versions = found["versions"]
+    options = f"--scenarios {' '.join(scenarios)} --episodes {found['episodes']} --seed {found['seed']}"
     lines += [
         "",
-        f"`python -m evaluate --episodes {found['episodes']} --seed {found['seed']}`; in brackets 95 % intervals. "
+        f"`python -m evaluate {options}`; in brackets 95 % intervals. "
         f"MuJoCo {versions['mujoco']}, Python {versions['python']}.",
     ]
     return "\n".join(lines)

@@ -2,11 +2,12 @@
 
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from evaluate import seed_table
 from evaluate.comparison import Comparison, compare
 from evaluate.experiment import Cell
 from evaluate.limits import Limit, LimitRatio, limits
@@ -32,7 +33,9 @@ class Results:
     comparisons: tuple[Comparison, ...]
     breaking_points: tuple[Limit, ...]
     breaking_point_ratios: tuple[LimitRatio, ...]
-    versions: dict[str, str | None]
+    versions: Mapping[str, str | None]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -45,8 +48,11 @@ class Results:
         return tuple(dict.fromkeys(cell.scenario.name for cell in self.cells))
 
 
-def analyse(cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool) -> Results:
-    """Summaries, paired comparisons and breaking points of the cells."""
+def analyse(
+    cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool, provenance: Mapping[str, Any] | None = None
+) -> Results:
+    """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
+    made_with = dict(provenance or {"versions": versions()})
     breaking_points, ratios = limits(cells)
     return Results(
         seed=seed,
@@ -57,7 +63,8 @@ def analyse(cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool) 
         comparisons=tuple(compare(cells)),
         breaking_points=tuple(breaking_points),
         breaking_point_ratios=tuple(ratios),
-        versions=versions(),
+        versions=made_with.pop("versions"),
+        provenance=made_with,
     )
 
 
@@ -71,14 +78,16 @@ def as_json(results: Results) -> dict[str, Any]:
         "seed": results.seed,
         "episodes": results.episodes,
         "complete": results.complete,
-        "versions": results.versions,
+        "versions": dict(results.versions),
+        "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
         "policies": policies,
+        "training_seeds": seed_table.as_json(results),
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(limit) for limit in results.breaking_points],
         "breaking_point_ratios": [asdict(ratio) for ratio in results.breaking_point_ratios],
     }
-    without_nan: dict[str, Any] = _plain(contents)
-    return without_nan
+    plain: dict[str, Any] = without_nan(contents)
+    return plain
 
 
 def write_json(results: Results, path: Path) -> None:
@@ -86,9 +95,10 @@ def write_json(results: Results, path: Path) -> None:
     write_atomically(path, (json.dumps(as_json(results), indent=2, allow_nan=False) + "\n").encode())
 
 
-def _plain(value: Any) -> Any:
+def without_nan(value: Any) -> Any:
+    """JSON values with null for a number that does not exist."""
     if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
+        return {key: without_nan(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [without_nan(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

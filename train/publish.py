@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
 def publish(options: Options) -> None:
     """Judge the runs, then write the shipped one's bundle and card. Raises UsageError."""
     from evaluate import battery
-    from evaluate.experiment import Entrant, cells, evaluation_seeds
+    from evaluate.experiment import Bench, Entrant, cells, evaluation_seeds
     from evaluate.progress import show_progress
     from evaluate.results import analyse
     from policies import load, make
@@ -82,8 +82,8 @@ def publish(options: Options) -> None:
     entrants += [Entrant(run.label, load(Path(run.label) / BEST)) for run in runs]
     make_writable_folder(options.to)
     seeds = evaluation_seeds(options.seed, options.episodes)
-    with show_progress(len(entrants) * len(scenarios)) as progress:
-        found = list(cells(entrants, scenarios, seeds, options.threads, progress))
+    with show_progress([each.label for each in entrants], [each.name for each in scenarios]) as progress:
+        found = list(cells(entrants, scenarios, seeds, Bench(options.threads, progress)))
     results = analyse(found, seed=options.seed, episodes=options.episodes, complete=True)
     card = model_card(runs, shipped, results)
     for name in ("policy.safetensors", "policy.json"):

@@ -44,7 +44,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     stdout, stderr = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
         arguments = ["--policies", *POLICIES, "--scenarios", *SCENARIOS, "--episodes", str(EPISODES)]
-        code = main([*arguments, "--seed", "3", "--out", str(folder)])
+        code = main([*arguments, "--seed", "3", "--no-film", "--out", str(folder)])
     assert code == 0, stderr.getvalue()
     results = json.loads(folder.joinpath("results.json").read_text())
     return Run(folder, results, stdout.getvalue(), stderr.getvalue())

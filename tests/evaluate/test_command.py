@@ -15,6 +15,7 @@ import pytest
 
 import policies
 from evaluate.__main__ import main
+from evaluate.store import FILES
 from policies import bundle
 from policies.network import Network
 from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
@@ -101,10 +102,10 @@ def test_a_folder_in_the_place_of_a_file_is_refused(capsys, tmp_path, name) -> N
     assert "--out" in line
 
 
-QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1")
+QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1", "--no-film")
 
 
-@pytest.mark.parametrize("failing", ["results.json", "episodes.parquet", "report.html"])
+@pytest.mark.parametrize("failing", ["results.json", "episodes.parquet", "report.md", "report.html"])
 def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_path, monkeypatch, failing) -> None:
     """As the write of one file fails after everything has been simulated."""
 
@@ -113,20 +114,59 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         path.write_bytes(content)
 
-    for module in ("results", "episode_table", "report"):
+    for module in ("results", "episode_table", "markdown", "report.page"):
         monkeypatch.setattr(f"evaluate.{module}.write_atomically", write)
     assert main([*QUICK, "--out", str(tmp_path)]) == 2
     printed = capsys.readouterr()
     assert "2.000" in printed.out
     line = printed.err.splitlines()[-1]
-    assert line == f"error: cannot write {tmp_path / failing} ({os.strerror(errno.ENOSPC)})"
-    assert {path.name for path in tmp_path.iterdir()} == {"results.json", "episodes.parquet", "report.html"} - {failing}
+    assert line.startswith(f"error: cannot write {tmp_path / failing} ({os.strerror(errno.ENOSPC)})")
+    assert line.endswith(f"python -m evaluate report {tmp_path}")
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES, "parts"} - {failing}
+    monkeypatch.undo()
+    assert main(["report", str(tmp_path), "--no-film"]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES}
 
 
 def test_one_episode_is_called_one(capsys, tmp_path) -> None:
     assert main([*QUICK, "--out", str(tmp_path)]) == 0
     assert "1 episode each" in capsys.readouterr().out
     assert "1 episode of each policy" in (tmp_path / "report.html").read_text()
+
+
+GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
+
+
+def test_a_gate_that_does_not_hold_sets_the_exit_code(capsys, tmp_path) -> None:
+    """The document's controller always falls, a standing robot hardly ever."""
+    out = ("--out", str(tmp_path))
+    assert main([*GATED, "--gate", "stand falls <= document", "document falls < 50 %", *out]) == 1
+    said = capsys.readouterr().out
+    assert said.count("does not hold") == 1
+    assert "gate 'document falls < 50 %' does not hold on flat" in said
+    junit = (tmp_path / "junit.xml").read_text()
+    assert 'tests="2" failures="1"' in junit
+    assert main(["report", str(tmp_path), "--no-film", "--gate", "stand falls <= document"]) == 0
+    assert "every gate holds, on 1 scenario" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("gate", "words"), [("stand falls", "cannot be read"), ("trot falls <= stand", "trot"), ("stand joy <= 1", "joy")]
+)
+@pytest.mark.usefixtures("no_simulation")
+def test_a_gate_that_cannot_be_judged_is_refused(capsys, tmp_path, gate, words) -> None:
+    line = refused(capsys, *GATED, "--gate", gate, "--out", tmp_path / "out")
+    assert line.startswith("error: --gate: ")
+    assert words in line
+
+
+def test_a_trace_can_be_scored_again(capsys, tmp_path) -> None:
+    assert main([*GATED, "--trace", "compact", "--at-once", "1", "--out", str(tmp_path)]) == 0
+    assert len(list(tmp_path.glob("traces/*.parquet"))) == 4
+    assert main([*GATED, "--trace", "compact", "--out", str(tmp_path)]) == 0
+    assert len(list(tmp_path.glob("traces/*.parquet"))) == 2
+    assert main(["rescore", str(tmp_path)]) == 0
+    assert "document" in capsys.readouterr().out
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="permissions do not bind the superuser")
@@ -163,7 +203,7 @@ def test_a_residual_that_is_not_shipped_is_said_to_be_missing(capsys, tmp_path, 
 
 def test_a_bundle_is_compared_under_the_path_it_was_called_by(tmp_path, bundle_folder) -> None:
     out = tmp_path / "out"
-    arguments = ["--policies", "trot", f"{bundle_folder}/", "--scenarios", "flat", "--episodes", "2"]
+    arguments = ["--policies", "trot", f"{bundle_folder}/", "--scenarios", "flat", "--episodes", "2", "--no-film"]
     assert main([*arguments, "--out", str(out)]) == 0
     results = json.loads((out / "results.json").read_text())
     assert list(results["policies"]) == ["trot", str(bundle_folder)]
@@ -173,8 +213,8 @@ def test_a_bundle_is_compared_under_the_path_it_was_called_by(tmp_path, bundle_f
 
 
 def test_a_single_episode_has_means_but_no_intervals(tmp_path) -> None:
-    arguments = ["--policies", "document", "stand", "--scenarios", "flat", "--episodes", "1", "--out", str(tmp_path)]
-    assert main(arguments) == 0
+    arguments = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "1", "--no-film")
+    assert main([*arguments, "--out", str(tmp_path)]) == 0
     cell = json.loads((tmp_path / "results.json").read_text())["policies"]["document"]["scenarios"]["flat"]
     assert cell["velocity_error"] == 2.0
     assert cell["velocity_error_ci"] == [None, None]
@@ -193,7 +233,7 @@ def test_help_is_quick_and_explains_every_option() -> None:
     assert "loaded: [] 0" in printed
     for option in ("--policies", "--scenarios", "--episodes", "--seed", "--out", "--threads"):
         assert option in printed
-    assert "default: 128" in printed
+    assert "default: 64" in printed
 
 
 @LAUNCHERS
@@ -224,7 +264,7 @@ def test_a_reader_that_leaves_early_loses_no_file(repository, tmp_path) -> None:
     finished = subprocess.run(command, cwd=repository, stdout=writing, stderr=writing, check=False)
     os.close(writing)
     assert finished.returncode == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["episodes.parquet", "report.html", "results.json"]
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES}
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
@@ -247,7 +287,9 @@ def test_a_terminal_without_unicode_gets_the_same_answers(repository, tmp_path) 
     wrong = subprocess.run([*command, "--episodes", "many"], **options)
     assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
     assert "--episodes" in wrong.stderr
-    shown = subprocess.run([*command, "--policies", "document", "--scenarios", "flat", "--episodes", "2"], **options)
+    shown = subprocess.run(
+        [*command, "--policies", "document", "--scenarios", "flat", "--episodes", "2", "--no-film"], **options
+    )
     assert shown.returncode == 0, shown.stderr
     assert "2.000 ? 0.000" in shown.stdout
 
@@ -276,12 +318,13 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path) -> None:
     assert process.returncode == 130
     assert "Traceback" not in error
     assert "interrupted" in error.splitlines()[-1]
+    assert error.splitlines()[-1].endswith(f"python -m evaluate --resume --out {tmp_path}")
     results = json.loads((tmp_path / "results.json").read_text())
     assert results["complete"] is False
     assert list(results["policies"]) == ["document"]
     assert results["policies"]["document"]["scenarios"]["flat"]["episodes"] == 512
     assert "Interrupted" in (tmp_path / "report.html").read_text()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["episodes.parquet", "report.html", "results.json"]
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES, "parts"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")

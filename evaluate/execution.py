@@ -1,0 +1,83 @@
+"""A plan carried out: every cell simulated and kept, then everything shown and written, even after Ctrl-C."""
+
+import shlex
+import sys
+from pathlib import Path
+
+# Everything that is needed to the end, so that no interrupt can come in the middle of an import.
+import quad_env.vector_env  # noqa: F401
+from evaluate import launcher, trace
+from evaluate.command_line import UsageError
+from evaluate.ending import Ending, Show, conclude, print_all
+from evaluate.experiment import Bench, Cell, Trace, cells, evaluation_seeds
+from evaluate.options import PROGRAM
+from evaluate.plan import Plan
+from evaluate.progress import show_progress
+from evaluate.store import Run, Store, is_unfinished, read_run, remove_parts
+
+
+def execute(plan: Plan, show: Show = print_all) -> int:
+    """Run every cell and conclude, the outcome shown so; the exit code.
+
+    Raises UsageError, and KeyboardInterrupt if nothing was kept.
+    """
+    out, manifest = plan.options.out, plan.manifest
+    ending = Ending(show, plan.gates, plan.options.film)
+    if plan.options.resume and (run := read_run(out)).complete:
+        print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
+        code = conclude(run, out, ending)
+        remove_parts(out)
+        return code
+    if not plan.options.resume and is_unfinished(out):
+        print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
+    store = Store(out, manifest, resumed=plan.options.resume)
+    done, interrupted = _simulate(plan, store)
+    code = conclude(Run(manifest, tuple(done)), out, ending) if done else 0
+    if not interrupted:
+        remove_parts(out)
+        return code
+    total = len(plan.entrants) * len(plan.scenarios)
+    _say_what_is_kept(f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done", out)
+    return launcher.INTERRUPTED
+
+
+def _simulate(plan: Plan, store: Store) -> tuple[list[Cell], bool]:
+    """The cells that were finished, and whether the user interrupted."""
+    done: list[Cell] = []
+    seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
+    names = [entrant.label for entrant in plan.entrants], [scenario.name for scenario in plan.scenarios]
+    try:
+        launcher.raise_on_interrupt()
+        with show_progress(*names) as progress:
+            bench = Bench(
+                plan.options.threads, progress, plan.options.at_once, store, _trace(plan), plan.manifest.steps
+            )
+            done.extend(cells(plan.entrants, plan.scenarios, seeds, bench))
+    except KeyboardInterrupt:
+        if not store.begun:
+            raise
+        return done, True
+    except OSError as error:
+        raise UsageError(
+            f"cannot write to {store.folder} ({error.strerror or error}); make room, then go on: {_go_on(store.folder)}"
+        ) from error
+    return done, False
+
+
+def _trace(plan: Plan) -> Trace | None:
+    """What writes the traces, if any are asked for; those of an earlier run are removed."""
+    if plan.options.trace == "none":
+        return None
+    folder = plan.options.out / trace.FOLDER
+    if not plan.options.resume:
+        for path in folder.glob("*.parquet"):
+            path.unlink()
+    return trace.writer(folder, plan.options.trace)
+
+
+def _say_what_is_kept(what: str, out: Path) -> None:
+    print(f"interrupted: {what} to {out}; go on with: {_go_on(out)}", file=sys.stderr)
+
+
+def _go_on(out: Path) -> str:
+    return f"{PROGRAM} --resume --out {shlex.quote(str(out))}"
