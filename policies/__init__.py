@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from policies.base import GaitedPolicy, Policy, PolicyError
+from policies.behaviour import Behaviour
 from policies.bundle import load
 from policies.document import Document
 from policies.document_repaired import DocumentRepaired
@@ -29,6 +30,7 @@ def _shipped_residual() -> Policy:
 
 
 _MAKERS: dict[str, Callable[[], Policy]] = {
+    "behaviour": Behaviour,
     "bound": partial(Gaits, "bound", name="bound"),
     "document": Document,
     "document_repaired": DocumentRepaired,
@@ -66,6 +68,7 @@ def resolve(name_or_path: str | Path) -> Policy:
 
 
 __all__ = [
+    "Behaviour",
     "Document",
     "DocumentRepaired",
     "GaitedPolicy",
