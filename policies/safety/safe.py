@@ -183,8 +183,9 @@ class Safe(Policy):
                 self._enter(following, self._after_failure, RAISED)
             else:
                 self._take(answer, following, targets)
-        if self._fallback is not None and (falling_back := self._mode == Mode.FALLBACK).any():
-            targets = np.where(falling_back[:, None], self._fallback.act(observation).astype(np.float64), targets)
+        if self._fallback is not None:  # walks along all the time, so as to take over in step
+            own = self._fallback.act(observation).astype(np.float64)
+            targets = np.where((self._mode == Mode.FALLBACK)[:, None], own, targets)
         return targets
 
     def _take(self, answer: object, following: Mask, targets: Floats) -> None:
