@@ -93,7 +93,7 @@ def searched_parameters() -> RecoveryParameters:
         ) from None
 
 
-SETTLE_TIME = 0.5
+SETTLE_TIME = 0.3
 """Longest wait for a fallen robot to lie still, s."""
 SETTLE_MINIMUM = 0.05
 SETTLED_TURNING = 1.5
