@@ -10,11 +10,13 @@ from functools import partial
 from pathlib import Path
 
 from policies.base import GaitedPolicy, Policy, PolicyError
+from policies.behaviour import Behaviour
 from policies.bundle import load
 from policies.document import Document
 from policies.document_repaired import DocumentRepaired
 from policies.gaits import Gaits
 from policies.residual import ResidualPolicy
+from policies.safety import Safe
 from policies.stand import Stand
 from policies.trot import Trot, TrotParameters
 
@@ -29,6 +31,7 @@ def _shipped_residual() -> Policy:
 
 
 _MAKERS: dict[str, Callable[[], Policy]] = {
+    "behaviour": Behaviour,
     "bound": partial(Gaits, "bound", name="bound"),
     "document": Document,
     "document_repaired": DocumentRepaired,
@@ -42,13 +45,22 @@ _MAKERS: dict[str, Callable[[], Policy]] = {
 }
 
 
+SAFE = "safe:"
+"""Before the name of any policy: that policy within the safety layer."""
+
+
 def names() -> tuple[str, ...]:
     """The names that `make` knows, sorted."""
     return tuple(sorted(_MAKERS))
 
 
 def make(name: str) -> Policy:
-    """A fresh policy by name. Raises PolicyError for a name that does not exist or a model that is not there."""
+    """A fresh policy by name, for `safe:NAME` within the safety layer.
+
+    Raises PolicyError for a name that does not exist or a model that is not there.
+    """
+    if name.startswith(SAFE):
+        return Safe(make(name.removeprefix(SAFE)))
     if name not in _MAKERS:
         raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
     return _MAKERS[name]()
@@ -56,7 +68,7 @@ def make(name: str) -> Policy:
 
 def resolve(name_or_path: str | Path) -> Policy:
     """A fresh policy by name, else from the bundle in the folder of that path. Raises PolicyError."""
-    if isinstance(name_or_path, str) and name_or_path in _MAKERS:
+    if isinstance(name_or_path, str) and name_or_path.removeprefix(SAFE) in _MAKERS:
         return make(name_or_path)
     if Path(name_or_path).is_dir():
         return load(name_or_path)
@@ -66,6 +78,7 @@ def resolve(name_or_path: str | Path) -> Policy:
 
 
 __all__ = [
+    "Behaviour",
     "Document",
     "DocumentRepaired",
     "GaitedPolicy",
@@ -73,6 +86,7 @@ __all__ = [
     "Policy",
     "PolicyError",
     "ResidualPolicy",
+    "Safe",
     "Stand",
     "Trot",
     "TrotParameters",

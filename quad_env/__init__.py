@@ -15,7 +15,7 @@ import gymnasium as gym
 if TYPE_CHECKING:
     from quad_env.axes import AXES, Axis
     from quad_env.conditions import Scenario
-    from quad_env.config import FALL_RULE, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
+    from quad_env.config import FALL_RULE, AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
     from quad_env.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
     from quad_env.observations import OBSERVATION, OBSERVATION_SIZE
     from quad_env.robot import JOINT_NAMES
@@ -40,6 +40,7 @@ __all__ = [
     "OBSERVATION",
     "OBSERVATION_SIZE",
     "SCENARIOS",
+    "AnyPose",
     "Axis",
     "CommandRanges",
     "Dropouts",

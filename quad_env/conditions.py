@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from quad_env.config import CommandRanges, StartNoise
+from quad_env.config import AnyPose, CommandRanges, StartNoise
 from quad_env.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.terrain import Flat, Terrain
 
@@ -15,7 +15,7 @@ class Scenario:
     terrain: Terrain = field(default_factory=Flat)
     pushes: Pushes | None = None
     commands: CommandRanges = field(default_factory=CommandRanges)
-    start: StartNoise = field(default_factory=StartNoise)
+    start: StartNoise | AnyPose = field(default_factory=StartNoise)
     severity: float = 0.0
     """Of the scenario's own axis, in the unit of `severity_unit`; 0 where it is of none."""
     severity_unit: str = ""

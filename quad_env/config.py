@@ -50,6 +50,19 @@ class StartNoise:
 
 
 @dataclass(frozen=True)
+class AnyPose:
+    """Starts of a robot that has fallen: every orientation alike, joints anywhere within their limits, lowest point on
+    the ground; each figure is the half-width of a uniform velocity."""
+
+    joint_velocity: float = 3.0
+    """rad/s"""
+    linear_velocity: float = 1.0
+    """m/s, each world axis"""
+    angular_velocity: float = 3.0
+    """rad/s, each body axis"""
+
+
+@dataclass(frozen=True)
 class FallRule:
     """When a robot counts as fallen; the rule's name is stored with every result."""
 

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from quad_env.columns import Array
 from quad_env.commands import draw_command
 from quad_env.conditions import Scenario
+from quad_env.config import AnyPose
 from quad_env.disturbances import Dropouts, Payload, Pushes, SteadyForce
-from quad_env.robot import NUM_JOINTS
+from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
 from quad_env.seeding import EpisodeStreams
 
 
@@ -65,6 +66,8 @@ def draw_start(scenario: Scenario, stream: np.random.Generator) -> Array:
     """Start of one robot, (35,): x, y, m; yaw, roll, pitch, 12 joint offsets from home, rad; 3 linear, 3 angular and
     12 joint velocities, m/s and rad/s."""
     noise, radius = scenario.start, scenario.terrain.spawn_radius
+    if isinstance(noise, AnyPose):
+        return _draw_any_pose(noise, radius, stream)
     widths = (
         (radius, 2),
         (noise.yaw, 1),
@@ -76,6 +79,15 @@ def draw_start(scenario: Scenario, stream: np.random.Generator) -> Array:
     )
     width = np.repeat([half for half, _ in widths], [count for _, count in widths])
     return width * stream.uniform(-1, 1, len(width))
+
+
+def _draw_any_pose(start: AnyPose, radius: float, stream: np.random.Generator) -> Array:
+    """A start row of `draw_start`, uniform over orientations: yaw, the sine of the pitch and roll are uniform."""
+    place, (yaw, sin_pitch, roll) = radius * stream.uniform(-1, 1, 2), stream.uniform(-1, 1, 3)
+    angles = (np.pi * yaw, np.pi * roll, np.arcsin(sin_pitch))
+    joints = stream.uniform(JOINT_LOWER, JOINT_UPPER) - HOME_POSE
+    width = np.repeat([start.linear_velocity, start.angular_velocity, start.joint_velocity], [3, 3, 12])
+    return np.concatenate((place, angles, joints, width * stream.uniform(-1, 1, len(width))))
 
 
 def draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) -> PushPlan:

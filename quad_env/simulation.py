@@ -1,5 +1,6 @@
 """n robots on one MuJoCo batch: joint targets in, state out."""
 
+import itertools
 from collections.abc import Callable
 from functools import partial
 from typing import Any, cast
@@ -13,7 +14,7 @@ from quad_env.columns import Array, Column, Mask, Truth, Vector, not_finite, of_
 from quad_env.conditions import Scenario
 from quad_env.disturbances import Ground, Motors, Payload
 from quad_env.model import PAYLOAD, TRUNK_SENSOR, compile_model, slope_quaternion, stepped_model
-from quad_env.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES
+from quad_env.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, TRUNK_SIZE
 from quad_env.state import QuadState, heading_velocity, rotation_matrix, to_body
 from quad_env.terrain import Slope, Terrain
 
@@ -25,6 +26,9 @@ _FOOT_SENSORS = tuple(f"{leg}_foot_ground" for leg in LEG_NAMES)
 _LEG_SENSORS = tuple(f"{leg}_{link}_ground" for leg in LEG_NAMES for link in ("thigh", "calf"))
 Motion = tuple[Vector[Column], Vector[Column]]
 """Generalised positions (19) and velocities (18), as MuJoCo orders them."""
+_THIGH_RADIUS = 0.03
+"""From an end of a thigh to the farthest corner of the box there, rounded up, m."""
+_TRUNK_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * TRUNK_SIZE
 
 
 class Simulation:
@@ -64,7 +68,8 @@ class Simulation:
         self._leg_contacts = [self._batch.sensor(name).data for name in more]
         self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
-        self._sites = self._batch.bind("site_xpos")
+        self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in ("thigh", "calf") for leg in LEG_NAMES]
+        self._sites, self._bodies = self._batch.bind("site_xpos"), self._batch.bind("xpos")
         self._filtered = self._batch.bind("act") if self.model.na else None
         self._load = None if payload is None else self._batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
         self._force: Array | None = None
@@ -82,7 +87,7 @@ class Simulation:
         return make(scenario.terrain, num_envs, nthread, control_rate, contacts)
 
     def reset(self, ids: NDArray[np.intp], rows: Array, force: Array | None = None, load: Array | None = None) -> None:
-        """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, feet just on the ground.
+        """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, just on the ground.
 
         A row holds x, y, yaw, roll, pitch, 12 joint offsets from home, 6 trunk and 12 joint velocities. `force`,
         (k, 2), N, acts on their trunks at every step, world frame; `load`, (k, 2), m, is where their payloads are, base
@@ -108,9 +113,16 @@ class Simulation:
             self._load[ids] = 0.0 if load is None else load
             self._batch.set_const(ids)
         self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
-        feet = self._sites[ids][:, self._feet]
-        lift = self.terrain.ball_height(feet[:, :, 0], feet[:, :, 1], FOOT_RADIUS) - feet[:, :, 2]
-        self._qpos[ids, 2] += lift.max(axis=1)
+        self._qpos[ids, 2] += self._lift(ids, qpos)
+
+    def _lift(self, ids: NDArray[np.intp], qpos: Array) -> Array:
+        """How far up those robots, (k, 19), have to go for nothing of them to be below the ground, (k,), m."""
+        rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(of_robots(qpos[:, 3:7]))], 1)  # (k, 3, 3)
+        corners = qpos[:, None, :3] + _TRUNK_CORNERS @ rotation.transpose(0, 2, 1)
+        feet, thighs = self._sites[ids][:, self._feet], self._bodies[ids][:, self._thighs]
+        balls = ((feet, FOOT_RADIUS), (thighs, _THIGH_RADIUS), (corners, 0.0))
+        lifts = [self.terrain.ball_height(at[:, :, 0], at[:, :, 1], radius) - at[:, :, 2] for at, radius in balls]
+        return cast("Array", np.concatenate(lifts, axis=1).max(axis=1))
 
     def step(self, action: Array, push: Array | None, ids: Ids = ALL, heard: Array | None = None) -> None:
         """Advance those robots by one control period with joint targets (n, 12) and trunk forces (n, 2), N, of all.

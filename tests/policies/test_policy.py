@@ -20,9 +20,11 @@ def small_residual():
 
 
 MAKERS = {
+    "behaviour": lambda: policies.make("behaviour"),
     **{name: partial(policies.make, name) for name in ("bound", "gaits", "pace", "pronk", "stand", "walk")},
     "document": lambda: policies.make("document"),
     "document_repaired": lambda: policies.make("document_repaired"),
+    "safe": lambda: policies.make("safe:trot"),
     "trot": lambda: policies.make("trot"),
     "residual": small_residual,
 }
@@ -139,7 +141,7 @@ def test_stand_holds_the_home_pose():
 
 
 def test_names_are_sorted_and_every_name_but_the_shipped_model_can_be_made():
-    expected = "bound, document, document_repaired, gaits, pace, pronk, residual, stand, trot, walk"
+    expected = "behaviour, bound, document, document_repaired, gaits, pace, pronk, residual, stand, trot, walk"
     assert ", ".join(policies.names()) == expected
     for name in set(policies.names()) - {"residual"}:
         assert policies.make(name).name == name

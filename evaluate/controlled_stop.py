@@ -1,0 +1,50 @@
+"""Controlled stops, an outcome of their own beside falls and upright episodes, told from what was recorded of one.
+
+An episode ends in a controlled stop if in its last second the trunk leant less than 30° and never sank faster than
+0.3 m/s, and at its end it was low and either at rest or on the ground. A fall that ends like that is no fall.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+LOOK_BACK = 100
+"""Control steps that count as the end of an episode."""
+LARGEST_TILT = np.deg2rad(30.0)
+FASTEST_SINKING = 0.3
+"""m/s."""
+LOW = 0.3
+"""Trunk centre above the ground, m; robots walk and stand higher, or move."""
+AT_REST = 0.5
+"""Joint speed below which a robot is at rest, rad/s."""
+REST_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Of n robots, step by step, (steps, n); entries after a fall repeat the last."""
+
+    height: Floats
+    """Of the trunk's centre above the ground, m."""
+    upright: Floats
+    """Cosine of the tilt."""
+    vertical_velocity: Floats
+    """m/s."""
+    joint_speed: Floats
+    """Largest of a robot's joints, rad/s."""
+
+
+def controlled_stops(trace: Trace, fall_step: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which episodes ended in a controlled stop, (n,); `fall_step` is the number of steps where there was no fall."""
+    steps, count = trace.height.shape
+    fell = fall_step < steps
+    end = np.minimum(fall_step, steps - 1)
+    time = np.arange(steps)[:, None]
+    ending = (time <= end) & (time > end - LOOK_BACK)
+    gentle = (~ending | ((trace.upright > np.cos(LARGEST_TILT)) & (trace.vertical_velocity > -FASTEST_SINKING))).all(0)
+    resting = (~(ending & (time > end - REST_STEPS)) | (trace.joint_speed < AT_REST)).all(axis=0)
+    low = trace.height[end, np.arange(count)] < LOW
+    return np.asarray(gentle & low & (fell | resting))

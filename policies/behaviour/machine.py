@@ -1,0 +1,168 @@
+"""The state machine: which behaviour each of n robots is in, by the transition table and nothing else."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from policies.behaviour.conditions import Mask, conditions
+from policies.behaviour.records import Ring
+from policies.behaviour.table import GUARDS, REQUESTS, TRANSITIONS, State, Transition, valid_requests
+
+LOG_CAPACITY = 4096
+"""Entries of each log; older ones are dropped."""
+STARTED = len(TRANSITIONS)
+"""Number that stands in the log for a (re)start."""
+
+_SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
+for _number, _row in enumerate(TRANSITIONS):
+    _SOURCE[_number, list(_row.sources)] = True
+_BY_REQUEST: dict[str, list[tuple[int, Transition]]] = {
+    name: [(number, row) for number, row in enumerate(TRANSITIONS) if row.request == name] for name in ("", *REQUESTS)
+}
+_HAPPENS = np.asarray(_SOURCE[[number for number, _ in _BY_REQUEST[""]]].any(axis=0))
+"""States that can be left without a request, (states,)."""
+
+
+class RequestRefused(ValueError):
+    """A request that the table does not allow now; the message names the state and what may be asked."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One entry of the log."""
+
+    step: int
+    """Control step of that robot's machine, counted from its reset of all."""
+    robot: int
+    source: State
+    target: State
+    reason: str
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """One request refused."""
+
+    step: int
+    robot: int
+    state: State
+    request: str
+    reason: str
+
+
+class BehaviourMachine:
+    """States of n robots. `request` asks, `observe` looks and lets happen what happens by itself."""
+
+    def __init__(self, num_envs: int = 1, start: State = State.PASSIVE, capacity: int = LOG_CAPACITY) -> None:
+        self._start = start
+        self._capacity = capacity
+        self.reset(num_envs)
+
+    def reset(self, num_envs: int) -> None:
+        """All robots anew, logs emptied."""
+        self.step = 0
+        self._state = np.full(num_envs, self._start, np.int8)
+        self._ticks = np.zeros(num_envs, np.int64)
+        self._changed = np.ones(num_envs, np.bool_)
+        self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
+        self._log, self._refusals = Ring(5, self._capacity), Ring(4, self._capacity)
+
+    def restart(self, mask: Mask) -> None:
+        """Those robots anew; logged."""
+        self._log.write(self.step, np.flatnonzero(mask), self._state[mask], self._start, STARTED)
+        self._enter(mask, self._start)
+        for holds in self._conditions.values():
+            holds[mask] = False
+
+    @property
+    def state(self) -> NDArray[np.int8]:
+        """`State` of each robot, (n,), a copy."""
+        return self._state.copy()
+
+    @property
+    def ticks(self) -> NDArray[np.int64]:
+        """Control steps that each robot has been in its state, (n,)."""
+        return self._ticks
+
+    def take_changes(self) -> Mask:
+        """Robots that entered a state since this was last asked, (n,)."""
+        changed, self._changed = self._changed, np.zeros_like(self._changed)
+        return changed
+
+    def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
+        """Ask the robots of `mask`, (n,) bool, for a behaviour; the mask of those that refused.
+
+        Without a mask all are asked, and RequestRefused is raised if one refuses: then none has changed. Conditions
+        are those of the latest observation. ValueError for a name or mask that does not exist.
+        """
+        if name not in REQUESTS:
+            raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
+        asked = np.ones(len(self._state), np.bool_) if mask is None else np.asarray(mask)
+        if asked.dtype != np.bool_ or asked.shape != self._state.shape:
+            raise ValueError(f"mask must be bool of shape {self._state.shape}, not {asked.dtype} of {asked.shape}")
+        rows = self._rows(name, asked)
+        refused: Mask = asked & (rows < 0)
+        if refused.any():
+            self._refusals.write(self.step, np.flatnonzero(refused), self._state[refused], REQUESTS.index(name))
+            if mask is None:
+                robot = int(np.flatnonzero(refused)[0])
+                raise RequestRefused(f"robot {robot}: {refusal_reason(State(self._state[robot]), name)}")
+        self._apply(rows)
+        return refused
+
+    def observe(self, observation: NDArray[np.float32]) -> None:
+        """One control step: look at the observations (n, k) and let happen what happens by itself."""
+        self.step += 1
+        self._ticks += 1
+        self._conditions = conditions(observation, self._state, self._ticks)
+        self._apply(self._rows("", _HAPPENS[self._state]))
+
+    def changes(self) -> list[Change]:
+        """The latest transitions, oldest first."""
+        reasons = (*(row.reason for row in TRANSITIONS), "started anew")
+        return [Change(step, robot, State(a), State(b), reasons[row]) for step, robot, a, b, row in self._log.read()]
+
+    def refusals(self) -> list[Refusal]:
+        """The latest refused requests, oldest first."""
+        return [
+            Refusal(step, robot, State(state), REQUESTS[name], refusal_reason(State(state), REQUESTS[name]))
+            for step, robot, state, name in self._refusals.read()
+        ]
+
+    def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
+        """Number of the row that each robot asked takes, (n,); -1 for none."""
+        taken = np.full(len(self._state), -1, np.int64)
+        if not asked.any():
+            return taken
+        for number, row in reversed(_BY_REQUEST[request]):
+            applies = asked & _SOURCE[number][self._state]
+            if row.guard:
+                applies &= self._conditions[row.guard]
+            taken[applies] = number
+        return taken
+
+    def _apply(self, rows: NDArray[np.int64]) -> None:
+        moving = rows >= 0
+        if not moving.any():
+            return
+        numbers = rows[moving]
+        targets = _TARGET[numbers]
+        self._log.write(self.step, np.flatnonzero(moving), self._state[moving], targets, numbers)
+        self._enter(moving, targets)
+
+    def _enter(self, mask: Mask, targets: NDArray[np.int8] | State) -> None:
+        self._state[mask] = targets
+        self._ticks[mask] = 0
+        self._changed[mask] = True
+
+
+_TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
+
+
+def refusal_reason(state: State, request: str) -> str:
+    """Why the request is refused in that state, with what may be asked instead."""
+    guards = [row.guard for row in TRANSITIONS if row.request == request and state in row.sources]
+    if guards:
+        return f"{request!r} in state {state.label} needs the robot to be {' or '.join(guards)}"
+    return f"{request!r} is not possible in state {state.label}; valid: {', '.join(valid_requests(state))}"

@@ -1,0 +1,187 @@
+"""Getting up from any pose: a sequence of key poses, chosen by which way gravity points.
+
+Lying, the robot waits until it lies still, gathers its legs, and rolls over the side that is lower by swinging them all
+at once. Upright again it lands on bent legs, tucks them under its hips and stands up. Whenever it is lost on the way it
+begins again. The poses, times and thresholds are the outcome of a search, `python -m train.tune_recovery`.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Floats, PolicyError
+from policies.behaviour.motion import Mask, Motion, approach
+from quad_env import OBSERVATION
+from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, SIDE
+
+PARAMETERS_FILE = Path(__file__).with_name("recovery.json")
+"""The searched parameters."""
+
+
+class Phase(IntEnum):
+    """Where a robot is in getting up."""
+
+    SETTLE = 0
+    """Joints damped."""
+    GATHER = 1
+    KICK = 2
+    LAND = 3
+    TUCK = 4
+    STAND = 5
+
+
+Legs = tuple[float, float, float, float, float, float]
+"""Hip (positive outward), thigh and calf of a front leg, then of a hind leg, rad."""
+
+
+@dataclass(frozen=True)
+class RecoveryParameters:
+    """What the search tunes; a leg is lower if it is on the side that gravity pulls to."""
+
+    gather_lower: Legs
+    gather_upper: Legs
+    kick_lower: Legs
+    kick_upper: Legs
+    land: Legs
+    tuck: Legs
+    gather_blend: float
+    """From the pose before, s; likewise the other blends."""
+    land_blend: float
+    tuck_blend: float
+    stand_blend: float
+    gather_time: float
+    """In the phase, s; likewise the other times."""
+    kick_time: float
+    """Longest time in the phase, s."""
+    land_time: float
+    tuck_time: float
+    righted: float
+    """Cosine of the tilt at which a kick has succeeded."""
+    lost: float
+    """Cosine of the tilt at which landing, tucking or standing has failed."""
+    caught: float
+    """Turning speed below which a kicked robot is ready to land, rad/s."""
+    kick_minimum: float
+    """s of kicking before it may have succeeded."""
+    upright: float
+    """Cosine of the tilt up to which no kick is needed."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if not np.isfinite(getattr(self, field.name)).all():
+                raise ValueError(f"{field.name} must be finite")
+
+
+@cache
+def searched_parameters() -> RecoveryParameters:
+    """The outcome of the search, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
+    try:
+        values: dict[str, Any] = json.loads(PARAMETERS_FILE.read_text())
+        for name, value in values.items():
+            values[name] = tuple(value) if isinstance(value, list) else value
+        return RecoveryParameters(**values)
+    except (OSError, TypeError, ValueError) as error:
+        raise PolicyError(
+            f"cannot read {PARAMETERS_FILE} ({error}); `python -m train.tune_recovery` writes it"
+        ) from None
+
+
+SETTLE_TIME = 0.3
+"""Longest wait for a fallen robot to lie still, s."""
+SETTLE_MINIMUM = 0.05
+SETTLED_TURNING = 1.5
+"""Turning speed below which it lies still, rad/s."""
+KICK_BLEND = 0.01
+"""A kick is as fast as the servos are, s."""
+STRANDED_AFTER, STRANDED_TURNING = 0.4, 0.5
+"""A kicked robot that turns no faster than that, rad/s, after that time, s, has not got over."""
+
+
+class Recovery(Motion):
+    """Getting up from any pose."""
+
+    def __init__(self, parameters: RecoveryParameters | None = None) -> None:
+        self._p = parameters if parameters is not None else searched_parameters()
+        p = self._p
+        self._poses = key_poses(p)
+        self._blends = np.array([0.0, p.gather_blend, KICK_BLEND, p.land_blend, p.tuck_blend, p.stand_blend])
+        self._times = np.array([SETTLE_TIME, p.gather_time, p.kick_time, p.land_time, p.tuck_time, np.inf])
+
+    def reset(self, num_envs: int) -> None:
+        """Make room for that many robots."""
+        self._phase, self._ticks = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
+        self._left_lower = np.zeros(num_envs, np.int64)
+        self._target = np.tile(HOME_POSE, (num_envs, 1))
+
+    def start(self, mask: Mask, joints: Floats) -> None:
+        """Begin with those robots' joints."""
+        self._phase[mask], self._ticks[mask], self._target[mask] = Phase.SETTLE, 0, joints
+
+    @property
+    def phase(self) -> NDArray[np.int64]:
+        """`Phase` of each robot, (n,)."""
+        return self._phase
+
+    def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
+        """Targets of those robots."""
+        self._ticks[rows] += 1
+        before = self._phase[rows]
+        phase = self._next(rows, observation)
+        self._ticks[rows] = np.where(phase != before, 0, self._ticks[rows])
+        self._phase[rows] = phase
+        elapsed = self._ticks[rows] * CONTROL_PERIOD
+        goal = self._poses[phase, self._left_lower[rows]]
+        target = approach(self._target[rows], goal, elapsed, self._blends[phase])
+        target = np.where((phase == Phase.SETTLE)[:, None], joints, target)
+        self._target[rows] = target
+        return target
+
+    def _next(self, rows: NDArray[np.intp], observation: Floats) -> NDArray[np.int64]:
+        """Phase of each of those robots from now on, (k,)."""
+        p, phase, time = self._p, self._phase[rows], self._ticks[rows] * CONTROL_PERIOD
+        gravity = observation[:, OBSERVATION["projected_gravity"]]
+        up = -gravity[:, 2]
+        turning = np.abs(observation[:, OBSERVATION["angular_velocity"]]).max(axis=1)
+        over = time >= self._times[phase]
+        settling, kicking = phase == Phase.SETTLE, phase == Phase.KICK
+        settled = settling & (over | ((turning < SETTLED_TURNING) & (time >= SETTLE_MINIMUM)))
+        self._left_lower[rows] = np.where(settled, gravity[:, 1] >= 0.0, self._left_lower[rows])
+        kicked = kicking & (time > p.kick_minimum)
+        righted = kicked & (up > p.righted) & (turning < p.caught)
+        stranded = kicked & ~righted & (over | ((turning < STRANDED_TURNING) & (time > STRANDED_AFTER)))
+        following = phase.copy()
+        following[settled] = Phase.GATHER
+        following[settling & (up > p.upright)] = Phase.LAND
+        following[over & (phase == Phase.GATHER)] = Phase.KICK
+        following[righted] = Phase.LAND
+        following[over & (phase == Phase.LAND)] = Phase.TUCK
+        following[over & (phase == Phase.TUCK)] = Phase.STAND
+        following[stranded | ((phase >= Phase.LAND) & (up < p.lost))] = Phase.SETTLE
+        return following
+
+
+def key_poses(p: RecoveryParameters) -> Floats:
+    """Joint angles of each phase, SETTLE's meaningless, with the right and the left side lower, (6, 2, 12), rad."""
+    home = tuple(HOME_POSE[:6])
+    lower = (home, p.gather_lower, p.kick_lower, p.land, p.tuck, home)
+    upper = (home, p.gather_upper, p.kick_upper, p.land, p.tuck, home)
+    by_height = np.array([upper, lower]).reshape(2, len(Phase), 2, 3)  # upper or lower, phase, front or hind, joint
+    poses = np.empty((len(Phase), 2, len(LEG_NAMES), 3))
+    for left_lower in (0, 1):
+        for leg, side in enumerate(SIDE):
+            lower_leg = left_lower if side > 0 else 1 - left_lower
+            poses[:, left_lower, leg] = by_height[lower_leg, :, leg // 2] * (side, 1.0, 1.0)
+    clipped: Floats = np.clip(poses.reshape(len(Phase), 2, -1), JOINT_LOWER, JOINT_UPPER)
+    return clipped
+
+
+def as_json(parameters: Mapping[str, object]) -> str:
+    """Text of the parameters' file."""
+    return json.dumps(parameters, indent=2) + "\n"

@@ -1,0 +1,124 @@
+"""A policy in a process of its own, watched from outside: whatever it does, an answer is there in time."""
+
+import multiprocessing
+import threading
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import Actions, Policy
+
+START_TIMEOUT = 60.0
+"""For the process to start and make its policy, s."""
+
+
+class DeadlineMissed(RuntimeError):
+    """The policy gave no answer in time; its process has been ended."""
+
+
+class PolicyProcessError(RuntimeError):
+    """The policy raised an exception in its process, or the process is gone; the message tells which."""
+
+
+class Watched(Policy):
+    """A policy that may hang: within `deadline` s `act` answers or raises, even if the policy never returns.
+
+    Args:
+        make: makes the policy, in the other process; picklable, such as `functools.partial(policies.make, "trot")`.
+        deadline: for an answer, s; half a control step leaves the other half for what has to be done instead.
+
+    A late or broken process is ended, and every later `act` raises at once; `reset` starts a fresh one.
+    """
+
+    def __init__(self, make: Callable[[], Policy], deadline: float = 0.005, name: str = "watched") -> None:
+        if not deadline > 0.0:
+            raise ValueError(f"deadline must be positive, not {deadline}")
+        self._make, self._deadline, self.name = make, deadline, name
+        self._process: Any = None
+        self._connection: Connection | None = None
+        super().__init__()
+
+    @property
+    def process_id(self) -> int | None:
+        """Of the policy's process; None while there is none."""
+        return self._process.pid if self._process is not None else None
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process.close()
+            self._process = None
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
+        """Start `num_envs` robots anew, in a fresh process if there is none."""
+        super().reset(num_envs, seed)
+        if self._process is None:
+            self._launch()
+        self._ask(("reset", num_envs, seed), START_TIMEOUT)
+
+    def _launch(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, self._make), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def _restart(self, mask: NDArray[np.bool_]) -> None:
+        if self._process is None:
+            self._launch()
+            self._ask(("reset", self.num_envs, None), START_TIMEOUT)
+        else:
+            self._ask(("reset_where", mask), self._deadline)
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        if self._process is None:
+            raise PolicyProcessError("the policy's process is not running; reset starts it")
+        answer: Actions = self._ask(("act", observation), self._deadline)
+        return answer
+
+    def _ask(self, question: tuple[object, ...], patience: float) -> Any:
+        """The process's answer; the process is ended unless it comes within `patience` s."""
+        connection, process = self._connection, self._process
+        assert connection is not None
+        began = time.perf_counter()
+        # From a thread of its own, since a large question to a process that does not listen blocks as well.
+        watchdog = threading.Timer(patience, process.kill)
+        watchdog.start()
+        try:
+            connection.send(question)
+            failure, answer = connection.recv()
+        except (EOFError, OSError) as error:
+            late = time.perf_counter() - began >= patience
+            self.close()
+            if late:
+                raise DeadlineMissed(f"no answer within {patience * 1e3:g} ms") from None
+            raise PolicyProcessError("the policy's process has ended") from error
+        finally:
+            watchdog.cancel()
+            watchdog.join()
+        if failure is not None:
+            raise PolicyProcessError(failure)
+        return answer
+
+
+def _serve(connection: Connection, make: Callable[[], Policy]) -> None:
+    """Answer questions until the connection closes; an exception is an answer too."""
+    try:
+        policy = make()
+        while True:
+            call, *arguments = connection.recv()
+            try:
+                connection.send((None, getattr(policy, call)(*arguments)))
+            except Exception as error:
+                connection.send((f"{type(error).__name__}: {error}", None))
+    except (EOFError, OSError, KeyboardInterrupt):
+        return
