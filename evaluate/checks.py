@@ -7,13 +7,21 @@ from functools import cache, partial
 import numpy as np
 
 from evaluate.breaking_point import breaking_point, breaking_ratio
+from evaluate.exact_size import (
+    SIGNIFICANT,
+    attainable_barnard,
+    attainable_mcnemar,
+    barnard_p_value,
+    discordance,
+    mcnemar_p_value,
+)
 from evaluate.improvement import (
     improvement_by_episode,
     interquartile_mean,
     interquartile_mean_interval,
     probability_of_improvement,
 )
-from evaluate.significance import fall_rates_test, mcnemar, relabelling_test, sign_flip_test
+from evaluate.significance import mcnemar, relabelling_test, sign_flip_test
 from evaluate.statistics import (
     Bools,
     Floats,
@@ -27,7 +35,6 @@ from evaluate.synthetic import LARGE, Axis, Episodes, episodes, mean_error
 
 COVERS = (0.93, 0.97)
 """Bounds of the share of 95 % intervals that hold the truth."""
-SIGNIFICANT = 0.05
 HOLDS_LEVEL = (0.04, 0.06)
 """Bounds of the share of tests that are significant where there is no difference."""
 DISCRETE = (0.0, 0.06)
@@ -98,10 +105,11 @@ def null_checks(count: int, fall_probability: float) -> Iterator[Check]:
 def split_checks(label: str, fell: Bools, error: Floats) -> Iterator[Check]:
     """Is a difference claimed between random halves of the episodes of one policy?"""
     half = len(fell) // 2
+    fell, error = fell[: 2 * half], error[: 2 * half]
 
     def halves(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        order = generator.permutation(len(fell))
-        return order[:half], order[half : 2 * half]
+        order = generator.permutation(2 * half)
+        return order[:half], order[half:]
 
     def errors_differ(generator: np.random.Generator) -> bool:
         a, b = halves(generator)
@@ -109,39 +117,18 @@ def split_checks(label: str, fell: Bools, error: Floats) -> Iterator[Check]:
 
     def falls_differ(generator: np.random.Generator) -> bool:
         a, b = halves(generator)
-        return _barnard_p_value(half, int(fell[a].sum()), int(fell[b].sum())) < SIGNIFICANT
+        return barnard_p_value(half, int(fell[a].sum()), int(fell[b].sum())) < SIGNIFICANT
 
     rate = float(fell.mean())
     yield Check(f"relabelling, halves of {label}", half, rate, errors_differ, HOLDS_LEVEL, SIGNIFICANT)
-    yield Check(f"Barnard, halves of {label}", half, rate, falls_differ, DISCRETE, np.nan)
+    exact = attainable_barnard(half, int(fell.sum()))
+    bounds = (exact - SIGNIFICANT / 5, exact + SIGNIFICANT / 5)
+    yield Check(f"Barnard, halves of {label}", half, rate, falls_differ, bounds, exact)
 
 
 def share_of_yes(check: Check, sets: int, seed: int) -> float:
     """Over that many data sets, each of a generator of its own."""
     return float(np.mean([check.outcome(np.random.default_rng([seed, number])) for number in range(sets)]))
-
-
-@cache
-def attainable_mcnemar(pairs: int, discordant: float) -> float:
-    """Exact chance that McNemar's test is significant without a difference, if pairs disagree with that probability."""
-    from scipy.stats import binom
-
-    size = 0.0
-    for count in range(pairs + 1):
-        splits = np.arange(count + 1)
-        rejected = np.array([_mcnemar_p_value(int(k), count) < SIGNIFICANT for k in splits])
-        size += float(binom.pmf(count, pairs, discordant)) * float(binom.pmf(splits, count, 0.5) @ rejected)
-    return size
-
-
-@cache
-def discordance(fall_probability: float) -> float:
-    """Probability that just one of two equal policies falls, which share half of their luck."""
-    from scipy.stats import multivariate_normal, norm
-
-    quantile = float(norm.ppf(fall_probability))
-    both = float(multivariate_normal(cov=[[1.0, 0.5], [0.5, 1.0]]).cdf([quantile, quantile]))
-    return 2.0 * (fall_probability - both)
 
 
 def _within(interval: Interval, truth: float) -> bool:
@@ -237,15 +224,9 @@ def _mcnemar_by_lot(count: int, fall_probability: float, generator: np.random.Ge
     """A lot decides how much of the chance of the very outcome that was seen counts: exact at every level."""
     a, b = _alike(generator, count, fall_probability).fell
     rarer, discordant = sorted((int((a & ~b).sum()), int((b & ~a).sum())))[0], int((a ^ b).sum())
-    p_value = _mcnemar_p_value(rarer, discordant)
-    rarer_still = _mcnemar_p_value(rarer - 1, discordant) if rarer else 0.0
+    p_value = mcnemar_p_value(rarer, discordant)
+    rarer_still = mcnemar_p_value(rarer - 1, discordant) if rarer else 0.0
     return rarer_still + generator.random() * (p_value - rarer_still) < SIGNIFICANT
-
-
-@cache
-def _mcnemar_p_value(only_a: int, discordant: int) -> float:
-    pairs = np.arange(discordant) < only_a
-    return mcnemar(pairs, ~pairs)
 
 
 def _relabelling(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
@@ -255,12 +236,7 @@ def _relabelling(count: int, fall_probability: float, generator: np.random.Gener
 
 def _barnard(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     fell = _one(generator, 2 * count, fall_probability).fell[0]
-    return _barnard_p_value(count, int(fell[:count].sum()), int(fell[count:].sum())) < SIGNIFICANT
-
-
-@cache
-def _barnard_p_value(count: int, fell_a: int, fell_b: int) -> float:
-    return fall_rates_test(np.arange(count) < fell_a, np.arange(count) < fell_b)
+    return barnard_p_value(count, int(fell[:count].sum()), int(fell[count:].sum())) < SIGNIFICANT
 
 
 def all_checks(counts: Sequence[int], fall_probabilities: Sequence[float]) -> Iterator[Check]:

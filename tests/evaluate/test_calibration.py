@@ -5,7 +5,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from evaluate import breaking_point, calibration, checks, statistics
+from evaluate import breaking_point, calibration, checks, exact_size, statistics
 from evaluate.comparison import compare
 from evaluate.significance import relabelling_test
 from evaluate.synthetic import Axis, episodes, mean_error
@@ -83,15 +83,20 @@ def test_tests_hold_their_level(name) -> None:
 
 
 def test_exact_mcnemar_is_conservative_by_as_much_as_its_jumps() -> None:
-    exact = np.mean([checks.attainable_mcnemar(COUNT, checks.discordance(p)) for p in FALLS])
+    exact = np.mean([exact_size.attainable_mcnemar(COUNT, exact_size.discordance(p)) for p in FALLS])
     assert exact < 0.035
     assert share(checks.null_checks, "McNemar, exchangeable pairs", 2000) == pytest.approx(exact, abs=0.01)
 
 
 def test_attainable_size_by_hand() -> None:
     # All of 6 pairs disagree: only 0 and 6 are significant, 2/2⁶. With 5 nothing is.
-    assert checks.attainable_mcnemar(6, 1.0) == pytest.approx(2 / 2**6)
-    assert checks.attainable_mcnemar(5, 1.0) == 0.0
+    assert exact_size.attainable_mcnemar(6, 1.0) == pytest.approx(2 / 2**6)
+    assert exact_size.attainable_mcnemar(5, 1.0) == 0.0
+
+
+def test_attainable_size_of_halves_by_hand() -> None:
+    # Five falls in two times five episodes: all in one half, 2 of C(10, 5) = 252 ways, is significant, 4 to 1 is not.
+    assert exact_size.attainable_barnard(5, 5) == pytest.approx(2 / 252)
 
 
 def test_barnard_stays_below_its_level() -> None:
@@ -102,7 +107,7 @@ def test_an_unpaired_test_of_pairs_would_be_seen() -> None:
     claims = []
     for seed in range(300):
         a, b = episodes(np.random.default_rng([4, seed]), (0.4, 0.4), COUNT, shared=0.9).error
-        claims.append(relabelling_test(a, b) < checks.SIGNIFICANT)
+        claims.append(relabelling_test(a, b) < exact_size.SIGNIFICANT)
     assert np.mean(claims) < checks.HOLDS_LEVEL[0]
 
 

@@ -1,0 +1,59 @@
+"""Exact sizes of tests of counts: how often they claim a difference where there is none, by adding up all outcomes."""
+
+from functools import cache
+
+import numpy as np
+
+from evaluate.significance import fall_rates_test, mcnemar
+
+SIGNIFICANT = 0.05
+
+
+@cache
+def attainable_mcnemar(pairs: int, discordant: float) -> float:
+    """Exact chance that McNemar's test is significant without a difference, if pairs disagree with that probability."""
+    from scipy.stats import binom
+
+    size = 0.0
+    for count in range(pairs + 1):
+        splits = np.arange(count + 1)
+        rejected = np.array([mcnemar_p_value(int(k), count) < SIGNIFICANT for k in splits])
+        size += float(binom.pmf(count, pairs, discordant)) * float(binom.pmf(splits, count, 0.5) @ rejected)
+    return size
+
+
+def attainable_barnard(half: int, falls: int) -> float:
+    """Exact chance that Barnard's test is significant between random halves of that many episodes with so many falls.
+
+    Over all counts of falls it is at most 5 %; at a given one it can be more.
+    """
+    from scipy.stats import hypergeom
+
+    in_a = np.arange(max(0, falls - half), min(half, falls) + 1)
+    chance = hypergeom.pmf(in_a, 2 * half, falls, half)
+    likely = chance > 1e-6
+    rejected = [barnard_p_value(half, int(k), falls - int(k)) < SIGNIFICANT for k in in_a[likely]]
+    return float(chance[likely] @ rejected)
+
+
+@cache
+def discordance(fall_probability: float) -> float:
+    """Probability that just one of two equal policies falls, which share half of their luck."""
+    from scipy.stats import multivariate_normal, norm
+
+    quantile = float(norm.ppf(fall_probability))
+    both = float(multivariate_normal(cov=[[1.0, 0.5], [0.5, 1.0]]).cdf([quantile, quantile]))
+    return 2.0 * (fall_probability - both)
+
+
+@cache
+def mcnemar_p_value(only_a: int, discordant: int) -> float:
+    """Of so many pairs that disagree, in so many of which a alone fell."""
+    pairs = np.arange(discordant) < only_a
+    return mcnemar(pairs, ~pairs)
+
+
+@cache
+def barnard_p_value(count: int, fell_a: int, fell_b: int) -> float:
+    """Of so many falls among as many episodes of either."""
+    return fall_rates_test(np.arange(count) < fell_a, np.arange(count) < fell_b)
