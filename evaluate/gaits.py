@@ -26,9 +26,9 @@ SPEEDS = dict.fromkeys(OFFSETS, 0.5) | {"walk": 0.3, "stand": 0.0}
 """Forward command of each gait, m/s."""
 SETTLING = 200
 """Control steps before a gait's contacts count."""
-CHANGE = (300, 350)
+CHANGE = (200, 250)
 """Control steps within which the change of gait is asked for."""
-CHANGE_STEPS = 800
+CHANGE_STEPS = 600
 """Control steps of an episode with a change of gait."""
 TIMED_ROBOTS, TIMED_STEPS = 1024, 200
 

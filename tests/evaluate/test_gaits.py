@@ -14,7 +14,7 @@ from quad_env.seeding import episode_seeds
 @pytest.mark.parametrize("first", GAITS)
 def test_no_robot_falls_in_a_change_of_gait(first) -> None:
     others = tuple(gait for gait in GAITS if gait != first)
-    for other, found in zip(others, gaits.changes(first, others, episode_seeds("search", 8, 6)), strict=True):
+    for other, found in zip(others, gaits.changes(first, others, episode_seeds("search", 8, 4)), strict=True):
         assert not found.fell.any(), other
         assert found.target_rate.max() < TARGET_RATE_LIMIT, other
         assert len(found.phase) == gaits.CHANGE_STEPS
