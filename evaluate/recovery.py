@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 from evaluate.statistics import wilson_interval
-from policies.base import CONTROL_PERIOD, Floats
+from policies.base import CONTROL_PERIOD, Floats, Policy
 from policies.behaviour import Behaviour, State
 from quad_env import OBSERVATION, SCENARIOS, AnyPose
 from quad_env.seeding import episode_seeds
@@ -70,7 +70,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 def recover(seeds: NDArray[np.int64]) -> Outcome:
     """One robot for each seed, told to stand at the first step."""
-    parts = [_recover(chunk) for chunk in np.array_split(seeds, -(-len(seeds) // AT_ONCE))]
+    policy = Behaviour(start=State.RECOVER, follow=False)
+    parts = [recover_with(policy, chunk) for chunk in np.array_split(seeds, -(-len(seeds) // AT_ONCE))]
     return Outcome(
         np.concatenate([part.tilt for part in parts]),
         np.concatenate([part.standing_since for part in parts]),
@@ -79,7 +80,8 @@ def recover(seeds: NDArray[np.int64]) -> Outcome:
     )
 
 
-def _recover(seeds: NDArray[np.int64]) -> Outcome:
+def recover_with(policy: Policy, seeds: NDArray[np.int64]) -> Outcome:
+    """One robot of that policy for each seed, all side by side."""
     from quad_env.columns import of_robots
     from quad_env.vector_env import SimpleQuadVectorEnv
 
@@ -88,7 +90,6 @@ def _recover(seeds: NDArray[np.int64]) -> Outcome:
         count, FALLEN, nthread=1, autoreset_mode="DISABLED", max_episode_steps=None, terminate_on_fall=False
     )
     observation, _ = env.reset(seed=seeds.tolist(), options={"command": (0.0, 0.0, 0.0)})
-    policy = Behaviour(start=State.RECOVER, follow=False)
     policy.reset(count)
     tilt = np.rad2deg(np.arccos(np.clip(-observation[:, OBSERVATION["projected_gravity"]][:, 2], -1.0, 1.0)))
     since, peak, diverged = np.full(count, np.inf), 0.0, np.zeros(count, np.bool_)

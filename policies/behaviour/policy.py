@@ -7,7 +7,7 @@ from policies.base import Actions, Floats, Policy, to_actions
 from policies.behaviour.jump import Jump
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.motion import Damp, Hold, Mask, Motion
-from policies.behaviour.recovery import Recovery
+from policies.behaviour.recovery import Recovery, RecoveryParameters
 from policies.behaviour.table import State
 from policies.trot import Trot
 from quad_env import OBSERVATION
@@ -32,15 +32,22 @@ class Behaviour(Policy):
         start: state after a reset.
         follow: ask for stand, walk and run by the commanded velocity; for others, requests alone count.
         gait: walks and runs.
+        recovery: how it gets up; None for the searched parameters.
     """
 
     name = "behaviour"
 
-    def __init__(self, start: State = State.STAND, follow: bool = True, gait: Policy | None = None) -> None:
+    def __init__(
+        self,
+        start: State = State.STAND,
+        follow: bool = True,
+        gait: Policy | None = None,
+        recovery: RecoveryParameters | None = None,
+    ) -> None:
         self._gait = gait if gait is not None else Trot()
         self._follow = follow
         self.machine = BehaviourMachine(start=start)
-        hold, getting_up = Hold(), Recovery()
+        hold, getting_up = Hold(), Recovery(recovery)
         self._motions: tuple[tuple[tuple[State, ...], Motion], ...] = (
             ((State.PASSIVE, State.FALL, State.EMERGENCY_STOP), Damp()),
             ((State.STAND,), hold),

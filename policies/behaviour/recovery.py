@@ -6,7 +6,6 @@ begins again. The poses, times and thresholds are the outcome of a search, `pyth
 """
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import cache
@@ -180,8 +179,3 @@ def key_poses(p: RecoveryParameters) -> Floats:
             poses[:, left_lower, leg] = by_height[lower_leg, :, leg // 2] * (side, 1.0, 1.0)
     clipped: Floats = np.clip(poses.reshape(len(Phase), 2, -1), JOINT_LOWER, JOINT_UPPER)
     return clipped
-
-
-def as_json(parameters: Mapping[str, object]) -> str:
-    """Text of the parameters' file."""
-    return json.dumps(parameters, indent=2) + "\n"

@@ -12,6 +12,7 @@ from quad_env.columns import of_robots
 from quad_env.robot import HOME_HEIGHT, HOME_POSE, TORQUE_LIMIT
 from quad_env.seeding import episode_seeds
 from quad_env.vector_env import SimpleQuadVectorEnv
+from train.tune_recovery import bounds, decoded, encoded
 
 FALLEN = replace(SCENARIOS["flat"], start=AnyPose())
 
@@ -93,3 +94,11 @@ def test_starts_in_any_pose_have_every_orientation_alike_and_touch_the_ground():
         depth = [contact.dist for contact in data.contact if 0 in (contact.geom1, contact.geom2)]
         assert min(depth, default=0.0) > -0.005
     env.close()
+
+
+def test_search_encodes_and_decodes_the_parameters():
+    found = searched_parameters()
+    assert decoded(encoded(found)) == found
+    low, high = bounds()
+    assert len(low) == len(high) == len(encoded(found))
+    assert (np.array(low) < np.array(high)).all()
