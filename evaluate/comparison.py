@@ -7,9 +7,9 @@ from itertools import combinations
 import numpy as np
 
 from evaluate.experiment import Cell
-from evaluate.improvement import improvement_by_episode
-from evaluate.significance import holm, mcnemar, sign_flip_test
-from evaluate.statistics import Floats, Interval, difference_interval, share_difference_interval
+from evaluate.statistics.improvement import improvement_by_episode
+from evaluate.statistics.intervals import Floats, Interval, difference_interval, share_difference_interval
+from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 BASELINE = "trot"
 FALL_RATE = "fall_rate"

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.comparison import ERRORS, FALL_RATE
-from evaluate.significance import fall_rates_test, mcnemar, relabelling_test, sign_flip_test
-from evaluate.statistics import (
+from evaluate.statistics.intervals import (
     FEWER_RESAMPLES,
     Bools,
     Floats,
@@ -19,6 +18,7 @@ from evaluate.statistics import (
     share_difference_interval,
     wilson_interval,
 )
+from evaluate.statistics.significance import fall_rates_test, mcnemar, relabelling_test, sign_flip_test
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.experiment import Cell
-from evaluate.metrics import Measures
+from evaluate.measures.metrics import Measures
 from policies.files import write_atomically
 from quad_env.scenarios import Scenario
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate import rollout
-from evaluate.metrics import Measures, measure
+from evaluate.measures.metrics import Measures, measure
 from policies.base import Policy
 from quad_env.scenarios import Scenario
 from quad_env.seeding import episode_seeds

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from evaluate.format import counted, percent
 from evaluate.results import Results
-from evaluate.statistics import Interval
+from evaluate.statistics.intervals import Interval
 from policies.files import write_atomically
 from quad_env.scenarios import Scenario
 

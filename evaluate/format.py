@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from evaluate.statistics import Interval
+from evaluate.statistics.intervals import Interval
 
 ABSENT = "–"
 MINUS = "−"

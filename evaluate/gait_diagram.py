@@ -7,7 +7,7 @@ import numpy as np
 
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse
-from evaluate.strides import Strides, walked
+from evaluate.measures.strides import Strides, walked
 from policies.base import CONTROL_PERIOD, Floats, PolicyError
 from policies.contacts import Contacts
 from policies.files import make_writable_folder

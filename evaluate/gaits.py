@@ -14,7 +14,7 @@ from rich.table import Table
 
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
-from evaluate.strides import Strides, walked
+from evaluate.measures.strides import Strides, walked
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.gait_parameters import GAITS, OFFSETS
 from policies.gaits import TARGET_RATE_LIMIT, Gaits

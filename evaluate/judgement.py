@@ -7,7 +7,7 @@ from evaluate.comparison import FALL_RATE, Comparison
 from evaluate.format import number, p_value, percent
 from evaluate.gates import Gate, Rule, check, places
 from evaluate.results import Results
-from evaluate.statistics import Interval
+from evaluate.statistics.intervals import Interval
 from evaluate.summary import Summary
 
 

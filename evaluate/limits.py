@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluate.breaking_point import LEAST_LEVELS, BreakingPoint, Found, breaking_point, breaking_ratio
 from evaluate.comparison import pairs
 from evaluate.experiment import Cell
-from evaluate.statistics import Interval
+from evaluate.statistics.breaking_point import LEAST_LEVELS, BreakingPoint, Found, breaking_point, breaking_ratio
+from evaluate.statistics.intervals import Interval
 from quad_env.axes import AXES
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
-from evaluate.statistics import wilson_interval
+from evaluate.statistics.intervals import wilson_interval
 from policies.base import CONTROL_PERIOD, Floats, Policy
 from policies.behaviour import Behaviour, State
 from quad_env import OBSERVATION, SCENARIOS, AnyPose

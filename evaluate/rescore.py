@@ -18,7 +18,7 @@ from evaluate import fall_rules, trace
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 from evaluate.fall_rules import FallRule
 from evaluate.format import percent
-from evaluate.statistics import Interval, wilson_interval
+from evaluate.statistics.intervals import Interval, wilson_interval
 from policies.files import write_atomically
 from quad_env.config import FALL_RULE
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 import policies
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
-from evaluate.controlled_stop import Trace, controlled_stops
-from evaluate.statistics import wilson_interval
+from evaluate.measures.controlled_stop import Trace, controlled_stops
+from evaluate.statistics.intervals import wilson_interval
 from policies.base import CONTROL_PERIOD, Policy
 from policies.safety import Mode, Safe
 from quad_env import OBSERVATION

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from evaluate.comparison import ERRORS, FALL_RATE
 from evaluate.format import number, percent
-from evaluate.training_seeds import SeedSpread, seed_spreads, training_runs
+from evaluate.statistics.training_seeds import SeedSpread, seed_spreads, training_runs
 
 if TYPE_CHECKING:
     from evaluate.results import Results

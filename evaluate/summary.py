@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluate.effort import cost_of_transport
 from evaluate.episodes import weight_in
 from evaluate.experiment import Cell
-from evaluate.improvement import interquartile_mean, interquartile_mean_interval
-from evaluate.measures import FIGURES
-from evaluate.metrics import Measures
-from evaluate.response import Response, responses
-from evaluate.statistics import Floats, Interval, bootstrap_interval, wilson_interval
+from evaluate.measures.catalogue import FIGURES
+from evaluate.measures.effort import cost_of_transport
+from evaluate.measures.metrics import Measures
+from evaluate.measures.response import Response, responses
+from evaluate.statistics.improvement import interquartile_mean, interquartile_mean_interval
+from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, wilson_interval
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Summary:
     distance: float
     """Mean of an episode, m."""
     figures: dict[str, float]
-    """Mean of every figure of `evaluate.measures` over the episodes that have it."""
+    """Mean of every figure of `evaluate.measures.catalogue` over the episodes that have it."""
     duty_factor: tuple[float, ...]
     """Mean of each foot."""
     response: dict[str, Response]

@@ -16,8 +16,9 @@ import pytest
 
 import policies
 import quad_env
-from evaluate import metrics, rollout, tracking
+from evaluate import rollout
 from evaluate.experiment import evaluation_seeds
+from evaluate.measures import metrics, tracking
 from quad_env import seeding
 from quad_env.columns import Vector
 from quad_env.robot import HOME_POSE
@@ -235,12 +236,12 @@ def time_out_counted_as_fall(patch: pytest.MonkeyPatch) -> None:
 
 
 def error_only_while_upright(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("evaluate.tracking.velocity_error", tracking.velocity_error_upright)
+    patch.setattr("evaluate.measures.tracking.velocity_error", tracking.velocity_error_upright)
 
 
 def steps_after_a_fall_billed_nothing(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(
-        "evaluate.tracking._billed", lambda error, upright, cap: np.where(upright, np.minimum(error, cap), 0.0)
+        "evaluate.measures.tracking._billed", lambda error, upright, cap: np.where(upright, np.minimum(error, cap), 0.0)
     )
 
 

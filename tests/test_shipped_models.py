@@ -5,7 +5,7 @@ import pytest
 
 import policies
 from evaluate import rollout
-from evaluate.metrics import Measures, measure
+from evaluate.measures.metrics import Measures, measure
 from quad_env.seeding import episode_seeds
 
 EPISODES = 32

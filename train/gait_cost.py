@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.strides import Strides, walked
+from evaluate.measures.strides import Strides, walked
 from policies.base import Floats
 from policies.gait_parameters import GaitParameters
 from policies.gaits import Gaits

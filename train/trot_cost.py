@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.metrics import Measures, measure
+from evaluate.measures.metrics import Measures, measure
 from evaluate.rollout import run
 from policies.base import Actions, Policy
 from policies.trot import Trot, TrotParameters

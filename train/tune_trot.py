@@ -13,7 +13,7 @@ import numpy as np
 
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
-from evaluate.metrics import SETTLING_TIME, measure
+from evaluate.measures.metrics import SETTLING_TIME, measure
 from evaluate.rollout import run
 from policies.base import CONTROL_PERIOD
 from policies.files import make_writable_folder, write_atomically

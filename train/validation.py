@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from evaluate.metrics import summarise
+from evaluate.measures.metrics import summarise
 from evaluate.rollout import run
 from policies.base import Policy
 from quad_env.seeding import episode_seeds

@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evaluate.breaking_point import LEAST_LEVELS
 from evaluate.ladders import Ladder
-from evaluate.psychometric import fall_probability, fit
 from evaluate.report.drawing import Margins, figure, short, style, svg
 from evaluate.results import Results
-from evaluate.statistics import Floats
+from evaluate.statistics.breaking_point import LEAST_LEVELS
+from evaluate.statistics.intervals import Floats
+from evaluate.statistics.psychometric import fall_probability, fit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,7 +3,7 @@
 from html import escape
 
 from evaluate.format import ABSENT
-from evaluate.measures import BY_NAME, FIGURES, MEASURES
+from evaluate.measures.catalogue import BY_NAME, FIGURES, MEASURES
 from evaluate.report.figures import named
 from evaluate.report.html import heading, note, table
 from evaluate.results import Results

@@ -3,7 +3,7 @@
 import numpy as np
 
 from evaluate.report.drawing import Margins, figure, short, svg
-from evaluate.statistics import Floats
+from evaluate.statistics.intervals import Floats
 
 DIRECTIONS = 8
 """Sectors, the first about straight ahead."""

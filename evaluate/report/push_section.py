@@ -3,12 +3,12 @@
 import numpy as np
 
 from evaluate.ladders import Ladder
-from evaluate.pushes import FALL_WITHIN
+from evaluate.measures.pushes import FALL_WITHIN
 from evaluate.report.drawing import cell_of
 from evaluate.report.html import grid, image, note
 from evaluate.report.push_plot import COLOURS, push_plot
 from evaluate.results import Results
-from evaluate.statistics import Floats
+from evaluate.statistics.intervals import Floats
 
 
 def pushed(results: Results, ladder: Ladder) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 
 from evaluate.report.drawing import cell_of, figure, same_ticks, style, svg
 from evaluate.results import Results
-from evaluate.statistics import Floats
+from evaluate.statistics.intervals import Floats
 
 COMPONENTS = (("forward", "m/s"), ("lateral", "m/s"), ("yaw rate", "rad/s"))
 BINS = 9

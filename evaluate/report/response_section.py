@@ -5,10 +5,10 @@ from html import escape
 
 from evaluate.format import ABSENT, number
 from evaluate.ladders import ladders
+from evaluate.measures.response import AXES, RESPONDS, Response
 from evaluate.report.figures import named
 from evaluate.report.html import grid, heading, image, note, section, table
 from evaluate.report.response import COMPONENTS, intervals, response
-from evaluate.response import AXES, RESPONDS, Response
 from evaluate.results import Results
 
 LEVEL = "flat"

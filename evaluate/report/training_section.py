@@ -7,7 +7,7 @@ from evaluate.format import interval, number, percent, percent_interval
 from evaluate.report.figures import HEADINGS
 from evaluate.report.html import heading, note, section, table
 from evaluate.results import Results
-from evaluate.training_seeds import SeedSpread, seed_spreads
+from evaluate.statistics.training_seeds import SeedSpread, seed_spreads
 
 LEAD = (
     "Policies from folders seed-<number> of one parent count as one training, repeated. A seed is one value, its mean "

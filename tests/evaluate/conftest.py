@@ -13,7 +13,7 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.battery import resolve
 from evaluate.experiment import Cell
-from evaluate.metrics import Measures
+from evaluate.measures.metrics import Measures
 from evaluate.results import Results, analyse
 from quad_env import SCENARIOS as NOMINAL
 from quad_env import Scenario

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from evaluate.breaking_point import CURVES, breaking_point, breaking_ratio
+from evaluate.statistics.breaking_point import CURVES, breaking_point, breaking_ratio
 
 PUSHES = np.array([20.0, 35.0, 50.0, 65.0, 80.0, 100.0])
 FRICTION = np.array([1.0, 0.7, 0.5, 0.35, 0.25])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from evaluate.comparison import compare
-from evaluate.improvement import improvement_by_episode
-from evaluate.significance import holm
-from evaluate.statistics import share_difference_interval
+from evaluate.statistics.improvement import improvement_by_episode
+from evaluate.statistics.intervals import share_difference_interval
+from evaluate.statistics.significance import holm
 from quad_env import SCENARIOS
 
 NEVER = np.zeros(64, bool)

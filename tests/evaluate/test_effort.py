@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from evaluate import effort, metrics, residual_use
-from evaluate.averages import upright_mean, upright_share
 from evaluate.episodes import blank, uneventful
+from evaluate.measures import effort, metrics, residual_use
+from evaluate.measures.averages import upright_mean, upright_share
 from quad_env.robot import JOINT_LOWER, JOINT_UPPER
 
 DT = 0.1

@@ -7,7 +7,7 @@ import pytest
 
 from evaluate import fall_rules, rescore, trace
 from evaluate.episodes import blank, uneventful
-from evaluate.statistics import wilson_interval
+from evaluate.statistics.intervals import wilson_interval
 from quad_env.config import FALL_RULE
 
 STEPS = 6

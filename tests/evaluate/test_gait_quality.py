@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluate import footfalls, gait_quality, metrics, tracking
-from evaluate.averages import count, quotient, upright_mean
 from evaluate.episodes import blank, uneventful
+from evaluate.measures import footfalls, gait_quality, metrics, tracking
+from evaluate.measures.averages import count, quotient, upright_mean
 
 DT = 0.01
 STEPS = 1000

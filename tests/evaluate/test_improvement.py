@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evaluate.improvement import (
+from evaluate.statistics.improvement import (
     improvement_by_episode,
     interquartile_mean,
     interquartile_mean_interval,

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluate.breaking_point import breaking_point, breaking_ratio
 from evaluate.limits import limits
 from evaluate.results import analyse, as_json
+from evaluate.statistics.breaking_point import breaking_point, breaking_ratio
 from quad_env import SCENARIOS, axes
 
 PUSH = axes.AXES["push"]

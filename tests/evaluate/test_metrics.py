@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluate import metrics, tracking
-from evaluate.averages import upright_mean
 from evaluate.episodes import INFOS, READINGS, Episodes, blank, uneventful
-from evaluate.measures import FIGURES, MEASURES
+from evaluate.measures import metrics, tracking
+from evaluate.measures.averages import upright_mean
+from evaluate.measures.catalogue import FIGURES, MEASURES
 
 DT = 0.1
 STEPS = 100

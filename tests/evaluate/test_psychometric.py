@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 from scipy.stats import beta, binom, norm
 
-from evaluate.psychometric import fall_probability, fit, middle
+from evaluate.statistics.psychometric import fall_probability, fit, middle
 
 LEVELS = np.linspace(-1.0, 1.0, 6)
 EPISODES = 128

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evaluate import response
-from evaluate.response import curve, curves, dead_zone, responses
+from evaluate.measures import response
+from evaluate.measures.response import curve, curves, dead_zone, responses
 
 COMMANDS = np.linspace(-1, 1, 81)
 """m/s, four in each bin of 0.1."""

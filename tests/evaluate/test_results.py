@@ -14,10 +14,10 @@ import pytest
 
 import policies
 import quad_env
-from evaluate import metrics
 from evaluate.comparison import compare
 from evaluate.episodes import blank, uneventful
 from evaluate.experiment import Cell, evaluation_seeds
+from evaluate.measures import metrics
 
 CELL_NUMBERS = (
     "fall_rate",

@@ -11,7 +11,7 @@ import quad_env
 from evaluate import battery, rollout
 from evaluate.episodes import INFOS, READINGS, blank
 from evaluate.experiment import EPISODES_AT_ONCE, Bench, Entrant, evaluation_seeds, run_cell
-from evaluate.metrics import measure
+from evaluate.measures.metrics import measure
 from policies.base import Policy
 
 STEPS = 150

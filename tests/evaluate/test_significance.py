@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evaluate.significance import EXACT_PAIRS, fall_rates_test, holm, mcnemar, relabelling_test, sign_flip_test
+from evaluate.statistics.significance import (
+    EXACT_PAIRS,
+    fall_rates_test,
+    holm,
+    mcnemar,
+    relabelling_test,
+    sign_flip_test,
+)
 
 
 def outcomes(both: int, only_a: int, only_b: int, neither: int) -> tuple[np.ndarray, np.ndarray]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evaluate.statistics import (
+from evaluate.statistics.intervals import (
     BLOCK_VALUES,
     KEPT_VALUES,
     bootstrap_interval,

@@ -10,7 +10,7 @@ import quad_env
 from evaluate import fall_rules, rollout, trace
 from evaluate.episodes import Episodes, uneventful
 from evaluate.experiment import Entrant, evaluation_seeds, run_cell
-from evaluate.metrics import measure
+from evaluate.measures.metrics import measure
 from quad_env.config import FALL_RULE
 
 STEPS = 250

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluate.training_seeds import seed_spreads, spread_over_seeds, training_runs
+from evaluate.statistics.training_seeds import seed_spreads, spread_over_seeds, training_runs
 from quad_env import SCENARIOS
 
 SEEDS = ("models/run/seed-0", "models/run/seed-1", "models/run/seed-2", "models/run/seed-3")

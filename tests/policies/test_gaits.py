@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.strides import Strides, walked
+from evaluate.measures.strides import Strides, walked
 from policies.gait_change import CHANGE_TIME
 from policies.gait_parameters import (
     GAITS,

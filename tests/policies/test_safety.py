@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import policies
-from evaluate.controlled_stop import Trace, controlled_stops
+from evaluate.measures.controlled_stop import Trace, controlled_stops
 from policies.base import Policy
 from policies.safety import DeadlineMissed, FallPredictor, Mode, PolicyProcessError, Safe, SafetyLimits, Watched
 from policies.safety.limits import SERVO_DAMPING, SERVO_STIFFNESS, limited

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import policies
 from evaluate import rollout
-from evaluate.metrics import measure
+from evaluate.measures.metrics import measure
 from policies.foot_path import lift
 from policies.gait import TROT_OFFSETS, Gait
 from policies.kinematics import foot_positions

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.metrics import Measures
+from evaluate.measures.metrics import Measures
 from policies.trot import SEARCH_RANGES, Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds

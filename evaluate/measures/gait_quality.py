@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.averages import Bools, Floats, count, over_steps, quotient, total, upright_rms
 from evaluate.episodes import GRAVITY
-from evaluate.footfalls import LONGEST_STRIDE, Footfalls
+from evaluate.measures.averages import Bools, Floats, count, over_steps, quotient, total, upright_rms
+from evaluate.measures.footfalls import LONGEST_STRIDE, Footfalls
 from quad_env.robot import CALF_LENGTH, LEG_NAMES, THIGH_LENGTH
 
 Recorded = NDArray[np.float32]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluate.statistics import Bools, Floats
+from evaluate.statistics.intervals import Bools, Floats
 
 CAP = 2.0
 TRACKING_SHAPE, TRACKING_SCALE = 6.0, 0.05

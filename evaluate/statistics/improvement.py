@@ -6,7 +6,7 @@ episodes; two policies that ran the same episodes are resampled together, pair b
 
 import numpy as np
 
-from evaluate.statistics import (
+from evaluate.statistics.intervals import (
     FEWER_RESAMPLES,
     Floats,
     Interval,

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from evaluate.significance import fall_rates_test, mcnemar
+from evaluate.statistics.significance import fall_rates_test, mcnemar
 
 SIGNIFICANT = 0.05
 

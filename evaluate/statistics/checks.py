@@ -6,8 +6,8 @@ from functools import cache, partial
 
 import numpy as np
 
-from evaluate.breaking_point import breaking_point, breaking_ratio
-from evaluate.exact_size import (
+from evaluate.statistics.breaking_point import breaking_point, breaking_ratio
+from evaluate.statistics.exact_size import (
     SIGNIFICANT,
     attainable_barnard,
     attainable_mcnemar,
@@ -15,14 +15,13 @@ from evaluate.exact_size import (
     discordance,
     mcnemar_p_value,
 )
-from evaluate.improvement import (
+from evaluate.statistics.improvement import (
     improvement_by_episode,
     interquartile_mean,
     interquartile_mean_interval,
     probability_of_improvement,
 )
-from evaluate.significance import mcnemar, relabelling_test, sign_flip_test
-from evaluate.statistics import (
+from evaluate.statistics.intervals import (
     Bools,
     Floats,
     Interval,
@@ -31,7 +30,8 @@ from evaluate.statistics import (
     share_difference_interval,
     wilson_interval,
 )
-from evaluate.synthetic import LARGE, Axis, Episodes, episodes, mean_error
+from evaluate.statistics.significance import mcnemar, relabelling_test, sign_flip_test
+from evaluate.statistics.synthetic import LARGE, Axis, Episodes, episodes, mean_error
 
 COVERS = (0.93, 0.97)
 """Bounds of the share of 95 % intervals that hold the truth."""

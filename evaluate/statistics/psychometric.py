@@ -10,7 +10,7 @@ an axis scaled to −1 … 1 over the levels, so that s = 5 takes a robot from 1
 
 import numpy as np
 
-from evaluate.statistics import Floats
+from evaluate.statistics.intervals import Floats
 
 PRIOR_MEAN = np.array([0.0, np.log(5.0)])
 PRIOR_PRECISION = np.array([2.0, 1.5]) ** -2.0

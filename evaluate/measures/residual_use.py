@@ -6,7 +6,7 @@ All over (steps, n, 12), upright steps alone, NaN without one.
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.averages import Bools, Floats, count, over_steps, quotient, upright_mean, upright_share
+from evaluate.measures.averages import Bools, Floats, count, over_steps, quotient, upright_mean, upright_share
 
 Recorded = NDArray[np.float32]
 

@@ -8,7 +8,7 @@ of the steps and pushes before a fall alone, which can flatter a robot that fall
 from dataclasses import dataclass
 from typing import Literal
 
-from evaluate import effort, footfalls, pushes, residual_use, tracking
+from evaluate.measures import effort, footfalls, pushes, residual_use, tracking
 from quad_env.robot import VELOCITY_LIMIT
 
 Direction = Literal["less", "more", "neither"]
@@ -20,7 +20,7 @@ class Measure:
     """One measure of an episode."""
 
     name: str
-    """Of the field of `evaluate.metrics.Measures` and of the column of episodes.parquet."""
+    """Of the field of `evaluate.measures.metrics.Measures` and of the column of episodes.parquet."""
     title: str
     unit: str
     """Empty for a share or a pure number."""
@@ -117,7 +117,7 @@ MEASURES = (
     Measure("push_recovery", "recovery after each push", "s", "heading",
             "as recovery time; infinite without recovery", "", "less", UPRIGHT),
 )  # fmt: skip
-"""In the order of the fields of `evaluate.metrics.Measures`."""
+"""In the order of the fields of `evaluate.measures.metrics.Measures`."""
 
 BY_NAME = {measure.name: measure for measure in MEASURES}
 _PUSHES = tuple(measure.name for measure in MEASURES if measure.name.startswith("push_"))

@@ -1,4 +1,4 @@
-"""Every measure of a set of episodes; what each means, its unit and its formula stand in `evaluate.measures`.
+"""Every measure of a set of episodes; what each means, its unit and its formula stand in `evaluate.measures.catalogue`.
 
 They look at the control steps after an episode's first second. A step is *upright* if its reading was taken before the
 robot fell or diverged; nothing that was recorded later counts, whatever it is. Arithmetic is in double precision, on
@@ -9,17 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluate import effort, gait_quality, residual_use, tracking
-from evaluate import pushes as push
-from evaluate.averages import Bools, Floats, upright_steps
 from evaluate.episodes import Episodes
-from evaluate.footfalls import footfalls
-from evaluate.tracking import SETTLING_TIME as SETTLING_TIME
+from evaluate.measures import effort, gait_quality, residual_use, tracking
+from evaluate.measures import pushes as push
+from evaluate.measures.averages import Bools, Floats, upright_steps
+from evaluate.measures.footfalls import footfalls
+from evaluate.measures.tracking import SETTLING_TIME as SETTLING_TIME
 
 
 @dataclass(frozen=True)
 class Measures:
-    """What n episodes measured; one entry an episode, NaN where a measure does not exist. See `evaluate.measures`."""
+    """What n episodes measured; one entry an episode, NaN where it does not exist; see `catalogue`."""
 
     fell: Bools
     diverged: Bools

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.averages import Floats, quotient
+from evaluate.measures.averages import Floats, quotient
 
 AXES = {"forward": "m/s", "lateral": "m/s", "yaw_rate": "rad/s"}
 """Axis of a command -> unit."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.averages import Bools, Floats, over_steps, planar, quotient
 from evaluate.episodes import Episodes
-from evaluate.tracking import SETTLING_TIME
+from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient
+from evaluate.measures.tracking import SETTLING_TIME
 
 Ints = NDArray[np.int64]
 

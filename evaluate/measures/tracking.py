@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
+from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
 
 SETTLING_TIME = 1.0
 """Start of an episode, and of each command interval, that is not judged, s."""

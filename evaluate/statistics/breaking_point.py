@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.psychometric import fit, middle
-from evaluate.statistics import CONFIDENCE, Bools, Floats, Interval, resamples
+from evaluate.statistics.intervals import CONFIDENCE, Bools, Floats, Interval, resamples
+from evaluate.statistics.psychometric import fit, middle
 
 LEAST_LEVELS = 3
 """Severities below which no curve is fitted."""

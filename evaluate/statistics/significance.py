@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.statistics import Bools, Floats
+from evaluate.statistics.intervals import Bools, Floats
 
 EXACT_PAIRS = 13
 """Up to so many pairs all 2^n sign flips are listed (8192)."""

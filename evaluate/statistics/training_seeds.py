@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluate.comparison import ERRORS, FALL_RATE
 from evaluate.experiment import Cell
-from evaluate.statistics import CONFIDENCE, Floats, Interval
+from evaluate.statistics.intervals import CONFIDENCE, Floats, Interval
 
 SEED_FOLDER = re.compile(r"seed-\d+")
 METRICS = (FALL_RATE, *ERRORS)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.averages import Bools
+from evaluate.measures.averages import Bools
 
 Ints = NDArray[np.intp]
 
