@@ -178,7 +178,7 @@ AXES: dict[str, Axis] = {
             _stairs,
             0.1,
             "rise of a step, run 0.3 m",
-            "as high as the hips of a robot that trots",
+            "higher than the hips of a robot that trots",
         ),
         Axis(
             "gravel",
@@ -205,7 +205,7 @@ AXES: dict[str, Axis] = {
             _slippery,
             0.4,
             "friction coefficient",
-            "wet ice is twice as rough",
+            "0.7 N move a foot that carries a quarter of the weight",
         ),
         Axis(
             "payload",
