@@ -1,18 +1,17 @@
 """What the figures were made with."""
 
 import hashlib
-import json
 import platform
 import subprocess
-from collections.abc import Iterator
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from policies.base import Policy
-from policies.residual import ResidualPolicy
 from quad_env.config import FallRule
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -62,23 +61,40 @@ def code_digest() -> str:
 
 
 def policy_digest(policy: Policy) -> str:
-    """SHA-256 of what defines a policy: its weights if it has any, its parameters, its kind."""
-    digest = hashlib.sha256(json.dumps(_defined_by(policy), sort_keys=True).encode())
-    if isinstance(policy, ResidualPolicy):
-        for array in (*policy.network.weights, *policy.network.biases, policy.authority):
-            digest.update(array.tobytes())
+    """SHA-256 of what defines a fresh policy: its kind, and all that it holds, such as parameters and weights."""
+    digest = hashlib.sha256()
+    for piece in _pieces(policy, ()):
+        digest.update(piece + b"\n")
     return digest.hexdigest()
 
 
-def _defined_by(policy: Policy) -> dict[str, Any]:
-    """A policy without its weights, as JSON values."""
-    described: dict[str, Any] = {"kind": f"{type(policy).__module__}.{type(policy).__qualname__}"}
-    if parameters := getattr(policy, "parameters", None):
-        described["parameters"] = asdict(parameters)
-    if isinstance(policy, ResidualPolicy):
-        described["network"] = [list(policy.network.sizes), policy.network.activation]
-        described["base"] = _defined_by(policy.base)
-    return described
+def _pieces(value: Any, within: tuple[int, ...]) -> Iterator[bytes]:
+    """What a value consists of, in an order of its own; of what is neither data nor made of it, the type alone."""
+    kind = f"{type(value).__module__}.{type(value).__qualname__}"
+    if isinstance(value, np.ndarray | np.generic):
+        yield f"{value.dtype} {value.shape}".encode() + value.tobytes()
+    elif value is None or isinstance(value, bool | int | float | str | bytes):
+        yield f"{kind} {value!r}".encode()
+    elif callable(value) and hasattr(value, "__qualname__"):
+        yield f"{value.__module__}.{value.__qualname__}".encode()
+    elif id(value) in within:
+        yield b"itself"
+    else:
+        contents = _contents(value)
+        yield f"{kind} of {len(contents)}".encode()
+        for name, entry in contents:
+            yield repr(name).encode()
+            yield from _pieces(entry, (*within, id(value)))
+
+
+def _contents(value: Any) -> list[tuple[Any, Any]]:
+    """Names, keys or places, and what is there."""
+    if isinstance(value, Mapping):
+        return sorted(value.items(), key=lambda item: repr(item[0]))
+    if isinstance(value, list | tuple):
+        return list(enumerate(value))
+    slots = {name: getattr(value, name) for name in getattr(type(value), "__slots__", ()) if hasattr(value, name)}
+    return sorted((slots | getattr(value, "__dict__", {})).items())
 
 
 def _sources() -> Iterator[Path]:

@@ -70,7 +70,7 @@ def main(arguments: list[str]) -> int:
         print(f"{found.title}, seed {found.cell.seeds[found.number]}: identical to the bit")
     else:
         print(f"{found.title}, seed {found.cell.seeds[found.number]}, is not as stored:", *differing, sep="\n  ")
-        print(f"because {'; '.join(_causes(run.manifest, found, entrant)) or 'of something that leaves no trace'}")
+        print(f"because {'; '.join(_causes(run.manifest, found)) or 'of something that leaves no trace'}")
     if options.video is not None:
         _film(options.video, run.manifest, found, entrant)
     return DIFFERS if differing else 0
@@ -128,12 +128,12 @@ def differences(manifest: "Manifest", found: Found, entrant: "Entrant") -> list[
     return [f"{name}: {then[name]} then, {now[name]} now" for name in then if repr(then[name]) != repr(now[name])]
 
 
-def _causes(then: "Manifest", found: Found, entrant: "Entrant") -> list[str]:
-    """What is known to be different now."""
+def _causes(then: "Manifest", found: Found) -> list[str]:
+    """What is known to be different now; of a policy that has not walked yet."""
     from evaluate import manifest as manifests
 
-    scenarios = (found.cell.scenario,)
-    now = manifests.manifest([entrant], scenarios, then.options, seed=then.seed, episodes=then.episodes, threads=1)
+    entrants, scenarios = [_entrant(found.cell.policy)], [found.cell.scenario]
+    now = manifests.manifest(entrants, scenarios, then.options, seed=then.seed, episodes=then.episodes, threads=1)
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
