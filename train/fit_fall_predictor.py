@@ -18,7 +18,6 @@ from evaluate.command_line import UsageError, fail, parse
 from policies.base import CONTROL_PERIOD, Floats, Policy
 from policies.files import write_atomically
 from policies.safety.prediction import PREDICTOR_FILE, FallPredictor, features, next_reference
-from policies.safety.safe import PATIENCE
 from quad_env.axes import AXES
 from quad_env.scenarios import Scenario, scenario
 from quad_env.seeding import episode_seeds
@@ -128,17 +127,13 @@ def logistic(inputs: Floats, labels: NDArray[np.bool_]) -> Floats:
 
 
 def undisturbed(policy: Policy, predictor: FallPredictor, seeds: NDArray[np.int64]) -> float:
-    """The largest log-odds that lasted long enough for an alarm in undisturbed walking."""
-    recent: list[Floats] = []
+    """The largest log-odds in undisturbed walking."""
     largest = -np.inf
     for chunk in np.array_split(seeds, -(-len(seeds) // 512)):
-        recent.clear()
         reference = np.zeros((len(chunk), 2))
         for observation, _ in steps_of(policy, scenario("flat"), chunk):
             reference = next_reference(reference, observation)
-            recent = [*recent[-(PATIENCE - 1) :], predictor.log_odds(observation, reference)]
-            if len(recent) == PATIENCE:
-                largest = max(largest, float(np.min(recent, axis=0).max()))
+            largest = max(largest, float(predictor.log_odds(observation, reference).max()))
     return largest
 
 

@@ -95,7 +95,7 @@ def searched_parameters() -> RecoveryParameters:
 SETTLE_TIME = 0.3
 """Longest wait for a fallen robot to lie still, s."""
 SETTLE_MINIMUM = 0.05
-SETTLED_TURNING = 1.5
+SETTLED_TURNING = 2.5
 """Turning speed below which it lies still, rad/s."""
 KICK_BLEND = 0.01
 """A kick is as fast as the servos are, s."""

@@ -47,14 +47,12 @@ REASONS = (
 RAISED, MISSHAPEN, NOT_FINITE, PREDICTED, CALM, REQUESTED, STALE, FALLEN, STARTED = range(len(REASONS))
 
 GIVING_IN = 0.5
-"""Share of the velocity error that the command gives in to while a fall is being caught: the feet are then placed in
-the direction of the motion instead of against it."""
+"""Of the present velocity that is the command while a fall is being caught: the feet are placed in the direction of the
+motion, and the robot comes to rest."""
 LARGEST_CATCH = (2.0, 1.5)
 """Largest forward and lateral command for that, m/s."""
-CALM_TIME = 0.3
+CALM_TIME = 1.0
 """s without an alarm before the robot has caught itself."""
-PATIENCE = 2
-"""Control steps in a row that must predict a fall."""
 FALLEN_TILT = np.deg2rad(65.0)
 LOG_CAPACITY = 4096
 
@@ -138,7 +136,7 @@ class Safe(Policy):
         self._mode = np.zeros(num_envs, np.int8)
         self._entered = np.zeros(num_envs, np.bool_)
         self._targets, self._reference = np.tile(HOME_POSE, (num_envs, 1)), np.zeros((num_envs, 2))
-        self._warned, self._calm, self._silence = (np.zeros(num_envs, np.int64) for _ in range(3))
+        self._calm, self._silence = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
         self._log, self._failures = Ring(4, LOG_CAPACITY), deque[str](maxlen=64)
         for motion in self._motions.values():
             motion.reset(num_envs)
@@ -146,7 +144,7 @@ class Safe(Policy):
     def _restart(self, mask: Mask) -> None:
         self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, STARTED)
         self._targets[mask], self._reference[mask] = HOME_POSE, 0.0
-        for count in (self._warned, self._calm, self._silence):
+        for count in (self._calm, self._silence):
             count[mask] = 0
         self.policy.reset_where(mask)
         if self._fallback is not None:
@@ -200,14 +198,12 @@ class Safe(Policy):
             self._enter(following & ~finite, self._after_failure, NOT_FINITE)
 
     def _giving_in(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The observation, its command moved towards the present velocity where a fall is being caught."""
+        """The observation, its command a part of the present velocity where a fall is being caught."""
         catching = self._mode == Mode.CATCH
         if not catching.any():
             return observation
-        command = observation[:, OBSERVATION["command"]].astype(np.float64)
         velocity = observation[:, OBSERVATION["linear_velocity"]].astype(np.float64)
-        planar = command[:, :2] + GIVING_IN * (velocity[:, :2] - command[:, :2])
-        planar = np.clip(planar, np.negative(LARGEST_CATCH), LARGEST_CATCH)
+        planar = np.clip(GIVING_IN * velocity[:, :2], np.negative(LARGEST_CATCH), LARGEST_CATCH)
         observation = observation.copy()
         observation[catching, OBSERVATION["command"]] = np.concatenate((planar, 0.0 * planar[:, :1]), axis=1)[catching]
         return observation
@@ -216,8 +212,7 @@ class Safe(Policy):
         """Catch where a fall is predicted, follow again where it is calm, damp what fell while it was stopping."""
         self._reference = next_reference(self._reference, observation)
         alarm = self._predictor.log_odds(observation, self._reference) > self._predictor.threshold
-        self._warned = np.where(alarm, self._warned + 1, 0)
-        self._enter((self._mode == Mode.FOLLOW) & (self._warned >= PATIENCE), Mode.CATCH, PREDICTED)
+        self._enter((self._mode == Mode.FOLLOW) & alarm, Mode.CATCH, PREDICTED)
         self._calm = np.where(alarm, 0, self._calm + 1)
         self._enter((self._mode == Mode.CATCH) & (self._calm >= round(CALM_TIME / CONTROL_PERIOD)), Mode.FOLLOW, CALM)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(FALLEN_TILT)
