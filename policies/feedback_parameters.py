@@ -15,11 +15,11 @@ PARAMETERS_FILE = Path(__file__).with_name("trot_feedback.json")
 class FeedbackParameters:
     """Gait and gains; velocity errors are measured minus wanted."""
 
-    frequency: float = 4.6
+    frequency: float = 4.8
     """Gait cycles a second while nothing disturbs, Hz."""
     duty: float = 0.5
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = 0.27
+    body_height: float = 0.28
     """Trunk's centre above the centres of the standing feet, m."""
     step_height: float = 0.08
     """Lift of the foot at mid-swing, m."""
@@ -83,23 +83,23 @@ class FeedbackParameters:
     """Time constant of the ground plane's slope, s."""
     slope_share: float = 0.8
     """Share of the ground's slope that the trunk leans with."""
-    conform: float = 0.4
+    conform: float = 0.8
     """Share of a footprint's height above the plane that its leg is shortened by."""
-    rough_height: float = 1.0
+    rough_height: float = 0.5
     """Rise of the trunk per roughness of the ground, m/m."""
     rough_step: float = 0.8
     """Rise of the steps per roughness of the ground, m/m."""
-    caution: float = 5.0
-    """Slowing down per roughness of the ground, 1/m."""
+    caution: float = 50.0
+    """Slowing down by the square of this times the roughness of the ground, 1/m."""
     slope_height: float = 0.1
     """Rise of the trunk per slope of the ground, m: longer legs reach further fore and aft."""
     slope_shift: float = 0.1
     """Shift of the strides uphill per slope of the ground, m."""
-    slope_caution: float = 3.0
-    """Slowing down per squared slope of the ground."""
+    slope_caution: float = 1.5
+    """Slowing down by the square of this times the slope of the ground."""
     slope_brace: float = 0.6
     """Slope of the ground that is too steep to walk on: the robot stands with all feet down."""
-    brace_error: float = 0.8
+    brace_error: float = 1.1
     """Speed beyond the wanted one at which the robot begins to put all feet down to slide to rest, m/s."""
     brace_height: float = 0.17
     """Trunk's centre above the feet while it does, m."""
@@ -188,8 +188,8 @@ SEARCH_RANGES: dict[str, tuple[float, float]] = {
     "servo_lead": (0.0, 0.04),
     "neutral_share": (-0.2, 1.2),
     "stance_load": (20.0, 120.0),
-    "linear_acceleration": (4.0, 30.0),
-    "yaw_acceleration": (8.0, 60.0),
+    "linear_acceleration": (6.0, 50.0),
+    "yaw_acceleration": (8.0, 100.0),
     "forward_gain": (0.7, 1.7),
     "forward_bias": (-0.1, 0.6),
     "lateral_gain": (0.7, 1.7),
@@ -215,10 +215,10 @@ SEARCH_RANGES: dict[str, tuple[float, float]] = {
     "conform": (0.0, 1.0),
     "rough_height": (0.0, 3.0),
     "rough_step": (0.0, 3.0),
-    "caution": (0.0, 40.0),
+    "caution": (0.0, 60.0),
     "slope_height": (-0.1, 0.4),
     "slope_shift": (-0.1, 0.2),
-    "slope_caution": (0.0, 30.0),
+    "slope_caution": (0.0, 5.0),
     "slope_brace": (0.3, 0.9),
     "brace_error": (0.6, 3.0),
     "brace_height": (0.15, 0.3),
@@ -235,9 +235,12 @@ SEARCH_RANGES: dict[str, tuple[float, float]] = {
 @cache
 def searched_parameters() -> FeedbackParameters:
     """The outcome of the search, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
+    return read_parameters(PARAMETERS_FILE)
+
+
+def read_parameters(path: Path) -> FeedbackParameters:
+    """Parameters from a JSON file; raises PolicyError where it is missing or damaged."""
     try:
-        return FeedbackParameters(**json.loads(PARAMETERS_FILE.read_text()))
+        return FeedbackParameters(**json.loads(path.read_text()))
     except (OSError, OverflowError, TypeError, ValueError) as error:
-        raise PolicyError(
-            f"cannot read {PARAMETERS_FILE} ({error}); `python -m train.tune_feedback` writes it"
-        ) from None
+        raise PolicyError(f"cannot read {path} ({error}); `python -m train.tune_feedback` writes such a file") from None

@@ -1,4 +1,7 @@
-"""Where feet go: Raibert's footholds, steps that catch a push, and the paths between; level frame, legs along the last axis."""
+"""Where feet go: Raibert's footholds, steps that catch a push, the paths between.
+
+In the level frame (see `policies.level_frame`), legs along the last axis: arrays of shape (n, 4), of robots (n, 1).
+"""
 
 import numpy as np
 
@@ -35,7 +38,7 @@ def raibert(
 
 
 def captured(error: Planar, threshold: float, gain: float) -> Planar:
-    """How much further out a step is put to catch a push: along the velocity error, gain · what is beyond the threshold."""
+    """How much further out a step is put to catch a push: gain · what a velocity error is beyond the threshold."""
     x, y = error
     size = np.sqrt(x * x + y * y)
     share = gain * np.maximum(size - threshold, 0.0) / np.maximum(size, 1e-9)

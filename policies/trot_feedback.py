@@ -14,7 +14,7 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
 from policies.feedback_parameters import FeedbackParameters, searched_parameters
 from policies.foot_path import lift, load
 from policies.footholds import Planar, captured, passing, raibert, swung, within_reach
-from policies.gait import TROT_OFFSETS, Floats, Gait, LegCycle, advance
+from policies.gait import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
 from policies.ground_plane import Plane
 from policies.kinematics import foot_positions, leg_angles
 from policies.level_frame import LevelFrame, Vector, level_frame
@@ -36,6 +36,10 @@ LARGEST_LEAD = 0.1
 """Shift of the feet in bracing, m."""
 LARGEST_TILT_ERROR = 0.5
 """Tilt that the legs answer to, rad."""
+SETTLED = 0.2
+"""Share of its stance after which a foot is taken to stand."""
+EVEN = 0.015
+"""Unevenness, m, that a trot on a plane feels too."""
 LARGEST_ROUGHNESS = 0.15
 """m"""
 ROUGHNESS_MEMORY = 2.0
@@ -127,7 +131,7 @@ class TrotFeedback(GaitedPolicy):
         self._state = {name: np.where(mask[:, None], self._fresh[name], value) for name, value in self._state.items()}
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        p, state = self.parameters, self._state
+        p = self.parameters
         rows = observation.astype(np.float64)
         senses = sense(rows)
         command = rows[:, OBSERVATION["command"]]
@@ -149,7 +153,8 @@ class TrotFeedback(GaitedPolicy):
         """The velocity wanted now, (n, 3): the command, on rough ground less of it, approached within the limits."""
         p, state = self.parameters, self._state
         goal = command * (1.0 - state["brace"])
-        goal = goal / (1.0 + p.caution * state["roughness"] + p.slope_caution * self._steepness() ** 2)
+        rough, steep = p.caution * state["roughness"], p.slope_caution * self._steepness()
+        goal = goal / (1.0 + rough * rough + steep * steep)
         reach = CONTROL_PERIOD * np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
         state["wanted"] = state["wanted"] + np.clip(goal - state["wanted"], -reach, reach)
         return state["wanted"]
@@ -173,7 +178,8 @@ class TrotFeedback(GaitedPolicy):
         """Move the clock on: faster while a push is being caught, not at all while the feet are down."""
         p = self.parameters
         hurry = 1.0 + p.hurry * np.clip(error - p.capture_threshold, 0.0, 1.0)
-        self._phase = advance(self._phase, (p.frequency * hurry * (1.0 - brace))[:, 0], CONTROL_PERIOD)
+        pace = (p.frequency * hurry * (1.0 - brace))[:, 0]
+        self._phase = (self._phase + TURN * CONTROL_PERIOD * pace) % TURN
         self._ticks = self._ticks + 1.0
 
     def _feel(self, senses: Senses, cycle: LegCycle, brace: Floats) -> Plane:
@@ -182,7 +188,8 @@ class TrotFeedback(GaitedPolicy):
         prints = ground_plane.carried(
             (state["print_x"], state["print_y"], state["print_z"]), senses.velocity, senses.yaw_rate, CONTROL_PERIOD
         )
-        standing = (~cycle.swing & (cycle.progress > 0.2)) | (brace > 0.5)
+        first = self._ticks[:, None] == 1.0
+        standing = (~cycle.swing & (cycle.progress > SETTLED)) | (brace > 0.5) | first
         prints = ground_plane.renewed(prints, senses.feet, standing)
         state["print_x"], state["print_y"], state["print_z"] = prints
         height, forward, lateral = ground_plane.fitted(prints)
@@ -193,7 +200,7 @@ class TrotFeedback(GaitedPolicy):
         residual = ground_plane.above((height, forward, lateral), prints)
         uneven = np.sqrt(0.25 * ground_plane.total(residual * residual))
         uneven = uneven + 0.25 * np.sqrt(offset[:, 0:1] * offset[:, 0:1] + offset[:, 1:2] * offset[:, 1:2])
-        rise = np.minimum(uneven, LARGEST_ROUGHNESS) - state["roughness"]
+        rise = np.clip(uneven - EVEN, 0.0, LARGEST_ROUGHNESS) - state["roughness"]
         state["roughness"] = state["roughness"] + np.where(rise > 0.0, share, CONTROL_PERIOD / ROUGHNESS_MEMORY) * rise
         return height, state["slope"][:, 0:1], state["slope"][:, 1:2]
 
