@@ -47,7 +47,7 @@ def fitted(prints: Vector) -> Plane:
     x, y, z = x - mean_x, y - mean_y, z - mean_z
     xx, yy, xy = total(x * x) + _NARROW, total(y * y) + _NARROW, total(x * y)
     xz, yz = total(x * z), total(y * z)
-    determinant = xx * yy - xy * xy
+    determinant = np.maximum(xx * yy - xy * xy, _NARROW * _NARROW)
     forward = np.clip((xz * yy - yz * xy) / determinant, -STEEPEST, STEEPEST)
     lateral = np.clip((yz * xx - xz * xy) / determinant, -STEEPEST, STEEPEST)
     return mean_z - forward * mean_x - lateral * mean_y, forward, lateral
