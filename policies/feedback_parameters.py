@@ -15,53 +15,57 @@ PARAMETERS_FILE = Path(__file__).with_name("trot_feedback.json")
 class FeedbackParameters:
     """Gait and gains; velocity errors are measured minus wanted."""
 
-    frequency: float = 4.8
+    frequency: float = 6.0
     """Gait cycles a second while nothing disturbs, Hz."""
     duty: float = 0.5
     """Share of the cycle that a foot is on the ground."""
     body_height: float = 0.28
     """Trunk's centre above the centres of the standing feet, m."""
-    step_height: float = 0.08
+    step_height: float = 0.05
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = 0.5
+    stance_width: float = 0.48
     """Between the left and the right feet's lines, m."""
     stance_shift: float = -0.08
     """Middle of the strides ahead of the hip joints, m."""
-    servo_lead: float = 0.01
+    servo_lead: float = 0.013
     """How far the targets run ahead of the planned path of the foot along its tangent, s."""
-    neutral_share: float = 0.9
+    neutral_share: float = 0.8
     """Neutral point ahead of the hip as a share of half the way that a foot passes in its stance."""
     stance_load: float = 95.0
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
     blend_time: float = 0.3
     """From the home pose to the gait at the start of an episode, s."""
-    linear_acceleration: float = 18.0
+    linear_acceleration: float = 25.0
     """Fastest change of the forward and of the lateral velocity that is wanted, m/s²."""
-    yaw_acceleration: float = 30.0
+    yaw_acceleration: float = 60.0
     """Fastest change of the yaw rate that is wanted, rad/s²."""
-    forward_gain: float = 1.2
+    forward_gain: float = 1.17
     """Feedforward: the gait's forward velocity per wanted."""
-    forward_bias: float = 0.3
+    forward_bias: float = 0.16
     """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
-    lateral_gain: float = 1.0
+    lateral_gain: float = 0.93
     """Feedforward: the gait's lateral velocity per wanted."""
-    yaw_gain: float = 1.0
+    yaw_gain: float = 1.15
     """Feedforward: the gait's yaw rate per wanted."""
+    yaw_per_lateral: float = -0.19
+    """Feedforward: added to the yaw rate per wanted lateral velocity, rad/m: walking sideways turns the robot."""
+    turn_lead: float = 0.08
+    """How far ahead the gait's velocity is turned at the wanted yaw rate, s: in a curve the body lags behind."""
     integral_gain: float = 2.0
     """Change of the gait's velocity per velocity error and second, 1/s."""
     yaw_integral_gain: float = 2.0
     """Change of the gait's yaw rate per yaw-rate error and second, 1/s."""
-    stance_yield: float = 0.3
+    stance_yield: float = 0.2
     """Share of a velocity error that the standing feet give way to; 0 holds them to the plan."""
-    stance_push: float = 0.06
+    stance_push: float = 0.068
     """Advance of the standing feet's targets per velocity error, s: the legs push against it."""
-    yaw_push: float = 0.02
+    yaw_push: float = 0.03
     """The same per yaw-rate error, s."""
-    velocity_filter: float = 0.03
+    velocity_filter: float = 0.018
     """Time constant of the velocity that footholds go by, s."""
-    raibert_gain: float = 0.06
+    raibert_gain: float = 0.04
     """Foothold ahead of the neutral point per forward velocity error, s."""
-    raibert_lateral: float = 0.06
+    raibert_lateral: float = 0.04
     """Foothold beside the neutral point per lateral velocity error, s."""
     yaw_step: float = 0.05
     """Turn of the footholds about the trunk per yaw-rate error, s."""
@@ -71,13 +75,13 @@ class FeedbackParameters:
     """Foothold further out per velocity error beyond the threshold, s; √(height / g) is the capture point's."""
     hurry: float = 0.2
     """Rise of the frequency, as a share, per m/s of velocity error beyond the threshold."""
-    tilt_gain: float = 0.4
+    tilt_gain: float = 0.3
     """Legs' answer to a tilt error, as a share of the turn that would undo it."""
     tilt_damping: float = 0.02
     """The same per tilt rate, s."""
     height_gain: float = 0.3
     """Lengthening of the standing legs per missing height."""
-    height_damping: float = 0.01
+    height_damping: float = 0.003
     """Shortening of the standing legs per rising speed, s."""
     plane_filter: float = 0.2
     """Time constant of the ground plane's slope, s."""
@@ -87,9 +91,9 @@ class FeedbackParameters:
     """Share of a footprint's height above the plane that its leg is shortened by."""
     rough_height: float = 0.5
     """Rise of the trunk per roughness of the ground, m/m."""
-    rough_step: float = 0.8
+    rough_step: float = 1.5
     """Rise of the steps per roughness of the ground, m/m."""
-    caution: float = 50.0
+    caution: float = 60.0
     """Slowing down by the square of this times the roughness of the ground, 1/m."""
     slope_height: float = 0.1
     """Rise of the trunk per slope of the ground, m: longer legs reach further fore and aft."""
@@ -141,6 +145,8 @@ LIMITS: dict[str, tuple[float, float]] = {
     "forward_bias": _GAIN,
     "lateral_gain": _GAIN,
     "yaw_gain": _GAIN,
+    "yaw_per_lateral": _GAIN,
+    "turn_lead": _GAIN,
     "integral_gain": _GAIN,
     "yaw_integral_gain": _GAIN,
     "stance_yield": _SHARE,
@@ -179,10 +185,10 @@ LIMITS: dict[str, tuple[float, float]] = {
 """Bounds of `FeedbackParameters` by field name, far beyond any use: within them every action is a finite number."""
 
 SEARCH_RANGES: dict[str, tuple[float, float]] = {
-    "frequency": (2.5, 5.0),
+    "frequency": (3.0, 7.0),
     "duty": (0.4, 0.65),
     "body_height": (0.22, 0.36),
-    "step_height": (0.05, 0.16),
+    "step_height": (0.03, 0.14),
     "stance_width": (0.46, 0.64),
     "stance_shift": (-0.12, 0.02),
     "servo_lead": (0.0, 0.04),
@@ -194,6 +200,8 @@ SEARCH_RANGES: dict[str, tuple[float, float]] = {
     "forward_bias": (-0.1, 0.6),
     "lateral_gain": (0.7, 1.7),
     "yaw_gain": (0.7, 1.7),
+    "yaw_per_lateral": (-0.5, 0.1),
+    "turn_lead": (0.0, 0.2),
     "integral_gain": (0.0, 4.0),
     "yaw_integral_gain": (0.0, 6.0),
     "stance_yield": (0.0, 1.0),
@@ -215,7 +223,7 @@ SEARCH_RANGES: dict[str, tuple[float, float]] = {
     "conform": (0.0, 1.0),
     "rough_height": (0.0, 3.0),
     "rough_step": (0.0, 3.0),
-    "caution": (0.0, 60.0),
+    "caution": (0.0, 120.0),
     "slope_height": (-0.1, 0.4),
     "slope_shift": (-0.1, 0.2),
     "slope_caution": (0.0, 5.0),

@@ -10,7 +10,7 @@ from policies.level_frame import Vector
 from policies.memory import Memory
 from policies.senses import Senses, length
 
-EVEN = 0.015
+EVEN = 0.02
 """Unevenness, m, that a trot on a plane feels too."""
 LARGEST_ROUGHNESS = 0.15
 """m"""

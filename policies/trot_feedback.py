@@ -24,7 +24,7 @@ from quad_env.robot import HIP_POSITIONS, NUM_JOINTS, SIDE
 
 LARGEST_CORRECTION = 0.5
 """Of the gait's velocity by the integral of its error, m/s and rad/s."""
-SMALL_ERROR = 0.6
+SMALL_ERROR = 0.3
 """Velocity error, m/s, and yaw-rate error, rad/s, beyond which the integral waits: that is a push, not a bias."""
 SETTLED = 0.2
 """Share of its stance after which a foot is taken to stand."""
@@ -57,7 +57,6 @@ class TrotFeedback(GaitedPolicy):
         self._wide = (np.sign(HIP_POSITIONS[:, 0]) * (p.brace_length / 2.0), SIDE * (p.brace_width / 2.0))
         self._acceleration = np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
         self._integral = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain])
-        self._feedforward = np.array([p.forward_gain, p.lateral_gain, p.yaw_gain])
         self.ground = GroundSense(p.plane_filter)
         legs, one = np.zeros(4), np.zeros(1)
         self._memory = Memory(
@@ -139,8 +138,14 @@ class TrotFeedback(GaitedPolicy):
         small = (np.abs(error) < SMALL_ERROR).all(axis=-1, keepdims=True)
         correction = memory["correction"] - np.where(small, CONTROL_PERIOD * self._integral * error, 0.0)
         memory["correction"] = np.clip(correction, -LARGEST_CORRECTION, LARGEST_CORRECTION)
-        forward, lateral, yaw_rate = columns(self._feedforward * wanted + memory["correction"])
-        return forward + self.parameters.forward_bias, lateral, yaw_rate
+        p, (forward, lateral, yaw_rate) = self.parameters, columns(wanted)
+        lead = p.turn_lead * yaw_rate
+        more_forward, more_lateral, more_yaw = columns(memory["correction"])
+        return (
+            p.forward_gain * (forward - lead * lateral) + p.forward_bias + more_forward,
+            p.lateral_gain * (lateral + lead * forward) + more_lateral,
+            p.yaw_gain * yaw_rate + p.yaw_per_lateral * lateral + more_yaw,
+        )
 
     def _footholds(self, neutral: Planar, gait: Vector, errors: Vector) -> Planar:
         """Where the swinging feet are to land, by velocity errors smoothed over the sway of a stride."""

@@ -46,7 +46,7 @@ class SearchOptions:
     """Episodes a candidate and exercise."""
     steps: int = 400
     """Length of an episode, control steps of 10 ms."""
-    spread: float = 0.08
+    spread: float = 0.06
     """First standard deviation of a parameter, as a share of its range."""
     check_episodes: int = 64
     """Fresh full episodes an exercise on which the outcome is judged beside the parameters before the search."""
