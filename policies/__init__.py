@@ -19,6 +19,7 @@ from policies.residual import ResidualPolicy
 from policies.safety import Safe
 from policies.stand import Stand
 from policies.trot import Trot, TrotParameters
+from policies.trot_feedback import TrotFeedback
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 """The trained policies that ship with the project."""
@@ -41,6 +42,7 @@ _MAKERS: dict[str, Callable[[], Policy]] = {
     "residual": _shipped_residual,
     "stand": Stand,
     "trot": Trot,
+    "trot_feedback": TrotFeedback,
     "walk": partial(Gaits, "walk", name="walk"),
 }
 
@@ -89,6 +91,7 @@ __all__ = [
     "Safe",
     "Stand",
     "Trot",
+    "TrotFeedback",
     "TrotParameters",
     "load",
     "make",

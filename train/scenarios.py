@@ -11,8 +11,8 @@ TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1
 """Surface of each purpose; the evaluation's is the scenario's own."""
 
 
-def practice(name: str, purpose: Purpose, seed: int = 0) -> Scenario:
-    """The scenario of that name for that purpose; `seed` gives further surfaces, and changes nothing on flat ground."""
+def practice(name: str | Scenario, purpose: Purpose, seed: int = 0) -> Scenario:
+    """The scenario, or that of the name, for that purpose; `seed` gives further surfaces of random ground."""
     original = scenario(name)
     if not isinstance(original.terrain, SmoothRandom):
         return original

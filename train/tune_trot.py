@@ -6,6 +6,7 @@ and every generation gets new ones, all from the "search" family of seeds, which
 
 import json
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -137,18 +138,28 @@ def account(options: SearchOptions, before: TrotParameters, after: TrotParameter
 
 def check(options: SearchOptions) -> None:
     """Raise UsageError, one line, on options that no search can be made with."""
-    for name, (low, high) in LIMITS.items():
+    check_numbers(options, LIMITS)
+    check_output(options.out, ACCOUNT)
+
+
+def check_numbers(options: object, limits: Mapping[str, tuple[int, int]]) -> None:
+    """Raise UsageError, one line, for the first number outside its limits."""
+    for name, (low, high) in limits.items():
         if not low <= getattr(options, name) <= high:
             option = "--" + name.replace("_", "-")
             raise UsageError(f"{option} must be from {low} to {high}, got {getattr(options, name)}")
-    if options.out.is_dir() or options.out.name == ACCOUNT:
-        raise UsageError(f"--out must be a file, and not {ACCOUNT}, which the account goes to; got {options.out}")
-    if not options.out.parent.is_dir():
-        raise UsageError(f"no folder {options.out.parent}; make it, or choose another --out")
+
+
+def check_output(out: Path, account: str) -> None:
+    """Raise UsageError, one line, where no parameters can be written with their account beside them."""
+    if out.is_dir() or out.name == account:
+        raise UsageError(f"--out must be a file, and not {account}, which the account goes to; got {out}")
+    if not out.parent.is_dir():
+        raise UsageError(f"no folder {out.parent}; make it, or choose another --out")
     try:
-        make_writable_folder(options.out.parent)
+        make_writable_folder(out.parent)
     except OSError as error:
-        raise UsageError(f"cannot write into {options.out.parent} ({error.strerror}); choose another --out") from None
+        raise UsageError(f"cannot write into {out.parent} ({error.strerror}); choose another --out") from None
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,0 +1,70 @@
+"""The level frame: origin at the trunk's centre, x along the trunk's heading, z up; and turning vectors into it.
+
+It is the contract's heading frame with a vertical axis. Vectors are tuples of three arrays that broadcast.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from policies.gait import Floats
+
+Vector = tuple[Floats, Floats, Floats]
+
+_NO_HEADING = 1e-6
+"""Length of the horizontal part of the trunk's x axis below which it has no heading."""
+
+
+class LevelFrame(NamedTuple):
+    """Attitude of the trunk: the world's up direction in the base frame, each of shape (n, 1)."""
+
+    up_x: Floats
+    """Rise of the trunk's x axis: positive with the nose up."""
+    up_y: Floats
+    """Rise of the trunk's y axis: positive with the left side up."""
+    up_z: Floats
+    level_x: Floats
+    """Length of the horizontal part of the trunk's x axis."""
+
+    @property
+    def roll(self) -> Floats:
+        """Turn about +x, rad: positive with the left side up; (n, 1)."""
+        roll: Floats = np.arctan2(self.up_y, self.up_z)
+        return roll
+
+    @property
+    def pitch(self) -> Floats:
+        """Turn about +y, rad: positive with the nose down; (n, 1)."""
+        pitch: Floats = -np.arcsin(np.clip(self.up_x, -1.0, 1.0))
+        return pitch
+
+    def to_level(self, vector: Vector) -> Vector:
+        """A base-frame vector in the level frame.
+
+        The level axes in the base frame are z = up, y = up × x / |up × x| and x = y × z.
+        """
+        x, y, z = vector
+        length = self.level_x
+        across, rise = self.up_y / length, self.up_z / length
+        return (
+            length * x - self.up_x * (across * y + rise * z),
+            rise * y - across * z,
+            self.up_x * x + self.up_y * y + self.up_z * z,
+        )
+
+    def to_body(self, vector: Vector) -> Vector:
+        """A level-frame vector in the base frame: undoes `to_level`."""
+        x, y, z = vector
+        length = self.level_x
+        across, rise = self.up_y / length, self.up_z / length
+        return (
+            length * x + self.up_x * z,
+            rise * y + self.up_y * z - self.up_x * across * x,
+            self.up_z * z - across * y - self.up_x * rise * x,
+        )
+
+
+def level_frame(projected_gravity: Floats) -> LevelFrame:
+    """The frame of unit gravity vectors in the base frame, (n, 3)."""
+    up_x, up_y, up_z = (-projected_gravity[:, axis : axis + 1] for axis in range(3))
+    return LevelFrame(up_x, up_y, up_z, np.maximum(np.sqrt(up_y * up_y + up_z * up_z), _NO_HEADING))

@@ -1,0 +1,170 @@
+"""Search of `trot_feedback`'s gait and gains: `python -m train.tune_feedback` writes policies/trot_feedback.json.
+
+CMA-ES over `policies.feedback_parameters.SEARCH_RANGES` from the parameters in force; the account of the search goes
+beside its outcome. A generation's candidates walk the same episodes side by side, and every generation gets new ones,
+all from the "search" family of seeds. Ctrl-C keeps what has been found so far, and another search can go on from it.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from evaluate import launcher
+from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
+from policies.base import CONTROL_PERIOD
+from policies.feedback_parameters import PARAMETERS_FILE, SEARCH_RANGES, FeedbackParameters, read_parameters
+from quad_env.seeding import episode_seeds
+from train.feedback_cost import COMMAND_INTERVAL, EXERCISES, judge, walked
+from train.trot_cost import ERROR_SCALES, Floats
+from train.tune_trot import LIMITS as TROT_LIMITS
+from train.tune_trot import check_numbers, check_output, keep
+
+ACCOUNT = "TROT_FEEDBACK.md"
+"""The account of a search, beside its outcome."""
+LIMITS = {name: TROT_LIMITS[name] for name in ("generations", "candidates", "episodes", "seed", "threads")} | {
+    "steps": (round(2 * COMMAND_INTERVAL / CONTROL_PERIOD), 100_000),
+    "check_episodes": (1, 10_000),
+}
+"""Smallest and largest value of each number of the options."""
+MARGIN = 0.02
+"""Distance from the faces of the unit cube at which a search starts at least."""
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Search the gait and the gains of trot_feedback."""
+
+    generations: int = 60
+    """Rounds of the search."""
+    candidates: int = 16
+    """Parameter sets tried in a round."""
+    episodes: int = 8
+    """Episodes a candidate and exercise."""
+    steps: int = 400
+    """Length of an episode, control steps of 10 ms."""
+    spread: float = 0.06
+    """First standard deviation of a parameter, as a share of its range."""
+    check_episodes: int = 64
+    """Fresh full episodes an exercise on which the outcome is judged beside the parameters before the search."""
+    seed: int = 0
+    """Seed of the search."""
+    threads: int = 2
+    """Threads of the simulation."""
+    start: Path = PARAMETERS_FILE
+    """Parameters to start from, JSON; those that it does not name have their defaults."""
+    out: Path = PARAMETERS_FILE
+    """Where the parameters go, JSON; the account of the search goes beside it, TROT_FEEDBACK.md."""
+
+
+def decode(point: Floats, start: FeedbackParameters) -> FeedbackParameters:
+    """Parameters of a point of the unit cube, to four digits; those that are not searched are the start's."""
+    ranges = zip(point, SEARCH_RANGES.items(), strict=True)
+    return replace(start, **{name: round(low + (high - low) * float(x), 4) for x, (name, (low, high)) in ranges})
+
+
+def encode(parameters: FeedbackParameters) -> Floats:
+    """Point of the unit cube of some parameters."""
+    return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in SEARCH_RANGES.items()])
+
+
+def search(options: SearchOptions, start: FeedbackParameters) -> Iterator[FeedbackParameters]:
+    """The mean of the search distribution after each generation."""
+    import cma
+    from rich.progress import track
+
+    strategy = cma.CMAEvolutionStrategy(
+        np.clip(encode(start), MARGIN, 1.0 - MARGIN),
+        options.spread,
+        {"bounds": [0, 1], "popsize": options.candidates, "seed": options.seed + 1, "verbose": -9},
+    )
+    seeds = episode_seeds("search", options.seed, options.generations * options.episodes)
+    for generation in track(np.split(seeds, options.generations), description="generations"):
+        points = strategy.ask()
+        costs = judge([decode(point, start) for point in points], generation, options.steps, options.threads)
+        strategy.tell(points, costs)
+        print(f"best {costs.min():.3f}  median {np.median(costs):.3f}", flush=True)
+        yield decode(strategy.result.xfavorite, start)
+
+
+def account(options: SearchOptions, done: int, before: FeedbackParameters, after: FeedbackParameters) -> str:
+    """What the search found and what it is worth on fresh episodes, as Markdown."""
+    command = f"python -m train.tune_feedback --seed {options.seed} --generations {options.generations}"
+    lines = [
+        "# The parameters of trot_feedback",
+        "",
+        f"Written by `{command} --candidates {options.candidates} --episodes {options.episodes}`: CMA-ES, {done} "
+        f"generations of {options.candidates} candidates, {options.episodes} episodes of "
+        f"{options.steps * CONTROL_PERIOD:g} s a candidate on each of "
+        f"{', '.join(f'{exercise.name} (weight {exercise.weight:g})' for exercise in EXERCISES)}.",
+        "Cost of an episode: "
+        + " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
+        + "; falls are billed within the errors.",
+        "",
+        "| parameter | range | before | after |",
+        "|---|---|---|---|",
+    ]
+    for name, old in asdict(before).items():
+        low_high = SEARCH_RANGES.get(name)
+        span = f"{low_high[0]:g} … {low_high[1]:g}" if low_high else "fixed"
+        lines.append(f"| {name} | {span} | {old:g} | {getattr(after, name):g} |")
+    return "\n".join((*lines, "", *comparison(options, before, after))) + "\n"
+
+
+def comparison(options: SearchOptions, before: FeedbackParameters, after: FeedbackParameters) -> list[str]:
+    """Both judged on fresh episodes, as lines of Markdown."""
+    lines = [
+        f"On {options.check_episodes} fresh search episodes of 10 s an exercise:",
+        "",
+        "| exercise | parameters | falls | velocity error, m/s | mean velocity error, m/s | yaw-rate error, rad/s |",
+        "|---|---|---|---|---|---|",
+    ]
+    seeds = episode_seeds("search", options.seed + 1_000_000, options.check_episodes)
+    for exercise in EXERCISES:
+        for label, parameters in (("before", before), ("after", after)):
+            found = walked([parameters], exercise, seeds, options.threads)
+            errors = (found.velocity_error, found.mean_velocity_error, found.yaw_rate_error)
+            figures = " | ".join(f"{value.mean():.3f}" for value in errors)
+            lines.append(f"| {exercise.name} | {label} | {int(found.fell.sum())}/{len(seeds)} | {figures} |")
+    return lines
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Search, judge, write; the exit code: 0, 2 on bad input or an outcome that cannot be written, 130 after Ctrl-C."""
+    survive_narrow_encodings()
+    try:
+        options = parse(
+            SearchOptions, arguments, program="python -m train.tune_feedback", description="Search trot_feedback."
+        )
+        check_numbers(options, LIMITS)
+        if not 0.0 < options.spread <= 0.5:
+            raise UsageError(f"--spread must be above 0 and at most 0.5, got {options.spread:g}")
+        check_output(options.out, ACCOUNT)
+        before = read_parameters(options.start)
+    except (UsageError, ValueError) as error:
+        return fail(str(error))
+    return find(options, before)
+
+
+def find(options: SearchOptions, before: FeedbackParameters) -> int:
+    """Search and write what was found, after Ctrl-C too; the exit code."""
+    found, done, complaint = before, 0, ""
+    try:
+        for better in search(options, before):
+            found, done = better, done + 1
+        complaint = keep(options.out, json.dumps(asdict(found), indent=2) + "\n")
+        text = account(options, done, before, found)
+        complaint = keep(options.out.with_name(ACCOUNT), text, show=True) or complaint
+    except KeyboardInterrupt:
+        if done:
+            keep(options.out, json.dumps(asdict(found), indent=2) + "\n")
+        print(f"stopped after {done} generations; not judged", file=sys.stderr)
+        return launcher.INTERRUPTED
+    return fail(complaint) if complaint else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
