@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.metrics import Measures, measure
+from evaluate.measures.metrics import Measures, measure
 from evaluate.rollout import STEPS, run
 from policies.feedback_parameters import FeedbackParameters
 from policies.trot_feedback import TrotFeedback
