@@ -81,7 +81,7 @@ class TrainConfig:
     """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
     base: Literal["trot", "stand"] = "trot"
     """Base policy that the correction is added to."""
-    steps: int = 4_000_000
+    steps: int = 3_000_000
     """Steps of the learner, all robots together."""
     seed: int = 0
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
@@ -97,9 +97,9 @@ class TrainConfig:
     """Largest correction of a hip joint, rad."""
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots."""
-    pushes: int = 3
+    pushes: int = 2
     """Pushes in a training episode of a scenario that has any."""
-    hardness: float = 1.7
+    hardness: float = 1.4
     """Factor on the impulse of the pushes and the height of the terrain in training, not in validation: a robot that
     hardly ever falls learns nothing about falling."""
     max_episode_steps: int = 1000
@@ -121,7 +121,6 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
         base="stand",
         joint_authority=0.5,
         hip_authority=0.25,
-        pushes=2,
         hardness=1.0,
         rewards=RewardWeights(fall=-0.3),
         ppo=PpoConfig(log_std_init=-1.0, log_std_final=-3.0, gamma=0.99, gae_lambda=0.95),
