@@ -59,7 +59,7 @@ def test_order_of_the_run_does_not_matter(cells) -> None:
 def test_where_less_is_harder_levels_are_taken_downwards(made_up_cell, monkeypatch, known) -> None:
     """As the axis lists them; an axis of the user's own as the run lists them."""
     frictions = (1.0, 0.7, 0.5, 0.35)
-    grip = axes.Axis("grip", "", frictions, lambda severity: SCENARIOS["flat"])
+    grip = replace(PUSH, name="grip", unit="", levels=frictions)
     if known:
         monkeypatch.setitem(axes.AXES, "grip", grip)
     order = (3, 1, 4, 2) if known else (1, 2, 3, 4)
