@@ -142,8 +142,9 @@ def test_stand_holds_the_home_pose():
 
 
 def test_names_are_sorted_and_every_name_but_the_shipped_model_can_be_made():
-    ours = "behaviour, bound, document, document_repaired, gaits, pace, pronk, residual, stand, trot, trot_feedback, walk"
-    assert ", ".join(policies.names()) == ours
+    assert ", ".join(policies.names()) == (
+        "behaviour, bound, document, document_repaired, gaits, pace, pronk, residual, stand, trot, trot_feedback, walk"
+    )
     for name in set(policies.names()) - {"residual"}:
         assert policies.make(name).name == name
         assert policies.resolve(name).name == name
