@@ -12,7 +12,7 @@ from policies.base import CONTROL_PERIOD, Actions, Floats, Policy, to_actions
 from policies.behaviour.motion import Damp, Mask, Motion
 from policies.behaviour.records import Ring
 from policies.safety.limits import SafetyLimits, limited
-from policies.safety.prediction import FallPredictor, fitted_predictor, next_reference
+from policies.safety.prediction import fitted_threshold, next_reference, velocity_error
 from policies.safety.stop import Stop
 from quad_env import OBSERVATION
 from quad_env.robot import HOME_POSE
@@ -47,11 +47,11 @@ REASONS = (
 RAISED, MISSHAPEN, NOT_FINITE, PREDICTED, CALM, REQUESTED, STALE, FALLEN, STARTED = range(len(REASONS))
 
 GIVING_IN = 0.5
-"""Of the present velocity that is the command while a fall is being caught: the feet are placed in the direction of the
-motion, and the robot comes to rest."""
+"""Share of the velocity error that the command gives in to while a fall is being caught: the feet are then placed in
+the direction of the motion instead of against it. A command towards rest averts fewer falls."""
 LARGEST_CATCH = (2.0, 1.5)
 """Largest forward and lateral command for that, m/s."""
-CALM_TIME = 1.0
+CALM_TIME = 0.05
 """s without an alarm before the robot has caught itself."""
 FALLEN_TILT = np.deg2rad(65.0)
 LOG_CAPACITY = 4096
@@ -74,7 +74,7 @@ class Safe(Policy):
     Args:
         policy: what to guard; put it into `policies.safety.Watched` if it might hang.
         limits: of every target.
-        predictor: of falls; None for the fitted one.
+        alarm_above: speed off the command at which a fall is predicted, m/s; None for the fitted one.
         on_failure: what takes over for good when the policy fails.
         fallback: the policy of `on_failure="fallback"`.
         command_timeout: s without `command_received` after which the command counts as zero; None for never.
@@ -84,7 +84,7 @@ class Safe(Policy):
         self,
         policy: Policy,
         limits: SafetyLimits | None = None,
-        predictor: FallPredictor | None = None,
+        alarm_above: float | None = None,
         on_failure: Literal["stop", "damp", "fallback"] = "stop",
         fallback: Policy | None = None,
         command_timeout: float | None = None,
@@ -94,7 +94,7 @@ class Safe(Policy):
         self.policy = policy
         self.name = f"safe:{policy.name}"
         self._limits = limits or SafetyLimits()
-        self._predictor = predictor or fitted_predictor()
+        self._alarm_above = alarm_above if alarm_above is not None else fitted_threshold()
         self._after_failure = {"stop": Mode.STOP, "damp": Mode.DAMP, "fallback": Mode.FALLBACK}[on_failure]
         self._fallback = fallback
         self._timeout = np.inf if command_timeout is None else command_timeout / CONTROL_PERIOD
@@ -198,12 +198,14 @@ class Safe(Policy):
             self._enter(following & ~finite, self._after_failure, NOT_FINITE)
 
     def _giving_in(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The observation, its command a part of the present velocity where a fall is being caught."""
+        """The observation, its command moved towards the present velocity where a fall is being caught."""
         catching = self._mode == Mode.CATCH
         if not catching.any():
             return observation
+        command = observation[:, OBSERVATION["command"]].astype(np.float64)
         velocity = observation[:, OBSERVATION["linear_velocity"]].astype(np.float64)
-        planar = np.clip(GIVING_IN * velocity[:, :2], np.negative(LARGEST_CATCH), LARGEST_CATCH)
+        planar = command[:, :2] + GIVING_IN * (velocity[:, :2] - command[:, :2])
+        planar = np.clip(planar, np.negative(LARGEST_CATCH), LARGEST_CATCH)
         observation = observation.copy()
         observation[catching, OBSERVATION["command"]] = np.concatenate((planar, 0.0 * planar[:, :1]), axis=1)[catching]
         return observation
@@ -211,7 +213,7 @@ class Safe(Policy):
     def _watch(self, observation: NDArray[np.float32], rows: Floats) -> None:
         """Catch where a fall is predicted, follow again where it is calm, damp what fell while it was stopping."""
         self._reference = next_reference(self._reference, observation)
-        alarm = self._predictor.log_odds(observation, self._reference) > self._predictor.threshold
+        alarm = velocity_error(observation, self._reference) > self._alarm_above
         self._enter((self._mode == Mode.FOLLOW) & alarm, Mode.CATCH, PREDICTED)
         self._calm = np.where(alarm, 0, self._calm + 1)
         self._enter((self._mode == Mode.CATCH) & (self._calm >= round(CALM_TIME / CONTROL_PERIOD)), Mode.FOLLOW, CALM)

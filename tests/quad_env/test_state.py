@@ -89,7 +89,7 @@ def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(terrain: Terra
     rng, touches = np.random.default_rng(0), 0
     simulation = Simulation(terrain, 1, 1, 100.0)
     start = np.zeros((1, 35))
-    start[0, 3] = 2.0  # rad of roll: it falls over
+    start[0, 3] = 3.0  # rad of roll: it lies on its back
     simulation.reset(np.arange(1), start)
     data = simulation.snapshot(0)
     data.qacc_warmstart[:] = 0.0
