@@ -99,9 +99,11 @@ def make_env(config: TrainConfig, resumed: int = 0) -> TrainingEnv:
 
 def _hardened(original: Scenario, config: TrainConfig) -> Scenario:
     """The scenario with the run's number of pushes, if it has any, and its severity times the run's hardness."""
-    pushes, terrain = original.pushes, original.terrain
+    pushes, terrain, severity = original.pushes, original.terrain, original.severity
     if pushes is not None:
         pushes = dataclasses.replace(pushes, count=config.pushes, impulse=config.hardness * pushes.impulse)
+        severity *= config.hardness
     if isinstance(terrain, SmoothRandom):
         terrain = dataclasses.replace(terrain, peak_to_valley=config.hardness * terrain.peak_to_valley)
-    return dataclasses.replace(original, pushes=pushes, terrain=terrain, severity=config.hardness * original.severity)
+        severity *= config.hardness
+    return dataclasses.replace(original, pushes=pushes, terrain=terrain, severity=severity)

@@ -50,7 +50,7 @@ def test_every_level_is_on_the_curve(folder) -> None:
         assert curve.fall_rates == tuple(
             results.summaries[scenario.name, curve.policy].fall_rate for scenario in curve.scenarios
         )
-    assert found["push"][0].fall_rates == (1.0,) * 6
+    assert found["push"][0].fall_rates == (1.0,) * len(AXES["push"].levels)
 
 
 def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -> None:
@@ -61,7 +61,7 @@ def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -
     assert max(map(len, lines)) <= 80
     (axis,) = (line for line in lines if "push, N·s" in line)
     assert axis.split()[2:] == [f"{level:g}" for level in AXES["push"].levels]
-    assert next(line for line in lines if "document" in line).count("100") == 6
+    assert next(line for line in lines if "document" in line).count("100") == len(AXES["push"].levels)
 
 
 def test_the_picture_is_there_and_the_same_each_time(folder, tmp_path) -> None:
@@ -92,7 +92,7 @@ def test_training_seeds_are_reported_apart(folder) -> None:
         assert found["mean"] == pytest.approx(np.mean(values))
         assert found["standard_deviation"] == pytest.approx(np.std(values, ddof=1))
         assert (found["lowest"], found["highest"]) == pytest.approx((min(values), max(values)))
-    assert len(group["scenarios"]) == 6
+    assert len(group["scenarios"]) == len(AXES["push"].levels)
 
 
 def test_the_spread_is_printed_once_a_run(folder) -> None:
@@ -100,7 +100,7 @@ def test_the_spread_is_printed_once_a_run(folder) -> None:
     seed_table.print_spread(analysed(read_run(folder / "out")), console)
     printed = console.file.getvalue()
     assert printed.count("2 training seeds") == 1
-    assert printed.count("±") == 1 + 6 * 4
+    assert printed.count("±") == 1 + len(AXES["push"].levels) * 4
 
 
 def test_policies_may_be_named_first(folder, tmp_path, capsys, monkeypatch) -> None:

@@ -37,7 +37,7 @@ def names(*given: str) -> list[str]:
 
 def test_a_level_and_all_levels_of_an_axis() -> None:
     assert names("push:3", "rough") == ["push:3", "rough"]
-    assert names("push:all") == [f"push:{level}" for level in range(1, 7)]
+    assert names("push:all") == [f"push:{level}" for level in range(1, 1 + len(AXES["push"].levels))]
     assert battery.resolve(("push:3",))[0].severity == AXES["push"].levels[2]
 
 
@@ -71,8 +71,8 @@ def test_levels_that_a_battery_names_exist() -> None:
     ("given", "words"),
     [
         (("flatt",), "flat, push, rough.*quick, default, full, all.*push:3.*my_file.py:NAME"),
-        (("push:9",), "levels 1 to 6, not 9"),
-        (("push:hard",), "push:1 to push:6, push:all"),
+        (("push:99",), f"levels 1 to {len(AXES['push'].levels)}, not 99"),
+        (("push:hard",), f"push:1 to push:{len(AXES['push'].levels)}, push:all"),
         (("push:all", "push:2"), "twice: push:2"),
         (("quick", "flat"), "twice: flat"),
         ((), "no scenario"),

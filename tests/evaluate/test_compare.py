@@ -63,7 +63,8 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
         assert (match["paired"], match["identical"]) == (True, match["a"] != "trot")
         assert (falls["metric"], falls["test"], falls["p_value"]) == ("fall_rate", "exact McNemar", 1.0)
         expected = 0.125 if match["a"] == "trot" else 0.0
-        assert velocity["difference"] == velocity["b"] - velocity["a"] == pytest.approx(expected)
+        assert velocity["difference"] == pytest.approx(velocity["b"] - velocity["a"], abs=1e-12)
+        assert velocity["difference"] == pytest.approx(expected)
         assert velocity["ci"] == pytest.approx([expected, expected])
         # Five differences of one sign: 2 of 2^5 sign flips are as large.
         assert velocity["p_value"] == (pytest.approx(2 / 32) if expected else 1.0)

@@ -58,12 +58,12 @@ def traced(tmp_path_factory):
     import policies
     import quad_env
     from evaluate import results
-    from evaluate.experiment import Entrant, cells, evaluation_seeds
+    from evaluate.experiment import Bench, Entrant, cells, evaluation_seeds
 
     folder = tmp_path_factory.mktemp("traced")
     entrants = [Entrant(name, policies.make(name)) for name in ("document", "stand")]
     write, seeds = trace.writer(folder / trace.FOLDER, "compact"), evaluation_seeds(0, 6)
-    done = list(cells(entrants, [quad_env.SCENARIOS["push"]], seeds, 2, lambda *_: None, write))
+    done = list(cells(entrants, [quad_env.SCENARIOS["push"]], seeds, Bench(2, lambda *_: None, trace=write)))
     results.write_json(results.analyse(done, seed=0, episodes=6, complete=True), folder / "results.json")
     return folder
 

@@ -9,7 +9,7 @@ import policies
 import quad_env
 from evaluate import fall_rules, rollout, trace
 from evaluate.episodes import Episodes, uneventful
-from evaluate.experiment import Entrant, evaluation_seeds, run_cell
+from evaluate.experiment import Bench, Entrant, evaluation_seeds, run_cell
 from evaluate.measures.metrics import measure
 from quad_env.config import FALL_RULE
 
@@ -83,12 +83,11 @@ def test_a_file_that_is_no_trace_is_refused(run, tmp_path) -> None:
 
 
 def test_a_cell_is_traced_part_by_part_under_names_that_no_two_cells_share(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.experiment.EPISODES_AT_ONCE", 2)
     monkeypatch.setattr("evaluate.rollout.run", lambda *args, **kwargs: short(*args, **{**kwargs, "steps": 120}))
     entrants = [Entrant(label, policies.make("stand")) for label in ("runs/a", "runs%2Fa")]
     write, seeds = trace.writer(tmp_path, "compact"), evaluation_seeds(0, 3)
     for entrant in entrants:
-        run_cell(entrant, quad_env.SCENARIOS["flat"], seeds, 1, lambda *_: None, write)
+        run_cell(entrant, quad_env.SCENARIOS["flat"], seeds, Bench(1, lambda *_: None, at_once=2, trace=write))
     read = [trace.read(path, "compact") for path in sorted(tmp_path.iterdir())]
     assert sorted((header.policy, header.first, len(episodes.seeds)) for header, episodes in read) == [
         (label, first, count) for label in ("runs%2Fa", "runs/a") for first, count in ((0, 2), (2, 1))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import policies
 from evaluate import rollout
-from evaluate.metrics import measure
+from evaluate.measures.metrics import measure
 from policies.base import CONTROL_PERIOD
 from policies.feedback_parameters import (
     LIMITS,
