@@ -14,7 +14,7 @@ QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
 """Levels in the quick battery, by axis."""
 DEFAULT_LEVELS: dict[str, tuple[int, ...]] = {}
 """Levels in the default battery, by axis; the others have USUAL_LEVELS."""
-USUAL_LEVELS = (3, 5)
+USUAL_LEVELS = (4,)
 ALL = "all"
 _FILE = ".py:"
 
