@@ -12,9 +12,16 @@ NOMINAL = ("flat", "push", "rough")
 """What every battery begins with."""
 QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
 """Levels in the quick battery, by axis."""
-DEFAULT_LEVELS: dict[str, tuple[int, ...]] = {}
-"""Levels in the default battery, by axis; the others have USUAL_LEVELS."""
+DEFAULT_LEVELS: dict[str, tuple[int, ...]] = {
+    "push": (4, 6),
+    "rough": (4, 6),
+    "force": (3, 4, 5),
+    "slope": (3, 6, 7),
+    "surprise": (2, 4, 5),
+}
+"""Levels in the default battery, by axis: three severities with the nominal one, about the trot's breaking point."""
 USUAL_LEVELS = (4,)
+"""Of every other axis."""
 ALL = "all"
 _FILE = ".py:"
 
@@ -25,7 +32,7 @@ def quick() -> tuple[Scenario, ...]:
 
 
 def default() -> tuple[Scenario, ...]:
-    """Every axis at a few levels."""
+    """Every axis: at three severities where breaking points are looked for, at one elsewhere."""
     return _battery(lambda axis: DEFAULT_LEVELS.get(axis, USUAL_LEVELS))
 
 

@@ -14,6 +14,7 @@ from evaluate.options import PROGRAM
 from evaluate.plan import Plan
 from evaluate.progress import show_progress
 from evaluate.store import Run, Store, is_unfinished, read_run, remove_parts
+from evaluate.workers import WorkerLost, side_by_side
 
 
 def execute(plan: Plan, show: Show = print_all) -> int:
@@ -42,26 +43,43 @@ def execute(plan: Plan, show: Show = print_all) -> int:
 
 
 def _simulate(plan: Plan, store: Store) -> tuple[list[Cell], bool]:
-    """The cells that were finished, and whether the user interrupted."""
+    """The cells that were finished, in the order of the run, and whether the user interrupted."""
     done: list[Cell] = []
+    interrupted = False
     seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
     names = [entrant.label for entrant in plan.entrants], [scenario.name for scenario in plan.scenarios]
     try:
         launcher.raise_on_interrupt()
         with show_progress(*names) as progress:
             bench = Bench(
-                plan.options.threads, progress, plan.options.at_once, store, _trace(plan), plan.manifest.steps
+                plan.options.threads,
+                progress,
+                _at_once(plan),
+                store,
+                _trace(plan),
+                plan.manifest.steps,
+                side_by_side(plan.options.threads),
             )
             done.extend(cells(plan.entrants, plan.scenarios, seeds, bench))
     except KeyboardInterrupt:
         if not store.begun:
             raise
-        return done, True
+        interrupted = True
+    except WorkerLost as error:
+        raise UsageError(f"{error}; what was done is kept, go on with: {_go_on(store.folder)}") from error
     except OSError as error:
         raise UsageError(
             f"cannot write to {store.folder} ({error.strerror or error}); make room, then go on: {_go_on(store.folder)}"
         ) from error
-    return done, False
+    policies, scenarios = names
+    done.sort(key=lambda cell: (scenarios.index(cell.scenario.name), policies.index(cell.policy)))
+    return done, interrupted
+
+
+def _at_once(plan: Plan) -> int:
+    """Episodes of a job: as many as allowed, but something for every worker."""
+    total = plan.manifest.episodes * len(plan.entrants) * len(plan.scenarios)
+    return min(plan.options.at_once, -(-total // plan.options.threads))
 
 
 def _trace(plan: Plan) -> Trace | None:

@@ -1,8 +1,10 @@
 """The comparison as a sequence of cells, one policy on one scenario each; the seeds are the same for every policy."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -14,7 +16,7 @@ from policies.base import Policy
 from quad_env.scenarios import Scenario
 from quad_env.seeding import episode_seeds
 
-EPISODES_AT_ONCE = 512
+EPISODES_AT_ONCE = 256
 """Episodes simulated side by side, which bounds the memory of a run; no outcome depends on it."""
 
 
@@ -77,6 +79,26 @@ Trace = Callable[[str, Scenario, int, rollout.Episodes], None]
 
 
 @dataclass(frozen=True)
+class Job:
+    """Episodes of a cell that are to be simulated side by side, with all that it takes."""
+
+    entrant: Entrant
+    scenario: Scenario
+    numbers: NDArray[np.int64]
+    """Of the episodes in their cell, (n,)."""
+    seeds: NDArray[np.int64]
+    """Theirs, (n,)."""
+    steps: int
+    trace: Trace | None
+
+
+Told = Callable[[int, float], None]
+"""Told a job's place in the list and the share of it that is done, below 1."""
+Crew = Callable[[Sequence[Job], Told], Generator[tuple[int, Part]]]
+"""Does a list of jobs in any order; gives each one's place in it and its outcome as it comes."""
+
+
+@dataclass(frozen=True)
 class Bench:
     """How cells are simulated; but for the length of an episode none of it changes their figures."""
 
@@ -87,46 +109,101 @@ class Bench:
     trace: Trace | None = None
     steps: int = dataclasses.field(default_factory=lambda: rollout.STEPS)
     """Control steps of an episode."""
+    crew: Crew | None = None
+    """None does one job after the other, each on `nthread` threads."""
 
 
 def cells(
     entrants: Sequence[Entrant], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], bench: Bench
 ) -> Iterator[Cell]:
-    """Every policy on one scenario, then on the next: what is done when a user interrupts is comparable."""
-    for scenario in scenarios:
-        for entrant in entrants:
-            yield run_cell(entrant, scenario, seeds, bench)
+    """Every policy on one scenario, then on the next: what is done when a user interrupts is comparable.
+
+    Simulates and measures what is not kept already. Cells come as they are finished, which depends on the crew.
+    """
+    works = [_Work(entrant, scenario, seeds, bench) for scenario in scenarios for entrant in entrants]
+    owners = [(work, job) for work in works for job in work.jobs(bench)]
+    for work in works:
+        if work.done:
+            yield work.finish()
+
+    def told(place: int, share: float) -> None:
+        work, job = owners[place]
+        work.report(job, share)
+
+    crew = bench.crew or in_turn(bench.nthread)
+    with closing(crew([job for _, job in owners], told)) as outcomes:
+        for place, part in outcomes:
+            bench.keeper.keep(part)
+            work = owners[place][0]
+            work.add(part)
+            if work.done:
+                yield work.finish()
 
 
 def run_cell(entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], bench: Bench) -> Cell:
-    """Simulate and measure what is not kept of one cell already."""
-    parts = list(bench.keeper.kept(entrant.label, scenario))
-    done = sum(len(part.numbers) for part in parts)
-    missing = np.setdiff1d(np.arange(len(seeds)), np.concatenate([np.arange(0), *(part.numbers for part in parts)]))
-    for numbers in _stretches(missing, bench.at_once):
+    """One cell of `cells`."""
+    return next(cells([entrant], [scenario], seeds, bench))
 
-        def report(share: float, done: int = done, count: int = len(numbers)) -> None:
-            if share < 1.0:
-                bench.progress(entrant.label, scenario.name, (done + share * count) / len(seeds))
 
-        chosen = seeds[numbers]
-        episodes = rollout.run(
-            entrant.policy,
-            scenario,
-            chosen,
-            nthread=bench.nthread,
-            steps=bench.steps,
-            progress=report,
-            after_falls=bench.trace is not None,
-        )
-        if bench.trace is not None:
-            bench.trace(entrant.label, scenario, int(numbers[0]), episodes)
-        part = Part(numbers, Cell(entrant.label, scenario, chosen, episodes.fall_reason, measure(episodes)))
-        bench.keeper.keep(part)
-        parts.append(part)
-        done += len(numbers)
-    bench.progress(entrant.label, scenario.name, 1.0)
-    return join(parts)
+def in_turn(nthread: int) -> Crew:
+    """Does one job after the other in this process, each on so many threads."""
+
+    def crew(jobs: Sequence[Job], told: Told) -> Generator[tuple[int, Part]]:
+        for place, job in enumerate(jobs):
+            yield place, simulate(job, nthread, partial(told, place))
+
+    return crew
+
+
+def simulate(job: Job, nthread: int, progress: Callable[[float], None]) -> Part:
+    """The outcome of a job; `progress` is told the share of it that is done, below 1."""
+    label, policy = job.entrant.label, job.entrant.policy
+    episodes = rollout.run(
+        policy,
+        job.scenario,
+        job.seeds,
+        nthread=nthread,
+        steps=job.steps,
+        progress=lambda share: None if share >= 1.0 else progress(share),
+        after_falls=job.trace is not None,
+    )
+    if job.trace is not None:
+        job.trace(label, job.scenario, int(job.numbers[0]), episodes)
+    return Part(job.numbers, Cell(label, job.scenario, job.seeds, episodes.fall_reason, measure(episodes)))
+
+
+class _Work:
+    """A cell in the making."""
+
+    def __init__(self, entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], bench: Bench) -> None:
+        self.entrant, self.scenario, self.seeds = entrant, scenario, seeds
+        self.progress = bench.progress
+        self.parts = list(bench.keeper.kept(entrant.label, scenario))
+        self.shares: dict[int, float] = {}
+        """Episodes done of each job under way, by its first number."""
+
+    def jobs(self, bench: Bench) -> Iterator[Job]:
+        """What is missing, in stretches without a gap."""
+        kept = [np.arange(0), *(part.numbers for part in self.parts)]
+        for numbers in _stretches(np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(kept)), bench.at_once):
+            yield Job(self.entrant, self.scenario, numbers, self.seeds[numbers], bench.steps, bench.trace)
+
+    def report(self, job: Job, share: float) -> None:
+        self.shares[int(job.numbers[0])] = share * len(job.numbers)
+        finished = sum(len(part.numbers) for part in self.parts)
+        self.progress(self.entrant.label, self.scenario.name, (finished + sum(self.shares.values())) / len(self.seeds))
+
+    def add(self, part: Part) -> None:
+        self.shares.pop(int(part.numbers[0]), None)
+        self.parts.append(part)
+
+    @property
+    def done(self) -> bool:
+        return sum(len(part.numbers) for part in self.parts) == len(self.seeds)
+
+    def finish(self) -> Cell:
+        self.progress(self.entrant.label, self.scenario.name, 1.0)
+        return join(self.parts)
 
 
 def _stretches(numbers: NDArray[np.int64], at_once: int) -> Iterator[NDArray[np.int64]]:

@@ -54,9 +54,9 @@ class Options:
     film: bool = True
     """Whether report.html shows a film of one episode."""
     threads: int = available_cores()
-    """Threads of the simulation (count; default: this machine's cores). The outcome does not depend on it."""
-    at_once: int = 512
-    """Episodes simulated side by side (count), and written together. The outcome does not depend on it."""
+    """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
+    at_once: int = 256
+    """Episodes that each of them simulates at once, and that are written together (count). No outcome depends on it."""
 
     @property
     def battery(self) -> tuple[str, ...]:

@@ -22,20 +22,18 @@ class Forecast:
         self._left = {policy: float(scenarios) for policy in policies}
         self._seconds: dict[str, float] = defaultdict(float)
         self._cells: dict[str, float] = defaultdict(float)
-        self._current: tuple[str, str] | None = None
-        self._share, self._since = 0.0, now
+        self._shares: dict[tuple[str, str], float] = {}
+        self._since = now
 
     def update(self, policy: str, scenario: str, share: float, now: float) -> None:
-        """Take note that so much of a cell is done."""
-        if (policy, scenario) != self._current:
-            # What is done at a cell's first report was kept by an earlier run.
-            self._current, self._share = (policy, scenario), share
-            self._left[policy] -= share
-        advance = share - self._share
-        self._left[policy] -= advance
+        """Take note that so much of a cell is done; several cells may be under way."""
+        # What is done at a cell's first report was kept by an earlier run.
+        advance = share - self._shares.get((policy, scenario), share)
+        self._left[policy] -= share - self._shares.get((policy, scenario), 0.0)
+        self._shares[policy, scenario] = share
         self._cells[policy] += advance
         self._seconds[policy] += now - self._since
-        self._share, self._since = share, now
+        self._since = now
 
     @property
     def seconds(self) -> float | None:
@@ -64,14 +62,13 @@ def show_progress(policies: Sequence[str], scenarios: Sequence[str]) -> "Iterato
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Progress(*columns, TextColumn("{task.fields[left]}"), console=console, transient=True) as progress:
         task = progress.add_task("starting", total=total, left="")
-        finished = 0
+        shares: dict[tuple[str, str], float] = {}
 
         def show(policy: str, scenario: str, share: float) -> None:
-            nonlocal finished
+            shares[policy, scenario] = share
             forecast.update(policy, scenario, share, time.perf_counter())
             left = "" if forecast.seconds is None else f"{duration(forecast.seconds)} left"
-            progress.update(task, description=f"{scenario}: {policy}", completed=finished + share, left=left)
-            finished += share >= 1.0
+            progress.update(task, description=f"{scenario}: {policy}", completed=sum(shares.values()), left=left)
 
         yield show
 

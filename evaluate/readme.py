@@ -8,10 +8,15 @@ from typing import Annotated, Any
 
 import tyro
 
+from evaluate.battery import BATTERIES
 from evaluate.command_line import UsageError, fail, parse
 from evaluate.format import ABSENT, interval, number, percent, percent_interval
+from evaluate.ladders import amount
 from evaluate.limit_text import words
 from evaluate.limits import Limit
+from evaluate.options import Options as Evaluation
+from evaluate.sensitivity import LEAD, Sensitivity
+from evaluate.sensitivity import words as words_of
 from policies.files import write_atomically
 
 PROGRAM = "python -m evaluate.readme"
@@ -64,6 +69,8 @@ def table(found: dict[str, Any]) -> str:
     run = list(dict.fromkeys(name for policy in found["policies"].values() for name in policy["scenarios"]))
     scenarios = [name for name in run if name in SHOWN] or run
     lines = [
+        "In brackets 95 % intervals.",
+        "",
         "| scenario | policy | falls | velocity error, m/s | yaw-rate error, rad/s | mean velocity error, m/s |",
         "|---|---|---|---|---|---|",
     ]
@@ -71,14 +78,37 @@ def table(found: dict[str, Any]) -> str:
         lines += [f"| {scenario} | `{name}` | {row(_cell(found, name, scenario))} |" for name in names]
     if found["breaking_points"]:
         lines += ["", *breaking_points(found["breaking_points"], names)]
+    if found["sensitivities"]:
+        lines += ["", LEAD, "", *effects(found["sensitivities"], names)]
     versions = found["versions"]
-    options = f"--scenarios {' '.join(scenarios)} --episodes {found['episodes']} --seed {found['seed']}"
-    lines += [
-        "",
-        f"`python -m evaluate {options}`; in brackets 95 % intervals. "
-        f"MuJoCo {versions['mujoco']}, Python {versions['python']}.",
-    ]
+    lines += ["", f"`{_command(found, run)}`; MuJoCo {versions['mujoco']}, Python {versions['python']}."]
     return "\n".join(lines)
+
+
+def _command(found: dict[str, Any], scenarios: list[str]) -> str:
+    """What was run, without what is as usual."""
+    words = ["python -m evaluate"]
+    if tuple(found["policies"]) != Evaluation.policies:
+        words += ["--policies", *found["policies"]]
+    battery = next((name for name, each in BATTERIES.items() if [one.name for one in each()] == scenarios), None)
+    if (battery,) != Evaluation.scenarios:
+        words += ["--scenarios", *([battery] if battery else scenarios)]
+    for name in ("episodes", "seed"):
+        if found[name] != getattr(Evaluation, name):
+            words += [f"--{name}", str(found[name])]
+    return " ".join(words)
+
+
+def effects(found: list[dict[str, Any]], names: list[str]) -> list[str]:
+    """What each disturbance does: an axis a row, a policy a column."""
+    each = [Sensitivity(**_without_null(entry)) for entry in found]
+    cells = {(one.axis, one.policy): words_of(one) for one in each}
+    rows = [
+        f"| {axis}, {amount(one.severity, one.unit)} | "
+        f"{' | '.join(cells.get((axis, name), ABSENT) for name in names)} |"
+        for axis, one in {one.axis: one for one in each}.items()
+    ]
+    return [f"| disturbance | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}", *rows]
 
 
 def breaking_points(points: list[dict[str, Any]], names: list[str]) -> list[str]:

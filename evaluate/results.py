@@ -12,6 +12,7 @@ from evaluate.comparison import Comparison, compare
 from evaluate.experiment import Cell
 from evaluate.limits import Limit, LimitRatio, limits
 from evaluate.provenance import versions
+from evaluate.sensitivity import Sensitivity, sensitivities
 from evaluate.summary import Summary, summarise
 from policies.files import write_atomically
 
@@ -33,6 +34,7 @@ class Results:
     comparisons: tuple[Comparison, ...]
     breaking_points: tuple[Limit, ...]
     breaking_point_ratios: tuple[LimitRatio, ...]
+    sensitivities: tuple[Sensitivity, ...]
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
@@ -63,6 +65,7 @@ def analyse(
         comparisons=tuple(compare(cells)),
         breaking_points=tuple(breaking_points),
         breaking_point_ratios=tuple(ratios),
+        sensitivities=tuple(sensitivities(cells)),
         versions=made_with.pop("versions"),
         provenance=made_with,
     )
@@ -85,6 +88,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(limit) for limit in results.breaking_points],
         "breaking_point_ratios": [asdict(ratio) for ratio in results.breaking_point_ratios],
+        "sensitivities": [asdict(each) for each in results.sensitivities],
     }
     plain: dict[str, Any] = without_nan(contents)
     return plain

@@ -7,6 +7,7 @@ neighbours share most bytes, which is what the compression lives on.
 import io
 import json
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import quote
@@ -46,12 +47,12 @@ class Header:
 def writer(folder: Path, kind: Kind) -> Trace:
     """Writes each part of a cell that it is given into a file in that folder."""
     folder.mkdir(parents=True, exist_ok=True)
+    return partial(_write_part, folder, kind)
 
-    def write_part(policy: str, scenario: Scenario, first: int, episodes: Episodes) -> None:
-        name = f"{quote(policy, safe='')}--{quote(scenario.name, safe='')}--{first:07d}.parquet"
-        write(episodes, Header(policy, scenario.name, first, kind), folder / name)
 
-    return write_part
+def _write_part(folder: Path, kind: Kind, policy: str, scenario: Scenario, first: int, episodes: Episodes) -> None:
+    name = f"{quote(policy, safe='')}--{quote(scenario.name, safe='')}--{first:07d}.parquet"
+    write(episodes, Header(policy, scenario.name, first, kind), folder / name)
 
 
 def write(episodes: Episodes, header: Header, path: Path) -> None:

@@ -1,6 +1,7 @@
 """The whole page, section by section."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from evaluate.report.measures_section import definitions
 from evaluate.report.notes import NOTES
 from evaluate.report.overview import overview
 from evaluate.report.response_section import responses
+from evaluate.report.sensitivity_section import sensitivity
 from evaluate.report.training_section import training
 from evaluate.report.worst import worst_episodes
 from evaluate.results import Results
@@ -25,6 +27,8 @@ from evaluate.table import baseline_of
 from evaluate.verdict import UNSHOWN, WORDS, Finding, headline, summary, verdict
 from policies.files import write_atomically
 
+FILM_PLACE = 5
+"""Of the film among the sections; it is made in another process meanwhile."""
 FEW_AXES = 4
 """Up to so many axes the findings are unfolded."""
 
@@ -37,19 +41,22 @@ def write_report(results: Results, path: Path, *, film: bool = False, verdicts: 
 def render(results: Results, folder: Path, *, film: bool = False, verdicts: Sequence[Verdict] = ()) -> str:
     """The whole page; `folder` is where the results are, for the commands that the page names."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
-    with drawing.settings():
-        sections = (
+    with drawing.settings(), ThreadPoolExecutor(1) as beside:
+        shown = beside.submit(footage, results) if film else None
+        sections = [
             _outcome(results),
             gates(verdicts),
             overview(results),
+            sensitivity(results),
             disturbances(results),
-            footage(results) if film else "",
             gaits(results),
             responses(results),
             training(results),
             worst_episodes(results, folder),
             _notes(results),
-        )
+        ]
+        if shown is not None:
+            sections.insert(FILM_PLACE, shown.result())
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'

@@ -367,6 +367,6 @@ def test_ctrl_c_before_anything_is_done_leaves_an_earlier_outcome_alone(tmp_path
 
     tmp_path.joinpath("results.json").write_text("earlier")
     monkeypatch.setattr("evaluate.rollout.run", interrupted)
-    assert main(["--policies", "trot", "--out", str(tmp_path)]) == 130
+    assert main(["--policies", "trot", "--threads", "1", "--out", str(tmp_path)]) == 130
     assert "no further file was written" in capsys.readouterr().err
     assert tmp_path.joinpath("results.json").read_text() == "earlier"

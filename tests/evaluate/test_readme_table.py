@@ -4,7 +4,9 @@ import json
 
 import pytest
 
+from evaluate.battery import BATTERIES
 from evaluate.command_line import UsageError
+from evaluate.options import DEFAULT_POLICIES
 from evaluate.readme import insert, main, table
 
 CELL = {
@@ -22,8 +24,22 @@ POINTS = [
     POINT | {"policy": "stand", "severity50": None, "ci": [None, None], "found": "never"},
     POINT | {"axis": "soft", "policy": "stand", "severity50": None, "ci": [None, None], "found": "always", "unit": "m"},
 ]
+NOISE = {
+    "axis": "noise",
+    "scenario": "noise:4",
+    "severity": 0.8,
+    "unit": "rad/s",
+    "felt": True,
+    "falls": 0.25,
+    "falls_ci": [0.1, 0.4],
+    "falls_p_value": 0.001,
+    "velocity_error": 0.5,
+    "velocity_error_ci": [0.4, None],
+    "velocity_error_p_value": 0.001,
+}
 FOUND = {
     "breaking_points": [],
+    "sensitivities": [],
     "episodes": 128,
     "seed": 0,
     "versions": {"mujoco": "4.0.0", "python": "3.11.7"},
@@ -45,9 +61,35 @@ def test_breaking_points_are_a_table_of_axes_and_policies() -> None:
     assert "half of the episodes fall" not in table(FOUND)
 
 
+def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
+    both = [NOISE | {"policy": "trot", "felt": False}, NOISE | {"policy": "stand"}]
+    text = table(FOUND | {"sensitivities": both}).replace("\u00a0", " ")
+    assert "| noise, 0.8 rad/s | nothing: the same to the bit | +25 points, +0.500 m/s |" in text
+    assert "| disturbance |" not in table(FOUND)
+
+
+@pytest.mark.parametrize(
+    ("changes", "command"),
+    [
+        ({}, "python -m evaluate --policies trot stand --scenarios flat --episodes 128"),
+        ({"seed": 3, "episodes": 64}, "python -m evaluate --policies trot stand --scenarios flat --seed 3"),
+    ],
+)
+def test_the_command_that_makes_the_table_is_below_it(changes, command) -> None:
+    assert table(FOUND | changes).splitlines()[-1].startswith(f"`{command}`;")
+
+
+@pytest.mark.parametrize(("battery", "words"), [("default", ""), ("quick", " --scenarios quick")])
+def test_a_battery_is_called_by_its_name(battery, words) -> None:
+    cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery]()), CELL)
+    of = {policy: {"scenarios": cells} for policy in DEFAULT_POLICIES}
+    line = table(FOUND | {"policies": of, "episodes": 64}).splitlines()[-1]
+    assert line.startswith(f"`python -m evaluate{words}`;")
+
+
 def test_of_a_whole_battery_three_scenarios_are_shown() -> None:
     scenarios = dict.fromkeys(("flat", "push:1", "push", "rough", "ice"), CELL)
-    rows = table(FOUND | {"policies": {"trot": {"scenarios": scenarios}}}).splitlines()[2:]
+    rows = table(FOUND | {"policies": {"trot": {"scenarios": scenarios}}}).splitlines()[4:]
     assert [row.split("|")[1].strip() for row in rows if row.startswith("| ")] == ["flat", "push", "rough"]
 
 
@@ -77,7 +119,7 @@ def test_figures_that_do_not_exist_are_dashes() -> None:
     absent = dict.fromkeys(CELL) | {f"{name}_ci": [None, None] for name in ("fall_rate", "velocity_error")}
     absent["yaw_rate_error_ci"] = [None, None]
     rows = table(FOUND | {"policies": {"trot": {"scenarios": {"flat": absent}}}}).splitlines()
-    assert rows[2] == "| flat | `trot` | – [–] | – [–] | – [–] | – |"
+    assert rows[4] == "| flat | `trot` | – [–] | – [–] | – [–] | – |"
 
 
 def test_a_cell_that_an_interrupted_run_lacks_is_named(capsys, tmp_path) -> None:
