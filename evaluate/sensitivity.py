@@ -20,7 +20,8 @@ from quad_env.scenarios import SCENARIOS
 
 CALM = "flat"
 """The undisturbed scenario."""
-UNFELT = "nothing: the same to the bit"
+UNFELT = "the same to the bit"
+FALLEN = "falls without it"
 LEAD = (
     "What the hardest level of each axis in this run adds to the falls, in percentage points of the episodes, and to "
     "the velocity error of the same episodes undisturbed. In brackets: not significantly worse, p-values corrected by "
@@ -39,6 +40,7 @@ class Sensitivity:
     policy: str
     felt: bool
     """False where every measure of every episode is the same to the bit."""
+    undisturbed_fall_rate: float
     falls: float
     """Share of the episodes, difference."""
     falls_ci: Interval
@@ -98,6 +100,7 @@ def _sensitivity(cell: Cell, calm: Cell) -> Sensitivity:
         unit=cell.scenario.severity_unit,
         policy=cell.policy,
         felt=not _same(cell, calm),
+        undisturbed_fall_rate=float(fell_calm.mean()),
         falls=(more - less) / cell.episodes,
         falls_ci=share_difference_interval(more, less, cell.episodes),
         falls_p_value=mcnemar(fell, fell_calm),
@@ -115,8 +118,11 @@ def _same(a: Cell, b: Cell) -> bool:
 
 
 def words(found: Sensitivity) -> str:
-    """`+12 points, +0.310 m/s`: falls and velocity error; in brackets where neither is significant."""
+    """`+12 points, +0.31 m/s`: falls, if they differ, and velocity error; in brackets where neither is significant."""
+    if found.undisturbed_fall_rate == 1.0:
+        return FALLEN
     if not found.felt:
         return UNFELT
-    text = f"{signed(100.0 * found.falls, 0)} points, {signed(found.velocity_error, 3)}{NO_BREAK}m/s"
+    falls = f"{signed(100.0 * found.falls, 0)}{NO_BREAK}points, " if found.falls else ""
+    text = f"{falls}{signed(found.velocity_error, 2)}{NO_BREAK}m/s"
     return text if found.matters else f"({text})"

@@ -30,6 +30,7 @@ NOISE = {
     "severity": 0.8,
     "unit": "rad/s",
     "felt": True,
+    "undisturbed_fall_rate": 0.0,
     "falls": 0.25,
     "falls_ci": [0.1, 0.4],
     "falls_p_value": 0.001,
@@ -64,7 +65,7 @@ def test_breaking_points_are_a_table_of_axes_and_policies() -> None:
 def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
     both = [NOISE | {"policy": "trot", "felt": False}, NOISE | {"policy": "stand"}]
     text = table(FOUND | {"sensitivities": both}).replace("\u00a0", " ")
-    assert "| noise, 0.8 rad/s | nothing: the same to the bit | +25 points, +0.500 m/s |" in text
+    assert "| noise, 0.8 rad/s | the same to the bit | +25 points, +0.50 m/s |" in text
     assert "| disturbance |" not in table(FOUND)
 
 

@@ -10,7 +10,7 @@ from evaluate.battery import resolve
 from evaluate.experiment import Bench, Entrant, cells, evaluation_seeds
 from evaluate.report.sensitivity_section import sensitivity as section
 from evaluate.results import analyse
-from evaluate.sensitivity import UNFELT, sensitivities, words
+from evaluate.sensitivity import FALLEN, UNFELT, sensitivities, words
 from quad_env import AXES
 
 COUNT = 40
@@ -39,7 +39,7 @@ def test_it_is_the_difference_to_the_undisturbed_episodes(run) -> None:
     assert found.falls_ci[0] > 0.0
     assert found.felt
     assert found.matters
-    assert words(found).replace("\u00a0", " ") == "+25 points, +0.250 m/s"
+    assert words(found).replace("\u00a0", " ") == "+25 points, +0.25 m/s"
 
 
 def test_what_changes_no_bit_is_not_felt(run) -> None:
@@ -56,7 +56,14 @@ def test_what_helps_or_is_chance_does_not_matter(run) -> None:
     assert better.falls_p_value < 0.001
     assert not better.matters
     assert not chance.matters
-    assert words(chance).startswith("(+2 points")
+    assert words(chance).replace("\u00a0", " ") == "(+2 points, +0.00 m/s)"
+    (slower,) = sensitivities(run(flat=(0, 0.0), slippery=(0, 0.1)))
+    assert words(slower).replace("\u00a0", " ") == "+0.10 m/s"
+
+
+def test_a_policy_that_falls_anyway_says_nothing_about_disturbances(run) -> None:
+    (found,) = sensitivities(run(flat=(COUNT, 0.0), noise=(COUNT, 0.0)))
+    assert words(found) == FALLEN
 
 
 def test_the_hardest_level_counts_also_where_less_is_harder(run) -> None:
