@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 
 if TYPE_CHECKING:
+    from quad_env.actuators import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
     from quad_env.axes import AXES, Axis
     from quad_env.conditions import Scenario
     from quad_env.config import FALL_RULE, AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
@@ -32,6 +33,7 @@ if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get(
         os.environ.setdefault("MUJOCO_GL", "egl")
 
 __all__ = [
+    "ACTUATORS",
     "AXES",
     "ENV_ID",
     "FALL_RULE",
@@ -40,12 +42,14 @@ __all__ = [
     "OBSERVATION",
     "OBSERVATION_SIZE",
     "SCENARIOS",
+    "Actuator",
     "AnyPose",
     "Axis",
     "CommandRanges",
     "Dropouts",
     "FallRule",
     "Flat",
+    "Gear",
     "Ground",
     "Latency",
     "Motors",
@@ -60,9 +64,21 @@ __all__ = [
     "StartNoise",
     "SteadyForce",
     "TaskConfig",
+    "Thermal",
+    "TorqueSpeed",
     "scenario",
 ]
-_MODULES = ("axes", "conditions", "config", "disturbances", "observations", "robot", "scenarios", "terrain")
+_MODULES = (
+    "actuators",
+    "axes",
+    "conditions",
+    "config",
+    "disturbances",
+    "observations",
+    "robot",
+    "scenarios",
+    "terrain",
+)
 """Where the names above come from; loaded when one is first asked for, so that the import costs next to nothing."""
 
 if ENV_ID not in gym.registry:

@@ -15,12 +15,14 @@ def _check_window(what: str, count: int, duration: float, window: tuple[float, f
         raise ValueError(f"{count} {what} of {duration} s do not fit into the window {window} s")
 
 
-def _check_amount(what: str, value: float, unit: str) -> None:
+def check_amount(what: str, value: float, unit: str) -> None:
+    """Refuse a negative or infinite value."""
     if not 0 <= value < math.inf:
         raise ValueError(f"{what} must be finite and at least 0 {unit}, got {value}")
 
 
-def _check_positive(what: str, value: float, unit: str) -> None:
+def check_positive(what: str, value: float, unit: str) -> None:
+    """Refuse zero too."""
     if not 0 < value < math.inf:
         raise ValueError(f"{what} must be finite and more than 0 {unit}, got {value}")
 
@@ -42,7 +44,7 @@ class Pushes:
 
     def __post_init__(self) -> None:
         _check_window("pushes", self.count, self.duration, self.window)
-        _check_amount("a push's impulse", self.impulse, "N·s")
+        check_amount("a push's impulse", self.impulse, "N·s")
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class SteadyForce:
     """N"""
 
     def __post_init__(self) -> None:
-        _check_amount("a steady force", self.force, "N")
+        check_amount("a steady force", self.force, "N")
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class Ground:
     below a millimetre there is nothing else"""
 
     def __post_init__(self) -> None:
-        _check_positive("the friction coefficient", self.friction, "")
+        check_positive("the friction coefficient", self.friction, "")
         if self.sink_depth != 0 and not 0.001 <= self.sink_depth < 1:
             raise ValueError(f"sink_depth must be 0 or 0.001 m to 1 m, got {self.sink_depth}")
 
@@ -95,9 +97,9 @@ class Motors:
     with the time constant 1/(2π·bandwidth). None is a servo that sees its target at once."""
 
     def __post_init__(self) -> None:
-        _check_positive("torque_limit", self.torque_limit, "N·m")
+        check_positive("torque_limit", self.torque_limit, "N·m")
         if self.bandwidth is not None:
-            _check_positive("bandwidth", self.bandwidth, "Hz")
+            check_positive("bandwidth", self.bandwidth, "Hz")
 
 
 @dataclass(frozen=True)
@@ -113,9 +115,9 @@ class Payload:
 
     def __post_init__(self) -> None:
         for what, value, unit in (("a payload's mass", self.mass, "kg"), ("a payload's edge", self.edge, "m")):
-            _check_positive(what, value, unit)
+            check_positive(what, value, unit)
         for half in self.reach:
-            _check_amount("a payload's reach", half, "m")
+            check_amount("a payload's reach", half, "m")
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ class SensorNoise:
     """rad/s, standard deviation of each component of `angular_velocity`; every other term's is in proportion"""
 
     def __post_init__(self) -> None:
-        _check_amount("sensor noise", self.gyro, "rad/s")
+        check_amount("sensor noise", self.gyro, "rad/s")
 
     @property
     def deviations(self) -> dict[str, float]:

@@ -9,6 +9,8 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from quad_env import columns
+from quad_env.actuators import Actuator
+from quad_env.actuators import actuator as find_actuator
 from quad_env.arguments import check_options, held_commands, joint_targets, seeds_of
 from quad_env.conditions import Scenario
 from quad_env.config import TaskConfig
@@ -43,6 +45,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         width, height: of rendered frames, pixels.
         camera: name of a camera of the model.
         config: control rate, fall rule and reward weights.
+        actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
@@ -56,6 +59,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         height: int = 480,
         camera: str = "track",
         config: TaskConfig | None = None,
+        actuator: str | Actuator = "ideal",
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
@@ -67,7 +71,9 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
         self.action_space, self.observation_space = ACTION_SPACE, OBSERVATION_SPACE
-        self._simulation = Simulation.of(self.scenario, 1, 1, self.config.control_rate)
+        self._simulation = Simulation.of(
+            self.scenario, 1, 1, self.config.control_rate, actuator=find_actuator(actuator)
+        )
         self._wires = wires_of(self.scenario, 1, self.dt)
         self._sensors = sensors_of(self.scenario, 1, self.dt)
         self._weights = step_weights(self.config.reward_weights, self.dt)

@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.actuators import Actuator, TorqueSpeed, weaker
 from quad_env.disturbances import Ground, Motors, Payload
-from quad_env.robot import HOME_POSE, LEG_NAMES, MASS, MODEL_PATH, TRUNK_SIZE
+from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_NAMES, JOINT_UPPER, LEG_NAMES, MASS, MODEL_PATH, TRUNK_SIZE
 from quad_env.terrain import Slope, SmoothRandom, Stairs, Terrain
 
 TRUNK_SENSOR = "trunk_ground"
@@ -21,10 +22,14 @@ _FLOOR_DEPTH = 1.0
 
 
 def compile_model(
-    terrain: Terrain, ground: Ground | None = None, motors: Motors | None = None, payload: Payload | None = None
+    terrain: Terrain,
+    ground: Ground | None = None,
+    motors: Motors | None = None,
+    payload: Payload | None = None,
+    actuator: Actuator | None = None,
 ) -> mujoco.MjModel:
     """The robot on that terrain; None is the robot's own, undisturbed."""
-    ground, motors = ground or Ground(), motors or Motors()
+    ground, motors, actuator = ground or Ground(), motors or Motors(), actuator or Actuator()
     spec = mujoco.MjSpec.from_file(str(MODEL_PATH))
     if isinstance(terrain, SmoothRandom):
         _add_height_field(spec, terrain)
@@ -34,10 +39,18 @@ def compile_model(
         spec.geom(_GROUND).quat = slope_quaternion(terrain)
     if payload is not None:
         _add_payload(spec, payload)
-    if motors.bandwidth is not None:
-        _slow_down(spec, 1 / (2 * math.pi * motors.bandwidth))
+    bandwidth, limit = weaker(motors.bandwidth, actuator.bandwidth), motors.torque_limit
+    if actuator.curve is not None:
+        _put_on_voltage(spec, actuator.curve)
+        limit = min(limit, actuator.curve.stall_torque)
+    elif bandwidth is not None:
+        _slow_down(spec, 1 / (2 * math.pi * bandwidth))
+    if actuator.gear is not None:
+        for name in JOINT_NAMES:
+            spec.joint(name).armature = actuator.gear.reflected_inertia
+    _delay(spec, actuator.delay)
     model = spec.compile()
-    model.actuator_forcerange[:] = (-motors.torque_limit, motors.torque_limit)
+    model.actuator_forcerange[:] = (-limit, limit)
     if ground != Ground():
         _set_ground(model, ground)
     return model
@@ -115,6 +128,38 @@ def _slow_down(spec: mujoco.MjSpec, time_constant: float) -> None:
         actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
         actuator.dynprm[0] = time_constant
     spec.key("home").act = HOME_POSE
+
+
+def _put_on_voltage(spec: mujoco.MjSpec, curve: TorqueSpeed) -> None:
+    """DC motors on a supply of ±1 V instead of servos, with the servos' gains: in these units K = 1 / no_load_speed and
+    R = K / stall_torque. The limit of the current is the actuator's force range."""
+    constant = 1 / curve.no_load_speed
+    for servo, lower, upper in zip(spec.actuators, JOINT_LOWER, JOINT_UPPER, strict=True):
+        kp, kv = servo.gainprm[0], -servo.biasprm[2]
+        servo.inheritrange, servo.ctrlrange = 0.0, (lower, upper)
+        servo.set_to_dcmotor(
+            motorconst=(constant, constant),
+            resistance=constant / curve.stall_torque,
+            saturation=(curve.stall_torque, 0.0, 0.0),
+            controller=(kp, 0.0, kv, 0.0, 0.0, 1.0),
+            ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
+        )
+
+
+def _delay(spec: mujoco.MjSpec, delay: float) -> None:
+    """Every servo goes by the target of `delay` ago, a whole number of physics steps."""
+    steps = round(delay / spec.option.timestep)
+    for servo in spec.actuators:
+        servo.nsample, servo.delay = steps, steps * spec.option.timestep
+
+
+def history_of(model: mujoco.MjModel, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """MuJoCo's record of past targets at the start of an episode, all of them these, (12,), rad."""
+    data = mujoco.MjData(model)
+    for servo, target in enumerate(targets):
+        samples = np.full((model.actuator_history[servo, 0], 1), target)
+        mujoco.mj_initCtrlHistory(model, data, servo, None, samples)
+    return np.array(data.history)
 
 
 def _set_ground(model: mujoco.MjModel, ground: Ground) -> None:

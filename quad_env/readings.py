@@ -32,12 +32,15 @@ def readings(simulation: Simulation) -> Readings:
     trunk_contact      (n,)        bool
     push               (n, 2)      force on the trunk, world, N
     =================  ==========  =====================================================================
+
+    Motors with a thermal model add `winding_temperature`, (n, 12), °C.
     """
     state = simulation.state(_NO_COMMAND)
     position, joints = np.transpose(state.position), np.transpose(state.joint_position)
     rotation = np.moveaxis(np.array(state.rotation), -1, 0)
     feet = feet_in_world(position, rotation, joints)
     feet_contact, leg_contact = simulation.ground_contacts()
+    temperature = simulation.winding_temperature
     return {
         "position": position.copy(),
         "quaternion": simulation.quaternion,
@@ -54,4 +57,5 @@ def readings(simulation: Simulation) -> Readings:
         "leg_contact": leg_contact,
         "trunk_contact": np.asarray(state.trunk_contact),
         "push": simulation.push,
+        **({} if temperature is None else {"winding_temperature": temperature}),
     }

@@ -10,10 +10,13 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
+from quad_env.actuators import Actuator
 from quad_env.columns import Array, Column, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
 from quad_env.conditions import Scenario
 from quad_env.disturbances import Ground, Motors, Payload
-from quad_env.model import PAYLOAD, TRUNK_SENSOR, compile_model, slope_quaternion, stepped_model
+from quad_env.drives import drives_of
+from quad_env.model import PAYLOAD, TRUNK_SENSOR, compile_model, history_of, slope_quaternion, stepped_model
+from quad_env.quaternions import product, quaternion
 from quad_env.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, TRUNK_SIZE
 from quad_env.state import QuadState, heading_velocity, rotation_matrix, to_body
 from quad_env.terrain import Slope, Terrain
@@ -48,10 +51,12 @@ class Simulation:
         ground: Ground | None = None,
         motors: Motors | None = None,
         payload: Payload | None = None,
+        actuator: Actuator | None = None,
     ) -> None:
         self.terrain = terrain
-        self.model = compile_model(terrain, ground, motors, payload)
-        """Of every robot, but for where its payload is: it is that of the robot that `show_load` named last."""
+        self.model = compile_model(terrain, ground, motors, payload, actuator)
+        """Of every robot, but for where its payload is and what its hot motors can do: there it is that of the robot
+        that `show_load` named last."""
         period = 1 / control_rate
         self.substeps = round(period / self.model.opt.timestep)
         if self.substeps < 1 or abs(self.substeps * self.model.opt.timestep - period) > 1e-9:
@@ -72,6 +77,10 @@ class Simulation:
         self._sites, self._bodies = self._batch.bind("site_xpos"), self._batch.bind("xpos")
         self._filtered = self._batch.bind("act") if self.model.na else None
         self._load = None if payload is None else self._batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
+        self._history = self._batch.bind("history") if self.model.nhistory else None
+        self._past = history_of(self.model, HOME_POSE) if self.model.nhistory else None
+        rows, timestep = (self._batch.bind, self._batch.expand), self.model.opt.timestep
+        self._drives = drives_of(motors or Motors(), actuator or Actuator(), *rows, self.substeps, timestep)
         self._force: Array | None = None
         self._alignment = slope_quaternion(terrain) if isinstance(terrain, Slope) else None
         self._action = np.tile(HOME_POSE, (num_envs, 1))
@@ -79,11 +88,17 @@ class Simulation:
 
     @classmethod
     def of(
-        cls, scenario: Scenario, num_envs: int, nthread: int, control_rate: float, contacts: bool = False
+        cls,
+        scenario: Scenario,
+        num_envs: int,
+        nthread: int,
+        control_rate: float,
+        contacts: bool = False,
+        actuator: Actuator | None = None,
     ) -> "Simulation":
-        """Robots in that scenario."""
+        """Robots in that scenario, with those motors."""
         ground, motors, payload = scenario.ground, scenario.motors, scenario.payload
-        make = partial(cls, ground=ground, motors=motors, payload=payload)
+        make = partial(cls, ground=ground, motors=motors, payload=payload, actuator=actuator)
         return make(scenario.terrain, num_envs, nthread, control_rate, contacts)
 
     def reset(self, ids: NDArray[np.intp], rows: Array, force: Array | None = None, load: Array | None = None) -> None:
@@ -97,15 +112,19 @@ class Simulation:
         self._batch.warning[ids] = 0
         qpos = np.empty((len(ids), self.model.nq))
         qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], HOME_HEIGHT
-        qpos[:, 3:7] = _quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
+        qpos[:, 3:7] = quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
         if self._alignment is not None:
-            qpos[:, 3:7] = _product(self._alignment, qpos[:, 3:7])
+            qpos[:, 3:7] = product(self._alignment, qpos[:, 3:7])
         qpos[:, 7:] = np.clip(HOME_POSE + rows[:, 5:17], JOINT_LOWER, JOINT_UPPER)
         self._qpos[ids] = qpos
         self._qvel[ids] = rows[:, 17:]
         self._ctrl[ids] = self._action[ids] = self._previous_action[ids] = HOME_POSE
         if self._filtered is not None:
             self._filtered[ids] = HOME_POSE
+        if self._history is not None:
+            self._history[ids] = self._past
+        if self._drives is not None:
+            self._drives.begin(ids)
         if force is not None:
             self._force = np.zeros_like(self._push) if self._force is None else self._force
             self._force[ids] = self._push[ids] = force
@@ -132,11 +151,18 @@ class Simulation:
         """
         self._previous_action[ids] = self._action[ids]
         self._action[ids] = action[ids]
-        self._ctrl[ids] = (action if heard is None else heard)[ids]
+        targets = (action if heard is None else heard)[ids]
+        self._ctrl[ids] = targets
         if push is not None:
             self._push[ids] = push[ids] if self._force is None else push[ids] + self._force[ids]
+        if self._drives is None:
+            self._advance(ids, self.substeps)
+        else:
+            self._drives.advance(targets, ids, self._advance)
+
+    def _advance(self, ids: Ids, substeps: int) -> None:
         try:
-            self._batch.step(None if ids is ALL else ids, self.substeps)
+            self._batch.step(None if ids is ALL else ids, substeps)
         except SimulationError as error:
             self._warnings[error.ids] += 1
 
@@ -154,6 +180,8 @@ class Simulation:
 
     def park(self, ids: NDArray[np.intp]) -> None:
         """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
+        if self._drives is not None:
+            self._drives.begin(ids)
         self._batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
 
     def state(self, command: Vector[Array], ids: Ids = ALL) -> QuadState[Array]:
@@ -199,6 +227,11 @@ class Simulation:
         """Pushing force on every trunk during the last step, world frame, x and y, (n, 2), N; no steady one."""
         return cast("Array", self._push.copy() if self._force is None else self._push - self._force)
 
+    @property
+    def winding_temperature(self) -> Array | None:
+        """Of every motor, (n, 12), °C; None where motors have no thermal model."""
+        return None if self._drives is None else self._drives.temperature
+
     def ground_contacts(self) -> tuple[Mask, Mask]:
         """Whether each foot, (n, 4), and whether a thigh or calf, (n,), touched the ground in the last substep."""
         found = np.concatenate(self._leg_contacts, axis=1) > 0
@@ -206,8 +239,8 @@ class Simulation:
         return feet, np.asarray(legs.any(axis=1))
 
     def show_load(self, robot: int) -> None:
-        """Make `model` that of this robot, whose payload is its own."""
-        if self._load is not None:
+        """Make `model` that of this robot, whose payload and hot motors are its own."""
+        if self._load is not None or self.winding_temperature is not None:
             stages, flags = self.model.sensor_needstage.copy(), self.model.opt.disableflags
             self._batch.get_model(robot, self.model)
             self.model.sensor_needstage[:], self.model.opt.disableflags = stages, flags
@@ -223,33 +256,3 @@ class Simulation:
 def _diverged(warnings: Vector[Column], qpos: Vector[Column], qvel: Vector[Column]) -> Truth:
     warned: Any = total(warnings) > 0
     return warned | not_finite(qpos) | not_finite(qvel)  # type: ignore[no-any-return]
-
-
-def _quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """Quaternions (w, x, y, z) of intrinsic yaw-pitch-roll rotations, (n, 4)."""
-    cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
-    cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
-    return np.stack(
-        (
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ),
-        axis=1,
-    )
-
-
-def _product(first: tuple[float, float, float, float], then: Array) -> Array:
-    """Quaternions (w, x, y, z) of the rotations `then`, (n, 4), turned by `first`."""
-    w, x, y, z = first
-    a, b, c, d = then.T
-    return np.stack(
-        (
-            w * a - x * b - y * c - z * d,
-            w * b + x * a + y * d - z * c,
-            w * c - x * d + y * a + z * b,
-            w * d + x * c - y * b + z * a,
-        ),
-        axis=1,
-    )

@@ -11,6 +11,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from quad_env import columns
+from quad_env.actuators import Actuator
+from quad_env.actuators import actuator as find_actuator
 from quad_env.arguments import (
     check_options,
     find_autoreset_mode,
@@ -59,6 +61,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         terminate_on_fall: False keeps a fallen robot going.
         render_mode: None, "rgb_array" or "depth_array"; `render` gives a frame a robot. A window shows single ones.
         config: control rate, fall rule and reward weights.
+        actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
         readings: True adds `infos["readings"]`, what happened in the step beyond what policies observe: see
             `quad_env.readings`.
     """
@@ -74,6 +77,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         render_mode: str | None = None,
         config: TaskConfig | None = None,
         readings: bool = False,
+        actuator: str | Actuator = "ideal",
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
@@ -94,7 +98,9 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
         self.dt = 1 / self.config.control_rate
-        self.simulation = Simulation.of(self.scenario, num_envs, nthread, self.config.control_rate, readings)
+        self.simulation = Simulation.of(
+            self.scenario, num_envs, nthread, self.config.control_rate, readings, find_actuator(actuator)
+        )
         self._wires = wires_of(self.scenario, num_envs, self.dt)
         self._sensors = sensors_of(self.scenario, num_envs, self.dt)
         self._readings = readings

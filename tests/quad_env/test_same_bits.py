@@ -1,11 +1,13 @@
 """A single env and env i of any batch, at any number of threads, give the same bits: observations, rewards, infos."""
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
+from quad_env.actuators import ACTUATORS, Thermal
 from quad_env.axes import AXES
 from quad_env.env import SimpleQuadEnv
 from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
@@ -32,11 +34,16 @@ def digest(observation: Any, reward: Any, terminated: Any, truncated: Any, info:
 
 
 def batch_digests(
-    scenario: str, num_envs: int, nthread: int, rows: list[int], steps: int = STEPS, limit: int = TIME_LIMIT
+    scenario: str,
+    num_envs: int,
+    nthread: int,
+    rows: list[int],
+    steps: int = STEPS,
+    limit: int = TIME_LIMIT,
+    **options: Any,
 ) -> list[list[bytes]]:
-    env = gym.make_vec(
-        "quad_env:SimpleQuad-v0", num_envs=num_envs, scenario=scenario, nthread=nthread, max_episode_steps=limit
-    )
+    options |= {"scenario": scenario, "nthread": nthread, "max_episode_steps": limit}
+    env = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=num_envs, **options)
     observation, info = env.reset(seed=FIRST_SEED)
     actions = np.stack([random_actions(i % 3) for i in range(num_envs)], axis=1)
     zeros = np.zeros(num_envs)
@@ -54,8 +61,10 @@ def batched(info: dict[str, Any]) -> dict[str, Any]:
     return {key: [value] for key, value in info.items()} | {"reward_terms": terms}
 
 
-def single_digests(scenario: str, robot: int, steps: int = STEPS, limit: int = TIME_LIMIT) -> list[bytes]:
-    env = gym.make("quad_env:SimpleQuad-v0", scenario=scenario, max_episode_steps=limit)
+def single_digests(
+    scenario: str, robot: int, steps: int = STEPS, limit: int = TIME_LIMIT, **options: Any
+) -> list[bytes]:
+    env = gym.make("quad_env:SimpleQuad-v0", scenario=scenario, max_episode_steps=limit, **options)
 
     observation, info = env.reset(seed=FIRST_SEED + robot)
     out = [digest([observation], [0.0], [0.0], [0.0], batched(info), 0)]
@@ -84,6 +93,18 @@ def test_on_every_axis_a_single_env_equals_its_row_in_batches_on_1_and_2_threads
     singles = [single_digests(axis, robot, **short) for robot in range(3)]
     assert batch_digests(axis, 3, 1, [0, 1, 2], **short) == singles
     assert batch_digests(axis, 16, 2, [0, 1, 2], **short) == singles
+
+
+@pytest.mark.parametrize("scenario", ["payload", "slow_motors", "latency"])
+def test_motors_that_lag_and_heat_up_are_the_same_alone_and_in_batches(scenario: str) -> None:
+    """Of windings so small that motors are derated and switched off."""
+    actuator = replace(ACTUATORS["motor"], thermal=Thermal(2.0, 0.5))
+    short: dict[str, Any] = {"steps": 260, "limit": 70, "actuator": actuator}
+    singles = [single_digests(scenario, robot, **short) for robot in range(3)]
+    assert batch_digests(scenario, 3, 1, [0, 1, 2], **short) == singles
+    assert batch_digests(scenario, 16, 2, [0, 1, 2], **short) == singles
+    cold = single_digests(scenario, 2, **short | {"actuator": "motor"})
+    assert cold != singles[2]
 
 
 def test_single_env_equals_its_row_in_a_batch_of_1000() -> None:
