@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import policies
 from quad_env.actuators import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
 from quad_env.disturbances import Motors
 from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
@@ -212,6 +213,19 @@ def test_both_environments_take_an_actuator_by_name(name: str) -> None:
     assert ("winding_temperature" in infos["readings"]) == (name == "motor")
     if name == "motor":
         np.testing.assert_array_equal(infos["readings"]["winding_temperature"], np.full((2, 12), 25.0))
+
+
+def test_the_trot_walks_on_the_default_motor() -> None:
+    batch = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=16, actuator="motor", autoreset_mode="DISABLED")
+    policy = policies.make("trot")
+    policy.reset(16)
+    observation, _ = batch.reset(seed=2, options={"command": (0.8, 0.0, 0.0)})
+    speeds = []
+    for _ in range(400):
+        observation, _, terminated, _, infos = batch.step(policy.act(observation))
+        speeds.append(infos["heading_velocity"][:, 0])
+    assert not terminated.any()
+    np.testing.assert_allclose(np.mean(speeds[100:], axis=0), 0.8, atol=0.1)
 
 
 @pytest.mark.parametrize("make", [gym.make, lambda name, **options: gym.make_vec(name, num_envs=1, **options)])
