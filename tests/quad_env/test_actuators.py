@@ -1,6 +1,7 @@
 """Actuators by name and value, measured on the whole robot: curve, gear, lag, delay, heat."""
 
 import math
+from dataclasses import replace
 
 import gymnasium as gym
 import mujoco
@@ -135,6 +136,21 @@ def test_a_restarted_robot_with_a_delay_holds_its_home_pose_first() -> None:
         simulation.step(np.repeat(target, 2, axis=0), None)
         fresh.step(target, None)
         np.testing.assert_array_equal(simulation._qpos[1], fresh._qpos[0])
+
+
+def test_robots_that_rest_keep_the_state_of_their_motors() -> None:
+    """The middle one of three moves at every other step; each moves as it does alone."""
+    actuator = replace(ACTUATORS["motor"], thermal=HOT)
+    together = simulate(actuator, EVERY_CONTROL_STEP, robots=3)
+    alone = [simulate(actuator, EVERY_CONTROL_STEP) for _ in range(3)]
+    for step, targets in enumerate(wild(60).reshape(20, 3, 12)):
+        moving = np.array([0, 2]) if step % 2 else np.arange(3)
+        together.step(targets, None, moving)
+        for robot in moving:
+            alone[robot].step(targets[robot : robot + 1], None)
+    for robot in range(3):
+        np.testing.assert_array_equal(together._qpos[robot], alone[robot]._qpos[0])
+        np.testing.assert_array_equal(together.winding_temperature[robot], alone[robot].winding_temperature[0])
 
 
 def heard(simulation: Simulation, target: np.ndarray) -> np.ndarray:
