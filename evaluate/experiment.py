@@ -90,6 +90,7 @@ class Job:
     """Theirs, (n,)."""
     steps: int
     trace: Trace | None
+    actuator: str = "ideal"
 
 
 Told = Callable[[int, float], None]
@@ -100,7 +101,7 @@ Crew = Callable[[Sequence[Job], Told], Generator[tuple[int, Part]]]
 
 @dataclass(frozen=True)
 class Bench:
-    """How cells are simulated; but for the length of an episode none of it changes their figures."""
+    """How cells are simulated; but for the length of an episode and the actuator none of it changes their figures."""
 
     nthread: int
     progress: CellProgress
@@ -111,6 +112,8 @@ class Bench:
     """Control steps of an episode."""
     crew: Crew | None = None
     """None does one job after the other, each on `nthread` threads."""
+    actuator: str = "ideal"
+    """Name of the robots' motors."""
 
 
 def cells(
@@ -166,6 +169,7 @@ def simulate(job: Job, nthread: int, progress: Callable[[float], None]) -> Part:
         steps=job.steps,
         progress=lambda share: None if share >= 1.0 else progress(share),
         after_falls=job.trace is not None,
+        actuator=job.actuator,
     )
     if job.trace is not None:
         job.trace(label, job.scenario, int(job.numbers[0]), episodes)
@@ -186,7 +190,8 @@ class _Work:
         """What is missing, in stretches without a gap."""
         kept = [np.arange(0), *(part.numbers for part in self.parts)]
         for numbers in _stretches(np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(kept)), bench.at_once):
-            yield Job(self.entrant, self.scenario, numbers, self.seeds[numbers], bench.steps, bench.trace)
+            shared = bench.steps, bench.trace, bench.actuator
+            yield Job(self.entrant, self.scenario, numbers, self.seeds[numbers], *shared)
 
     def report(self, job: Job, share: float) -> None:
         self.shares[int(job.numbers[0])] = share * len(job.numbers)

@@ -45,6 +45,7 @@ class Take:
     seed: int
     steps: int
     title: str
+    actuator: str = "ideal"
 
 
 def check_kind(path: Path) -> None:
@@ -94,6 +95,7 @@ def shots(take: Take, progress: Progress, frames_a_second: int) -> "Iterator[Ima
         terminate_on_fall=False,
         render_mode="rgb_array",
         readings=True,
+        actuator=take.actuator,
     )
     env.simulation.model.vis.quality.shadowsize = SHADOW_SIZE
     try:

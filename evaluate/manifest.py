@@ -41,6 +41,8 @@ class Manifest:
     """As they were asked for, by name, so that --resume needs none of them again."""
     threads: int
     """Of the simulation; no figure depends on it."""
+    actuator: str = "ideal"
+    """Name of the robots' motors."""
     fingerprint: str = ""
     """SHA-256 of all that a figure depends on, as it was written when the run began."""
 
@@ -60,6 +62,7 @@ class Manifest:
             "seed": self.seed,
             "episodes": self.episodes,
             "steps": self.steps,
+            "actuator": self.actuator,
             "policies": dict(self.policies),
             "scenarios": to_plain(self.scenarios),
             "versions": dict(self.versions),
@@ -81,6 +84,7 @@ def manifest(
     seed: int,
     episodes: int,
     threads: int,
+    actuator: str = "ideal",
 ) -> Manifest:
     """Of a run of these here and now."""
     return Manifest(
@@ -94,6 +98,7 @@ def manifest(
         cpu=cpu_model(),
         options=options,
         threads=threads,
+        actuator=actuator,
     ).begun()
 
 
@@ -124,6 +129,8 @@ def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
         yield f"the processor was {then.cpu} and is {now.cpu}"
     if then.steps != now.steps:
         yield f"an episode had {then.steps} steps and has {now.steps}"
+    if then.actuator != now.actuator:
+        yield f"the actuator was {then.actuator} and is {now.actuator}"
     yield from (f"the policy {name} has changed" for name in then.policies if _other(name, then, now))
     scenarios = {scenario.name: scenario for scenario in now.scenarios}
     for scenario in then.scenarios:

@@ -38,6 +38,8 @@ class Options:
     """The full battery, every axis at every level: --scenarios full."""
     episodes: int = 64
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
+    actuator: str = "ideal"
+    """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
     out: Path = Path("results/evaluation")

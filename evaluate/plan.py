@@ -15,6 +15,7 @@ from evaluate.manifest import Manifest
 from evaluate.options import DEFAULT_BATTERY, Options, changed, restored
 from evaluate.store import FILES, JUNIT, PARTS
 from policies.files import make_writable_folder
+from quad_env.actuators import actuator
 from quad_env.scenarios import Scenario
 
 MOST_EPISODES = 1_000_000
@@ -49,11 +50,21 @@ def check(options: Options) -> Plan:
         scenarios = battery.resolve(options.battery)
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
+    try:
+        actuator(options.actuator)
+    except ValueError as error:
+        raise UsageError(f"--actuator: {error}") from error
     entrants = _entrants(options.policies)
     found = check_gates(options.gate, [entrant.label for entrant in entrants], scenarios)
     _check_folder(options.out)
     manifest = manifests.manifest(
-        entrants, scenarios, options.of_the_run(), seed=options.seed, episodes=options.episodes, threads=options.threads
+        entrants,
+        scenarios,
+        options.of_the_run(),
+        seed=options.seed,
+        episodes=options.episodes,
+        threads=options.threads,
+        actuator=options.actuator,
     )
     if options.resume:
         manifest = _carried_on(manifest, options)

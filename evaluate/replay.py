@@ -119,7 +119,7 @@ def differences(manifest: "Manifest", found: Found, entrant: "Entrant") -> list[
 
     seeds = found.cell.seeds[[found.number]]
     with _progress("simulating") as progress:
-        bench = Bench(1, lambda _, __, share: progress(share), steps=manifest.steps)
+        bench = Bench(1, lambda _, __, share: progress(share), steps=manifest.steps, actuator=manifest.actuator)
         again = run_cell(entrant, found.cell.scenario, seeds, bench)
     numbers = np.array([found.number])
     then = table(found.cell).slice(found.number, 1).to_pylist()[0]
@@ -133,7 +133,8 @@ def _causes(then: "Manifest", found: Found) -> list[str]:
     from evaluate import manifest as manifests
 
     entrants, scenarios = [_entrant(found.cell.policy)], [found.cell.scenario]
-    now = manifests.manifest(entrants, scenarios, then.options, seed=then.seed, episodes=then.episodes, threads=1)
+    numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
+    now = manifests.manifest(entrants, scenarios, then.options, **numbers, actuator=then.actuator)
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
@@ -162,7 +163,12 @@ def _film(video: Path, manifest: "Manifest", found: Found, entrant: "Entrant") -
     from evaluate import film
 
     take = film.Take(
-        entrant.policy, found.cell.scenario, int(found.cell.seeds[found.number]), manifest.steps, found.title
+        entrant.policy,
+        found.cell.scenario,
+        int(found.cell.seeds[found.number]),
+        manifest.steps,
+        found.title,
+        manifest.actuator,
     )
     with _progress("filming") as progress:
         try:

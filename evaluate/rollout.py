@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from evaluate.episodes import INFOS, OF_POLICY, READINGS, Episodes, blank, weight_in
 from policies.base import Policy
+from quad_env.actuators import Actuator
 from quad_env.conditions import Scenario
 from quad_env.robot import TORQUE_LIMIT
 
@@ -38,6 +39,7 @@ def run(
     steps: int = STEPS,
     progress: Progress = _no_progress,
     after_falls: bool = False,
+    actuator: str | Actuator = "ideal",
 ) -> Episodes:
     """One episode of `policy` for each seed, all side by side.
 
@@ -56,6 +58,7 @@ def run(
         max_episode_steps=steps,
         terminate_on_fall=not after_falls,
         readings=True,
+        actuator=actuator,
     )
     try:
         observation, _ = env.reset(seed=seeds.tolist())

@@ -30,6 +30,7 @@ class Shot:
     scenario: Scenario
     seed: int
     first_step: int
+    actuator: str = "ideal"
 
 
 def film(shot: Shot) -> bytes:
@@ -48,6 +49,7 @@ def film(shot: Shot) -> bytes:
         render_mode="rgb_array",
         width=WIDTH,
         height=HEIGHT,
+        actuator=shot.actuator,
     )
     quality = env.unwrapped.model.vis.quality  # type: ignore[attr-defined]
     quality.shadowsize, quality.offsamples = SHADOW_SIZE, 0

@@ -72,6 +72,7 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
         (["--episodes", "999999999999"], ["--episodes"]),
         (["--threads", "0"], ["--threads"]),
         (["--seed", "-1"], ["--seed"]),
+        (["--actuator", "moter"], ["--actuator", "moter", "ideal, torque_speed, motor"]),
         (["--nonsense"], ["--nonsense", "--help"]),
     ],
     ids=" ".join,

@@ -107,6 +107,20 @@ def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
         assert word in said
 
 
+def test_an_episode_is_run_again_with_the_motors_that_it_was_run_with(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("evaluate.rollout.STEPS", 150)
+    energies = {}
+    for name in ("ideal", "motor"):
+        arguments = ["--policies", "trot", "--scenarios", "flat", "--episodes", "2", "--no-film", "--actuator", name]
+        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+        assert replay(capsys, tmp_path / name, 1)[0] == 0
+        energies[name] = pq.read_table(tmp_path / name / "episodes.parquet").column("energy")[1].as_py()
+    assert energies["ideal"] != energies["motor"]
+    ideal, motor = (manifest.read(tmp_path / name) for name in energies)
+    assert manifest.differences(ideal, motor) == ["the actuator was ideal and is motor"]
+    assert ideal.fingerprint != motor.fingerprint
+
+
 def test_a_folder_without_results_is_a_mistake(tmp_path, capsys) -> None:
     code, said = replay(capsys, tmp_path / "nothing", 0)
     assert (code, said.count("\n"), "manifest.json" in said) == (2, 1, True)
