@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from quad_env.observations import OBSERVATION, OBSERVATION_SIZE
     from quad_env.robot import JOINT_NAMES
     from quad_env.scenarios import SCENARIOS, scenario
+    from quad_env.sensing.suite import SENSORS, Encoders, FootContact, Imu, JointTorque, SensorSuite
     from quad_env.terrain import Flat, Slope, SmoothRandom, Stairs
 
 ENV_ID = "SimpleQuad-v0"
@@ -42,15 +43,20 @@ __all__ = [
     "OBSERVATION",
     "OBSERVATION_SIZE",
     "SCENARIOS",
+    "SENSORS",
     "Actuator",
     "AnyPose",
     "Axis",
     "CommandRanges",
     "Dropouts",
+    "Encoders",
     "FallRule",
     "Flat",
+    "FootContact",
     "Gear",
     "Ground",
+    "Imu",
+    "JointTorque",
     "Latency",
     "Motors",
     "Payload",
@@ -58,6 +64,7 @@ __all__ = [
     "RewardWeights",
     "Scenario",
     "SensorNoise",
+    "SensorSuite",
     "Slope",
     "SmoothRandom",
     "Stairs",
@@ -77,6 +84,7 @@ _MODULES = (
     "observations",
     "robot",
     "scenarios",
+    "sensing.suite",
     "terrain",
 )
 """Where the names above come from; loaded when one is first asked for, so that the import costs next to nothing."""

@@ -20,7 +20,8 @@ from quad_env.rewards import reward_terms, step_weights
 from quad_env.robot import NUM_JOINTS
 from quad_env.scenarios import scenario as find_scenario
 from quad_env.seeding import fresh_seeds
-from quad_env.sensors import sensors_of
+from quad_env.sensing.observed import SensedObservation, shown_by
+from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.simulation import Simulation
 from quad_env.state import QuadState
 from quad_env.terminations import fall_reason
@@ -46,6 +47,8 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         camera: name of a camera of the model.
         config: control rate, fall rule and reward weights.
         actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
+        sensors: what the observation is built from: None or "truth", a name of `quad_env.SENSORS`, or a
+            `quad_env.SensorSuite`; all but the truth add `info["sensors"]`.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
@@ -60,6 +63,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         camera: str = "track",
         config: TaskConfig | None = None,
         actuator: str | Actuator = "ideal",
+        sensors: str | SensorSuite | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
@@ -71,11 +75,11 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
         self.action_space, self.observation_space = ACTION_SPACE, OBSERVATION_SPACE
-        self._simulation = Simulation.of(
-            self.scenario, 1, 1, self.config.control_rate, actuator=find_actuator(actuator)
-        )
+        rate, suite = self.config.control_rate, sensor_suite(sensors)
+        motors, imu = find_actuator(actuator), None if suite is None else suite.imu
+        self._simulation = Simulation.of(self.scenario, 1, 1, rate, actuator=motors, imu=imu)
         self._wires = wires_of(self.scenario, 1, self.dt)
-        self._sensors = sensors_of(self.scenario, 1, self.dt)
+        self._sensors = shown_by(suite, self._simulation, self.scenario, 1, rate)
         self._weights = step_weights(self.config.reward_weights, self.dt)
         self._interval = round(self.scenario.commands.interval / self.dt)
         (self._seed,), self._next_episode = fresh_seeds(1), 0
@@ -179,7 +183,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation
 
     def _info(self, state: QuadState[float], terms: dict[str, float], power: float, overspeed: float) -> dict[str, Any]:
-        return {
+        info: dict[str, Any] = {
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
             "reward_terms": terms,
@@ -188,6 +192,10 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             "mechanical_power": power,
             "overspeed": overspeed,
         }
+        if isinstance(self._sensors, SensedObservation):
+            readings = self._sensors.readings()
+            info["sensors"] = {name: {key: each[key][0] for key in each} for name, each in readings.items()}
+        return info
 
     def render(self) -> NDArray[Any] | None:
         """The current frame: (height, width, 3) uint8, (height, width) float32 in m, or None for "human"."""

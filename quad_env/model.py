@@ -66,6 +66,13 @@ def stepped_model(model: mujoco.MjModel, sensors: tuple[str, ...] = (TRUNK_SENSO
     return lean
 
 
+def mount_imu(model: mujoco.MjModel, position: tuple[float, ...], rotation: tuple[float, ...]) -> None:
+    """Put the IMU there, m, base frame, turned from the base frame by roll, pitch and yaw, rad."""
+    site = model.site("imu")
+    site.pos, site.sameframe = position, mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    mujoco.mju_euler2Quat(model.site_quat[site.id], np.array(rotation[::-1]), "zyx")
+
+
 def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
     """Turns the vertical onto the normal of the slope: by −angle about the world's y axis."""
     return math.cos(slope.angle / 2), 0.0, -math.sin(slope.angle / 2), 0.0

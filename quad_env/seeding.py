@@ -73,6 +73,11 @@ class EpisodeStreams:
         """Of the dropouts."""
         return self._stream(6)
 
+    @cached_property
+    def sensors(self) -> np.random.Generator:
+        """Of the sensors' biases, offsets and noise."""
+        return self._stream(7)
+
     def _stream(self, child: int) -> np.random.Generator:
         """That of a child, by its number: adding a kind shifts none of the others."""
         seed = np.random.SeedSequence(self._seed, spawn_key=(self._episode, child))

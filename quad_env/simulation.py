@@ -15,9 +15,11 @@ from quad_env.columns import Array, Column, Mask, Truth, Vector, not_finite, of_
 from quad_env.conditions import Scenario
 from quad_env.disturbances import Ground, Motors, Payload
 from quad_env.drives import drives_of
-from quad_env.model import PAYLOAD, TRUNK_SENSOR, compile_model, history_of, slope_quaternion, stepped_model
+from quad_env.model import PAYLOAD, TRUNK_SENSOR, compile_model, history_of, mount_imu, slope_quaternion, stepped_model
 from quad_env.quaternions import product, quaternion
 from quad_env.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, TRUNK_SIZE
+from quad_env.sensing.probe import PROBED, Probe
+from quad_env.sensing.suite import Imu
 from quad_env.state import QuadState, heading_velocity, rotation_matrix, to_body
 from quad_env.terrain import Slope, Terrain
 
@@ -37,7 +39,8 @@ _TRUNK_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * TRUN
 class Simulation:
     """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
 
-    With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`.
+    With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`; with an `imu`, mounted
+    where it says, there is a `probe`.
     """
 
     def __init__(
@@ -52,11 +55,14 @@ class Simulation:
         motors: Motors | None = None,
         payload: Payload | None = None,
         actuator: Actuator | None = None,
+        imu: Imu | None = None,
     ) -> None:
         self.terrain = terrain
         self.model = compile_model(terrain, ground, motors, payload, actuator)
         """Of every robot, but for where its payload is and what its hot motors can do: there it is that of the robot
         that `show_load` named last."""
+        if imu is not None:
+            mount_imu(self.model, imu.position, imu.rotation)
         period = 1 / control_rate
         self.substeps = round(period / self.model.opt.timestep)
         if self.substeps < 1 or abs(self.substeps * self.model.opt.timestep - period) > 1e-9:
@@ -64,13 +70,18 @@ class Simulation:
                 f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
         more = (*_FOOT_SENSORS, *_LEG_SENSORS) if contacts else ()
-        self._batch = Batch(stepped_model(self.model, (TRUNK_SENSOR, *more)), num_envs, nthread)
+        probed = () if imu is None else PROBED
+        self._batch = Batch(stepped_model(self.model, (TRUNK_SENSOR, *more, *probed)), num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._torque = self._batch.bind("actuator_force")
         self._trunk_contact = self._batch.sensor(TRUNK_SENSOR).data
         self._leg_contacts = [self._batch.sensor(name).data for name in more]
+        self.probe = None if imu is None else Probe(self._batch, period)
+        if self.probe is not None:  # which computes the outputs of the last substep anew
+            self._torque, self._trunk_contact = self.probe.copy(self._torque), self.probe.copy(self._trunk_contact)
+            self._leg_contacts = [self.probe.copy(contact) for contact in self._leg_contacts]
         self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
         self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in ("thigh", "calf") for leg in LEG_NAMES]
@@ -95,10 +106,11 @@ class Simulation:
         control_rate: float,
         contacts: bool = False,
         actuator: Actuator | None = None,
+        imu: Imu | None = None,
     ) -> "Simulation":
         """Robots in that scenario, with those motors."""
         ground, motors, payload = scenario.ground, scenario.motors, scenario.payload
-        make = partial(cls, ground=ground, motors=motors, payload=payload, actuator=actuator)
+        make = partial(cls, ground=ground, motors=motors, payload=payload, actuator=actuator, imu=imu)
         return make(scenario.terrain, num_envs, nthread, control_rate, contacts)
 
     def reset(self, ids: NDArray[np.intp], rows: Array, force: Array | None = None, load: Array | None = None) -> None:
@@ -133,6 +145,8 @@ class Simulation:
             self._batch.set_const(ids)
         self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         self._qpos[ids, 2] += self._lift(ids, qpos)
+        if self.probe is not None:
+            self.probe.keep(ids)
 
     def _lift(self, ids: NDArray[np.intp], qpos: Array) -> Array:
         """How far up those robots, (k, 19), have to go for nothing of them to be below the ground, (k,), m."""
@@ -165,6 +179,8 @@ class Simulation:
             self._batch.step(None if ids is ALL else ids, substeps)
         except SimulationError as error:
             self._warnings[error.ids] += 1
+        if self.probe is not None:
+            self.probe.keep(ids)
 
     def diverged(self, ids: Ids = ALL) -> Mask:
         """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite."""
@@ -183,6 +199,8 @@ class Simulation:
         if self._drives is not None:
             self._drives.begin(ids)
         self._batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
+        if self.probe is not None:
+            self.probe.keep(ids)
 
     def state(self, command: Vector[Array], ids: Ids = ALL) -> QuadState[Array]:
         """Readings of those robots now; `command`, (3) is the one they were following."""

@@ -31,7 +31,8 @@ from quad_env.rewards import reward_terms, step_weights
 from quad_env.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
 from quad_env.scenarios import scenario as find_scenario
 from quad_env.seeding import fresh_seeds
-from quad_env.sensors import sensors_of
+from quad_env.sensing.observed import SensedObservation, shown_by
+from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.simulation import ALL, Ids, Simulation
 from quad_env.state import QuadState
 from quad_env.terminations import fall_reasons
@@ -64,6 +65,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
         readings: True adds `infos["readings"]`, what happened in the step beyond what policies observe: see
             `quad_env.readings`.
+        sensors: what observations are built from: None or "truth", a name of `quad_env.SENSORS`, or a
+            `quad_env.SensorSuite`; all but the truth add `infos["sensors"]`.
     """
 
     def __init__(
@@ -78,6 +81,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         config: TaskConfig | None = None,
         readings: bool = False,
         actuator: str | Actuator = "ideal",
+        sensors: str | SensorSuite | None = None,
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
@@ -98,11 +102,11 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
         self.dt = 1 / self.config.control_rate
-        self.simulation = Simulation.of(
-            self.scenario, num_envs, nthread, self.config.control_rate, readings, find_actuator(actuator)
-        )
+        rate, suite = self.config.control_rate, sensor_suite(sensors)
+        motors, imu = find_actuator(actuator), None if suite is None else suite.imu
+        self.simulation = Simulation.of(self.scenario, num_envs, nthread, rate, readings, motors, imu)
         self._wires = wires_of(self.scenario, num_envs, self.dt)
-        self._sensors = sensors_of(self.scenario, num_envs, self.dt)
+        self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
         self._readings = readings
         self._weights = step_weights(self.config.reward_weights, self.dt)
         self._interval = round(self.scenario.commands.interval / self.dt)
@@ -288,6 +292,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         }
         if self._readings:
             infos["readings"] = readings_of(self.simulation)
+        if isinstance(self._sensors, SensedObservation):
+            infos["sensors"] = self._sensors.readings()
         return infos | {f"_{key}": np.ones(self.num_envs, bool) for key in infos}
 
     def _restart(self, finished: Mask, infos: Infos, paid: Infos) -> Infos:

@@ -5,9 +5,10 @@ import pytest
 
 from quad_env.conditions import Scenario
 from quad_env.disturbances import SensorNoise
+from quad_env.noise import BLOCK
 from quad_env.observations import BOUND, OBSERVATION
 from quad_env.robot import HOME_POSE
-from quad_env.sensors import BLOCK, SENSED
+from quad_env.sensors import SENSED
 from quad_env.vector_env import SimpleQuadVectorEnv
 
 ROBOTS, STEPS = 6, 4 * BLOCK + 7

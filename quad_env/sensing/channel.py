@@ -1,0 +1,78 @@
+"""A sensor's samples on their way to whoever reads it: taken at its rate, seen late."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quad_env.columns import Array
+from quad_env.noise import Rows
+
+Clock = NDArray[np.int64]
+"""Control steps of some robots since the start of their episodes, (k,)."""
+
+
+class Channel:
+    """Samples of one sensor of n robots; sample s is that of control step s times `period`.
+
+    Args:
+        num_envs, width: of the samples, (num_envs, width).
+        rate: samples a second.
+        delay: s from taking a sample to seeing it.
+        control_rate: Hz, a whole multiple of the rate.
+        oldest: control steps back in time to which the samples are asked for; at least the delay.
+    """
+
+    def __init__(
+        self, num_envs: int, width: int, rate: float, delay: float, control_rate: float, oldest: int = 0
+    ) -> None:
+        self.period = round(control_rate / rate)
+        """Control steps from sample to sample."""
+        if self.period < 1 or abs(self.period * rate - control_rate) > 1e-9:
+            raise ValueError(
+                f"a sensor's rate must be the control rate, {control_rate} Hz, or a whole part, got {rate}"
+            )
+        self.late = steps_late(delay, control_rate)
+        """Control steps from taking a sample to seeing it."""
+        self._control_rate = control_rate
+        self._samples = np.zeros((max(oldest, self.late) // self.period + 3, num_envs, width))
+        """Sample s is at s modulo its length; two more than are seen late, for differences."""
+
+    def take(self, values: Array, clock: Clock, rows: Rows) -> None:
+        """Those robots' sensors would now read these values, (k, width); kept where a sample is due."""
+        due = clock % self.period == 0
+        self._samples[clock[due] // self.period % len(self._samples), rows[due]] = values[due]
+        first = clock == 0
+        if first.any():
+            self._samples[:, rows[first]] = values[first]
+
+    def value(self, clock: Clock, rows: Rows, late: int | None = None) -> Array:
+        """The newest sample that is at least `late` control steps old, by default those of the delay, (k, width).
+
+        Until there is one, the first.
+        """
+        out: Array = self._samples[self._number(clock, late) % len(self._samples), rows]
+        return out
+
+    def before(self, clock: Clock, rows: Rows, late: int | None = None) -> Array:
+        """The sample before that of `value`, (k, width); the first has itself before it."""
+        out: Array = self._samples[np.maximum(self._number(clock, late) - 1, 0) % len(self._samples), rows]
+        return out
+
+    def time(self, clock: Clock) -> Array:
+        """When the sample of `value` was taken, s since the start of the episode, (k,)."""
+        out: Array = self._number(clock, None) * self.period / self._control_rate
+        return out
+
+    @property
+    def spacing(self) -> float:
+        """s from sample to sample."""
+        return self.period / self._control_rate
+
+    def _number(self, clock: Clock, late: int | None) -> NDArray[np.int64]:
+        return np.maximum((clock - (self.late if late is None else late)) // self.period, 0)
+
+
+def steps_late(delay: float, control_rate: float) -> int:
+    """Control steps that a delay, s, takes: what arrives between two of them is seen at the next."""
+    return math.ceil(delay * control_rate - 1e-9)

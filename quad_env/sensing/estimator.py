@@ -1,0 +1,123 @@
+"""Gravity's direction and the trunk's velocity, estimated from what sensors read.
+
+Vectors are in the base frame: g the unit vector of gravity, ω angular velocity, f specific force, v velocity of the
+trunk's centre, G 9.81 m/s². A vector that is constant in the world turns in the base frame by dg/dt = g × ω.
+
+Gravity, the linear form of the complementary filter of Mahony, Hamel and Pflimlin (Nonlinear complementary filters on
+the special orthogonal group, IEEE TAC 2008), with the centripetal part of the force taken out as by Euston et al. (A
+complementary filter for attitude estimation of a fixed-wing UAV, IROS 2008):
+
+    g ← g + dt g × ω,    g ← g + dt/TILT_TIME ((ω × v - f)/G - g),    g ← g/|g|
+
+The force is not normalised first, and none is left out for its size: over strides the mean of f is what tells gravity,
+and either would bend it (0.06 rad in a trot). A steady acceleration along a line is taken for a tilt.
+
+Velocity: dv/dt = f + G g - ω × v, corrected by the standing feet, of which the point on the ground rests (Bloesch et
+al., State estimation for legged robots, RSS 2012, in the form of a filter with a constant gain):
+
+    v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(when the legs say so))
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quad_env.columns import Array, Mask, total
+from quad_env.kinematics import foot_positions
+from quad_env.model import GRAVITY
+from quad_env.noise import Rows
+from quad_env.robot import FOOT_RADIUS, HIP_POSITIONS, LEG_NAMES
+
+TILT_TIME = 2.0
+"""s over which the accelerometer corrects the gyroscope; of 1, 2 and 4 s, 4 s is the best without biases."""
+VELOCITY_TIME = 0.1
+"""s over which standing feet correct the accelerometer; the best of 0.02, 0.05, 0.1, 0.2 and 0.4 s on a trot."""
+
+
+class Read(NamedTuple):
+    """Readings of k robots that belong together."""
+
+    gyro: Array
+    """rad/s, (k, 3)"""
+    accelerometer: Array
+    """m/s², (k, 3)"""
+    joints: Array
+    """rad, (k, 12)"""
+    joints_before: Array
+    """rad, one sample of the encoders earlier, (k, 12)"""
+    standing: Mask
+    """Feet that stood at both, (k, 4)"""
+
+    def of(self, which: Mask) -> "Read":
+        """Those of some of the robots."""
+        return Read(
+            self.gyro[which],
+            self.accelerometer[which],
+            self.joints[which],
+            self.joints_before[which],
+            self.standing[which],
+        )
+
+
+class Estimator:
+    """Estimates of n robots, base frame, moved on by `dt`, s, at a time; `spacing`, s, is between encoder samples."""
+
+    def __init__(self, num_envs: int, dt: float, spacing: float) -> None:
+        self._dt, self._spacing = dt, spacing
+        self.gravity = np.zeros((num_envs, 3))
+        """Unit vectors"""
+        self.velocity = np.zeros((num_envs, 3))
+        """Of the trunk's centre, m/s"""
+        self._gyro = np.zeros((num_envs, 3))
+
+    def begin(self, rows: Rows, at_rest: Array, gyro: Array) -> None:
+        """Those robots start: their accelerometers read so before, (k, 3), when they stood still."""
+        self.gravity[rows], self.velocity[rows], self._gyro[rows] = -_unit(at_rest), 0.0, gyro
+
+    def move_on(self, read: Read, rows: Rows) -> None:
+        """One `dt` later those robots' sensors read this."""
+        dt, gravity, velocity = self._dt, self.gravity[rows], self.velocity[rows]
+        turning = 0.5 * (self._gyro[rows] + read.gyro)
+        self._gyro[rows] = read.gyro
+        gravity = _unit(gravity + dt * cross(gravity, turning))
+        acceleration = read.accelerometer + GRAVITY * gravity - cross(turning, velocity)
+        velocity = velocity + dt * acceleration
+        by_feet, known = leg_velocity(read, turning, gravity, self._spacing)
+        error = by_feet - (velocity - 0.5 * self._spacing * acceleration)
+        velocity = np.where(known, velocity + min(1.0, dt / VELOCITY_TIME) * error, velocity)
+        measured = (cross(read.gyro, velocity) - read.accelerometer) / GRAVITY
+        gravity = gravity + dt / TILT_TIME * (measured - gravity)
+        self.gravity[rows], self.velocity[rows] = _unit(gravity), velocity
+
+
+def leg_velocity(read: Read, turning: Array, gravity: Array, spacing: float) -> tuple[Array, Mask]:
+    """Velocity of the trunk's centre by its standing feet, m/s, (k, 3), and of whom it is known, (k, 1).
+
+    It is that of the middle between the two samples of the encoders. The foot is a ball that rolls: its centre p moves
+    with ω_calf × (-r g), so v = ω_calf × (-r g) - ω × p - dp/dt, averaged over the feet that stand.
+    """
+    shape = (-1, len(LEG_NAMES), 3)
+    joints, before = read.joints.reshape(shape), read.joints_before.reshape(shape)
+    now, then = foot_positions(joints), foot_positions(before)
+    speed = (joints - before) / spacing
+    hip, bend = 0.5 * (joints + before)[..., 0], speed[..., 1] + speed[..., 2]
+    calf = turning[:, None] + np.stack((speed[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
+    foot = HIP_POSITIONS + 0.5 * (now + then)
+    each = cross(calf, -FOOT_RADIUS * gravity[:, None]) - cross(turning[:, None], foot) - (now - then) / spacing
+    standing = read.standing.astype(np.float64)
+    count = total(standing.T)[:, None]
+    summed = total((standing[..., None] * each).transpose(1, 0, 2))
+    return summed / np.maximum(count, 1.0), count > 0
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a × b of vectors in the last axis, (…, 3)."""
+    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
+
+
+def _unit(vectors: Array) -> Array:
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    length = np.sqrt(x * x + y * y + z * z)
+    unit: Array = vectors / np.maximum(length, 1e-6)[..., None]
+    return unit
