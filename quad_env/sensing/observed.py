@@ -69,7 +69,7 @@ class SensedObservation:
         return out
 
     def _look(self, clock: Clock, rows: Rows) -> None:
-        measured = self._probe.measured(rows, clock == 0)
+        measured = self._probe.measured(rows, clock, self._instruments.channels["accelerometer"].period)
         self._instruments.read(measured, clock, rows)
         self._estimate(measured["up"], clock, rows)
         self._looked[rows] = clock

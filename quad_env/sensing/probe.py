@@ -3,8 +3,9 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from quad_env.columns import Array, Mask, of_robots, total
+from quad_env.columns import Array, of_robots, total
 from quad_env.model import GRAVITY
 from quad_env.noise import Rows
 from quad_env.robot import LEG_NAMES, NUM_JOINTS
@@ -32,31 +33,33 @@ class Probe:
         self._sensors = [batch.sensor(name).data for name in PROBED]
         self._qpos, self._torque = batch.bind("qpos"), batch.bind("qfrc_actuator")
         self._velocity = np.zeros_like(self._sensors[2])
-        """Of each IMU at the last look, world frame, m/s."""
+        """Of each IMU at its last sample, world frame, m/s."""
         self._axes = np.zeros((len(self._velocity), 3, 3))
-        """Of each IMU at the last look: from its axes to the world frame."""
+        """Of each IMU at its last sample: from its axes to the world frame."""
         self._copies: list[tuple[Array, Array]] = []
 
-    def measured(self, rows: Rows, first: Mask) -> dict[str, Array]:
+    def measured(self, rows: Rows, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
         """What those robots' sensors would read if they were perfect, of no substep earlier; name -> (k, …).
 
         In the IMU's axes: `gyro`, rad/s, `accelerometer`, m/s², and `up`, a unit vector; and `joint_position`, rad,
-        `foot_contact`, force that presses each foot, N, and `joint_torque`, N·m. To be called once a control step, with
-        the robots in mind, (k,), for which it is the first look of an episode.
+        `foot_contact`, force that presses each foot, N, and `joint_torque`, N·m. To be called once a control step,
+        `clock`, (k,), since the start.
 
-        `accelerometer` is the mean over the last step of the specific force: change of the IMU's velocity by time, less
-        gravity. A foot's impact, over within a substep or two, is neither missed nor taken for the whole step's, as by
-        the filter of a device. MuJoCo's own accelerometer is the reading of the first look alone: with implicit
-        integration what it reads and how the trunk moves differ by 2.4 m/s² (rms, vertical) in a trot.
+        `accelerometer`, sampled every `period` steps, is the mean specific force since the last sample: change of the
+        IMU's velocity by time, less gravity. A foot's impact, over within a substep or two, is neither missed nor taken
+        for all the time, as by the filter of a device. MuJoCo's own accelerometer is the reading of the first look
+        alone: with implicit integration what it reads and how the trunk moves differ by 2.4 m/s² (rms over control
+        steps, vertical) in a trot.
         """
         self._batch.forward(rows)
         gyro, acceleration, velocity, orientation, *feet = (data[rows] for data in self._sensors)
         axes = np.moveaxis(np.array(rotation_matrix(of_robots(orientation))), -1, 0)
-        force = (velocity - self._velocity[rows]) / self._dt
+        force = (velocity - self._velocity[rows]) / (period * self._dt)
         force[:, 2] += GRAVITY
         half_turned = 0.5 * (self._axes[rows] + axes)
         mean = total((half_turned * force[:, :, None]).transpose(1, 0, 2))
-        self._velocity[rows], self._axes[rows] = velocity, axes
+        due, first = clock % period == 0, clock == 0
+        self._velocity[rows[due]], self._axes[rows[due]] = velocity[due], axes[due]
         return {
             "gyro": gyro,
             "accelerometer": np.where(first[:, None], acceleration, mean),

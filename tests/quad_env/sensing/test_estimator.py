@@ -1,0 +1,110 @@
+"""The estimator against motions that can be worked out by hand."""
+
+import numpy as np
+import pytest
+
+from quad_env.robot import CALF_LENGTH, FOOT_RADIUS, HOME_POSE, THIGH_LENGTH
+from quad_env.sensing.estimator import TILT_TIME, VELOCITY_TIME, Estimator, Read, leg_velocity
+
+DT, ROW = 0.01, np.zeros(1, np.intp)
+DOWN, STILL = np.array([[0.0, 0.0, -1.0]]), np.zeros((1, 3))
+ALL, NONE = np.ones((1, 4), bool), np.zeros((1, 4), bool)
+REST = np.array([[0.0, 0.0, 9.81]])
+
+
+def read(gyro=STILL, force=REST, joints=HOME_POSE, before=None, standing=ALL) -> Read:
+    joints = np.reshape(joints, (1, 12))
+    return Read(np.array(gyro), np.array(force), joints, joints if before is None else before.reshape(1, 12), standing)
+
+
+def estimator(at_rest=REST, gyro=STILL) -> Estimator:
+    out = Estimator(1, DT, DT)
+    out.begin(ROW, at_rest, np.array(gyro))
+    return out
+
+
+def moving(thigh: float, calf: float) -> tuple[np.ndarray, np.ndarray]:
+    """Joints of four legs in the middle of a sample at home, and a sample before, that turn at these rates, rad/s."""
+    change = np.tile((0.0, thigh, calf), 4) * DT / 2
+    return HOME_POSE + change, HOME_POSE - change
+
+
+def by_legs(joints: np.ndarray, before: np.ndarray, turning=STILL, standing=ALL) -> np.ndarray:
+    velocity, known = leg_velocity(read(joints=joints, before=before, standing=standing), np.array(turning), DOWN, DT)
+    assert known.all()
+    return velocity[0]
+
+
+def test_shins_that_keep_their_direction_push_the_trunk_along_the_thighs_circle() -> None:
+    expected = (THIGH_LENGTH * np.cos(0.5) * 2, 0, -THIGH_LENGTH * np.sin(0.5) * 2)
+    np.testing.assert_allclose(by_legs(*moving(2.0, -2.0)), expected, atol=1e-4)
+
+
+def test_a_shin_that_turns_rolls_on_its_foot() -> None:
+    """The shin stands at thigh + calf = -0.5 rad."""
+    expected = (2 * (FOOT_RADIUS + CALF_LENGTH * np.cos(-0.5)), 0, -2 * CALF_LENGTH * np.sin(-0.5))
+    np.testing.assert_allclose(by_legs(*moving(0.0, 2.0)), expected, atol=1e-4)
+
+
+def test_on_one_still_leg_the_trunk_circles_about_the_foot() -> None:
+    one = np.array([[True, False, False, False]])  # front left, its foot 0.25 m ahead and 0.25 m to the left
+    velocity = by_legs(HOME_POSE, HOME_POSE, [[0.0, 0.0, 2.0]], one)
+    np.testing.assert_allclose(velocity, (2 * 0.25, -2 * 0.25, 0), atol=1e-12)
+
+
+def test_a_hip_that_turns_moves_the_trunk_sideways_over_the_foot() -> None:
+    legs = np.zeros(12)
+    change = np.tile((1.0, 0.0, 0.0), 4) * DT / 2
+    length = THIGH_LENGTH + CALF_LENGTH + FOOT_RADIUS
+    velocity = by_legs(legs + change, legs - change)
+    np.testing.assert_allclose(velocity[:2], (0, -length), atol=1e-4)
+
+
+def test_without_a_standing_foot_nothing_is_known_and_the_accelerometer_goes_on() -> None:
+    velocity, known = leg_velocity(read(standing=NONE), STILL, DOWN, DT)
+    assert not known.any()
+    assert (velocity == 0).all()
+    flying = estimator()
+    for _ in range(10):
+        flying.move_on(read(force=[[1.0, 0.0, 9.81]], standing=NONE), ROW)
+    np.testing.assert_allclose(flying.velocity, [[0.1, 0.0, 0.0]], atol=3e-3)
+
+
+def test_standing_feet_take_a_wrong_velocity_away_in_the_stated_time() -> None:
+    standing = estimator()
+    standing.velocity[:] = (0.4, -0.2, 0.1)
+    for _ in range(round(VELOCITY_TIME / DT)):
+        standing.move_on(read(), ROW)
+    share = (1 - DT / VELOCITY_TIME) ** round(VELOCITY_TIME / DT)
+    np.testing.assert_allclose(standing.velocity[0], share * np.array((0.4, -0.2, 0.1)), atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("axis", "expected"), [(0, (0, -np.sin(0.5), -np.cos(0.5))), (1, (np.sin(0.5), 0, -np.cos(0.5))), (2, (0, 0, -1))]
+)
+def test_the_gyroscope_turns_gravity_the_other_way(axis: int, expected: tuple[float, ...]) -> None:
+    """Half a radian in half a second; the accelerometer agrees with what is estimated and so says nothing."""
+    turn = np.eye(3)[[axis]]
+    turning = estimator(gyro=turn)
+    for _ in range(50):
+        turning.move_on(read(gyro=turn, force=-9.81 * turning.gravity, standing=NONE), ROW)
+        turning.velocity[:] = 0.0
+    np.testing.assert_allclose(turning.gravity[0], expected, atol=6e-3)
+
+
+def test_the_accelerometer_takes_a_wrong_tilt_away_in_the_stated_time() -> None:
+    tilted = estimator(at_rest=np.array([[0.1, 0.0, 9.81]]))
+    before = tilted.gravity[0, 0]
+    for _ in range(round(TILT_TIME / DT)):
+        tilted.move_on(read(), ROW)
+    assert tilted.gravity[0, 0] / before == pytest.approx(np.exp(-1), abs=0.02)
+
+
+def test_a_circle_walked_at_constant_speed_is_no_tilt() -> None:
+    """1 m/s forward at 1 rad/s: the specific force is 1 m/s² to the left beside the weight."""
+    circling = estimator(gyro=[[0.0, 0.0, 1.0]])
+    circling.velocity[:] = (1.0, 0.0, 0.0)
+    for _ in range(300):
+        circling.move_on(read(gyro=[[0.0, 0.0, 1.0]], force=[[0.0, 1.0, 9.81]], standing=NONE), ROW)
+    np.testing.assert_allclose(circling.gravity, DOWN, atol=0.01)
+    np.testing.assert_allclose(circling.velocity, [[1.0, 0.0, 0.0]], atol=0.03)

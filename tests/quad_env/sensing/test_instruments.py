@@ -1,0 +1,240 @@
+"""What sensors read, against physics that can be settled without them and against MuJoCo's own present state."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quad_env import JOINT_NAMES, SENSORS, Encoders, FootContact, Imu, JointTorque, Scenario, SensorSuite, StartNoise
+from quad_env.robot import HOME_POSE, LEG_NAMES
+from quad_env.vector_env import SimpleQuadVectorEnv
+
+IDEAL = SENSORS["ideal"]
+CALM = Scenario("calm", start=StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+ROBOTS, STEPS = 8, 120
+HOME = np.tile(HOME_POSE, (ROBOTS, 1))
+
+
+def ideal(**changes: Any) -> SensorSuite:
+    """The ideal suite with other values of its IMU, encoders, feet or torque sensors."""
+    return replace(IDEAL, **{name: replace(getattr(IDEAL, name), **values) for name, values in changes.items()})
+
+
+def env_of(suite: SensorSuite, robots: int = ROBOTS, scenario: Scenario | str = CALM) -> SimpleQuadVectorEnv:
+    return SimpleQuadVectorEnv(robots, scenario, sensors=suite, terminate_on_fall=False, max_episode_steps=None)
+
+
+@cache
+def waving(suite: SensorSuite, steps: int = STEPS, size: float = 0.1, robots: int = ROBOTS) -> dict[str, np.ndarray]:
+    """Sensor -> its values while robots wave their legs at random, (steps + 1, robots, k)."""
+    env, rng = env_of(suite, robots, "flat"), np.random.default_rng(0)
+    infos = [env.reset(seed=0)[1]]
+    infos += [env.step(HOME[:robots] + size * rng.normal(0, 1, (robots, 12)))[4] for _ in range(steps)]
+    return {name: np.array([info["sensors"][name]["value"] for info in infos]) for name in infos[0]["sensors"]}
+
+
+def flying(suite: SensorSuite, spin: tuple[float, float, float], yaw: float = 0.0) -> Iterator[tuple[dict, Any]]:
+    """Readings and MuJoCo's own state of a robot that spins in the air, `spin` in its own axes, rad/s, step by step."""
+    env = env_of(suite, 1)
+    env.reset(seed=0)
+    batch = env.simulation._batch
+    batch.bind("qpos")[0, 2] = 5.0
+    batch.bind("qpos")[0, 3:7] = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
+    batch.bind("qvel")[0, 3:6] = spin
+    for _ in range(30):
+        readings = env.step(HOME[:1])[4]["sensors"]
+        yield {name: each["value"][0] for name, each in readings.items()}, env.simulation.snapshot(0)
+
+
+def test_a_standing_robot_feels_its_weight_upwards() -> None:
+    env = env_of(IDEAL)
+    env.reset(seed=0)
+    for _ in range(100):
+        readings = env.step(HOME)[4]["sensors"]
+    force = readings["accelerometer"]["value"]
+    np.testing.assert_allclose(force[:, 2], 9.81, atol=0.01)
+    np.testing.assert_allclose(np.linalg.norm(force, axis=1), 9.81, atol=0.01)
+    np.testing.assert_allclose(readings["gyro"]["value"], 0, atol=0.01)
+    assert readings["foot_contact"]["value"].all()
+
+
+def test_a_falling_robot_feels_no_weight() -> None:
+    *_, (reading, _) = flying(IDEAL, (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(reading["accelerometer"], 0, atol=0.01)
+    assert not reading["foot_contact"].any()
+
+
+def test_beside_the_centre_the_lever_arm_is_felt_too() -> None:
+    """α × r + ω × (ω × r), α and ω from the gyroscope's readings at both ends of a step."""
+    arm, spin = np.array((0.2, -0.1, 0.05)), (3.0, -2.0, 4.0)
+    centre = [reading for reading, _ in flying(IDEAL, spin)]
+    beside = [reading for reading, _ in flying(ideal(imu={"position": tuple(arm)}), spin)]
+    largest = 0.0
+    for before, now, other in zip(centre[5:], centre[6:], beside[6:], strict=False):
+        turning, change = (before["gyro"] + now["gyro"]) / 2, (now["gyro"] - before["gyro"]) / 0.01
+        expected = np.cross(change, arm) + np.cross(turning, np.cross(turning, arm))
+        felt = other["accelerometer"] - now["accelerometer"]
+        np.testing.assert_allclose(felt, expected, atol=0.02 * np.linalg.norm(expected))
+        np.testing.assert_allclose(other["gyro"], now["gyro"], atol=1e-9)
+        largest = max(largest, float(np.linalg.norm(expected)))
+    assert largest > 2
+
+
+def test_an_imu_turned_by_90_degrees_reads_along_its_own_axes() -> None:
+    spin = (3.0, -2.0, 4.0)
+    straight, turned = flying(IDEAL, spin), flying(ideal(imu={"rotation": (0.0, 0.0, np.pi / 2)}), spin)
+    for step, ((by_body, _), (by_imu, _)) in enumerate(zip(straight, turned, strict=True)):
+        for name in ("gyro", "accelerometer") if step else ("gyro",):
+            x, y, z = by_body[name]
+            np.testing.assert_allclose(by_imu[name], (y, -x, z), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rotation", "expected"),
+    [((0.5, 0, 0), (0, np.sin(0.5), np.cos(0.5))), ((0, 0.5, 0), (-np.sin(0.5), 0, np.cos(0.5)))],
+)
+def test_a_tilted_imu_feels_the_weight_aslant(rotation: tuple[float, ...], expected: tuple[float, ...]) -> None:
+    env = env_of(ideal(imu={"rotation": rotation}), 1)
+    env.reset(seed=0)
+    for _ in range(100):
+        readings = env.step(HOME[:1])[4]["sensors"]
+    np.testing.assert_allclose(readings["accelerometer"]["value"][0], 9.81 * np.array(expected), atol=0.05)
+
+
+def test_the_gyroscope_reads_in_the_trunks_axes() -> None:
+    """A robot that looks along the world's y axis and rolls to its right about it tips towards the world's x."""
+    steps = list(flying(IDEAL, (1.0, 0.0, 0.0), yaw=np.pi / 2))
+    for reading, _ in steps:
+        np.testing.assert_allclose(reading["gyro"], (1, 0, 0), atol=0.1)
+    assert steps[-1][1].body("base_link").xmat[2] == pytest.approx(np.sin(0.3), abs=0.02)
+
+
+def test_readings_are_of_the_present_and_of_no_substep_earlier() -> None:
+    """MuJoCo's snapshot computes every field anew from the state after the step."""
+    env, rng, stood = env_of(ideal(feet={"threshold": 60.0}), 2, "flat"), np.random.default_rng(0), set()
+    env.reset(seed=0)
+    for _ in range(40):
+        readings = env.step(HOME[:2] + 0.2 * rng.normal(0, 1, (2, 12)))[4]["sensors"]
+        data = env.simulation.snapshot(1)
+        now = {name: each["value"][1] for name, each in readings.items()}
+        np.testing.assert_allclose(now["gyro"], data.sensor("imu_angular_velocity").data, atol=1e-9)
+        np.testing.assert_allclose(now["joint_position"], [data.joint(name).qpos[0] for name in JOINT_NAMES])
+        np.testing.assert_allclose(now["joint_torque"], data.qfrc_actuator[6:], atol=1e-6)
+        force = np.array([data.sensor(f"{leg}_foot_touch").data[0] for leg in LEG_NAMES])
+        assert now["foot_contact"].tolist() == (force >= 60.0).tolist()
+        stood |= set(zip(now["foot_contact"].tolist(), (force > 0).tolist(), strict=True))
+    assert stood == {(False, False), (False, True), (True, True)}
+
+
+def test_the_accelerometer_tells_how_the_velocity_changed() -> None:
+    env, rng = env_of(IDEAL, 1, "flat"), np.random.default_rng(0)
+    env.reset(seed=0)
+    before, largest = env.simulation.snapshot(0).qvel[:3].copy(), 0.0
+    for _ in range(100):
+        readings = env.step(HOME[:1] + 0.2 * rng.normal(0, 1, (1, 12)))[4]["sensors"]
+        data = env.simulation.snapshot(0)
+        force = data.body("base_link").xmat.reshape(3, 3) @ readings["accelerometer"]["value"][0]
+        change = (data.qvel[:3] - before) / 0.01 + (0, 0, 9.81)
+        np.testing.assert_allclose(force, change, atol=0.02 * np.linalg.norm(change))
+        before, largest = data.qvel[:3].copy(), max(largest, float(np.abs(change).max()))
+    assert largest > 15
+
+
+def test_slower_accelerometers_average_for_longer() -> None:
+    fast = waving(IDEAL, 40, 0.02)["accelerometer"]
+    slow = waving(ideal(imu={"rate": 25.0}), 40, 0.02)["accelerometer"]
+    for end in range(4, 41, 4):
+        np.testing.assert_allclose(slow[end], fast[end - 3 : end + 1].mean(axis=0), atol=0.2)
+        np.testing.assert_array_equal(slow[end - 4 : end], np.tile(slow[end - 4], (4, 1, 1)))
+
+
+def test_encoders_read_whole_steps() -> None:
+    true, read = waving(IDEAL)["joint_position"], waving(ideal(encoders={"bits": 8}))["joint_position"]
+    step = 2 * np.pi / 256
+    np.testing.assert_allclose(read / step, np.round(read / step), atol=1e-9)
+    np.testing.assert_allclose(read, true, atol=step / 2 + 1e-12)
+    assert np.abs(read - true).max() > 0.49 * step
+
+
+def test_readings_stop_at_the_end_of_the_range() -> None:
+    true = waving(IDEAL)
+    imu = {"gyro_range": 0.3, "accelerometer_range": 9.0}
+    read = waving(ideal(imu=imu, torque={"range": 5.0}))
+    for name, limit in (("gyro", 0.3), ("accelerometer", 9.0), ("joint_torque", 5.0)):
+        np.testing.assert_array_equal(read[name], np.clip(true[name], -limit, limit))
+        assert (true[name] > limit).any()
+
+
+def test_a_sensor_shows_earlier_samples_with_their_time() -> None:
+    """Encoders at 25 Hz, 30 ms late: what ideal ones showed at the control step of the time stamp."""
+    true = waving(IDEAL, 60)["joint_position"]
+    env, rng = env_of(ideal(encoders={"rate": 25.0, "delay": 0.03}), ROBOTS, "flat"), np.random.default_rng(0)
+    infos = [env.reset(seed=0)[1]]
+    infos += [env.step(HOME + 0.1 * rng.normal(0, 1, (ROBOTS, 12)))[4] for _ in range(60)]
+    for step, info in enumerate(infos):
+        taken = max((step - 3) // 4 * 4, 0)
+        np.testing.assert_array_equal(info["sensors"]["joint_position"]["time"], taken / 100)
+        np.testing.assert_array_equal(info["sensors"]["joint_position"]["value"], true[taken])
+        np.testing.assert_array_equal(info["sensors"]["gyro"]["time"], step / 100)
+
+
+BIASES = {
+    "gyro": ({"imu": {"gyro_bias": 0.1}}, 0.1),
+    "accelerometer": ({"imu": {"accelerometer_bias": 0.3}}, 0.3),
+    "joint_position": ({"encoders": {"zero_offset": 0.02}}, 0.02),
+    "joint_torque": ({"torque": {"bias": 2.0}}, 2.0),
+}
+
+
+@pytest.mark.parametrize("name", BIASES)
+def test_a_bias_stays_for_the_episode_and_is_drawn_anew_for_each(name: str) -> None:
+    changes, deviation = BIASES[name]
+    env, plain = env_of(ideal(**changes), 64), env_of(IDEAL, 64)
+    biases = []
+    for seed in (0, None):
+        added = [[each.reset(seed=seed)[1]["sensors"][name]["value"]] for each in (env, plain)]
+        for _ in range(5):
+            for run, values in zip((env, plain), added, strict=True):
+                values.append(run.step(np.tile(HOME_POSE, (64, 1)))[4]["sensors"][name]["value"])
+        difference = np.subtract(*added)
+        np.testing.assert_allclose(difference, np.tile(difference[0], (6, 1, 1)), atol=1e-9)
+        biases.append(difference[0])
+    drawn = np.concatenate(biases)
+    assert drawn.std() == pytest.approx(deviation, rel=4 / np.sqrt(2 * drawn.size))
+    assert abs(drawn.mean()) < 4 * deviation / np.sqrt(drawn.size)
+    assert len(np.unique(drawn.round(9))) == drawn.size
+
+
+NOISE = {
+    "gyro": ({"imu": {"gyro_noise": 0.1}}, 0.1),
+    "accelerometer": ({"imu": {"accelerometer_noise": 0.3}}, 0.3),
+    "joint_position": ({"encoders": {"noise": 0.02}}, 0.02),
+    "joint_torque": ({"torque": {"noise": 2.0}}, 2.0),
+}
+
+
+@pytest.mark.parametrize("name", NOISE)
+def test_noise_has_the_stated_size_is_white_and_the_same_whatever_the_policy_does(name: str) -> None:
+    changes, deviation = NOISE[name]
+    noise = waving(ideal(**changes))[name] - waving(IDEAL)[name]
+    assert noise.std() == pytest.approx(deviation, rel=4 / np.sqrt(2 * noise.size))
+    assert abs(noise.mean()) < 4 * deviation / np.sqrt(noise.size)
+    flat = noise.reshape(STEPS + 1, -1)
+    correlation = np.corrcoef(flat.T) - np.eye(flat.shape[1])
+    assert np.abs(correlation).max() < 5.5 / np.sqrt(STEPS)
+    assert abs((flat[1:] * flat[:-1]).mean()) < 5 * deviation**2 / np.sqrt(flat.size)
+    still = waving(ideal(**changes), 60, 0.0)[name] - waving(IDEAL, 60, 0.0)[name]
+    np.testing.assert_allclose(still, noise[:61], atol=1e-6)
+
+
+def test_noisy_feet_err_near_their_threshold() -> None:
+    suite = ideal(feet={"threshold": 30.0, "noise": 10.0})
+    contact = waving(suite, 100, 0.0)["foot_contact"][50:]
+    assert 0.4 < contact.mean() < 0.95
+
+
+def test_the_defaults_are_those_that_the_typical_suite_has() -> None:
+    assert SensorSuite(Imu(), Encoders(), FootContact(), JointTorque()) == SENSORS["typical"]
