@@ -103,6 +103,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.terminate_on_fall = terminate_on_fall
         self.dt = 1 / self.config.control_rate
         rate, suite = self.config.control_rate, sensor_suite(sensors)
+        rate, suite = self.config.control_rate, sensor_suite(sensors)
         motors, imu = find_actuator(actuator), None if suite is None else suite.imu
         self.simulation = Simulation.of(self.scenario, num_envs, nthread, rate, readings, motors, imu)
         self._wires = wires_of(self.scenario, num_envs, self.dt)

@@ -94,7 +94,11 @@ def test_an_imu_turned_by_90_degrees_reads_along_its_own_axes() -> None:
 
 @pytest.mark.parametrize(
     ("rotation", "expected"),
-    [((0.5, 0, 0), (0, np.sin(0.5), np.cos(0.5))), ((0, 0.5, 0), (-np.sin(0.5), 0, np.cos(0.5)))],
+    [
+        ((0.5, 0, 0), (0, np.sin(0.5), np.cos(0.5))),
+        ((0, 0.5, 0), (-np.sin(0.5), 0, np.cos(0.5))),
+        ((0.5, 0, np.pi / 2), (0, np.sin(0.5), np.cos(0.5))),
+    ],
 )
 def test_a_tilted_imu_feels_the_weight_aslant(rotation: tuple[float, ...], expected: tuple[float, ...]) -> None:
     env = env_of(ideal(imu={"rotation": rotation}), 1)
