@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import policies
-from quad_env import OBSERVATION, SCENARIOS, SENSORS, Latency, SensorNoise, SensorSuite
+from quad_env import OBSERVATION, SCENARIOS, SENSORS, CommandRanges, Latency, SensorNoise, SensorSuite
 from quad_env.robot import HOME_POSE
 from quad_env.sensors import SENSED
 from quad_env.vector_env import SimpleQuadVectorEnv
@@ -132,10 +132,11 @@ def test_estimates_are_of_one_moment_that_of_the_slowest_sensor() -> None:
     np.testing.assert_array_equal(then[..., OBSERVATION["angular_velocity"]], now[..., OBSERVATION["angular_velocity"]])
 
 
-def test_noise_depends_on_no_other_robot_and_streams_are_their_own() -> None:
+def test_the_sensors_have_a_stream_of_their_own() -> None:
     """The sensors' draws shift none of the episode's others: commands, start and pushes are the truth's."""
-    _, plain, _ = run(None, scenario="push", readings=True)
-    _, sensed, _ = run("typical", scenario="push", readings=True)
+    often = replace(SCENARIOS["push"], commands=CommandRanges(interval=0.2))
+    _, plain, _ = run(None, scenario=often, readings=True)
+    _, sensed, _ = run("typical", scenario=often, readings=True)
     for one, other in zip(plain, sensed, strict=True):
         np.testing.assert_array_equal(one["command"], other["command"])
         np.testing.assert_array_equal(one["readings"]["push"], other["readings"]["push"])
