@@ -19,18 +19,17 @@ from quad_env.arguments import (
     held_commands,
     joint_targets,
     reset_mask,
-    seeds_of,
 )
 from quad_env.columns import Array, Mask
 from quad_env.conditions import Scenario
 from quad_env.config import TaskConfig
-from quad_env.episode import Episode, PushPlan, at_reset
+from quad_env.episode import PushPlan, at_reset
 from quad_env.observations import BOUND, observe
 from quad_env.readings import readings as readings_of
 from quad_env.rewards import reward_terms, step_weights
 from quad_env.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
 from quad_env.scenarios import scenario as find_scenario
-from quad_env.seeding import fresh_seeds
+from quad_env.schedule import Schedule
 from quad_env.sensing.observed import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.simulation import ALL, Ids, Simulation
@@ -103,22 +102,14 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.terminate_on_fall = terminate_on_fall
         self.dt = 1 / self.config.control_rate
         rate, suite = self.config.control_rate, sensor_suite(sensors)
-        rate, suite = self.config.control_rate, sensor_suite(sensors)
         motors, imu = find_actuator(actuator), None if suite is None else suite.imu
         self.simulation = Simulation.of(self.scenario, num_envs, nthread, rate, readings, motors, imu)
         self._wires = wires_of(self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
         self._readings = readings
         self._weights = step_weights(self.config.reward_weights, self.dt)
-        self._interval = round(self.scenario.commands.interval / self.dt)
-        self._seeds, self._next_episode = fresh_seeds(num_envs), [0] * num_envs
-        self._episodes = [Episode(self.scenario, 0, 0, self.dt)] * num_envs
-        pushes = self._episodes[0].pushes
-        self._pushes = PushPlan(
-            np.tile(pushes.first_step, (num_envs, 1)), pushes.steps, np.tile(pushes.force, (num_envs, 1, 1))
-        )
-        self._rows, self._clock = np.arange(num_envs), np.zeros(num_envs, np.int64)
-        self._command, self._held = np.zeros((num_envs, 3)), np.zeros(num_envs, bool)
+        self._schedule = Schedule(self.scenario, num_envs, self.dt)
+        self._rows = np.arange(num_envs)
         self._started = np.zeros(num_envs, bool)
         self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
         # What the caller is shown copies of: a robot that does not move keeps its row.
@@ -144,7 +135,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         mask = reset_mask(options.get("reset_mask"), self.num_envs)
         command = options.get("command")
         held = None if command is None else held_commands(command, self.num_envs)
-        self._reseed(seed, mask)
+        self._schedule.reseed(seed, mask)
         super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
         self._begin(np.flatnonzero(mask), held)
         return self._observation.copy(), self._infos(self._nothing_paid())
@@ -163,9 +154,10 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         targets = joint_targets(actions, (self.num_envs, NUM_JOINTS))
         done = self._terminated | self._truncated
         moving = np.flatnonzero(~done) if done.any() else ALL
-        heard = None if self._wires is None else self._wires.heard(targets, self._clock[moving], self._rows[moving])
-        self.simulation.step(targets, self._push(), moving, heard)
-        self._clock[moving] += 1
+        wires, schedule = self._wires, self._schedule
+        heard = None if wires is None else wires.heard(targets, schedule.clock[moving], self._rows[moving])
+        self.simulation.step(targets, schedule.force(), moving, heard)
+        schedule.clock[moving] += 1
         paid = self._judge(moving)
         rewards = columns.total(paid["reward_terms"].values())
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and moving is not ALL:
@@ -196,31 +188,16 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
     @property
     def pushes(self) -> PushPlan:
         """The pushes of every env's present episode."""
-        return self._pushes
-
-    def _reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
-        if seed is None:
-            return
-        seeds = seeds_of(seed, self.num_envs)
-        for i in np.flatnonzero(mask):
-            if seeds[i] is not None:
-                self._seeds[i], self._next_episode[i] = seeds[i], 0
+        return self._schedule.pushes
 
     def _begin(self, ids: NDArray[np.intp], held: Array | None) -> None:
         """Start the next episode of those envs and look; `held` are the commands of all, or None to draw."""
         if not len(ids):
             return
-        for i in ids:
-            episode = Episode(self.scenario, self._seeds[i], self._next_episode[i], self.dt)
-            self._episodes[i] = episode
-            self._next_episode[i] += 1
-            self._pushes.first_step[i], self._pushes.force[i] = episode.pushes.first_step, episode.pushes.force
-            self._command[i] = episode.next_command() if held is None else held[i]
         self._started[ids] = True
-        self._clock[ids], self._held[ids] = 0, held is not None
         self._terminated[ids] = self._truncated[ids] = self._diverged[ids] = False
         self._fall[ids] = None
-        episodes = [self._episodes[i] for i in ids]
+        episodes = self._schedule.begin(ids, held)
         self.simulation.reset(ids, *at_reset(episodes))
         if self._wires is not None:
             self._wires.begin(ids, episodes)
@@ -228,21 +205,17 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             self._sensors.begin(ids, episodes)
         self._look(self._read(ids), ids)
 
-    def _push(self) -> Array | None:
-        """Force on each trunk during the coming step, world frame, (n, 2), N; None where nobody ever pushes."""
-        return self._pushes.force_at(self._clock)
-
     def _read(self, ids: Ids) -> QuadState[Array]:
         """Readings of those robots, which were following their present commands."""
-        self._followed[ids] = self._command[ids]
+        self._followed[ids] = self._schedule.command[ids]
         return self.simulation.state(columns.of_robots(self._followed[ids]), ids)
 
     def _look(self, state: QuadState[Array], ids: Ids) -> None:
         """Take the observation of those robots, whose `state` it is, with the command to follow next."""
         self._heading_velocity[ids] = np.transpose(state.heading_velocity)
-        observation = observe(state, columns.of_robots(self._command[ids]))
+        observation = observe(state, columns.of_robots(self._schedule.command[ids]))
         if self._sensors is not None:
-            self._sensors.sense(observation, self._clock[ids], self._rows[ids])
+            self._sensors.sense(observation, self._schedule.clock[ids], self._rows[ids])
         self._observation[ids] = observation
 
     def _judge(self, ids: Ids) -> Infos:
@@ -257,8 +230,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         ended = diverged | (fell & self.terminate_on_fall)
         self._diverged[ids], self._fall[ids], self._terminated[ids] = diverged, reasons, ended
         if self.max_episode_steps is not None:
-            self._truncated[ids] = self._clock[ids] >= self.max_episode_steps
-        self._redraw_commands(ids)
+            self._truncated[ids] = self._schedule.clock[ids] >= self.max_episode_steps
+        self._schedule.redraw(ids)
         self._look(state, ids)
         paid = {
             "reward_terms": reward_terms(state, ended, diverged, self._weights),
@@ -276,12 +249,6 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
     def _nothing_paid(self) -> Infos:
         nothing = {"reward_terms": dict.fromkeys(self._weights, 0.0), "mechanical_power": 0.0, "overspeed": 0.0}
         return _each(lambda zero: np.full(self.num_envs, zero), nothing)
-
-    def _redraw_commands(self, ids: Ids) -> None:
-        due = ~self._held[ids] & (self._clock[ids] % self._interval == 0)
-        if due.any():
-            for i in self._rows[ids][due]:
-                self._command[i] = self._episodes[i].next_command()
 
     def _infos(self, paid: Infos) -> Infos:
         infos: Infos = {

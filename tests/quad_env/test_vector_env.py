@@ -267,7 +267,7 @@ def test_a_restart_reads_the_restarted_robots_alone(mode: AutoresetMode, monkeyp
         return state
 
     monkeypatch.setattr(env.simulation, "state", counted)
-    env._clock[[7, 31]] = 99
+    env._schedule.clock[[7, 31]] = 99
     truncated = env.step(np.tile(HOME, (50, 1)))[3]
     if mode is AutoresetMode.NEXT_STEP:
         env.step(np.tile(HOME, (50, 1)))
@@ -333,8 +333,8 @@ def test_pushes_bring_their_impulse_within_their_window() -> None:
     env.simulation.step = lambda *_: None  # type: ignore[method-assign]
     force = []
     for _ in range(1000):
-        force.append(env._push())
-        env._clock += 1
+        force.append(env._schedule.force())
+        env._schedule.clock += 1
     applied = np.array(force)
     acting = np.linalg.norm(applied, axis=2) > 0
     np.testing.assert_allclose(np.linalg.norm(applied, axis=2)[acting], 350.0)
