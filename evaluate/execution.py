@@ -59,7 +59,7 @@ def _simulate(plan: Plan, store: Store) -> tuple[list[Cell], bool]:
                 _trace(plan),
                 plan.manifest.steps,
                 side_by_side(plan.options.threads),
-                plan.manifest.actuator,
+                plan.manifest.hardware,
             )
             done.extend(cells(plan.entrants, plan.scenarios, seeds, bench))
     except KeyboardInterrupt:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate import rollout
+from evaluate.hardware import IDEAL, Hardware
 from evaluate.measures.metrics import Measures, measure
 from policies.base import Policy
 from quad_env.scenarios import Scenario
@@ -90,7 +91,7 @@ class Job:
     """Theirs, (n,)."""
     steps: int
     trace: Trace | None
-    actuator: str = "ideal"
+    hardware: Hardware
 
 
 Told = Callable[[int, float], None]
@@ -101,7 +102,7 @@ Crew = Callable[[Sequence[Job], Told], Generator[tuple[int, Part]]]
 
 @dataclass(frozen=True)
 class Bench:
-    """How cells are simulated; but for the length of an episode and the actuator none of it changes their figures."""
+    """How cells are simulated; but for the length of an episode and the hardware none of it changes their figures."""
 
     nthread: int
     progress: CellProgress
@@ -112,8 +113,8 @@ class Bench:
     """Control steps of an episode."""
     crew: Crew | None = None
     """None does one job after the other, each on `nthread` threads."""
-    actuator: str = "ideal"
-    """Name of the robots' motors."""
+    hardware: Hardware = IDEAL
+    """Of the robots."""
 
 
 def cells(
@@ -169,7 +170,7 @@ def simulate(job: Job, nthread: int, progress: Callable[[float], None]) -> Part:
         steps=job.steps,
         progress=lambda share: None if share >= 1.0 else progress(share),
         after_falls=job.trace is not None,
-        actuator=job.actuator,
+        hardware=job.hardware,
     )
     if job.trace is not None:
         job.trace(label, job.scenario, int(job.numbers[0]), episodes)
@@ -190,7 +191,7 @@ class _Work:
         """What is missing, in stretches without a gap."""
         kept = [np.arange(0), *(part.numbers for part in self.parts)]
         for numbers in _stretches(np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(kept)), bench.at_once):
-            shared = bench.steps, bench.trace, bench.actuator
+            shared = bench.steps, bench.trace, bench.hardware
             yield Job(self.entrant, self.scenario, numbers, self.seeds[numbers], *shared)
 
     def report(self, job: Job, share: float) -> None:

@@ -4,7 +4,7 @@ import io
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.command_line import UsageError
+from evaluate.hardware import IDEAL, Hardware
 from policies.base import Policy
 from policies.files import write_atomically
 from quad_env.scenarios import Scenario
@@ -45,7 +46,7 @@ class Take:
     seed: int
     steps: int
     title: str
-    actuator: str = "ideal"
+    hardware: Hardware = IDEAL
 
 
 def check_kind(path: Path) -> None:
@@ -95,7 +96,7 @@ def shots(take: Take, progress: Progress, frames_a_second: int) -> "Iterator[Ima
         terminate_on_fall=False,
         render_mode="rgb_array",
         readings=True,
-        actuator=take.actuator,
+        **asdict(take.hardware),
     )
     env.simulation.model.vis.quality.shadowsize = SHADOW_SIZE
     try:

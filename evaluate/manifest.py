@@ -3,12 +3,13 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from evaluate import rollout
 from evaluate.experiment import Entrant
+from evaluate.hardware import IDEAL, Hardware
 from evaluate.plain import from_plain, to_plain
 from evaluate.provenance import code_digest, cpu_model, policy_digest, versions
 from policies.files import write_atomically
@@ -41,8 +42,8 @@ class Manifest:
     """As they were asked for, by name, so that --resume needs none of them again."""
     threads: int
     """Of the simulation; no figure depends on it."""
-    actuator: str = "ideal"
-    """Name of the robots' motors."""
+    hardware: Hardware = IDEAL
+    """Of the robots."""
     fingerprint: str = ""
     """SHA-256 of all that a figure depends on, as it was written when the run began."""
 
@@ -62,7 +63,7 @@ class Manifest:
             "seed": self.seed,
             "episodes": self.episodes,
             "steps": self.steps,
-            "actuator": self.actuator,
+            "hardware": asdict(self.hardware),
             "policies": dict(self.policies),
             "scenarios": to_plain(self.scenarios),
             "versions": dict(self.versions),
@@ -84,7 +85,7 @@ def manifest(
     seed: int,
     episodes: int,
     threads: int,
-    actuator: str = "ideal",
+    hardware: Hardware = IDEAL,
 ) -> Manifest:
     """Of a run of these here and now."""
     return Manifest(
@@ -98,7 +99,7 @@ def manifest(
         cpu=cpu_model(),
         options=options,
         threads=threads,
-        actuator=actuator,
+        hardware=hardware,
     ).begun()
 
 
@@ -109,7 +110,8 @@ def read(folder: Path) -> Manifest:
         found = json.loads(path.read_bytes())
         if found.pop("schema") != SCHEMA:
             raise ValueError("it is of another schema")
-        return Manifest(**(found | {"scenarios": from_plain(found["scenarios"])}))
+        values = {"scenarios": from_plain(found["scenarios"]), "hardware": Hardware(**found["hardware"])}
+        return Manifest(**(found | values))
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise ValueError(f"{path} is no manifest of this version ({error})") from error
 
@@ -129,8 +131,9 @@ def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
         yield f"the processor was {then.cpu} and is {now.cpu}"
     if then.steps != now.steps:
         yield f"an episode had {then.steps} steps and has {now.steps}"
-    if then.actuator != now.actuator:
-        yield f"the actuator was {then.actuator} and is {now.actuator}"
+    for part, name in asdict(then.hardware).items():
+        if (new := getattr(now.hardware, part)) != name:
+            yield f"{part} was {name} and is {new}"
     yield from (f"the policy {name} has changed" for name in then.policies if _other(name, then, now))
     scenarios = {scenario.name: scenario for scenario in now.scenarios}
     for scenario in then.scenarios:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from evaluate.format import counted, interval, number, share
+from evaluate.hardware import words
 from evaluate.judgement import Verdict
 from evaluate.ladders import Ladder, ladders, severity
 from evaluate.results import Results
@@ -33,7 +34,8 @@ def _head(results: Results) -> str:
     interrupted = "" if results.complete else "**Interrupted: this is the part that was done.**\n\n"
     first = "\n".join(f"- **{lead}** {' '.join(rest)}".rstrip() for lead, *rest in headline(results))
     runs = f"{counted(results.episodes, 'episode')} of each policy on {counted(len(results.scenarios), 'scenario')}"
-    return f"## Evaluation\n\n{interrupted}{first}\n\n{runs}, seed {results.seed}; in brackets 95 % intervals."
+    how = f"seed {results.seed}; in brackets 95 % intervals.{words(results.hardware)}"
+    return f"## Evaluation\n\n{interrupted}{first}\n\n{runs}, {how}"
 
 
 def _gates(verdicts: Sequence[Verdict]) -> Iterator[str]:

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from evaluate.hardware import Hardware
+
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
 DEFAULT_POLICIES = ("document", "document_repaired", "trot", "residual")
@@ -40,6 +42,8 @@ class Options:
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
     actuator: str = "ideal"
     """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
+    sensors: str = "truth"
+    """What observations are built from: the truth, or one of quad_env.SENSORS: ideal or typical."""
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
     out: Path = Path("results/evaluation")
@@ -59,6 +63,11 @@ class Options:
     """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
     at_once: int = 256
     """Episodes that each of them simulates at once, and that are written together (count). No outcome depends on it."""
+
+    @property
+    def hardware(self) -> Hardware:
+        """Of the robots."""
+        return Hardware(self.actuator, self.sensors)
 
     @property
     def battery(self) -> tuple[str, ...]:

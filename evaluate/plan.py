@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import policies
-from evaluate import battery, gates
+from evaluate import battery, gates, hardware
 from evaluate import manifest as manifests
 from evaluate.command_line import UsageError
 from evaluate.experiment import Entrant
@@ -15,7 +15,6 @@ from evaluate.manifest import Manifest
 from evaluate.options import DEFAULT_BATTERY, Options, changed, restored
 from evaluate.store import FILES, JUNIT, PARTS
 from policies.files import make_writable_folder
-from quad_env.actuators import actuator
 from quad_env.scenarios import Scenario
 
 MOST_EPISODES = 1_000_000
@@ -51,9 +50,9 @@ def check(options: Options) -> Plan:
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
     try:
-        actuator(options.actuator)
+        hardware.check(options.hardware)
     except ValueError as error:
-        raise UsageError(f"--actuator: {error}") from error
+        raise UsageError(str(error)) from error
     entrants = _entrants(options.policies)
     found = check_gates(options.gate, [entrant.label for entrant in entrants], scenarios)
     _check_folder(options.out)
@@ -64,7 +63,7 @@ def check(options: Options) -> Plan:
         seed=options.seed,
         episodes=options.episodes,
         threads=options.threads,
-        actuator=options.actuator,
+        hardware=options.hardware,
     )
     if options.resume:
         manifest = _carried_on(manifest, options)

@@ -11,6 +11,7 @@ import tyro
 from evaluate.battery import BATTERIES
 from evaluate.command_line import UsageError, fail, parse
 from evaluate.format import ABSENT, interval, number, percent, percent_interval
+from evaluate.hardware import IDEAL
 from evaluate.ladders import amount
 from evaluate.limit_text import words
 from evaluate.limits import Limit
@@ -96,6 +97,9 @@ def _command(found: dict[str, Any], scenarios: list[str]) -> str:
     for name in ("episodes", "seed"):
         if found[name] != getattr(Evaluation, name):
             words += [f"--{name}", str(found[name])]
+    for name, value in found.get("provenance", {}).get("hardware", {}).items():
+        if value != getattr(IDEAL, name):
+            words += [f"--{name}", value]
     return " ".join(words)
 
 

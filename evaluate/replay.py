@@ -119,7 +119,7 @@ def differences(manifest: "Manifest", found: Found, entrant: "Entrant") -> list[
 
     seeds = found.cell.seeds[[found.number]]
     with _progress("simulating") as progress:
-        bench = Bench(1, lambda _, __, share: progress(share), steps=manifest.steps, actuator=manifest.actuator)
+        bench = Bench(1, lambda _, __, share: progress(share), steps=manifest.steps, hardware=manifest.hardware)
         again = run_cell(entrant, found.cell.scenario, seeds, bench)
     numbers = np.array([found.number])
     then = table(found.cell).slice(found.number, 1).to_pylist()[0]
@@ -134,7 +134,7 @@ def _causes(then: "Manifest", found: Found) -> list[str]:
 
     entrants, scenarios = [_entrant(found.cell.policy)], [found.cell.scenario]
     numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
-    now = manifests.manifest(entrants, scenarios, then.options, **numbers, actuator=then.actuator)
+    now = manifests.manifest(entrants, scenarios, then.options, **numbers, hardware=then.hardware)
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
@@ -168,7 +168,7 @@ def _film(video: Path, manifest: "Manifest", found: Found, entrant: "Entrant") -
         int(found.cell.seeds[found.number]),
         manifest.steps,
         found.title,
-        manifest.actuator,
+        manifest.hardware,
     )
     with _progress("filming") as progress:
         try:

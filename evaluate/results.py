@@ -10,6 +10,7 @@ from typing import Any
 from evaluate import seed_table
 from evaluate.comparison import Comparison, compare
 from evaluate.experiment import Cell
+from evaluate.hardware import Hardware
 from evaluate.limits import Limit, LimitRatio, limits
 from evaluate.provenance import versions
 from evaluate.sensitivity import Sensitivity, sensitivities
@@ -38,6 +39,11 @@ class Results:
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
+
+    @property
+    def hardware(self) -> Hardware:
+        """Of the robots; ideal where it is not known."""
+        return Hardware(**self.provenance.get("hardware", {}))
 
     @property
     def policies(self) -> tuple[str, ...]:

@@ -1,14 +1,15 @@
 """Episodes of one policy on one scenario: one episode an environment, so that short ones are never over-counted."""
 
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.episodes import INFOS, OF_POLICY, READINGS, Episodes, blank, weight_in
+from evaluate.hardware import IDEAL, Hardware
 from policies.base import Policy
-from quad_env.actuators import Actuator
 from quad_env.conditions import Scenario
 from quad_env.robot import TORQUE_LIMIT
 
@@ -39,7 +40,7 @@ def run(
     steps: int = STEPS,
     progress: Progress = _no_progress,
     after_falls: bool = False,
-    actuator: str | Actuator = "ideal",
+    hardware: Hardware = IDEAL,
 ) -> Episodes:
     """One episode of `policy` for each seed, all side by side.
 
@@ -58,7 +59,7 @@ def run(
         max_episode_steps=steps,
         terminate_on_fall=not after_falls,
         readings=True,
-        actuator=actuator,
+        **asdict(hardware),
     )
     try:
         observation, _ = env.reset(seed=seeds.tolist())

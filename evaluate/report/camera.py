@@ -6,9 +6,10 @@
 import io
 import pickle
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from evaluate.hardware import IDEAL, Hardware
 from quad_env.scenarios import Scenario
 
 WIDTH, HEIGHT = 240, 180
@@ -30,7 +31,7 @@ class Shot:
     scenario: Scenario
     seed: int
     first_step: int
-    actuator: str = "ideal"
+    hardware: Hardware = IDEAL
 
 
 def film(shot: Shot) -> bytes:
@@ -49,7 +50,7 @@ def film(shot: Shot) -> bytes:
         render_mode="rgb_array",
         width=WIDTH,
         height=HEIGHT,
-        actuator=shot.actuator,
+        **asdict(shot.hardware),
     )
     quality = env.unwrapped.model.vis.quality  # type: ignore[attr-defined]
     quality.shadowsize, quality.offsamples = SHADOW_SIZE, 0

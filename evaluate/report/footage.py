@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from evaluate.format import counted
+from evaluate.hardware import Hardware
 from evaluate.ladders import place
 from evaluate.report.camera import FRAMES, STEPS_PER_FRAME, Shot
 from evaluate.report.drawing import cell_of
@@ -56,7 +57,7 @@ def footage(results: Results) -> str:
         "on level ground that splits the policies most evenly into fallen and not, about the last fall."
     )
     try:
-        strips = shoot(results.policies, take, results.provenance.get("actuator", "ideal"))
+        strips = shoot(results.policies, take, results.hardware)
     except NoFilm as reason:
         return section("The same episode", note(f"No film: {reason}."))
     tiles = (
@@ -74,9 +75,9 @@ def choose(results: Results) -> Take | None:
     return min(takes, key=lambda take: take[0])[1] if takes else None
 
 
-def shoot(names: tuple[str, ...], take: Take, actuator: str = "ideal") -> list[bytes]:
+def shoot(names: tuple[str, ...], take: Take, hardware: Hardware) -> list[bytes]:
     """The strips of frames of the policies; NoFilm says why there are none."""
-    shots = [Shot(name, take.scenario, take.seed, take.first_step, actuator) for name in names]
+    shots = [Shot(name, take.scenario, take.seed, take.first_step, hardware) for name in names]
     paths = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "evaluate.report.camera", folder]

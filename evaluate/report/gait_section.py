@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 import policies
 from evaluate import rollout
 from evaluate.experiment import evaluation_seeds
+from evaluate.hardware import Hardware
 from evaluate.report.drawing import style
 from evaluate.report.gait_diagram import gait_diagram
 from evaluate.report.html import grid, image, note, section
@@ -27,7 +28,7 @@ def gaits(results: Results) -> str:
     images, left_out = [], []
     for policy in results.policies:
         try:
-            contact, dt = footfalls(policy, int(evaluation_seeds(results.seed, 1)[0]))
+            contact, dt = footfalls(policy, int(evaluation_seeds(results.seed, 1)[0]), results.hardware)
         except (policies.PolicyError, OSError):
             left_out.append(f"{policy} (not to be found any more)")
             continue
@@ -44,10 +45,11 @@ def gaits(results: Results) -> str:
     return section("Gait", lead, grid(images, 2), missing) if images else ""
 
 
-def footfalls(policy: str, seed: int) -> tuple[NDArray[np.bool_], float]:
+def footfalls(policy: str, seed: int, hardware: Hardware) -> tuple[NDArray[np.bool_], float]:
     """Feet on the ground, (steps, 4), from START on, and the control step, s; none of a robot that fell before END."""
     resolved = policies.resolve(policy)
-    probe = rollout.run(resolved, SCENARIO, np.array([seed]), nthread=1, steps=round(END * TaskConfig().control_rate))
+    steps = round(END * TaskConfig().control_rate)
+    probe = rollout.run(resolved, SCENARIO, np.array([seed]), nthread=1, steps=steps, hardware=hardware)
     if probe.fall_step[0] < probe.steps:
         return np.empty((0, 4), dtype=np.bool_), probe.dt
     return probe.foot_contact[round(START / probe.dt) :, 0], probe.dt

@@ -6,6 +6,7 @@ from html import escape
 from pathlib import Path
 
 from evaluate.format import counted, listed
+from evaluate.hardware import words as words_of
 from evaluate.judgement import Verdict
 from evaluate.ladders import ladders
 from evaluate.report import drawing
@@ -76,7 +77,8 @@ def _head(results: Results) -> str:
     return (
         f"<h1>{escape(listed(results.policies))}</h1>"
         f'<p class="soft">{counted(results.episodes, "episode")} of each policy on each of '
-        f"{counted(len(results.scenarios), 'scenario')}: {axes}. Seed {results.seed}.</p>{warning}"
+        f"{counted(len(results.scenarios), 'scenario')}: {axes}. Seed {results.seed}."
+        f"{words_of(results.hardware)}</p>{warning}"
         f'<ul class="legend">{legend}</ul>'
     )
 

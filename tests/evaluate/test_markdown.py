@@ -1,5 +1,7 @@
 """report.md: the outcome first, gates by name, figures folded."""
 
+import dataclasses
+
 from evaluate.gates import parse
 from evaluate.judgement import judge
 from evaluate.markdown import render
@@ -27,7 +29,11 @@ def test_a_failed_gate_says_where_and_why(made) -> None:
 
 
 def test_an_interrupted_run_says_so(made) -> None:
-    import dataclasses
-
     assert "Interrupted" in render(dataclasses.replace(made, complete=False))
     assert "Interrupted" not in render(made)
+
+
+def test_hardware_that_is_not_ideal_is_named(made) -> None:
+    built = dataclasses.replace(made, provenance={"hardware": {"actuator": "motor", "sensors": "typical"}})
+    assert "Motors: motor; sensors: typical." in render(built)
+    assert "Motors:" not in render(made)

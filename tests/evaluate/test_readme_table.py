@@ -73,6 +73,10 @@ def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
     ("changes", "command"),
     [
         ({}, "python -m evaluate --policies trot stand --scenarios flat --episodes 128"),
+        (
+            {"provenance": {"hardware": {"actuator": "motor", "sensors": "truth"}}},
+            "python -m evaluate --policies trot stand --scenarios flat --episodes 128 --actuator motor",
+        ),
         ({"seed": 3, "episodes": 64}, "python -m evaluate --policies trot stand --scenarios flat --seed 3"),
     ],
 )

@@ -107,6 +107,19 @@ def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
         assert word in said
 
 
+def test_an_episode_is_run_again_with_the_sensors_that_it_was_run_with(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("evaluate.rollout.STEPS", 150)
+    errors = []
+    for name in ("truth", "typical"):
+        arguments = ["--policies", "residual", "--scenarios", "flat", "--episodes", "2", "--no-film", "--sensors", name]
+        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+        assert replay(capsys, tmp_path / name, 1)[0] == 0
+        errors.append(pq.read_table(tmp_path / name / "episodes.parquet").column("velocity_error")[1].as_py())
+    assert errors[0] != errors[1]
+    truth, typical = (manifest.read(tmp_path / name) for name in ("truth", "typical"))
+    assert manifest.differences(truth, typical) == ["sensors was truth and is typical"]
+
+
 def test_an_episode_is_run_again_with_the_motors_that_it_was_run_with(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr("evaluate.rollout.STEPS", 150)
     energies = {}
@@ -117,7 +130,7 @@ def test_an_episode_is_run_again_with_the_motors_that_it_was_run_with(tmp_path, 
         energies[name] = pq.read_table(tmp_path / name / "episodes.parquet").column("energy")[1].as_py()
     assert energies["ideal"] != energies["motor"]
     ideal, motor = (manifest.read(tmp_path / name) for name in energies)
-    assert manifest.differences(ideal, motor) == ["the actuator was ideal and is motor"]
+    assert manifest.differences(ideal, motor) == ["actuator was ideal and is motor"]
     assert ideal.fingerprint != motor.fingerprint
 
 

@@ -15,6 +15,7 @@ import policies
 from evaluate import workers
 from evaluate.__main__ import main
 from evaluate.experiment import Entrant, Job, evaluation_seeds, in_turn
+from evaluate.hardware import IDEAL
 from evaluate.measures.metrics import Measures
 from quad_env import SCENARIOS
 
@@ -39,7 +40,7 @@ def jobs(*entrants: Entrant, scenario: str = "push") -> list[Job]:
     seeds = evaluation_seeds(0, 6)
     parts = (np.arange(4), np.arange(4, 6))
     return [
-        Job(entrant, SCENARIOS[scenario], numbers, seeds[numbers], STEPS, None)
+        Job(entrant, SCENARIOS[scenario], numbers, seeds[numbers], STEPS, None, IDEAL)
         for entrant in entrants
         for numbers in parts
     ]
