@@ -89,7 +89,7 @@ class FeedbackParameters:
     """Share of the ground's slope that the trunk leans with."""
     conform: float = 0.8
     """Share of a footprint's height above the plane that its leg is shortened by."""
-    rough_height: float = 0.5
+    rough_height: float = 0.8
     """Rise of the trunk per roughness of the ground, m/m."""
     rough_step: float = 1.5
     """Rise of the steps per roughness of the ground, m/m."""
@@ -103,19 +103,19 @@ class FeedbackParameters:
     """Slowing down by the square of this times the slope of the ground."""
     slope_brace: float = 0.6
     """Slope of the ground that is too steep to walk on: the robot stands with all feet down."""
-    brace_error: float = 1.1
+    brace_error: float = 0.7
     """Speed beyond the wanted one at which the robot begins to put all feet down to slide to rest, m/s."""
-    brace_height: float = 0.17
+    brace_height: float = 0.15
     """Trunk's centre above the feet while it does, m."""
-    brace_width: float = 0.66
+    brace_width: float = 0.72
     """Between the left and the right feet while it does, m."""
-    brace_length: float = 0.7
+    brace_length: float = 0.76
     """Between the front and the hind feet while it does, m."""
     brace_lead: float = 0.015
     """Shift of the feet while it does along the way it slides, per excess speed, s."""
     brace_tilt_gain: float = 1.0
     """`tilt_gain` while it does."""
-    brace_tilt_damping: float = 0.08
+    brace_tilt_damping: float = 0.11
     """`tilt_damping` while it does, s."""
     brace_release: float = 0.15
     """From there back to the trot, s."""
@@ -228,10 +228,10 @@ SEARCH_RANGES: dict[str, tuple[float, float]] = {
     "slope_shift": (-0.1, 0.2),
     "slope_caution": (0.0, 5.0),
     "slope_brace": (0.3, 0.9),
-    "brace_error": (0.6, 3.0),
-    "brace_height": (0.15, 0.3),
-    "brace_width": (0.5, 0.75),
-    "brace_length": (0.45, 0.8),
+    "brace_error": (0.4, 2.0),
+    "brace_height": (0.12, 0.28),
+    "brace_width": (0.5, 0.85),
+    "brace_length": (0.45, 0.95),
     "brace_lead": (0.0, 0.06),
     "brace_tilt_gain": (0.0, 3.0),
     "brace_tilt_damping": (0.0, 0.15),

@@ -201,8 +201,8 @@ class TrotFeedback(GaitedPolicy):
         p, memory, ground = self.parameters, self._memory, self.ground
         x, y = memory["foot_x"], memory["foot_y"]
         weight = np.maximum(load(cycle), brace)
-        tall = p.body_height + p.rough_height * ground.roughness + p.slope_height * ground.steepness
-        tall = tall + brace * (p.brace_height - tall)
+        tall = p.body_height + brace * (p.brace_height - p.body_height)
+        tall = tall + p.rough_height * ground.roughness + p.slope_height * ground.steepness
         lengthening = p.height_gain * (tall + ground.height) - p.height_damping * senses.velocity[2]
         lifted = (p.step_height + p.rough_step * ground.roughness) * lift(cycle) * (1.0 - brace)
         rising = (lifted - memory["lift"]) / CONTROL_PERIOD
