@@ -103,6 +103,14 @@ class FeedbackParameters:
     """Slowing down by the square of this times the slope of the ground."""
     slope_brace: float = 0.6
     """Slope of the ground that is too steep to walk on: the robot stands with all feet down."""
+    rough_brace: float = 0.03
+    """Roughness of the ground that is too much to walk on: the robot stands with all feet down, m."""
+    hold_height: float = 0.28
+    """Trunk's centre above the feet while it stands on rough ground, m."""
+    hold_width: float = 0.56
+    """Between the left and the right feet while it stands on rough ground, m."""
+    hold_length: float = 0.56
+    """Between the front and the hind feet while it does, m."""
     brace_error: float = 0.7
     """Speed beyond the wanted one at which the robot begins to put all feet down to slide to rest, m/s."""
     brace_height: float = 0.15
@@ -173,6 +181,10 @@ LIMITS: dict[str, tuple[float, float]] = {
     "slope_shift": _GAIN,
     "slope_caution": (0.0, 1e3),
     "slope_brace": (0.0, 1e3),
+    "rough_brace": (0.0, 1e3),
+    "hold_height": (0.01, 1.0),
+    "hold_width": (-2.0, 2.0),
+    "hold_length": (-2.0, 2.0),
     "brace_error": (0.0, 1e3),
     "brace_height": (0.01, 1.0),
     "brace_width": (-2.0, 2.0),
@@ -228,6 +240,10 @@ SEARCH_RANGES: dict[str, tuple[float, float]] = {
     "slope_shift": (-0.1, 0.2),
     "slope_caution": (0.0, 5.0),
     "slope_brace": (0.3, 0.9),
+    "rough_brace": (0.01, 0.12),
+    "hold_height": (0.15, 0.4),
+    "hold_width": (0.46, 0.75),
+    "hold_length": (0.4, 0.85),
     "brace_error": (0.4, 2.0),
     "brace_height": (0.12, 0.28),
     "brace_width": (0.5, 0.85),

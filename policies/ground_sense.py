@@ -16,6 +16,8 @@ LARGEST_ROUGHNESS = 0.15
 """m"""
 ROUGHNESS_MEMORY = 2.0
 """Time constant with which rough ground is forgotten, s."""
+WORST_MEMORY = 20.0
+"""Time constant with which the roughest ground is forgotten, s."""
 HALF_BASE = 0.25
 """Turns a change of slope into the change of height under a foot, m."""
 
@@ -36,6 +38,7 @@ class GroundSense:
                 "forward": zero,
                 "lateral": zero,
                 "roughness": zero,
+                "worst": zero,
             }
         )
 
@@ -57,6 +60,7 @@ class GroundSense:
         memory["roughness"] = (
             memory["roughness"] + np.where(rise > 0.0, share, CONTROL_PERIOD / ROUGHNESS_MEMORY) * rise
         )
+        memory["worst"] = np.maximum((1.0 - CONTROL_PERIOD / WORST_MEMORY) * memory["worst"], memory["roughness"])
 
     @property
     def height(self) -> Floats:
@@ -77,6 +81,11 @@ class GroundSense:
     def roughness(self) -> Floats:
         """How far footprints lie off a steady plane, m; soon learnt, slowly forgotten; (n, 1)."""
         return self.memory["roughness"]
+
+    @property
+    def worst_roughness(self) -> Floats:
+        """The largest roughness met, more slowly forgotten, m, (n, 1)."""
+        return self.memory["worst"]
 
     @property
     def unevenness(self) -> Floats:

@@ -34,6 +34,8 @@ BRACE_RANGE = 0.4
 """Excess speed from the beginning of bracing to all feet down, m/s."""
 STEEP_RANGE = 0.1
 """The same of the ground's slope."""
+ROUGH_RANGE = 0.005
+"""The same of the ground's roughness, m."""
 BRACED_LOAD = 0.5
 """Load of each foot while all four share the weight, per that of a foot of a trotting pair."""
 LARGEST_LEAD = 0.1
@@ -54,7 +56,8 @@ class TrotFeedback(GaitedPolicy):
         self.frequency = p.frequency
         self._gait = Gait(TROT_OFFSETS, p.duty)
         self._neutral = (HIP_POSITIONS[:, 0] + p.stance_shift, SIDE * (p.stance_width / 2.0))
-        self._wide = (np.sign(HIP_POSITIONS[:, 0]) * (p.brace_length / 2.0), SIDE * (p.brace_width / 2.0))
+        self._wide = _rectangle(p.brace_length, p.brace_width)
+        self._hold = _rectangle(p.hold_length, p.hold_width)
         self._acceleration = np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
         self._integral = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain])
         self.ground = GroundSense(p.plane_filter)
@@ -66,6 +69,7 @@ class TrotFeedback(GaitedPolicy):
                 "error_x": one,
                 "error_y": one,
                 "brace": one,
+                "hold": one,
                 "swinging": legs,
                 "foot_x": self._neutral[0],
                 "foot_y": self._neutral[1],
@@ -118,8 +122,10 @@ class TrotFeedback(GaitedPolicy):
         """How far all feet are down, 0 … 1: quickly on and slowly off; (n, 1)."""
         p, memory = self.parameters, self._memory
         excess = length(*velocity[:2]) - length(wanted[:, 0:1], wanted[:, 1:2]) - p.brace_error
-        steep = self.ground.steepness - p.slope_brace
-        due = np.clip(np.maximum(excess / BRACE_RANGE, steep / STEEP_RANGE), 0.0, 1.0)
+        steep = np.clip((self.ground.steepness - p.slope_brace) / STEEP_RANGE, 0.0, 1.0)
+        rough = np.clip((self.ground.worst_roughness - p.rough_brace) / ROUGH_RANGE, 0.0, 1.0)
+        memory["hold"] = rough * (1.0 - steep)
+        due = np.maximum(np.clip(excess / BRACE_RANGE, 0.0, 1.0), np.maximum(steep, rough))
         change = np.clip(due - memory["brace"], -CONTROL_PERIOD / p.brace_release, CONTROL_PERIOD / BRACE_TIME)
         memory["brace"] = memory["brace"] + change
         return memory["brace"]
@@ -183,7 +189,9 @@ class TrotFeedback(GaitedPolicy):
         new_y = np.where(
             cycle.swing, swung(memory["start_y"], foothold[1], drift_y * swing_time, cycle.progress), stood[1]
         )
-        wide_x, wide_y = self._uphill(_under(frame, self._wide))
+        hold = memory["hold"]
+        wide = (wide + hold * (held - wide) for wide, held in zip(self._wide, self._hold, strict=True))
+        wide_x, wide_y = self._uphill(_under(frame, tuple(wide)))
         wide_x = wide_x + np.clip(p.brace_lead * errors[0], -LARGEST_LEAD, LARGEST_LEAD)
         wide_y = wide_y + np.clip(p.brace_lead * errors[1], -LARGEST_LEAD, LARGEST_LEAD)
         new_x, new_y = new_x + brace * (wide_x - new_x), new_y + brace * (wide_y - new_y)
@@ -201,7 +209,8 @@ class TrotFeedback(GaitedPolicy):
         p, memory, ground = self.parameters, self._memory, self.ground
         x, y = memory["foot_x"], memory["foot_y"]
         weight = np.maximum(load(cycle), brace)
-        tall = p.body_height + brace * (p.brace_height - p.body_height)
+        low = p.brace_height + memory["hold"] * (p.hold_height - p.brace_height)
+        tall = p.body_height + brace * (low - p.body_height)
         tall = tall + p.rough_height * ground.roughness + p.slope_height * ground.steepness
         lengthening = p.height_gain * (tall + ground.height) - p.height_damping * senses.velocity[2]
         lifted = (p.step_height + p.rough_step * ground.roughness) * lift(cycle) * (1.0 - brace)
@@ -224,8 +233,9 @@ class TrotFeedback(GaitedPolicy):
         forward, lateral = self.ground.slope
         roll = p.slope_share * np.arctan(lateral) - senses.frame.roll
         pitch = -p.slope_share * np.arctan(forward) - senses.frame.pitch
-        gain = weight * (p.tilt_gain + brace * (p.brace_tilt_gain - p.tilt_gain))
-        damping = weight * (p.tilt_damping + brace * (p.brace_tilt_damping - p.tilt_damping))
+        sliding = brace * (1.0 - self._memory["hold"])
+        gain = weight * (p.tilt_gain + sliding * (p.brace_tilt_gain - p.tilt_gain))
+        damping = weight * (p.tilt_damping + sliding * (p.brace_tilt_damping - p.tilt_damping))
         roll = gain * np.clip(roll, -LARGEST_TILT_ERROR, LARGEST_TILT_ERROR) - damping * senses.roll_rate
         pitch = gain * np.clip(pitch, -LARGEST_TILT_ERROR, LARGEST_TILT_ERROR) - damping * senses.pitch_rate
         x, y, z = feet
@@ -234,6 +244,11 @@ class TrotFeedback(GaitedPolicy):
     def _force(self, cycle: LegCycle, brace: Floats) -> Floats:
         """Ground force expected on each foot, N, (n, 4)."""
         return np.maximum(load(cycle), BRACED_LOAD * brace) * self.parameters.stance_load
+
+
+def _rectangle(length: float, width: float) -> Planar:
+    """Feet at its corners, (4,) each."""
+    return np.sign(HIP_POSITIONS[:, 0]) * (length / 2.0), SIDE * (width / 2.0)
 
 
 def _under(frame: LevelFrame, places: Planar) -> Planar:
