@@ -1,6 +1,6 @@
 """Where feet go: Raibert's footholds, steps that catch a push, the paths between.
 
-In the level frame (see `policies.level_frame`), legs along the last axis: arrays of shape (n, 4), of robots (n, 1).
+In the level frame (see `policies.level_frame`), legs along the first axis: arrays of shape (4, n), of robots (n,).
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ REACH_LATERAL = 0.12
 
 
 def passing(x: Floats, y: Floats, velocity: Vector) -> Planar:
-    """Velocity of the ground under the trunk at feet (n, 4), for a trunk's velocity (n, 1) each: -(v + ω × r)."""
+    """Velocity of the ground under the trunk at feet (4, n), for a trunk's velocity (n,) each: -(v + ω × r)."""
     forward, lateral, yaw_rate = velocity
     return yaw_rate * y - forward, -yaw_rate * x - lateral
 

@@ -17,7 +17,7 @@ TURN = 2.0 * np.pi
 
 
 class LegCycle(NamedTuple):
-    """Where each leg is in its cycle; arrays of shape (..., 4)."""
+    """Where each leg is in its cycle; arrays of one shape, (..., 4) from `Gait.legs`."""
 
     swing: NDArray[np.bool_]
     """True while the foot is in the air."""
@@ -40,7 +40,11 @@ class Gait:
 
     def legs(self, phase: ArrayLike) -> LegCycle:
         """Each leg's place in its cycle at a global phase in rad; (...) gives (..., 4)."""
-        fraction = leg_phases(phase, self.offsets) / TURN
+        return self.places(leg_phases(phase, self.offsets))
+
+    def places(self, phases: Floats) -> LegCycle:
+        """Place in its cycle of a leg at a phase of its own, in [0, 2π) rad; shape of the phases."""
+        fraction = phases / TURN
         swing_share = 1.0 - self.duty
         swing = fraction < swing_share
         progress = np.where(swing, fraction / swing_share, (fraction - swing_share) / self.duty)

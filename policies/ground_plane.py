@@ -1,6 +1,6 @@
 """The ground as the feet have met it: where each foot last stood, and the plane through these footprints.
 
-Everything is in the level frame (see `policies.level_frame`), legs along the last axis: arrays of shape (n, 4).
+Everything is in the level frame (see `policies.level_frame`), legs along the first axis: arrays of shape (4, n).
 """
 
 import numpy as np
@@ -15,12 +15,13 @@ _NARROW = 1e-6
 """Added to the spread of the footprints, m²: what would make a plane of footprints on one line."""
 
 Plane = tuple[Floats, Floats, Floats]
-"""Height at the trunk's x, y (relative to the trunk's centre, m) and rise per metre forward and to the left; (n, 1)."""
+"""Height at the trunk's x, y (relative to the trunk's centre, m) and rise per metre forward and to the left; (n,)."""
 
 
 def total(values: Floats) -> Floats:
-    """Sum over the legs, (n, 4) to (n, 1), always in the same order."""
-    return values[:, 0:1] + values[:, 1:2] + values[:, 2:3] + values[:, 3:4]
+    """Sum over the legs, (4, n) to (n,), always in the same order."""
+    summed: Floats = values[0] + values[1] + values[2] + values[3]
+    return summed
 
 
 def carried(prints: Vector, velocity: Vector, yaw_rate: Floats, period: float) -> Vector:
@@ -54,7 +55,7 @@ def fitted(prints: Vector) -> Plane:
 
 
 def above(plane: Plane, prints: Vector) -> Floats:
-    """Height of each footprint above the plane, m, (n, 4)."""
+    """Height of each footprint above the plane, m, (4, n)."""
     x, y, z = prints
     height, forward, lateral = plane
     return z - (height + forward * x + lateral * y)

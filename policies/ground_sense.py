@@ -23,11 +23,11 @@ HALF_BASE = 0.25
 
 
 class GroundSense:
-    """Footprints and what they say; all in the level frame, robots (n, 1), legs (n, 4)."""
+    """Footprints and what they say; all in the level frame, robots (n,), legs (4, n)."""
 
     def __init__(self, plane_filter: float) -> None:
         self._share = CONTROL_PERIOD / (CONTROL_PERIOD + plane_filter)
-        zero, legs = np.zeros(1), np.zeros(4)
+        zero, legs = 0.0, np.zeros(4)
         self.memory = Memory(
             {
                 "x": legs,
@@ -43,7 +43,7 @@ class GroundSense:
         )
 
     def feel(self, senses: Senses, standing: NDArray[np.bool_]) -> None:
-        """One control period later, with the standing legs, (n, 4), on the ground; at first all are."""
+        """One control period later, with the standing legs, (4, n), on the ground; at first all are."""
         memory, share = self.memory, self._share
         prints = carried(self._prints, senses.velocity, senses.yaw_rate, CONTROL_PERIOD)
         prints = renewed(prints, senses.feet, standing | (memory["known"] == 0.0))
@@ -64,32 +64,32 @@ class GroundSense:
 
     @property
     def height(self) -> Floats:
-        """Of the ground below the trunk's centre, relative to it, m: negative; (n, 1)."""
+        """Of the ground below the trunk's centre, relative to it, m: negative; (n,)."""
         return self.memory["height"]
 
     @property
     def slope(self) -> tuple[Floats, Floats]:
-        """Rise per metre forward and to the left, smoothed, (n, 1) each."""
+        """Rise per metre forward and to the left, smoothed, (n,) each."""
         return self.memory["forward"], self.memory["lateral"]
 
     @property
     def steepness(self) -> Floats:
-        """Size of the slope, (n, 1)."""
+        """Size of the slope, (n,)."""
         return length(*self.slope)
 
     @property
     def roughness(self) -> Floats:
-        """How far footprints lie off a steady plane, m; soon learnt, slowly forgotten; (n, 1)."""
+        """How far footprints lie off a steady plane, m; soon learnt, slowly forgotten; (n,)."""
         return self.memory["roughness"]
 
     @property
     def worst_roughness(self) -> Floats:
-        """The largest roughness met, more slowly forgotten, m, (n, 1)."""
+        """The largest roughness met, more slowly forgotten, m, (n,)."""
         return self.memory["worst"]
 
     @property
     def unevenness(self) -> Floats:
-        """Height of each footprint above the plane with the smoothed slope, m, (n, 4)."""
+        """Height of each footprint above the plane with the smoothed slope, m, (4, n)."""
         return above((self.height, *self.slope), self._prints)
 
     @property

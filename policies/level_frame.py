@@ -16,7 +16,7 @@ _NO_HEADING = 1e-6
 
 
 class LevelFrame(NamedTuple):
-    """Attitude of the trunk: the world's up direction in the base frame, each of shape (n, 1)."""
+    """Attitude of the trunk: the world's up direction in the base frame, each of shape (n,)."""
 
     up_x: Floats
     """Rise of the trunk's x axis: positive with the nose up."""
@@ -28,13 +28,13 @@ class LevelFrame(NamedTuple):
 
     @property
     def roll(self) -> Floats:
-        """Turn about +x, rad: positive with the left side up; (n, 1)."""
+        """Turn about +x, rad: positive with the left side up; (n,)."""
         roll: Floats = np.arctan2(self.up_y, self.up_z)
         return roll
 
     @property
     def pitch(self) -> Floats:
-        """Turn about +y, rad: positive with the nose down; (n, 1)."""
+        """Turn about +y, rad: positive with the nose down; (n,)."""
         pitch: Floats = -np.arcsin(np.clip(self.up_x, -1.0, 1.0))
         return pitch
 
@@ -65,6 +65,6 @@ class LevelFrame(NamedTuple):
 
 
 def level_frame(projected_gravity: Floats) -> LevelFrame:
-    """The frame of unit gravity vectors in the base frame, (n, 3)."""
-    up_x, up_y, up_z = (-projected_gravity[:, axis : axis + 1] for axis in range(3))
+    """The frame of unit gravity vectors in the base frame, (3, n)."""
+    up_x, up_y, up_z = -projected_gravity
     return LevelFrame(up_x, up_y, up_z, np.maximum(np.sqrt(up_y * up_y + up_z * up_z), _NO_HEADING))

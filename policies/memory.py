@@ -1,25 +1,27 @@
-"""Arrays that a controller remembers from step to step, one row a robot."""
+"""Arrays that a controller remembers from step to step, robots along the last axis."""
+
+from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from policies.gait import Floats
 
 
 class Memory:
-    """Named arrays (n, …), each started from a value that is the same for every robot."""
+    """Named arrays (…, n), each started from a value (…) that is the same for every robot."""
 
-    def __init__(self, start: dict[str, Floats]) -> None:
-        self._start = start
+    def __init__(self, start: Mapping[str, ArrayLike]) -> None:
+        self._start = {name: np.asarray(value)[..., None] for name, value in start.items()}
         self.allocate(1)
 
     def allocate(self, num_envs: int) -> None:
-        """Fresh rows for `num_envs` robots."""
-        self._now = {name: np.tile(value, (num_envs, 1)) for name, value in self._start.items()}
+        """Fresh columns for `num_envs` robots."""
+        self._now = {name: np.repeat(value, num_envs, axis=-1) for name, value in self._start.items()}
 
     def restart(self, mask: NDArray[np.bool_]) -> None:
-        """Fresh rows for the robots where the mask (n,) is true."""
-        self._now = {name: np.where(mask[:, None], self._start[name], value) for name, value in self._now.items()}
+        """Fresh columns for the robots where the mask (n,) is true."""
+        self._now = {name: np.where(mask, self._start[name], value) for name, value in self._now.items()}
 
     def __getitem__(self, name: str) -> Floats:
         return self._now[name]

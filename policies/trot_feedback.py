@@ -17,10 +17,10 @@ from policies.ground_sense import GroundSense
 from policies.kinematics import leg_angles
 from policies.level_frame import LevelFrame, Vector
 from policies.memory import Memory
-from policies.senses import Senses, columns, length, sense
+from policies.senses import HIP_X, HIP_Y, SIDES, Senses, length, sense
 from policies.trot import held_up
 from quad_env import OBSERVATION
-from quad_env.robot import HIP_POSITIONS, NUM_JOINTS, SIDE
+from quad_env.robot import NUM_JOINTS
 
 LARGEST_CORRECTION = 0.5
 """Of the gait's velocity by the integral of its error, m/s and rad/s."""
@@ -55,13 +55,15 @@ class TrotFeedback(GaitedPolicy):
         self.parameters = p = parameters if parameters is not None else searched_parameters()
         self.frequency = p.frequency
         self._gait = Gait(TROT_OFFSETS, p.duty)
-        self._neutral = (HIP_POSITIONS[:, 0] + p.stance_shift, SIDE * (p.stance_width / 2.0))
+        self._offsets = np.array(TROT_OFFSETS)[:, None]
+        self._neutral = (HIP_X + p.stance_shift, SIDES * (p.stance_width / 2.0))
         self._wide = _rectangle(p.brace_length, p.brace_width)
         self._hold = _rectangle(p.hold_length, p.hold_width)
-        self._acceleration = np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
-        self._integral = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain])
+        self._acceleration = np.array([[p.linear_acceleration], [p.linear_acceleration], [p.yaw_acceleration]])
+        self._integral = np.array([[p.integral_gain], [p.integral_gain], [p.yaw_integral_gain]])
         self.ground = GroundSense(p.plane_filter)
-        legs, one = np.zeros(4), np.zeros(1)
+        legs, one = np.zeros(4), 0.0
+        ahead, aside = self._neutral[0][:, 0], self._neutral[1][:, 0]
         self._memory = Memory(
             {
                 "wanted": np.zeros(3),
@@ -71,10 +73,10 @@ class TrotFeedback(GaitedPolicy):
                 "brace": one,
                 "hold": one,
                 "swinging": legs,
-                "foot_x": self._neutral[0],
-                "foot_y": self._neutral[1],
-                "start_x": self._neutral[0],
-                "start_y": self._neutral[1],
+                "foot_x": ahead,
+                "foot_y": aside,
+                "start_x": ahead,
+                "start_y": aside,
                 "speed_x": legs,
                 "speed_y": legs,
                 "lift": legs,
@@ -93,16 +95,16 @@ class TrotFeedback(GaitedPolicy):
         self.ground.memory.restart(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        rows = observation.astype(np.float64)
-        senses = sense(rows)
-        wanted = self._follow(rows[:, OBSERVATION["command"]])
-        measured = np.concatenate((*senses.velocity[:2], senses.yaw_rate), axis=-1)
-        errors = columns(measured - wanted)
+        columns = np.ascontiguousarray(observation.T, dtype=np.float64)
+        senses = sense(columns)
+        wanted = self._follow(columns[OBSERVATION["command"]])
+        error = np.stack((*senses.velocity[:2], senses.yaw_rate)) - wanted
+        errors = (error[0], error[1], error[2])
         brace = self._brace(senses.velocity, wanted)
         self._pace(errors, brace)
-        cycle = self._gait.legs(self._phase)
+        cycle = self._gait.places((self._phase + self._offsets) % TURN)
         self.ground.feel(senses, (~cycle.swing & (cycle.progress > SETTLED)) | (brace > BRACED_LOAD))
-        gait = self._asked(wanted, measured - wanted)
+        gait = self._asked(wanted, error)
         self._step(senses.frame, cycle, gait, errors, brace)
         feet = self._planted(senses, cycle, errors, brace)
         weight = np.maximum(load(cycle), brace)
@@ -110,7 +112,7 @@ class TrotFeedback(GaitedPolicy):
         return to_actions(self._blended(joints, self.parameters.blend_time))
 
     def _follow(self, command: Floats) -> Floats:
-        """The velocity wanted now, (n, 3): the command, less of it on bad ground, approached within the limits."""
+        """The velocity wanted now, (3, n): the command, less of it on bad ground, approached within the limits."""
         p, memory = self.parameters, self._memory
         rough, steep = p.caution * self.ground.roughness, p.slope_caution * self.ground.steepness
         goal = command * (1.0 - memory["brace"]) / (1.0 + rough * rough + steep * steep)
@@ -119,9 +121,9 @@ class TrotFeedback(GaitedPolicy):
         return memory["wanted"]
 
     def _brace(self, velocity: Vector, wanted: Floats) -> Floats:
-        """How far all feet are down, 0 … 1: quickly on and slowly off; (n, 1)."""
+        """How far all feet are down, 0 … 1: quickly on and slowly off; (n,)."""
         p, memory = self.parameters, self._memory
-        excess = length(*velocity[:2]) - length(wanted[:, 0:1], wanted[:, 1:2]) - p.brace_error
+        excess = length(*velocity[:2]) - length(wanted[0], wanted[1]) - p.brace_error
         steep = np.clip((self.ground.steepness - p.slope_brace) / STEEP_RANGE, 0.0, 1.0)
         rough = np.clip((self.ground.worst_roughness - p.rough_brace) / ROUGH_RANGE, 0.0, 1.0)
         memory["hold"] = rough * (1.0 - steep)
@@ -135,18 +137,18 @@ class TrotFeedback(GaitedPolicy):
         p = self.parameters
         hurry = 1.0 + p.hurry * np.clip(length(*errors[:2]) - p.capture_threshold, 0.0, 1.0)
         cycles = (CONTROL_PERIOD * p.frequency) * hurry * (1.0 - brace)
-        self._phase = (self._phase + TURN * cycles[:, 0]) % TURN
+        self._phase = (self._phase + TURN * cycles) % TURN
         self._ticks = self._ticks + 1.0
 
     def _asked(self, wanted: Floats, error: Floats) -> Vector:
         """Velocity of the gait: feedforward of the wanted one and the integral of the small errors."""
         memory = self._memory
-        small = (np.abs(error) < SMALL_ERROR).all(axis=-1, keepdims=True)
+        small = (np.abs(error) < SMALL_ERROR).all(axis=0)
         correction = memory["correction"] - np.where(small, CONTROL_PERIOD * self._integral * error, 0.0)
         memory["correction"] = np.clip(correction, -LARGEST_CORRECTION, LARGEST_CORRECTION)
-        p, (forward, lateral, yaw_rate) = self.parameters, columns(wanted)
+        p, (forward, lateral, yaw_rate) = self.parameters, wanted
         lead = p.turn_lead * yaw_rate
-        more_forward, more_lateral, more_yaw = columns(memory["correction"])
+        more_forward, more_lateral, more_yaw = memory["correction"]
         return (
             p.forward_gain * (forward - lead * lateral) + p.forward_bias + more_forward,
             p.lateral_gain * (lateral + lead * forward) + more_lateral,
@@ -189,9 +191,10 @@ class TrotFeedback(GaitedPolicy):
         new_y = np.where(
             cycle.swing, swung(memory["start_y"], foothold[1], drift_y * swing_time, cycle.progress), stood[1]
         )
-        hold = memory["hold"]
-        wide = (wide + hold * (held - wide) for wide, held in zip(self._wide, self._hold, strict=True))
-        wide_x, wide_y = self._uphill(_under(frame, tuple(wide)))
+        wide_x, wide_y = (
+            wide + memory["hold"] * (held - wide) for wide, held in zip(self._wide, self._hold, strict=True)
+        )
+        wide_x, wide_y = self._uphill(_under(frame, (wide_x, wide_y)))
         wide_x = wide_x + np.clip(p.brace_lead * errors[0], -LARGEST_LEAD, LARGEST_LEAD)
         wide_y = wide_y + np.clip(p.brace_lead * errors[1], -LARGEST_LEAD, LARGEST_LEAD)
         new_x, new_y = new_x + brace * (wide_x - new_x), new_y + brace * (wide_y - new_y)
@@ -199,7 +202,7 @@ class TrotFeedback(GaitedPolicy):
         memory["foot_x"], memory["foot_y"] = new_x, new_y
 
     def _uphill(self, places: Planar) -> Planar:
-        """Level-frame points (n, 4) shifted against the fall of the ground."""
+        """Level-frame points (4, n) shifted against the fall of the ground."""
         forward, lateral = self.ground.slope
         shift = self.parameters.slope_shift
         return places[0] + shift * forward, places[1] + shift * lateral
@@ -225,7 +228,7 @@ class TrotFeedback(GaitedPolicy):
         return senses.frame.to_body((x + push_x, y + push_y, z + lifted + p.servo_lead * rising))
 
     def _tilted(self, senses: Senses, feet: Vector, weight: Floats, brace: Floats) -> Vector:
-        """Feet in the base frame turned against the turn that the trunk is to make, by their weight (n, 4).
+        """Feet in the base frame turned against the turn that the trunk is to make, by their weight (4, n).
 
         The trunk is to lean with the ground; a trunk turns by (roll, pitch) on feet that turn by the opposite.
         """
@@ -242,23 +245,23 @@ class TrotFeedback(GaitedPolicy):
         return x - pitch * z, y + roll * z, z - roll * y + pitch * x
 
     def _force(self, cycle: LegCycle, brace: Floats) -> Floats:
-        """Ground force expected on each foot, N, (n, 4)."""
+        """Ground force expected on each foot, N, (4, n)."""
         return np.maximum(load(cycle), BRACED_LOAD * brace) * self.parameters.stance_load
 
 
 def _rectangle(length: float, width: float) -> Planar:
-    """Feet at its corners, (4,) each."""
-    return np.sign(HIP_POSITIONS[:, 0]) * (length / 2.0), SIDE * (width / 2.0)
+    """Feet at its corners, (4, 1) each."""
+    return np.sign(HIP_X) * (length / 2.0), SIDES * (width / 2.0)
 
 
 def _under(frame: LevelFrame, places: Planar) -> Planar:
-    """Points of the trunk's plane in the level frame, (n, 4) each: legs hang along gravity from there."""
-    x, y, _ = frame.to_level((places[0], places[1], np.zeros(4)))
+    """Points of the trunk's plane in the level frame, (4, n) each: legs hang along gravity from there."""
+    x, y, _ = frame.to_level((places[0], places[1], np.zeros(1)))
     return x, y
 
 
 def _joints(feet: Vector, force: Floats) -> Floats:
     """Joint targets (n, 12), rad, for feet in the base frame that carry a force, N."""
-    x, y = feet[0] - HIP_POSITIONS[:, 0], feet[1] - HIP_POSITIONS[:, 1]
-    hip, thigh, calf = leg_angles(x, y, np.minimum(feet[2], -SHORTEST_DROP))
-    return np.stack(held_up(hip, thigh, calf, x, y, force), axis=-1).reshape(-1, NUM_JOINTS)
+    x, y = feet[0] - HIP_X, feet[1] - HIP_Y
+    hip, thigh, calf = leg_angles(x, y, np.minimum(feet[2], -SHORTEST_DROP), SIDES)
+    return np.stack(held_up(hip, thigh, calf, x, y, force), axis=1).reshape(NUM_JOINTS, -1).T

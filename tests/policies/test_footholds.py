@@ -14,19 +14,19 @@ from policies.footholds import (
 )
 from quad_env.robot import HIP_POSITIONS
 
-HIPS = (HIP_POSITIONS[None, :, 0], HIP_POSITIONS[None, :, 1])
-NONE = np.zeros((1, 1))
+HIPS = (HIP_POSITIONS[:, 0:1], HIP_POSITIONS[:, 1:2])
+NONE = np.zeros(1)
 GAINS = (0.1, 0.2, 0.05)
 
 
 def number(value):
-    return np.array([[value]])
+    return np.array([value])
 
 
 def offsets(velocity=(0.0, 0.0, 0.0), errors=(0.0, 0.0, 0.0), stance_time=0.2):
     """Of the footholds from the hips, (2, 4)."""
     x, y = raibert(HIPS, tuple(map(number, velocity)), stance_time, tuple(map(number, errors)), GAINS)
-    return np.stack([x - HIPS[0], y - HIPS[1]])[:, 0]
+    return np.stack([x - HIPS[0], y - HIPS[1]])[..., 0]
 
 
 def test_without_errors_a_foot_lands_half_a_stance_ahead_of_its_hip():
@@ -35,7 +35,7 @@ def test_without_errors_a_foot_lands_half_a_stance_ahead_of_its_hip():
 
 def test_in_a_turn_the_outer_feet_reach_further_and_all_of_them_around():
     """v = ω × r at the hips (±0.25, ±0.15): to the left at 1 rad/s, (-y, x) times half of 0.2 s."""
-    np.testing.assert_allclose(offsets((0.0, 0.0, 1.0)), 0.1 * np.stack([-HIPS[1][0], HIPS[0][0]]))
+    np.testing.assert_allclose(offsets((0.0, 0.0, 1.0)), 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0])
 
 
 def test_pushed_to_the_left_the_next_footholds_go_to_the_left():
@@ -47,7 +47,7 @@ def test_too_fast_ahead_the_next_footholds_go_ahead():
 
 
 def test_turning_too_fast_to_the_left_the_footholds_turn_to_the_left():
-    np.testing.assert_allclose(offsets(errors=(0.0, 0.0, 2.0)), 0.1 * np.stack([-HIPS[1][0], HIPS[0][0]]))
+    np.testing.assert_allclose(offsets(errors=(0.0, 0.0, 2.0)), 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0])
 
 
 def test_a_push_is_caught_by_what_is_beyond_the_threshold_and_along_it():

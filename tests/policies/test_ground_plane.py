@@ -9,11 +9,11 @@ from policies.ground_sense import EVEN, LARGEST_ROUGHNESS, GroundSense
 from policies.level_frame import level_frame
 from policies.senses import Senses
 
-FEET_X, FEET_Y = np.array([[0.3, 0.2, -0.2, -0.3]]), np.array([[0.2, -0.3, 0.3, -0.2]])
+FEET_X, FEET_Y = np.array([[0.3, 0.2, -0.2, -0.3]]).T, np.array([[0.2, -0.3, 0.3, -0.2]]).T
 
 
 def number(value):
-    return np.array([[value]])
+    return np.array([value])
 
 
 @pytest.mark.parametrize("plane", [(-0.3, 0.0, 0.0), (-0.25, 0.36, 0.0), (-0.3, -0.2, 0.5)])
@@ -27,17 +27,17 @@ def test_footprints_on_a_plane_give_that_plane(plane):
 def test_one_foot_on_a_stone_of_a_square_stance_lifts_and_tilts_the_plane_by_quarters():
     """By hand: z = h (1/4 + x/(4 a) + y/(4 a)) fits a stone of height h under the corner (a, a); ± h/4 remains."""
     a, h = 0.2, 0.08
-    x, y = np.array([[a, a, -a, -a]]), np.array([[a, -a, a, -a]])
-    prints = (x, y, np.array([[h, 0.0, 0.0, 0.0]]))
+    x, y = np.array([[a, a, -a, -a]]).T, np.array([[a, -a, a, -a]]).T
+    prints = (x, y, np.array([[h, 0.0, 0.0, 0.0]]).T)
     plane = fitted(prints)
     np.testing.assert_allclose(np.ravel(plane), [h / 4, h / (4 * a), h / (4 * a)], rtol=1e-4)
-    np.testing.assert_allclose(above(plane, prints), [[h / 4, -h / 4, -h / 4, h / 4]], rtol=1e-4)
+    np.testing.assert_allclose(above(plane, prints), np.array([[h / 4, -h / 4, -h / 4, h / 4]]).T, rtol=1e-4)
 
 
 @pytest.mark.parametrize("spread", [0.0, 1e-9, 1e4])
 def test_footprints_on_one_line_give_a_finite_plane(spread):
-    line = spread * np.array([[1.0, 2.0, 3.0, 4.0]])
-    plane = fitted((line, line, np.array([[1.0, -2.0, 5.0, 0.0]])))
+    line = spread * np.array([[1.0, 2.0, 3.0, 4.0]]).T
+    plane = fitted((line, line, np.array([[1.0, -2.0, 5.0, 0.0]]).T))
     assert np.isfinite(plane).all()
     assert np.abs(plane[1:]).max() <= STEEPEST
 
@@ -53,23 +53,23 @@ def test_footprints_pass_backward_under_a_trunk_that_moves_on_and_turn_right_und
 
 
 def test_only_standing_feet_leave_new_footprints():
-    standing = np.array([[True, False, False, True]])
+    standing = np.array([[True, False, False, True]]).T
     x, _, _ = renewed((FEET_X, FEET_Y, FEET_X), (FEET_X + 1, FEET_Y, FEET_X), standing)
     np.testing.assert_array_equal(x, np.where(standing, FEET_X + 1, FEET_X))
 
 
 def feet_on(forward, lateral, twist=0.0):
     """Senses of a level trunk at rest over that ground; a twist lifts one diagonal and lowers the other, m."""
-    z = -0.3 + forward * FEET_X + lateral * FEET_Y + twist * np.array([[1.0, -1.0, -1.0, 1.0]])
+    z = -0.3 + forward * FEET_X + lateral * FEET_Y + twist * np.array([[1.0, -1.0, -1.0, 1.0]]).T
     nothing = number(0.0)
-    frame = level_frame(np.array([[0.0, 0.0, -1.0]]))
+    frame = level_frame(np.array([[0.0], [0.0], [-1.0]]))
     return Senses(frame, (nothing, nothing, nothing), nothing, nothing, nothing, (FEET_X, FEET_Y, z))
 
 
 def felt(senses, seconds=1.0, plane_filter=0.1):
     ground = GroundSense(plane_filter)
     for _ in range(round(seconds / CONTROL_PERIOD)):
-        ground.feel(senses, np.ones((1, 4), bool))
+        ground.feel(senses, np.ones((4, 1), bool))
     return ground
 
 
@@ -94,5 +94,5 @@ def test_rough_ground_is_learnt_sooner_than_forgotten():
     ground = felt(feet_on(0.0, 0.0, twist=0.1), seconds=0.3)
     learnt = ground.roughness.item()
     for _ in range(30):
-        ground.feel(feet_on(0.0, 0.0), np.ones((1, 4), bool))
+        ground.feel(feet_on(0.0, 0.0), np.ones((4, 1), bool))
     assert 0.8 * learnt < ground.roughness.item() < learnt

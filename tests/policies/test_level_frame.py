@@ -18,11 +18,11 @@ def rotation(roll, pitch, yaw):
 
 
 def frame_of(attitude):
-    return level_frame((attitude.T @ [0.0, 0.0, -1.0])[None])
+    return level_frame((attitude.T @ [0.0, 0.0, -1.0])[:, None])
 
 
 def columns(vector):
-    return tuple(np.array([[value]]) for value in vector)
+    return tuple(np.array([value]) for value in vector)
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.0), (0.3, 0.0), (0.0, -0.4), (-0.5, 0.7), (1.0, -1.0)])
@@ -36,8 +36,8 @@ def test_level_vectors_are_world_vectors_but_for_the_yaw(roll, pitch):
 
 
 def test_there_and_back_is_the_same_vector():
-    frame = level_frame(np.stack([rotation(0.4, -0.9, 1.0).T[:, 2], rotation(2.0, 0.3, 0.0).T[:, 2]]) * -1.0)
-    vector = tuple(RNG.normal(size=(2, 4)) for _ in range(3))
+    frame = level_frame(np.stack([rotation(0.4, -0.9, 1.0).T[:, 2], rotation(2.0, 0.3, 0.0).T[:, 2]], axis=-1) * -1.0)
+    vector = tuple(RNG.normal(size=(4, 2)) for _ in range(3))
     for there, here in zip(frame.to_body(frame.to_level(vector)), vector, strict=True):
         np.testing.assert_allclose(there, here, atol=1e-12)
 

@@ -60,6 +60,7 @@ OFF = {
     "servo_lead": 0.0,
     "brace_error": 100.0,
     "slope_brace": 100.0,
+    "rough_brace": 100.0,
     "blend_time": CONTROL_PERIOD,
     "velocity_filter": 1e-3,
 }
@@ -185,7 +186,7 @@ def test_the_integral_of_a_steady_velocity_error_grows_against_it_up_to_its_limi
     slow = observation(linear_velocity=(-0.1, 0.0, 0.0))
     for _ in range(50):
         policy.act(slow)
-    assert policy._memory["correction"][0].tolist() == pytest.approx([2.0 * 0.1 * 0.5, 0.0, 0.0])
+    assert policy._memory["correction"][:, 0].tolist() == pytest.approx([2.0 * 0.1 * 0.5, 0.0, 0.0])
     for _ in range(500):
         policy.act(slow)
     assert policy._memory["correction"][0, 0] == LARGEST_CORRECTION
@@ -254,6 +255,34 @@ def test_on_a_slope_the_legs_hang_along_gravity_and_the_trunk_leans_with_it():
     assert (shift[:, 0] < -0.05).all()
 
 
+def on_a_stone(height):
+    """Reading of a level trunk one of whose feet stands that much higher than the others, m."""
+    x, y = HIP_POSITIONS[:, 0], HIP_POSITIONS[:, 1] + 0.1 * SIDE
+    z = -0.35 + height * np.array([1.0, 0.0, 0.0, 0.0])
+    return observation(joint_position=joint_angles(np.stack([x, y, z], axis=-1) - HIP_POSITIONS).ravel() - HOME_POSE)
+
+
+def test_on_ground_too_rough_to_walk_on_it_stands_still_on_all_feet_and_remembers():
+    bare = dataclasses.replace(BARE, hold_width=0.56, hold_length=0.6, hold_height=0.34)
+    policy = TrotFeedback(dataclasses.replace(bare, rough_brace=0.02))
+    for _ in range(200):
+        policy.act(on_a_stone(0.2))
+    phase = policy.phase[0]
+    for _ in range(100):
+        action = policy.act(on_slope(0.0, 0.0))
+    assert policy.phase[0] == phase
+    assert not policy._memory["wanted"].any()
+    # The slope that the stone seemed to be is forgotten by now.
+    np.testing.assert_allclose(np.abs(feet(action)), np.tile([0.3, 0.28, 0.34], (4, 1)), atol=2e-3)
+
+
+def test_even_ground_is_walked_on():
+    policy = TrotFeedback(dataclasses.replace(BARE, rough_brace=0.02))
+    for _ in range(200):
+        policy.act(on_a_stone(0.02))
+    assert policy._memory["brace"].item() == 0.0
+
+
 def test_steep_ground_and_rough_ground_slow_the_robot_down():
     policy = TrotFeedback(dataclasses.replace(BARE, slope_caution=2.0, plane_filter=0.05))
     row = on_slope(0.3, 0.0)
@@ -315,7 +344,9 @@ def test_on_flat_ground_it_follows_commands_without_falling_and_without_a_steady
     assert measures.yaw_rate_error.mean() <= 0.15
 
 
-@pytest.mark.parametrize(("axis", "severity", "most"), [("push", 60.0, 0.4), ("slope", 25.0, 0.2), ("rough", 0.2, 0.3)])
+@pytest.mark.parametrize(
+    ("axis", "severity", "most"), [("push", 80.0, 0.4), ("slope", 25.0, 0.2), ("rough", 0.2, 0.3), ("rough", 0.4, 0.4)]
+)
 def test_it_mostly_keeps_its_feet_where_the_trot_falls(axis, severity, most):
     assert walk(axis, severity, 16).fell.mean() <= most
 
