@@ -197,7 +197,7 @@ LIMITS: dict[str, tuple[float, float]] = {
 """Bounds of `FeedbackParameters` by field name, far beyond any use: within them every action is a finite number."""
 
 SEARCH_RANGES: dict[str, tuple[float, float]] = {
-    "frequency": (3.0, 7.0),
+    "frequency": (3.0, 9.0),
     "duty": (0.4, 0.65),
     "body_height": (0.22, 0.36),
     "step_height": (0.03, 0.14),
@@ -217,7 +217,7 @@ SEARCH_RANGES: dict[str, tuple[float, float]] = {
     "integral_gain": (0.0, 4.0),
     "yaw_integral_gain": (0.0, 6.0),
     "stance_yield": (0.0, 1.0),
-    "stance_push": (0.0, 0.08),
+    "stance_push": (0.0, 0.15),
     "yaw_push": (0.0, 0.1),
     "velocity_filter": (0.005, 0.2),
     "raibert_gain": (0.0, 0.2),

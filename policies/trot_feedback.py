@@ -32,6 +32,8 @@ BRACE_TIME = 0.03
 """From the trot to all feet down, s."""
 BRACE_RANGE = 0.4
 """Excess speed from the beginning of bracing to all feet down, m/s."""
+CALMING_TIME = 0.6
+"""From the end of an excess speed until what the feet feel is the ground again, s."""
 STEEP_RANGE = 0.1
 """The same of the ground's slope."""
 ROUGH_RANGE = 0.005
@@ -72,6 +74,7 @@ class TrotFeedback(GaitedPolicy):
                 "error_y": one,
                 "brace": one,
                 "hold": one,
+                "upset": one,
                 "swinging": legs,
                 "foot_x": ahead,
                 "foot_y": aside,
@@ -100,10 +103,12 @@ class TrotFeedback(GaitedPolicy):
         wanted = self._follow(columns[OBSERVATION["command"]])
         error = np.stack((*senses.velocity[:2], senses.yaw_rate)) - wanted
         errors = (error[0], error[1], error[2])
-        brace = self._brace(senses.velocity, wanted)
+        excess = length(*senses.velocity[:2]) - length(wanted[0], wanted[1]) - self.parameters.brace_error
+        brace = self._brace(excess)
+        calm = (self._memory["upset"] == 0.0) & ((brace == 0.0) | (self._memory["hold"] > 0.0))
         self._pace(errors, brace)
         cycle = self._gait.places((self._phase + self._offsets) % TURN)
-        self.ground.feel(senses, (~cycle.swing & (cycle.progress > SETTLED)) | (brace > BRACED_LOAD))
+        self.ground.feel(senses, (~cycle.swing & (cycle.progress > SETTLED)) | (brace > BRACED_LOAD), calm)
         gait = self._asked(wanted, error)
         self._step(senses.frame, cycle, gait, errors, brace)
         feet = self._planted(senses, cycle, errors, brace)
@@ -120,13 +125,14 @@ class TrotFeedback(GaitedPolicy):
         memory["wanted"] = memory["wanted"] + np.clip(goal - memory["wanted"], -reach, reach)
         return memory["wanted"]
 
-    def _brace(self, velocity: Vector, wanted: Floats) -> Floats:
-        """How far all feet are down, 0 … 1: quickly on and slowly off; (n,)."""
+    def _brace(self, excess: Floats) -> Floats:
+        """How far all feet are down, 0 … 1, by the excess speed: quickly on and slowly off; (n,)."""
         p, memory = self.parameters, self._memory
-        excess = length(*velocity[:2]) - length(wanted[0], wanted[1]) - p.brace_error
         steep = np.clip((self.ground.steepness - p.slope_brace) / STEEP_RANGE, 0.0, 1.0)
         rough = np.clip((self.ground.worst_roughness - p.rough_brace) / ROUGH_RANGE, 0.0, 1.0)
-        memory["hold"] = rough * (1.0 - steep)
+        upset = np.maximum(memory["upset"] - CONTROL_PERIOD / CALMING_TIME, 0.0)
+        memory["upset"] = np.where(excess > 0.0, 1.0, upset)
+        memory["hold"] = rough * (1.0 - steep) * (1.0 - memory["upset"])
         due = np.maximum(np.clip(excess / BRACE_RANGE, 0.0, 1.0), np.maximum(steep, rough))
         change = np.clip(due - memory["brace"], -CONTROL_PERIOD / p.brace_release, CONTROL_PERIOD / BRACE_TIME)
         memory["brace"] = memory["brace"] + change

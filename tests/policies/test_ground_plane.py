@@ -10,6 +10,7 @@ from policies.level_frame import level_frame
 from policies.senses import Senses
 
 FEET_X, FEET_Y = np.array([[0.3, 0.2, -0.2, -0.3]]).T, np.array([[0.2, -0.3, 0.3, -0.2]]).T
+CALM = np.ones(1, bool)
 
 
 def number(value):
@@ -69,7 +70,7 @@ def feet_on(forward, lateral, twist=0.0):
 def felt(senses, seconds=1.0, plane_filter=0.1):
     ground = GroundSense(plane_filter)
     for _ in range(round(seconds / CONTROL_PERIOD)):
-        ground.feel(senses, np.ones((4, 1), bool))
+        ground.feel(senses, np.ones((4, 1), bool), CALM)
     return ground
 
 
@@ -94,5 +95,5 @@ def test_rough_ground_is_learnt_sooner_than_forgotten():
     ground = felt(feet_on(0.0, 0.0, twist=0.1), seconds=0.3)
     learnt = ground.roughness.item()
     for _ in range(30):
-        ground.feel(feet_on(0.0, 0.0), np.ones((4, 1), bool))
+        ground.feel(feet_on(0.0, 0.0), np.ones((4, 1), bool), CALM)
     assert 0.8 * learnt < ground.roughness.item() < learnt
