@@ -2,7 +2,8 @@
 
 The feet are planned in the level frame (see `policies.level_frame`). A standing foot passes under the trunk at the
 velocity wanted there; a swinging one goes to a foothold that moves with the velocity error until it lands. A robot that
-is far too fast for any foothold puts all feet down, wide and low, and slides to rest: it braces.
+is far too fast for any foothold puts all feet down, wide and low, and slides to rest: it braces. On ground too steep or
+too rough to walk on it stands still.
 """
 
 import numpy as np

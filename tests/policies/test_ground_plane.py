@@ -91,6 +91,23 @@ def test_even_ground_is_not_rough_and_twisted_ground_is_by_what_is_beyond_even()
     assert felt(feet_on(0.0, 0.0, twist=5.0)).roughness.item() <= LARGEST_ROUGHNESS
 
 
+def test_what_a_tumbling_robot_feels_is_not_taken_for_rough_ground():
+    ground = GroundSense(0.1)
+    for _ in range(100):
+        ground.feel(feet_on(0.0, 0.0, twist=0.1), np.ones((4, 1), bool), ~CALM)
+    assert ground.roughness.item() == ground.worst_roughness.item() == 0.0
+
+
+def test_the_roughest_ground_is_remembered_longest():
+    ground = felt(feet_on(0.0, 0.0, twist=0.1), seconds=2.0)
+    learnt = ground.worst_roughness.item()
+    assert learnt == ground.roughness.item()
+    for _ in range(300):
+        ground.feel(feet_on(0.0, 0.0), np.ones((4, 1), bool), CALM)
+    assert ground.roughness.item() < 0.3 * learnt
+    assert ground.worst_roughness.item() > 0.8 * learnt
+
+
 def test_rough_ground_is_learnt_sooner_than_forgotten():
     ground = felt(feet_on(0.0, 0.0, twist=0.1), seconds=0.3)
     learnt = ground.roughness.item()
