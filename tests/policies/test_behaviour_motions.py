@@ -3,13 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evaluate.jump import jumped
+from evaluate.jump import report as jump_report
 from evaluate.recovery import recover, report
-from policies.behaviour import Behaviour, State
+from policies.behaviour import Behaviour
 from policies.behaviour.jump import JUMP, Jump
 from policies.behaviour.recovery import Phase, Recovery, key_poses, searched_parameters
 from quad_env import SCENARIOS, AnyPose
-from quad_env.columns import of_robots
-from quad_env.robot import HOME_HEIGHT, HOME_POSE, TORQUE_LIMIT
+from quad_env.robot import HOME_POSE, TORQUE_LIMIT
 from quad_env.seeding import episode_seeds
 from quad_env.vector_env import SimpleQuadVectorEnv
 from train.tune_recovery import bounds, decoded, encoded
@@ -17,36 +18,26 @@ from train.tune_recovery import bounds, decoded, encoded
 FALLEN = replace(SCENARIOS["flat"], start=AnyPose())
 
 
-def jump(keyframes=JUMP, count=16, steps=350):
-    """Rises, m, largest torque, N·m, and states after jumps from standing on flat ground."""
-    env = SimpleQuadVectorEnv(count, nthread=1, autoreset_mode="DISABLED", terminate_on_fall=False)
+def jump(keyframes=JUMP, count=16):
+    """Outcome and policy of jumps through those keyframes."""
     policy = Behaviour(follow=False)
     policy._motions = tuple((s, Jump(keyframes) if isinstance(m, Jump) else m) for s, m in policy._motions)
-    observation, _ = env.reset(seed=episode_seeds("search", 9, count).tolist(), options={"command": (0, 0, 0)})
-    policy.reset(count)
-    peak, torque = np.zeros(count), 0.0
-    for step in range(steps):
-        if step == 80:
-            policy.request("jump")
-        observation, *_ = env.step(policy.act(observation))
-        state = env.simulation.state(of_robots(np.zeros((count, 3))))
-        peak = np.maximum(peak, np.asarray(state.height))
-        torque = max(torque, np.abs(state.joint_torque).max())
-    env.close()
-    return peak - HOME_HEIGHT, torque, policy
+    return jumped(policy, episode_seeds("search", 9, count)), policy
 
 
 def test_jump_rises_and_lands_standing():
-    rise, torque, policy = jump()
-    assert rise.min() >= 0.15
-    assert torque <= TORQUE_LIMIT
-    assert policy.state.tolist() == [State.STAND] * 16
+    outcome, policy = jump()
+    assert outcome.rise.min() >= 0.15
+    assert outcome.peak_torque <= TORQUE_LIMIT
+    assert outcome.stands.all()
     assert {change.reason for change in policy.machine.changes()} == {"jump requested", "landed"}
+    assert "landed standing: 16 of 16" in jump_report(outcome)
 
 
 def test_a_jump_without_a_thrust_does_not_rise():
-    rise, _, _ = jump((JUMP[0], JUMP[3]), count=2, steps=250)
-    assert rise.max() < 0.05
+    outcome, _ = jump((JUMP[0], JUMP[3]), count=2)
+    assert outcome.rise.max() < 0.05
+    assert "landed standing: 0 of 2" in jump_report(outcome)
 
 
 def test_nearly_every_robot_gets_up_from_any_pose():
