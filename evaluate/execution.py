@@ -56,7 +56,7 @@ def _simulate(plan: Plan, store: Store) -> tuple[list[Cell], bool]:
                 progress,
                 _at_once(plan),
                 store,
-                _trace(plan),
+                _trace(plan, store),
                 plan.manifest.steps,
                 side_by_side(plan.options.threads),
                 plan.manifest.hardware,
@@ -67,11 +67,10 @@ def _simulate(plan: Plan, store: Store) -> tuple[list[Cell], bool]:
             raise
         interrupted = True
     except WorkerLost as error:
-        raise UsageError(f"{error}; what was done is kept, go on with: {_go_on(store.folder)}") from error
+        raise UsageError(f"{error}; {_then(store)}") from error
     except OSError as error:
-        raise UsageError(
-            f"cannot write to {store.folder} ({error.strerror or error}); make room, then go on: {_go_on(store.folder)}"
-        ) from error
+        reason = error.strerror or error
+        raise UsageError(f"cannot write to {store.folder} ({reason}); make room, then {_then(store)}") from error
     policies, scenarios = names
     done.sort(key=lambda cell: (scenarios.index(cell.scenario.name), policies.index(cell.policy)))
     return done, interrupted
@@ -83,19 +82,28 @@ def _at_once(plan: Plan) -> int:
     return min(plan.options.at_once, -(-total // plan.options.threads))
 
 
-def _trace(plan: Plan) -> Trace | None:
-    """What writes the traces, if any are asked for; those of an earlier run are removed."""
+def _trace(plan: Plan, store: Store) -> Trace | None:
+    """What writes the traces, if any are asked for; those of parts that are not kept are removed."""
     if plan.options.trace == "none":
         return None
     folder = plan.options.out / trace.FOLDER
-    if not plan.options.resume:
-        for path in folder.glob("*.parquet"):
-            path.unlink()
+    kept = {
+        trace.name_of(entrant.label, scenario.name, int(part.numbers[0]))
+        for entrant in plan.entrants
+        for scenario in plan.scenarios
+        for part in store.kept(entrant.label, scenario)
+    }
+    trace.keep_only(folder, kept)
     return trace.writer(folder, plan.options.trace)
 
 
 def _say_what_is_kept(what: str, out: Path) -> None:
     print(f"interrupted: {what} to {out}; go on with: {_go_on(out)}", file=sys.stderr)
+
+
+def _then(store: Store) -> str:
+    """What a user may do after a failure."""
+    return f"go on: {_go_on(store.folder)}" if store.begun else "begin again, for nothing was done yet"
 
 
 def _go_on(out: Path) -> str:

@@ -11,7 +11,6 @@ from evaluate.episodes import INFOS, OF_POLICY, READINGS, Episodes, blank, weigh
 from evaluate.hardware import IDEAL, Hardware
 from policies.base import Policy
 from quad_env.conditions import Scenario
-from quad_env.robot import TORQUE_LIMIT
 
 if TYPE_CHECKING:
     from quad_env.vector_env import SimpleQuadVectorEnv
@@ -115,7 +114,7 @@ class _Recorder:
             divergence_step=self.divergence_step,
             after_falls=not env.terminate_on_fall,
             weight=weight_in(env.scenario),
-            torque_limit=TORQUE_LIMIT if env.scenario.motors is None else env.scenario.motors.torque_limit,
+            torque_limit=float(env.simulation.model.actuator_forcerange.max()),
             dt=env.dt,
             command_steps=round(env.scenario.commands.interval / env.dt),
         )

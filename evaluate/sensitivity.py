@@ -15,8 +15,8 @@ from evaluate.format import NO_BREAK, signed
 from evaluate.measures.metrics import Measures
 from evaluate.statistics.intervals import Interval, difference_interval, share_difference_interval
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
-from quad_env.axes import AXES
-from quad_env.scenarios import SCENARIOS
+from quad_env.axes import AXES, Axis
+from quad_env.scenarios import SCENARIOS, Scenario
 
 CALM = "flat"
 """The undisturbed scenario."""
@@ -25,7 +25,7 @@ FALLEN = "falls without it"
 LEAD = (
     "What the hardest level of each axis in this run adds to the falls, in percentage points of the episodes, and to "
     "the velocity error of the same episodes undisturbed. In brackets: not significantly worse, p-values corrected by "
-    "Holm's method over all axes."
+    "Holm's method over both figures of all axes of a policy."
 )
 
 
@@ -55,10 +55,19 @@ class Sensitivity:
     """Paired sign flips, corrected likewise."""
 
     @property
+    def more_falls(self) -> bool:
+        """Whether the policy falls significantly more often for it."""
+        return self.falls > 0.0 and self.falls_p_value < SIGNIFICANT
+
+    @property
+    def more_error(self) -> bool:
+        """Whether it tracks significantly worse for it."""
+        return self.velocity_error > 0.0 and self.velocity_error_p_value < SIGNIFICANT
+
+    @property
     def matters(self) -> bool:
         """Whether the policy does significantly worse for it, in falls or in tracking."""
-        falls = self.falls > 0.0 and self.falls_p_value < SIGNIFICANT
-        return falls or (self.velocity_error > 0.0 and self.velocity_error_p_value < SIGNIFICANT)
+        return self.more_falls or self.more_error
 
 
 def sensitivities(cells: Sequence[Cell]) -> list[Sensitivity]:
@@ -79,12 +88,17 @@ def _of_policy(cells: Sequence[Cell]) -> list[Sensitivity]:
 
 
 def _hardest(cells: Sequence[Cell]) -> Iterator[Cell]:
-    """The cell of the hardest severity of each axis but the undisturbed one."""
+    """The cell of the hardest severity of each axis but the undisturbed one; no scenario of a user's counts, whose
+    commands and starts may be others."""
     for axis in AXES.values():
-        of_axis = [cell for cell in cells if cell.scenario.axis == axis.name != CALM]
+        of_axis = [cell for cell in cells if axis.name != CALM and _is_of(axis, cell.scenario)]
         if of_axis:
             falling = axis.levels[0] > axis.levels[-1]
             yield max(of_axis, key=lambda cell: -cell.scenario.severity if falling else cell.scenario.severity)
+
+
+def _is_of(axis: Axis, scenario: Scenario) -> bool:
+    return scenario.axis == axis.name and scenario == axis.scenario(scenario.severity, scenario.name)
 
 
 def _sensitivity(cell: Cell, calm: Cell) -> Sensitivity:
@@ -118,11 +132,13 @@ def _same(a: Cell, b: Cell) -> bool:
 
 
 def words(found: Sensitivity) -> str:
-    """`+12 points, +0.31 m/s`: falls, if they differ, and velocity error; in brackets where neither is significant."""
+    """`+12 points, +0.31 m/s`: falls, if they differ, and velocity error; in brackets what is not significant."""
     if found.undisturbed_fall_rate == 1.0:
         return FALLEN
     if not found.felt:
         return UNFELT
-    falls = f"{signed(100.0 * found.falls, 0)}{NO_BREAK}points, " if found.falls else ""
-    text = f"{falls}{signed(found.velocity_error, 2)}{NO_BREAK}m/s"
-    return text if found.matters else f"({text})"
+    falls = f"{signed(100.0 * found.falls, 0)}{NO_BREAK}points"
+    error = f"{signed(found.velocity_error, 2)}{NO_BREAK}m/s"
+    figures = ((falls, found.more_falls), (error, found.more_error))
+    shown = figures if found.falls else figures[1:]
+    return ", ".join(figure if worse else f"({figure})" for figure, worse in shown)

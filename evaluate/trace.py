@@ -6,6 +6,7 @@ neighbours share most bytes, which is what the compression lives on.
 
 import io
 import json
+from collections.abc import Container
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -51,8 +52,19 @@ def writer(folder: Path, kind: Kind) -> Trace:
 
 
 def _write_part(folder: Path, kind: Kind, policy: str, scenario: Scenario, first: int, episodes: Episodes) -> None:
-    name = f"{quote(policy, safe='')}--{quote(scenario.name, safe='')}--{first:07d}.parquet"
-    write(episodes, Header(policy, scenario.name, first, kind), folder / name)
+    write(episodes, Header(policy, scenario.name, first, kind), folder / name_of(policy, scenario.name, first))
+
+
+def name_of(policy: str, scenario: str, first: int) -> str:
+    """Of the file of a part of a cell whose first episode has that number."""
+    return f"{quote(policy, safe='')}--{quote(scenario, safe='')}--{first:07d}.parquet"
+
+
+def keep_only(folder: Path, names: Container[str]) -> None:
+    """Remove every other trace, and what a killed process left half written."""
+    for path in (*folder.glob("*.parquet"), *folder.glob(".*.parquet.*")):
+        if path.name not in names:
+            path.unlink()
 
 
 def write(episodes: Episodes, header: Header, path: Path) -> None:

@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import connection
 from typing import Any
@@ -17,14 +17,18 @@ LOOK_EVERY = 0.1
 """s between two looks at what the workers report."""
 WORTHWHILE = 100_000
 """Control steps, of all robots together, below which the workers' start takes longer than they save."""
-ONE_THREAD = "OPENBLAS_NUM_THREADS"
-"""Environment variable: a worker's matrices are small, and the other cores have workers of their own."""
+SETTINGS = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONWARNINGS": ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"))),
+}
+"""Environment variables of the workers: their matrices are small, and the other cores have workers of their own;
+semaphores that a killed evaluation leaves are removed without a word."""
 _reports: Any = None
 _stop: Any = None
 
 
 class WorkerLost(RuntimeError):
-    """A worker process has died."""
+    """A worker process has died, or could not be begun."""
 
 
 class _Stopped(Exception):
@@ -43,11 +47,10 @@ def side_by_side(count: int) -> Crew:
             return
         context = multiprocessing.get_context("spawn")
         with _for_workers():
-            reports, stop = context.SimpleQueue(), context.Event()
+            reports, stop = context.SimpleQueue(), context.RawValue("b", 0)  # no lock that a killed worker could hold
             pool = ProcessPoolExecutor(min(count, len(jobs)), context, _begin, (reports, stop))
         try:
-            with _for_workers():
-                places = {pool.submit(_work, place, job): place for place, job in enumerate(jobs)}
+            places = _begun(pool, jobs)
             waiting = set(places)
             while waiting:
                 done, waiting = wait(waiting, LOOK_EVERY, FIRST_COMPLETED)
@@ -58,25 +61,35 @@ def side_by_side(count: int) -> Crew:
         except BrokenProcessPool:
             raise WorkerLost("a worker process was killed, for want of memory perhaps") from None
         finally:
-            stop.set()
+            stop.value = 1
             pool.shutdown(cancel_futures=True)
 
     return crew
 
 
+def _begun(pool: ProcessPoolExecutor, jobs: Sequence[Job]) -> "dict[Future[Part], int]":
+    """Each job under way -> its place."""
+    try:
+        with _for_workers():
+            return {pool.submit(_work, place, job): place for place, job in enumerate(jobs)}
+    except OSError as error:
+        raise WorkerLost(f"a worker process cannot be started ({error.strerror or error})") from error
+
+
 @contextlib.contextmanager
 def _for_workers() -> Iterator[None]:
-    """Processes begun now have one thread for matrices and never hear Ctrl-C, which is for the one that began them."""
-    before = os.environ.get(ONE_THREAD)
-    os.environ[ONE_THREAD] = "1"
+    """Processes begun now have these SETTINGS and never hear Ctrl-C, which is for the one that began them."""
+    before = {name: os.environ.get(name) for name in SETTINGS}
+    os.environ.update(SETTINGS)
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
     try:
         yield
     finally:
-        if before is None:
-            del os.environ[ONE_THREAD]
-        else:
-            os.environ[ONE_THREAD] = before
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
         if blocked is not None:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
@@ -98,7 +111,7 @@ def _leave_with_parent() -> None:
 
 def _work(place: int, job: Job) -> Part:
     def tell(share: float) -> None:
-        if _stop.is_set():
+        if _stop.value:
             raise _Stopped
         _reports.put((place, share))
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate import manifest, rollout, store
+from evaluate import manifest, rollout, store, trace
 from evaluate.__main__ import main
 from evaluate.episode_table import read_table, write_parquet, write_table
 from evaluate.experiment import Bench, Cell, Entrant, Part, evaluation_seeds, run_cell
@@ -366,3 +366,46 @@ def test_64_and_1024_side_by_side_give_the_same_episodes(monkeypatch, tmp_path) 
         write_parquet([cell], tmp_path / name)
     assert (tmp_path / "together").read_bytes() == (tmp_path / "apart").read_bytes()
     assert 0 < apart.measures.fell.sum() < 128
+
+
+def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
+    """A worker writes a trace before its part is kept; another number of processes cuts the cells differently."""
+    traced = (*RUN, "--trace", "compact", "--no-film", "--out", tmp_path)
+    assert evaluate(*traced)[0] == 0
+    names = {path.name for path in (tmp_path / "traces").iterdir()}
+    run = store.read_run(tmp_path)
+    store.Store(tmp_path, run.manifest).keep(Part(np.arange(5), run.cells[0]))
+    for name in OUTCOME[:3]:
+        (tmp_path / name).unlink()
+    whole_trace = tmp_path / "traces" / trace.name_of("trot", "push:4", 0)
+    (tmp_path / "traces" / trace.name_of("trot", "push:4", 3)).write_bytes(whole_trace.read_bytes())
+    (tmp_path / "traces" / f".{whole_trace.name}.abcdefgh").write_bytes(b"half")
+    assert evaluate("--resume", "--threads", "1", "--out", tmp_path)[0] == 0
+    assert {path.name for path in (tmp_path / "traces").iterdir()} == names
+    assert evaluate("rescore", tmp_path)[0] == 0
+
+
+@pytest.mark.parametrize("begun", [True, False])
+def test_a_full_disk_says_what_may_be_done_then(tmp_path, monkeypatch, begun) -> None:
+    write_table_there = store.write_table
+
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    def once(*arguments):
+        monkeypatch.setattr(store, "write_table", full)
+        write_table_there(*arguments)
+
+    monkeypatch.setattr(store, "write_table", once)
+    if not begun:
+        monkeypatch.setattr(manifest.Manifest, "write", full)
+    code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
+    assert code == 2
+    line = error.splitlines()[-1]
+    assert "(No space left on device); make room, then " in line
+    assert line.endswith(f"--resume --out {tmp_path}" if begun else "begin again, for nothing was done yet")
+    monkeypatch.undo()
+    if begun:
+        monkeypatch.setattr(rollout, "STEPS", STEPS)
+        monkeypatch.setattr("evaluate.ending.write_report", a_page)
+        assert evaluate("--resume", "--out", tmp_path)[0] == 0

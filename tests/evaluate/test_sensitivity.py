@@ -11,7 +11,7 @@ from evaluate.experiment import Bench, Entrant, cells, evaluation_seeds
 from evaluate.report.sensitivity_section import sensitivity as section
 from evaluate.results import analyse
 from evaluate.sensitivity import FALLEN, UNFELT, sensitivities, words
-from quad_env import AXES
+from quad_env import AXES, CommandRanges
 
 COUNT = 40
 ERRORS = 0.1 + 0.001 * np.arange(COUNT)
@@ -56,7 +56,10 @@ def test_what_helps_or_is_chance_does_not_matter(run) -> None:
     assert better.falls_p_value < 0.001
     assert not better.matters
     assert not chance.matters
-    assert words(chance).replace("\u00a0", " ") == "(+2 points, +0.00 m/s)"
+    assert words(chance).replace("\u00a0", " ") == "(+2 points), (+0.00 m/s)"
+    (both,) = sensitivities(run(flat=(0, 0.0), push=(2, 0.1)))
+    assert words(both).replace("\u00a0", " ") == "(+5 points), +0.10 m/s"
+    assert both.matters
     (slower,) = sensitivities(run(flat=(0, 0.0), slippery=(0, 0.1)))
     assert words(slower).replace("\u00a0", " ") == "+0.10 m/s"
 
@@ -87,6 +90,14 @@ def test_nothing_is_said_without_the_undisturbed_episodes_or_of_others(run) -> N
     calm, pushed = run(flat=(0, 0.0), push=(1, 0.1))
     with pytest.raises(ValueError, match="different episodes"):
         sensitivities([calm, dataclasses.replace(pushed, seeds=pushed.seeds + 1)])
+
+
+def test_a_scenario_of_a_users_own_is_no_level_of_an_axis(run) -> None:
+    """Its commands may be others, so its episodes are no pairs of the undisturbed ones."""
+    calm, pushed = run(flat=(0, 0.0), push=(9, 0.1))
+    mine = dataclasses.replace(pushed.scenario, name="mine", severity=999.0, commands=CommandRanges(forward=(1.4, 1.5)))
+    (found,) = sensitivities([calm, pushed, dataclasses.replace(pushed, scenario=mine)])
+    assert found.scenario == "push"
 
 
 def test_an_open_loop_gait_cannot_feel_noise_and_a_learned_correction_can() -> None:

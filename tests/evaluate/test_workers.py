@@ -89,7 +89,7 @@ def test_little_work_is_done_here(monkeypatch) -> None:
     assert len(list(workers.side_by_side(2)(jobs(*entrants("stand")), lambda *_: None))) == 2
 
 
-def test_a_lost_worker_is_one_line_and_the_rest_goes_on(tmp_path, monkeypatch, capsys) -> None:
+def test_a_lost_worker_is_one_line(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr("evaluate.rollout.STEPS", STEPS)
     run = ["--policies", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "4", "--no-film"]
     resolve = policies.resolve
@@ -97,7 +97,24 @@ def test_a_lost_worker_is_one_line_and_the_rest_goes_on(tmp_path, monkeypatch, c
     assert main([*run, "--threads", "2", "--out", str(tmp_path)]) == 2
     error = capsys.readouterr().err.splitlines()[-1]
     assert error.startswith("error: a worker process was killed")
-    assert error.endswith(f"--resume --out {tmp_path}")
+    assert error.endswith(f"--resume --out {tmp_path}" if (tmp_path / "parts").exists() else "nothing was done yet")
+
+
+def test_a_worker_that_cannot_be_begun_is_said_so(monkeypatch) -> None:
+    def full(*_args):
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(workers.ProcessPoolExecutor, "submit", full)
+    with pytest.raises(workers.WorkerLost, match="cannot be started \\(Resource temporarily unavailable"):
+        list(workers.side_by_side(2)(jobs(*entrants("stand")), lambda *_: None))
+
+
+def test_the_environment_is_as_it_was_after_workers_began(monkeypatch) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    monkeypatch.delenv("PYTHONWARNINGS", raising=False)
+    list(workers.side_by_side(2)(jobs(*entrants("stand")), lambda *_: None))
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
+    assert "PYTHONWARNINGS" not in os.environ
 
 
 def test_an_evaluation_with_more_processes_than_cells_writes_the_same_episodes(tmp_path, monkeypatch) -> None:
