@@ -1,8 +1,10 @@
 """Getting up from any pose: a sequence of key poses, chosen by which way gravity points.
 
-Lying, the robot waits until it lies still, gathers its legs, and rolls over the side that is lower by swinging them all
-at once. Upright again it lands on bent legs, tucks them under its hips and stands up. Whenever it is lost on the way it
-begins again. The poses, times and thresholds are the outcome of a search, `python -m train.tune_recovery`.
+Lying, the robot gathers its legs and waits so until it lies on its back, since a kick from the side seldom succeeds; if
+it comes to rest on its side it rocks: it gathers the legs as if the other side were the lower. From its back it rolls
+over the lower side by swinging all legs at once, and lands on bent legs. Upright it tucks them under its hips and
+stands up. Whenever it is lost on the way it begins again, after a kick that failed over the other side. The poses,
+times and thresholds of the file are the outcome of a search, `python -m train.tune_recovery`.
 """
 
 import json
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Floats, PolicyError
+from policies.behaviour.conditions import POSE_TOLERANCE
 from policies.behaviour.motion import Mask, Motion, approach
 from quad_env import OBSERVATION
 from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, SIDE
@@ -30,10 +33,12 @@ class Phase(IntEnum):
     SETTLE = 0
     """Joints damped."""
     GATHER = 1
-    KICK = 2
-    LAND = 3
-    TUCK = 4
-    STAND = 5
+    ROCK = 2
+    """Still gathered, neither on its back nor upright, or after a kick that failed."""
+    KICK = 3
+    LAND = 4
+    TUCK = 5
+    STAND = 6
 
 
 Legs = tuple[float, float, float, float, float, float]
@@ -92,15 +97,22 @@ def searched_parameters() -> RecoveryParameters:
         ) from None
 
 
-SETTLE_TIME = 0.3
-"""Longest wait for a fallen robot to lie still, s."""
-SETTLE_MINIMUM = 0.05
+SETTLE_TIME, SETTLE_MINIMUM = 0.1, 0.05
+"""Longest and shortest wait for a fallen robot to lie still, s."""
 SETTLED_TURNING = 2.5
 """Turning speed below which it lies still, rad/s."""
+ROCK_BLEND, ROCK_TIME = 0.05, 0.3
+"""s"""
+FLAT = -0.95
+"""Cosine of the tilt beyond which it lies on its back."""
 KICK_BLEND = 0.01
 """A kick is as fast as the servos are, s."""
 STRANDED_AFTER, STRANDED_TURNING = 0.4, 0.5
 """A kicked robot that turns no faster than that, rad/s, after that time, s, has not got over."""
+STAND_TIME = 0.75
+"""A robot whose legs are not in the home pose after that time tucks them again, or begins again if it leans, s."""
+LEVEL = 0.9
+"""Cosine of the tilt up to which it does not lean."""
 
 
 class Recovery(Motion):
@@ -110,8 +122,12 @@ class Recovery(Motion):
         self._p = parameters if parameters is not None else searched_parameters()
         p = self._p
         self._poses = key_poses(p)
-        self._blends = np.array([0.0, p.gather_blend, KICK_BLEND, p.land_blend, p.tuck_blend, p.stand_blend])
-        self._times = np.array([SETTLE_TIME, p.gather_time, p.kick_time, p.land_time, p.tuck_time, np.inf])
+        self._blends = np.array(
+            [0.0, p.gather_blend, ROCK_BLEND, KICK_BLEND, p.land_blend, p.tuck_blend, p.stand_blend]
+        )
+        self._times = np.array(
+            [SETTLE_TIME, p.gather_time, ROCK_TIME, p.kick_time, p.land_time, p.tuck_time, STAND_TIME]
+        )
 
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
@@ -149,28 +165,33 @@ class Recovery(Motion):
         up = -gravity[:, 2]
         turning = np.abs(observation[:, OBSERVATION["angular_velocity"]]).max(axis=1)
         over = time >= self._times[phase]
-        settling, kicking = phase == Phase.SETTLE, phase == Phase.KICK
-        settled = settling & (over | ((turning < SETTLED_TURNING) & (time >= SETTLE_MINIMUM)))
-        self._left_lower[rows] = np.where(settled, gravity[:, 1] >= 0.0, self._left_lower[rows])
-        kicked = kicking & (time > p.kick_minimum)
+        settled = (phase == Phase.SETTLE) & (over | ((turning < SETTLED_TURNING) & (time >= SETTLE_MINIMUM)))
+        gathered, rocked = over & (phase == Phase.GATHER), over & (phase == Phase.ROCK)
+        kicked = (phase == Phase.KICK) & (time > p.kick_minimum)
         righted = kicked & (up > p.righted) & (turning < p.caught)
         stranded = kicked & ~righted & (over | ((turning < STRANDED_TURNING) & (time > STRANDED_AFTER)))
+        misplaced = np.abs(observation[:, OBSERVATION["joint_position"]]).max(axis=1) > POSE_TOLERANCE
+        slow = over & (phase == Phase.STAND) & misplaced
+        lost = ((phase >= Phase.LAND) & (up < p.lost)) | (slow & (up < LEVEL))
+        flat, upright = up < FLAT, (settled | gathered | rocked) & (up > p.upright)
         following = phase.copy()
-        following[settled] = Phase.GATHER
-        following[settling & (up > p.upright)] = Phase.LAND
-        following[over & (phase == Phase.GATHER)] = Phase.KICK
+        following[stranded | gathered] = Phase.ROCK
+        following[gathered & flat] = Phase.KICK
         following[righted] = Phase.LAND
-        following[over & (phase == Phase.LAND)] = Phase.TUCK
         following[over & (phase == Phase.TUCK)] = Phase.STAND
-        following[stranded | ((phase >= Phase.LAND) & (up < p.lost))] = Phase.SETTLE
+        following[settled | rocked | lost] = Phase.GATHER
+        following[upright | (~lost & (slow | (over & (phase == Phase.LAND))))] = Phase.TUCK
+        mirrored = (rocked & flat) | (gathered & (following == Phase.ROCK) & (turning < STRANDED_TURNING))
+        anew, side = (following == Phase.GATHER) & (phase != Phase.GATHER), self._left_lower[rows]
+        self._left_lower[rows] = np.where(mirrored, 1 - side, np.where(anew, gravity[:, 1] >= 0.0, side))
         return following
 
 
 def key_poses(p: RecoveryParameters) -> Floats:
-    """Joint angles of each phase, SETTLE's meaningless, with the right and the left side lower, (6, 2, 12), rad."""
+    """Joint angles of each phase, SETTLE's meaningless, with the right and the left side lower, (7, 2, 12), rad."""
     home = tuple(HOME_POSE[:6])
-    lower = (home, p.gather_lower, p.kick_lower, p.land, p.tuck, home)
-    upper = (home, p.gather_upper, p.kick_upper, p.land, p.tuck, home)
+    lower = (home, p.gather_lower, p.gather_lower, p.kick_lower, p.land, p.tuck, home)
+    upper = (home, p.gather_upper, p.gather_upper, p.kick_upper, p.land, p.tuck, home)
     by_height = np.array([upper, lower]).reshape(2, len(Phase), 2, 3)  # upper or lower, phase, front or hind, joint
     poses = np.empty((len(Phase), 2, len(LEG_NAMES), 3))
     for left_lower in (0, 1):

@@ -1,3 +1,4 @@
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from evaluate.recovery import recover, report
 from policies.behaviour import Behaviour
 from policies.behaviour.jump import JUMP, Jump
 from policies.behaviour.recovery import Phase, Recovery, key_poses, searched_parameters
-from quad_env import SCENARIOS, AnyPose
+from quad_env import OBSERVATION, OBSERVATION_SIZE, SCENARIOS, AnyPose
 from quad_env.robot import HOME_POSE, TORQUE_LIMIT
 from quad_env.seeding import episode_seeds
 from quad_env.vector_env import SimpleQuadVectorEnv
@@ -52,6 +53,57 @@ def test_key_poses_of_a_robot_lying_on_its_other_side_are_mirrored():
     mirrored = poses[:, :, [1, 0, 3, 2]] * (-1.0, 1.0, 1.0)
     np.testing.assert_allclose(poses[1:, 1], mirrored[1:, 0])
     np.testing.assert_allclose(poses[Phase.STAND].reshape(2, 12), np.tile(HOME_POSE, (2, 1)))
+
+
+def lying(up, sideways=0.0, turning=0.0, joints=0.0):
+    """Observation (1, k)."""
+    row = np.zeros((1, OBSERVATION_SIZE))
+    row[:, OBSERVATION["projected_gravity"]] = (0.0, sideways, -up)
+    row[:, OBSERVATION["angular_velocity"]] = turning
+    row[:, OBSERVATION["joint_position"]] = joints
+    return row
+
+
+def phases(*scenes):
+    """Phases and targets of one robot that sees each of the scenes (observation, control steps) in turn."""
+    motion, found, targets = Recovery(), [], []
+    motion.reset(1)
+    motion.start(np.ones(1, bool), HOME_POSE[None])
+    for observation, steps in scenes:
+        for _ in range(steps):
+            targets.append(motion.targets(np.zeros(1, int), observation, HOME_POSE[None])[0])
+            found.append(Phase(motion.phase[0]))
+    return [phase for phase, _ in itertools.groupby(found)], np.array(targets)
+
+
+def test_a_kick_begins_on_the_back_only():
+    rolling = lying(up=-0.5, sideways=0.87, turning=4.0)
+    path, _ = phases((rolling, 300))
+    assert Phase.KICK not in path
+    path, _ = phases((rolling, 300), (lying(up=-1.0), 100))
+    assert Phase.KICK in path
+
+
+def test_a_robot_at_rest_on_its_side_gathers_its_legs_the_other_way_round():
+    path, targets = phases((lying(up=0.0, sideways=1.0), 65))
+    assert path == [Phase.SETTLE, Phase.GATHER, Phase.ROCK]
+    poses = key_poses(searched_parameters())[Phase.GATHER]
+    np.testing.assert_allclose(targets[36], poses[1])
+    np.testing.assert_allclose(targets[-1], poses[0])
+
+
+def test_a_failed_kick_is_repeated_over_the_other_side():
+    back = lying(up=-1.0, sideways=0.1)
+    _, targets = phases((back, 300))
+    poses = key_poses(searched_parameters())[Phase.KICK]
+    first, second = (np.flatnonzero(np.isclose(targets, pose).all(axis=1)) for pose in poses[[1, 0]])
+    assert first[0] < second[0]
+
+
+def test_legs_that_do_not_reach_the_home_pose_are_tucked_again_and_others_left_alone():
+    for joints, up, expected in ((0.4, 1.0, Phase.TUCK), (0.4, 0.6, Phase.GATHER), (0.0, 0.6, Phase.STAND)):
+        path, _ = phases((lying(up=up, joints=joints), 130))
+        assert path == [Phase.SETTLE, Phase.TUCK, Phase.STAND, expected][: 4 - (expected == Phase.STAND)]
 
 
 def test_parameters_must_be_finite():
