@@ -110,7 +110,7 @@ KICK_BLEND = 0.01
 STRANDED_AFTER, STRANDED_TURNING = 0.4, 0.5
 """A kicked robot that turns no faster than that, rad/s, after that time, s, has not got over."""
 STAND_TIME = 0.75
-"""A robot whose legs are not in the home pose after that time tucks them again, or begins again if it leans, s."""
+"""A robot that leans after that time begins again, one whose legs are not in the home pose tucks them again, s."""
 LEVEL = 0.9
 """Cosine of the tilt up to which it does not lean."""
 
@@ -171,8 +171,8 @@ class Recovery(Motion):
         righted = kicked & (up > p.righted) & (turning < p.caught)
         stranded = kicked & ~righted & (over | ((turning < STRANDED_TURNING) & (time > STRANDED_AFTER)))
         misplaced = np.abs(observation[:, OBSERVATION["joint_position"]]).max(axis=1) > POSE_TOLERANCE
-        slow = over & (phase == Phase.STAND) & misplaced
-        lost = ((phase >= Phase.LAND) & (up < p.lost)) | (slow & (up < LEVEL))
+        stood = over & (phase == Phase.STAND)
+        lost = ((phase >= Phase.LAND) & (up < p.lost)) | (stood & (up < LEVEL))
         flat, upright = up < FLAT, (settled | gathered | rocked) & (up > p.upright)
         following = phase.copy()
         following[stranded | gathered] = Phase.ROCK
@@ -180,7 +180,7 @@ class Recovery(Motion):
         following[righted] = Phase.LAND
         following[over & (phase == Phase.TUCK)] = Phase.STAND
         following[settled | rocked | lost] = Phase.GATHER
-        following[upright | (~lost & (slow | (over & (phase == Phase.LAND))))] = Phase.TUCK
+        following[upright | (~lost & ((stood & misplaced) | (over & (phase == Phase.LAND))))] = Phase.TUCK
         mirrored = (rocked & flat) | (gathered & (following == Phase.ROCK) & (turning < STRANDED_TURNING))
         anew, side = (following == Phase.GATHER) & (phase != Phase.GATHER), self._left_lower[rows]
         self._left_lower[rows] = np.where(mirrored, 1 - side, np.where(anew, gravity[:, 1] >= 0.0, side))
