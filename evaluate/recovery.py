@@ -38,7 +38,7 @@ class Options:
     """Random starts."""
     seed: int = 0
     """Of the starts."""
-    seeds: Literal["search", "validation", "evaluation"] = "search"
+    seeds: Literal["search", "validation", "evaluation"] = "evaluation"
     """Family of seeds; the keyframes were searched on "search"."""
 
 
