@@ -15,11 +15,11 @@ from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse
 from policies.base import CONTROL_PERIOD, Policy
 from policies.files import write_atomically
-from policies.safety.prediction import THRESHOLD_FILE, next_reference, velocity_error
+from policies.safety.prediction import THRESHOLD_FILE, next_recent, next_reference, surprise
 from quad_env.seeding import episode_seeds
 
-MARGIN = 0.05
-"""Between the threshold and the largest speed that undisturbed walking gave, m/s."""
+MARGIN = 0.2
+"""Between the threshold and the largest surprise that undisturbed walking gave, m/s."""
 STEPS = 1000
 AT_ONCE = 512
 """Episodes simulated side by side."""
@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
             raise UsageError("--hours must be positive, --seed not negative, and --policies name at least one")
         seeds = episode_seeds("search", options.seed * 100 + 50, max(1, round(options.hours * 360)))
         largest = max(undisturbed(policies.resolve(name), seeds) for name in options.policies)
-        values = {"velocity_error": round(largest + MARGIN, 4)}
+        values = {"surprise": round(largest + MARGIN, 4)}
         write_atomically(options.out, (json.dumps(values, indent=2) + "\n").encode())
     except (UsageError, ValueError, OSError) as error:
         return fail(str(error))
@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
-    """The largest velocity error in undisturbed walking on flat ground, m/s."""
+    """The largest surprise in undisturbed walking on flat ground, m/s."""
     return max(_undisturbed(policy, chunk) for chunk in np.array_split(seeds, -(-len(seeds) // AT_ONCE)))
 
 
@@ -66,11 +66,12 @@ def _undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
     env = SimpleQuadVectorEnv(len(seeds), "flat", nthread=1, autoreset_mode="DISABLED", max_episode_steps=STEPS)
     observation, _ = env.reset(seed=seeds.tolist())
     policy.reset(len(seeds), seed=0)
-    reference, largest = np.zeros((len(seeds), 2)), 0.0
+    reference, recent, largest = np.zeros((len(seeds), 2)), np.zeros((len(seeds), 2)), 0.0
     for _ in range(STEPS):
         observation, *_ = env.step(policy.act(observation))
         reference = next_reference(reference, observation)
-        largest = max(largest, float(velocity_error(observation, reference).max()))
+        largest = max(largest, float(surprise(observation, reference, recent).max()))
+        recent = next_recent(recent, observation)
     env.close()
     return largest
 

@@ -1,9 +1,9 @@
-"""Falls seen before they happen: a robot that moves far off its commands is about to fall unless its feet follow.
+"""Falls seen before they happen: a robot whose motion changes far off its commands falls unless its feet follow.
 
-By how far is measured against the command as a walking robot follows it, lagged. The speed off it is, but for the time
-constant of a robot that tips over its feet, the distance of its capture point from where its gait steps. On pushed
-episodes this warned earlier than a logistic regression of falls on tilt, turning, extrapolated tilt and this speed, and
-what it warned of in time was averted twice as often.
+How far is a speed: the lesser of two, off the command as a walking robot follows it, lagged, and off the robot's own
+velocity of late. The first alone would take a gait that does not reach its command for a push, the second alone a
+change of command. On pushed episodes the first warned earlier than a logistic regression of falls on tilt, turning,
+extrapolated tilt and this speed.
 """
 
 import json
@@ -20,6 +20,8 @@ THRESHOLD_FILE = Path(__file__).with_name("prediction.json")
 """The fitted threshold, written by `python -m train.fit_fall_predictor`."""
 RESPONSE_TIME = 0.25
 """Lag of a walking robot behind its command, s."""
+RECENT_TIME = 0.1
+"""Time constant of the velocity of late, s: what a robot gains more slowly is no push."""
 
 
 def next_reference(reference: Floats, observation: NDArray[np.float32]) -> Floats:
@@ -29,20 +31,32 @@ def next_reference(reference: Floats, observation: NDArray[np.float32]) -> Float
     return following
 
 
-def velocity_error(observation: NDArray[np.float32], reference: Floats) -> Floats:
-    """Planar speed off the reference (n, 2), m/s, (n,)."""
-    off = observation[:, OBSERVATION["linear_velocity"]][:, :2].astype(np.float64) - reference
-    error: Floats = np.sqrt(off[:, 0] ** 2 + off[:, 1] ** 2)
-    return error
+def next_recent(recent: Floats, observation: NDArray[np.float32]) -> Floats:
+    """The planar velocity of late, (n, 2), m/s, one control step later."""
+    averaged: Floats = recent + (_planar_velocity(observation) - recent) * (CONTROL_PERIOD / RECENT_TIME)
+    return averaged
+
+
+def surprise(observation: NDArray[np.float32], reference: Floats, recent: Floats) -> Floats:
+    """Planar speed off both the reference and the velocity of late, (n, 2) each: the lesser of the two, m/s, (n,)."""
+    velocity = _planar_velocity(observation)
+    off, jump = velocity - reference, velocity - recent
+    squared = np.minimum(off[:, 0] ** 2 + off[:, 1] ** 2, jump[:, 0] ** 2 + jump[:, 1] ** 2)
+    speed: Floats = np.sqrt(squared)
+    return speed
+
+
+def _planar_velocity(observation: NDArray[np.float32]) -> Floats:
+    return observation[:, OBSERVATION["linear_velocity"]][:, :2].astype(np.float64)
 
 
 @cache
 def fitted_threshold() -> float:
-    """The speed above which a fall is predicted, m/s. Raises PolicyError where THRESHOLD_FILE is missing or damaged."""
+    """The surprise above which a fall is predicted, m/s. Raises PolicyError where THRESHOLD_FILE is bad."""
     try:
-        threshold = float(json.loads(THRESHOLD_FILE.read_text())["velocity_error"])
+        threshold = float(json.loads(THRESHOLD_FILE.read_text())["surprise"])
         if not 0.0 < threshold < np.inf:
-            raise ValueError("velocity_error must be positive and finite")
+            raise ValueError("surprise must be positive and finite")
         return threshold
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise PolicyError(

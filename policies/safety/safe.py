@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from policies.base import CONTROL_PERIOD, Actions, Floats, Policy, to_actions
 from policies.behaviour.motion import Damp, Mask, Motion
 from policies.behaviour.records import Ring
+from policies.safety.brace import Brace
 from policies.safety.limits import SafetyLimits, limited
-from policies.safety.prediction import fitted_threshold, next_reference, velocity_error
+from policies.safety.prediction import fitted_threshold, next_recent, next_reference, surprise
 from policies.safety.stop import Stop
 from quad_env import OBSERVATION
 from quad_env.robot import HOME_POSE
@@ -24,7 +25,7 @@ class Mode(IntEnum):
     FOLLOW = 0
     """The policy."""
     CATCH = 1
-    """The policy, with a command that gives in to the motion: a fall was predicted."""
+    """The brace, until the robot is calm, and back to the policy from there: a fall was predicted."""
     STOP = 2
     """Controlled stop, until a reset."""
     FALLBACK = 3
@@ -46,13 +47,6 @@ REASONS = (
 )
 RAISED, MISSHAPEN, NOT_FINITE, PREDICTED, CALM, REQUESTED, STALE, FALLEN, STARTED = range(len(REASONS))
 
-GIVING_IN = 0.5
-"""Share of the velocity error that the command gives in to while a fall is being caught: the feet are then placed in
-the direction of the motion instead of against it. A command towards rest averts fewer falls."""
-LARGEST_CATCH = (2.0, 1.5)
-"""Largest forward and lateral command for that, m/s."""
-CALM_TIME = 0.05
-"""s without an alarm before the robot has caught itself."""
 FALLEN_TILT = np.deg2rad(65.0)
 LOG_CAPACITY = 4096
 
@@ -74,7 +68,7 @@ class Safe(Policy):
     Args:
         policy: what to guard; put it into `policies.safety.Watched` if it might hang.
         limits: of every target.
-        alarm_above: speed off the command at which a fall is predicted, m/s; None for the fitted one.
+        alarm_above: surprise, see `prediction`, at which a fall is predicted, m/s; None for the fitted one.
         on_failure: what takes over for good when the policy fails.
         fallback: the policy of `on_failure="fallback"`.
         command_timeout: s without `command_received` after which the command counts as zero; None for never.
@@ -99,6 +93,7 @@ class Safe(Policy):
         self._fallback = fallback
         self._timeout = np.inf if command_timeout is None else command_timeout / CONTROL_PERIOD
         self._motions: dict[Mode, Motion] = {Mode.STOP: Stop(), Mode.DAMP: Damp()}
+        self._brace = Brace()
         super().__init__()
         self._allocate(1)
 
@@ -135,17 +130,17 @@ class Safe(Policy):
         self._step = 0
         self._mode = np.zeros(num_envs, np.int8)
         self._entered = np.zeros(num_envs, np.bool_)
-        self._targets, self._reference = np.tile(HOME_POSE, (num_envs, 1)), np.zeros((num_envs, 2))
-        self._calm, self._silence = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
+        self._targets, self._silence = np.tile(HOME_POSE, (num_envs, 1)), np.zeros(num_envs, np.int64)
+        self._reference, self._recent = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
         self._log, self._failures = Ring(4, LOG_CAPACITY), deque[str](maxlen=64)
+        self._brace.reset(num_envs)
         for motion in self._motions.values():
             motion.reset(num_envs)
 
     def _restart(self, mask: Mask) -> None:
         self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, STARTED)
-        self._targets[mask], self._reference[mask] = HOME_POSE, 0.0
-        for count in (self._calm, self._silence):
-            count[mask] = 0
+        self._targets[mask], self._silence[mask] = HOME_POSE, 0
+        self._reference[mask], self._recent[mask] = 0.0, 0.0
         self.policy.reset_where(mask)
         if self._fallback is not None:
             self._fallback.reset_where(mask)
@@ -157,6 +152,9 @@ class Safe(Policy):
         joints = rows[:, OBSERVATION["joint_position"]] + HOME_POSE
         self._watch(observation, rows)
         targets = self._asked(observation)
+        caught = np.flatnonzero(self._mode == Mode.CATCH)
+        if len(caught):
+            targets[caught] = self._brace.blended(caught, targets[caught], rows[caught])
         for mode, motion in self._motions.items():
             members = np.flatnonzero(self._mode == mode)
             if len(members):
@@ -175,7 +173,7 @@ class Safe(Policy):
         following = self._mode <= Mode.CATCH
         if following.any():
             try:
-                answer = self.policy.act(self._giving_in(observation))
+                answer = self.policy.act(self._resting(observation))
             except Exception as error:
                 self._failures.append(f"step {self._step}: {type(error).__name__}: {error}")
                 self._enter(following, self._after_failure, RAISED)
@@ -197,27 +195,29 @@ class Safe(Policy):
         if not finite.all():
             self._enter(following & ~finite, self._after_failure, NOT_FINITE)
 
-    def _giving_in(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The observation, its command moved towards the present velocity where a fall is being caught."""
+    def _resting(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The observation, the command nearer to zero as far as a robot is braced."""
         catching = self._mode == Mode.CATCH
         if not catching.any():
             return observation
-        command = observation[:, OBSERVATION["command"]].astype(np.float64)
-        velocity = observation[:, OBSERVATION["linear_velocity"]].astype(np.float64)
-        planar = command[:, :2] + GIVING_IN * (velocity[:, :2] - command[:, :2])
-        planar = np.clip(planar, np.negative(LARGEST_CATCH), LARGEST_CATCH)
         observation = observation.copy()
-        observation[catching, OBSERVATION["command"]] = np.concatenate((planar, 0.0 * planar[:, :1]), axis=1)[catching]
+        left = (1.0 - self._brace.share[catching]).astype(np.float32)
+        observation[catching, OBSERVATION["command"]] *= left[:, None]
         return observation
 
     def _watch(self, observation: NDArray[np.float32], rows: Floats) -> None:
-        """Catch where a fall is predicted, follow again where it is calm, damp what fell while it was stopping."""
+        """Catch where a fall is predicted, follow again where it is calm; a fallen robot is past catching."""
         self._reference = next_reference(self._reference, observation)
-        alarm = velocity_error(observation, self._reference) > self._alarm_above
-        self._enter((self._mode == Mode.FOLLOW) & alarm, Mode.CATCH, PREDICTED)
-        self._calm = np.where(alarm, 0, self._calm + 1)
-        self._enter((self._mode == Mode.CATCH) & (self._calm >= round(CALM_TIME / CONTROL_PERIOD)), Mode.FOLLOW, CALM)
+        alarm = surprise(observation, self._reference, self._recent) > self._alarm_above
+        self._recent = next_recent(self._recent, observation)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(FALLEN_TILT)
+        predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
+        self._brace.start(predicted)
+        self._enter(predicted, Mode.CATCH, PREDICTED)
+        catching = self._mode == Mode.CATCH
+        if catching.any():
+            self._enter(self._brace.advance(catching, alarm, rows), Mode.FOLLOW, CALM)
+            self._enter(tilted & (self._mode == Mode.CATCH), Mode.FOLLOW, FALLEN)
         self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, FALLEN)
 
     def _with_fresh_commands(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:

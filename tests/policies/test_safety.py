@@ -14,7 +14,6 @@ from evaluate.measures.controlled_stop import Trace, controlled_stops
 from policies.base import Policy
 from policies.safety import DeadlineMissed, Mode, PolicyProcessError, Safe, SafetyLimits, Watched
 from policies.safety.limits import SERVO_DAMPING, SERVO_STIFFNESS, limited
-from policies.safety.prediction import next_reference, velocity_error
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.columns import of_robots
 from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, TORQUE_LIMIT
@@ -77,18 +76,6 @@ def drive(policy, steps=350, count=3, before_step=None):
         rows.append((np.asarray(state.height), up, np.asarray(state.vertical_velocity), speed))
     env.close()
     return Trace(*np.moveaxis(np.array(rows, dtype=np.float64), 1, 0)), torque
-
-
-def told(robots):
-    """A layer's policy that notes the commands it is told, and the notes."""
-    notes, spy = [], Breaking(lambda action: action)
-
-    def act(observation):
-        notes.append(observation[:, OBSERVATION["command"]].copy())
-        return np.zeros((robots, 12), np.float32)
-
-    spy._trot.act = act
-    return spy, notes
 
 
 @pytest.mark.parametrize(
@@ -283,45 +270,6 @@ def test_undisturbed_trot_passes_the_layer_unchanged():
         observation, *_ = env.step(action)
     env.close()
     assert not safe.events()
-
-
-def test_predicted_fall_gives_in_to_the_motion_and_ends_when_calm():
-    seen = []
-    spy = Breaking(lambda action: action, after=0)
-    spy._trot.act = lambda observation: (
-        seen.append(observation[:, OBSERVATION["command"]].copy()) or np.zeros((1, 12), np.float32)
-    )
-    policy = Safe(spy, alarm_above=1.0)
-    observation = np.zeros((1, OBSERVATION_SIZE), np.float32)
-    observation[:, OBSERVATION["projected_gravity"]] = (0, 0, -1)
-    policy.reset(1)
-    policy.act(observation)
-    observation[:, OBSERVATION["linear_velocity"]] = (0.0, 2.0, 0.0)
-    policy.act(observation)
-    assert policy.mode[0] == Mode.CATCH
-    np.testing.assert_allclose(seen[-1], [[0.0, 1.0, 0.0]])
-    observation[:, OBSERVATION["linear_velocity"]] = 0.0
-    for _ in range(4):
-        policy.act(observation)
-    assert policy.mode[0] == Mode.CATCH
-    policy.act(observation)
-    assert policy.mode[0] == Mode.FOLLOW
-    assert [event.reason for event in policy.events()] == ["fall predicted", "calm again"]
-
-
-def test_velocity_error_is_the_planar_speed_off_the_reference():
-    observation = np.zeros((1, OBSERVATION_SIZE), np.float32)
-    observation[:, OBSERVATION["linear_velocity"]] = (4.0, 5.0, 9.0)
-    np.testing.assert_allclose(velocity_error(observation, np.array([[1.0, 1.0]])), [5.0])
-
-
-def test_reference_lags_the_command_by_its_response_time():
-    observation = np.zeros((1, OBSERVATION_SIZE), np.float32)
-    observation[:, OBSERVATION["command"]] = (1.0, -2.0, 0.0)
-    reference = np.zeros((1, 2))
-    for _ in range(25):
-        reference = next_reference(reference, observation)
-    np.testing.assert_allclose(reference, [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.03)
 
 
 def traced(height, upright=1.0, vertical=0.0, speed=0.0, steps=200):

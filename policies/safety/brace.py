@@ -1,0 +1,76 @@
+"""A brace: all feet down, wide and low, so that a robot that was pushed slides to rest instead of tripping."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Floats
+from policies.behaviour.motion import Mask
+from policies.kinematics import leg_angles
+from quad_env import OBSERVATION
+from quad_env.robot import HIP_POSITIONS, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, SIDE
+
+HEIGHT = 0.13
+"""Trunk's centre above the centres of the feet, m."""
+LENGTH, WIDTH = 0.6, 0.8
+"""Between the front and the hind, and the left and the right feet, m; the hips' range ends before that."""
+DAMPING = 0.04
+"""Turn of the feet's plane per turning speed of the trunk, s; the legs of a trunk that does not turn are rigid."""
+SHORTEST_DROP = 0.08
+"""Least distance of a foot below the trunk's centre, m."""
+CALM_SPEED, CALM_TURNING, CALM_TILT = 0.5, 1.5, np.deg2rad(30.0)
+"""Of the trunk of a robot that has come to rest: m/s, rad/s about each axis, rad."""
+CALM_TIME = 0.1
+"""s at rest before the robot gets up."""
+RELEASE_TIME = 0.15
+"""From the brace to the policy's targets, s."""
+
+
+class Brace:
+    """How far each robot is braced while a fall is being caught: wholly until it is calm, then less and less."""
+
+    def reset(self, num_envs: int) -> None:
+        """Make room for that many robots."""
+        self.share = np.ones(num_envs)
+        """Of the brace in the targets, (n,)."""
+        self._calm, self._released = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.bool_)
+
+    def start(self, mask: Mask) -> None:
+        """Brace those robots."""
+        self._calm[mask], self._released[mask] = 0, False
+
+    def advance(self, catching: Mask, alarm: Mask, observation: Floats) -> Mask:
+        """One control step of the robots that are being caught; which of them, (n,), follow their policy again."""
+        self._calm = np.where(catching & is_calm(observation), self._calm + 1, 0)
+        rested = self._calm >= round(CALM_TIME / CONTROL_PERIOD)
+        self._released = catching & (rested | (self._released & ~alarm))
+        self.share = np.where(self._released, self.share - CONTROL_PERIOD / RELEASE_TIME, 1.0)
+        done: Mask = self._released & (self.share <= 0.0)
+        return done
+
+    def blended(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
+        """Targets (k, 12) of the robots `rows`, (k,): their policy's, turned into the brace as far as is due."""
+        share = self.share[rows]
+        weight = (share * share * (3.0 - 2.0 * share))[:, None]
+        return targets + weight * (braced(observation) - targets)
+
+
+def is_calm(observation: Floats) -> Mask:
+    """Whether the trunk is slow and upright, (n,), by observations (n, m)."""
+    velocity, turning = observation[:, OBSERVATION["linear_velocity"]], observation[:, OBSERVATION["angular_velocity"]]
+    upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(CALM_TILT)
+    slow = (np.abs(velocity) < CALM_SPEED).all(axis=1) & (np.abs(turning) < CALM_TURNING).all(axis=1)
+    calm: Mask = upright & slow
+    return calm
+
+
+def braced(observation: Floats) -> Floats:
+    """Joint targets (k, 12), rad, of observations (k, m)."""
+    turning = observation[:, OBSERVATION["angular_velocity"]]
+    roll, pitch = DAMPING * turning[:, 0:1], DAMPING * turning[:, 1:2]
+    x, y = np.sign(HIP_POSITIONS[:, 0]) * (LENGTH / 2.0), SIDE * (WIDTH / 2.0)
+    # A side that rises shortens its legs.
+    z = np.minimum(roll * y - pitch * x - HEIGHT, -SHORTEST_DROP)
+    x, y = np.broadcast_to(x - HIP_POSITIONS[:, 0], z.shape), np.broadcast_to(y - HIP_POSITIONS[:, 1], z.shape)
+    targets = np.stack(leg_angles(x, y, z), axis=-1).reshape(-1, NUM_JOINTS)
+    joints: Floats = np.clip(targets, JOINT_LOWER, JOINT_UPPER)
+    return joints
