@@ -2,7 +2,8 @@
 
 Every episode is run without and with the layer from the same seed. A fall is averted if the same episode with the layer
 ends upright or in a controlled stop; lead is the time from the layer's last alarm before it to the fall of the policy
-alone. A false alarm is one in undisturbed walking.
+alone. A false alarm is one in undisturbed walking: at the speed that a gait is judged at, and over the whole range of
+commands, which only a policy that follows it walks through.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 import policies
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.gaits import SPEEDS
 from evaluate.measures.controlled_stop import Trace, controlled_stops
 from evaluate.statistics.intervals import wilson_interval
 from policies.base import CONTROL_PERIOD, Policy
@@ -99,13 +101,17 @@ def _push_axis(options: Options) -> None:
 def _undisturbed(options: Options) -> None:
     count = max(1, round(options.hours * 3600 / (STEPS * CONTROL_PERIOD)))
     seeds = episode_seeds(options.seeds, options.seed * 1000 + 500, count)
-    alarms = sum(
-        len(each)
-        for chunk in np.array_split(seeds, -(-count // AT_ONCE))
-        for each in run(Safe(policies.resolve(options.policy)), scenario("flat"), chunk).alarms
-    )
+    walks: dict[str, float | None] = {"any command": None}
+    if options.policy in SPEEDS:
+        walks[f"{SPEEDS[options.policy]:g} m/s"] = SPEEDS[options.policy]
     hours = count * STEPS * CONTROL_PERIOD / 3600
-    print(f"false alarms: {alarms} in {hours:.2f} h of undisturbed walking, {alarms / hours:.2f} an hour")
+    for words, speed in walks.items():
+        alarms = falls = 0
+        for chunk in np.array_split(seeds, -(-count // AT_ONCE)):
+            guarded = run(Safe(policies.resolve(options.policy)), scenario("flat"), chunk, forward=speed)
+            alarms, falls = alarms + sum(map(len, guarded.alarms)), falls + int(guarded.fell.sum())
+        found = f"{alarms} in {hours:.2f} h of undisturbed walking at {words}, {alarms / hours:.2f} an hour"
+        print(f"false alarms: {found}; {falls} of {count} fell", flush=True)
 
 
 def lead(alarms: NDArray[np.int64], fall_step: int) -> float:
@@ -114,14 +120,17 @@ def lead(alarms: NDArray[np.int64], fall_step: int) -> float:
     return float(fall_step - before[-1]) * CONTROL_PERIOD if len(before) else 0.0
 
 
-def run(policy: Policy, where: str | Scenario, seeds: NDArray[np.int64], steps: int = STEPS) -> Run:
-    """One episode for each seed, side by side."""
+def run(
+    policy: Policy, where: str | Scenario, seeds: NDArray[np.int64], steps: int = STEPS, forward: float | None = None
+) -> Run:
+    """One episode for each seed, side by side; with a forward command, m/s, or with the scenario's commands."""
     from quad_env.columns import of_robots
     from quad_env.vector_env import SimpleQuadVectorEnv
 
     count = len(seeds)
     env = SimpleQuadVectorEnv(count, where, nthread=1, autoreset_mode="DISABLED", max_episode_steps=steps)
-    observation, _ = env.reset(seed=seeds.tolist())
+    options = None if forward is None else {"command": (forward, 0.0, 0.0)}
+    observation, _ = env.reset(seed=seeds.tolist(), options=options)
     policy.reset(count, seed=0)
     rows = np.zeros((4, steps, count))
     fall_step = np.full(count, steps, dtype=np.int64)
