@@ -42,7 +42,7 @@ class Options:
     """Undisturbed walking."""
     seed: int = 0
     """Of the episodes."""
-    seeds: Literal["search", "validation", "evaluation"] = "search"
+    seeds: Literal["search", "validation", "evaluation"] = "evaluation"
     """Family of seeds."""
 
 
