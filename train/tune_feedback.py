@@ -8,16 +8,18 @@ all from the "search" family of seeds. Ctrl-C keeps what has been found so far, 
 import json
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 from policies.base import CONTROL_PERIOD
 from policies.feedback_parameters import PARAMETERS_FILE, SEARCH_RANGES, FeedbackParameters, read_parameters
 from quad_env.seeding import episode_seeds
+from train.evolution import changes, evolve, judged
 from train.feedback_cost import COMMAND_INTERVAL, EXERCISES, judge, walked
 from train.trot_cost import ERROR_SCALES, Floats
 from train.tune_trot import LIMITS as TROT_LIMITS
@@ -30,8 +32,6 @@ LIMITS = {name: TROT_LIMITS[name] for name in ("generations", "candidates", "epi
     "check_episodes": (1, 10_000),
 }
 """Smallest and largest value of each number of the options."""
-MARGIN = 0.02
-"""Distance from the faces of the unit cube at which a search starts at least."""
 
 
 @dataclass(frozen=True)
@@ -60,34 +60,13 @@ class SearchOptions:
     """Where the parameters go, JSON; the account of the search goes beside it, TROT_FEEDBACK.md."""
 
 
-def decode(point: Floats, start: FeedbackParameters) -> FeedbackParameters:
-    """Parameters of a point of the unit cube, to four digits; those that are not searched are the start's."""
-    ranges = zip(point, SEARCH_RANGES.items(), strict=True)
-    return replace(start, **{name: round(low + (high - low) * float(x), 4) for x, (name, (low, high)) in ranges})
-
-
-def encode(parameters: FeedbackParameters) -> Floats:
-    """Point of the unit cube of some parameters."""
-    return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in SEARCH_RANGES.items()])
-
-
 def search(options: SearchOptions, start: FeedbackParameters) -> Iterator[FeedbackParameters]:
-    """The mean of the search distribution after each generation."""
-    import cma
-    from rich.progress import track
+    """The mean of the search distribution after each generation, to four digits."""
 
-    strategy = cma.CMAEvolutionStrategy(
-        np.clip(encode(start), MARGIN, 1.0 - MARGIN),
-        options.spread,
-        {"bounds": [0, 1], "popsize": options.candidates, "seed": options.seed + 1, "verbose": -9},
-    )
-    seeds = episode_seeds("search", options.seed, options.generations * options.episodes)
-    for generation in track(np.split(seeds, options.generations), description="generations"):
-        points = strategy.ask()
-        costs = judge([decode(point, start) for point in points], generation, options.steps, options.threads)
-        strategy.tell(points, costs)
-        print(f"best {costs.min():.3f}  median {np.median(costs):.3f}", flush=True)
-        yield decode(strategy.result.xfavorite, start)
+    def costs(candidates: list[FeedbackParameters], seeds: NDArray[np.int64]) -> Floats:
+        return judge(candidates, seeds, options.steps, options.threads)
+
+    return evolve(options, start, SEARCH_RANGES, costs, spread=options.spread, digits=4)
 
 
 def account(options: SearchOptions, done: int, before: FeedbackParameters, after: FeedbackParameters) -> str:
@@ -104,32 +83,21 @@ def account(options: SearchOptions, done: int, before: FeedbackParameters, after
         + " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
         + "; falls are billed within the errors.",
         "",
-        "| parameter | range | before | after |",
-        "|---|---|---|---|",
+        *changes(before, after, SEARCH_RANGES),
     ]
-    for name, old in asdict(before).items():
-        low_high = SEARCH_RANGES.get(name)
-        span = f"{low_high[0]:g} … {low_high[1]:g}" if low_high else "fixed"
-        lines.append(f"| {name} | {span} | {old:g} | {getattr(after, name):g} |")
     return "\n".join((*lines, "", *comparison(options, before, after))) + "\n"
 
 
 def comparison(options: SearchOptions, before: FeedbackParameters, after: FeedbackParameters) -> list[str]:
     """Both judged on fresh episodes, as lines of Markdown."""
-    lines = [
-        f"On {options.check_episodes} fresh search episodes of 10 s an exercise:",
-        "",
-        "| exercise | parameters | falls | velocity error, m/s | mean velocity error, m/s | yaw-rate error, rad/s |",
-        "|---|---|---|---|---|---|",
-    ]
     seeds = episode_seeds("search", options.seed + 1_000_000, options.check_episodes)
-    for exercise in EXERCISES:
-        for label, parameters in (("before", before), ("after", after)):
-            found = walked([parameters], exercise, seeds, options.threads)
-            errors = (found.velocity_error, found.mean_velocity_error, found.yaw_rate_error)
-            figures = " | ".join(f"{value.mean():.3f}" for value in errors)
-            lines.append(f"| {exercise.name} | {label} | {int(found.fell.sum())}/{len(seeds)} | {figures} |")
-    return lines
+    walks = (
+        (exercise.name, label, walked([parameters], exercise, seeds, options.threads))
+        for exercise in EXERCISES
+        for label, parameters in (("before", before), ("after", after))
+    )
+    lead = f"On {options.check_episodes} fresh search episodes of 10 s an exercise:"
+    return [lead, "", *judged("exercise", walks)]
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -6,22 +6,22 @@ and every generation gets new ones, all from the "search" family of seeds, which
 
 import json
 import sys
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
-from policies.base import Floats, PolicyError
+from policies.base import PolicyError
 from policies.files import write_atomically
 from policies.gait_parameters import OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
 from quad_env.seeding import episode_seeds
+from train.evolution import Ranges, evolve
 from train.gait_cost import FEWEST, SETTLING, commands, cost, mapped, response, shared_walk
 
-Ranges = dict[str, tuple[float, float]]
-
-_COMMON: Ranges = {
+_COMMON = {
     "frequency": (2.0, 3.6),
     "frequency_rise": (0.0, 1.5),
     "duty": (0.5, 0.65),
@@ -87,39 +87,18 @@ class SearchOptions:
     """File of all gaits' parameters, JSON, in which this gait's are replaced."""
 
 
-def decode(point: Floats, start: GaitParameters, ranges: Ranges) -> GaitParameters:
-    """Parameters of a point of the unit cube."""
-    values = {name: low + (high - low) * float(x) for x, (name, (low, high)) in zip(point, ranges.items(), strict=True)}
-    return replace(start, **values)
-
-
-def encode(parameters: GaitParameters, ranges: Ranges) -> Floats:
-    """Point of the unit cube of some parameters."""
-    return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
-
-
 def search(options: SearchOptions, start: GaitParameters) -> GaitParameters:
     """The mean of the search distribution after the last generation."""
-    import cma
-    from rich.progress import track
+    rng = np.random.default_rng((0, options.seed))
+
+    def costs(candidates: list[GaitParameters], seeds: NDArray[np.int64]) -> list[float]:
+        command = commands(options.gait, options.episodes, rng)
+        walks = shared_walk(options.gait, candidates, command, seeds, options.steps, options.threads)
+        return [cost(walk, command) for walk in walks]
 
     ranges = RANGES[options.gait]
-    strategy = cma.CMAEvolutionStrategy(
-        np.clip(encode(start, ranges), 0.02, 0.98),
-        options.spread,
-        {"bounds": [0, 1], "popsize": options.candidates, "seed": options.seed + 1, "verbose": -9},
-    )
-    rng = np.random.default_rng((0, options.seed))
-    seeds = episode_seeds("search", options.seed, options.generations * options.episodes)
-    for generation in track(np.split(seeds, options.generations), description=options.gait):
-        points = strategy.ask()
-        candidates = [decode(point, start, ranges) for point in points]
-        command = commands(options.gait, options.episodes, rng)
-        walks = shared_walk(options.gait, candidates, command, generation, options.steps, options.threads)
-        costs = [cost(walk, command) for walk in walks]
-        strategy.tell(points, costs)
-        print(f"best {min(costs):.3f}  median {np.median(costs):.3f}", flush=True)
-    return decode(strategy.result.xfavorite, start, ranges)
+    *_, found = evolve(options, start, ranges, costs, spread=options.spread, description=options.gait)
+    return found
 
 
 def fitted(options: SearchOptions, found: GaitParameters) -> GaitParameters:

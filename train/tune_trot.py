@@ -7,10 +7,11 @@ and every generation gets new ones, all from the "search" family of seeds, which
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate import launcher
 from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
@@ -20,10 +21,13 @@ from policies.base import CONTROL_PERIOD
 from policies.files import make_writable_folder, write_atomically
 from policies.trot import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters
 from quad_env.seeding import episode_seeds
+from train.evolution import changes, evolve, judged
 from train.scenarios import practice
 from train.trot_cost import ERROR_SCALES, MINIMUM_INTERVALS, SCENARIO_WEIGHTS, Floats, judge, mapped
 
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
+SPREAD = 0.15
+"""First standard deviation of a parameter, as a share of its range."""
 MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
 ACCOUNT = "TROT.md"
@@ -62,35 +66,13 @@ class SearchOptions:
     """Where the parameters go, JSON; the account of the search goes beside it, TROT.md."""
 
 
-def decode(point: Floats, start: TrotParameters) -> TrotParameters:
-    """Parameters of a point of the unit cube."""
-    ranges = zip(point, SEARCH_RANGES.items(), strict=True)
-    values = {name: low + (high - low) * float(x) for x, (name, (low, high)) in ranges}
-    return replace(start, **values)
-
-
-def encode(parameters: TrotParameters) -> Floats:
-    """Point of the unit cube of some parameters."""
-    return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in SEARCH_RANGES.items()])
-
-
 def search(options: SearchOptions, start: TrotParameters) -> TrotParameters:
     """The mean of the search distribution after the last generation, its command map fitted, to four digits."""
-    import cma
-    from rich.progress import track
 
-    strategy = cma.CMAEvolutionStrategy(
-        np.clip(encode(start), 0.02, 0.98),
-        0.15,
-        {"bounds": [0, 1], "popsize": options.candidates, "seed": options.seed + 1, "verbose": -9},
-    )
-    seeds = episode_seeds("search", options.seed, options.generations * options.episodes)
-    for generation in track(np.split(seeds, options.generations), description="generations"):
-        points = strategy.ask()
-        costs = judge([decode(point, start) for point in points], generation, options.steps, options.threads)
-        strategy.tell(points, costs)
-        print(f"best {costs.min():.3f}  median {np.median(costs):.3f}", flush=True)
-    found = decode(strategy.result.xfavorite, start)
+    def costs(candidates: list[TrotParameters], seeds: NDArray[np.int64]) -> Floats:
+        return judge(candidates, seeds, options.steps, options.threads)
+
+    *_, found = evolve(options, start, SEARCH_RANGES, costs, spread=SPREAD)
     fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
     for round_seeds in np.split(fresh, MAP_ROUNDS):
         found = mapped(found, round_seeds, options.threads)
@@ -110,29 +92,20 @@ def account(options: SearchOptions, before: TrotParameters, after: TrotParameter
         + "; falls are billed within the errors. Each candidate is judged against its own linear response on flat "
         "ground; the command map is fitted by least squares afterwards.",
         "",
-        "| parameter | range | before | after |",
-        "|---|---|---|---|",
+        *changes(before, after, SEARCH_RANGES, COMMAND_MAP),
     ]
-    for name, old in asdict(before).items():
-        low_high = SEARCH_RANGES.get(name)
-        span = f"{low_high[0]:g} … {low_high[1]:g}" if low_high else "fitted" if name in COMMAND_MAP else "fixed"
-        lines.append(f"| {name} | {span} | {old:g} | {getattr(after, name):g} |")
     lines += [
         "",
         f"On {options.check_episodes} fresh search episodes of 10 s a scenario:",
         "",
-        "| scenario | parameters | falls | velocity error, m/s | mean velocity error, m/s | yaw-rate error, rad/s |",
-        "|---|---|---|---|---|---|",
     ]
     seeds = episode_seeds("search", options.seed + 1_000_000, options.check_episodes)
-    for name in SCENARIO_WEIGHTS:
-        for label, parameters in (("before", before), ("after", after)):
-            found = measure(run(Trot(parameters), practice(name, "search"), seeds, nthread=options.threads))
-            figures = " | ".join(
-                f"{value.mean():.3f}"
-                for value in (found.velocity_error, found.mean_velocity_error, found.yaw_rate_error)
-            )
-            lines.append(f"| {name} | {label} | {int(found.fell.sum())}/{len(seeds)} | {figures} |")
+    walks = (
+        (name, label, measure(run(Trot(parameters), practice(name, "search"), seeds, nthread=options.threads)))
+        for name in SCENARIO_WEIGHTS
+        for label, parameters in (("before", before), ("after", after))
+    )
+    lines += judged("scenario", walks)
     return "\n".join(lines) + "\n"
 
 

@@ -8,8 +8,9 @@ import pytest
 
 from policies.gait_parameters import LIMITS, OFFSETS, GaitParameters, searched_parameters
 from quad_env.seeding import episode_seeds
+from train.evolution import decode, encode
 from train.gait_cost import commands, cost, mapped, response, shared_walk
-from train.tune_gait import RANGES, decode, encode, main
+from train.tune_gait import RANGES, main
 
 
 def test_ranges_are_of_the_parameters_and_within_their_limits():

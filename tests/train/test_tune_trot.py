@@ -13,8 +13,9 @@ from policies.trot import SEARCH_RANGES, Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
 from train import tune_trot
+from train.evolution import decode, encode
 from train.trot_cost import ERROR_SCALES, WEAKNESS_WEIGHT, Panel, cost, judge, mapped, response, undone
-from train.tune_trot import SearchOptions, check, decode, encode, main
+from train.tune_trot import SearchOptions, check, main
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])
@@ -88,12 +89,12 @@ def test_a_panel_is_its_members_each_on_its_own_rows():
 
 def test_a_point_of_the_cube_is_a_set_of_parameters_and_back():
     point = np.linspace(0.1, 0.9, len(SEARCH_RANGES))
-    parameters = decode(point, TrotParameters(forward_gain=1.5))
-    np.testing.assert_allclose(encode(parameters), point, atol=1e-12)
+    parameters = decode(point, TrotParameters(forward_gain=1.5), SEARCH_RANGES)
+    np.testing.assert_allclose(encode(parameters, SEARCH_RANGES), point, atol=1e-12)
     assert parameters.forward_gain == 1.5
     for end, corner in enumerate((np.zeros(len(SEARCH_RANGES)), np.ones(len(SEARCH_RANGES)))):
         for name, bounds in SEARCH_RANGES.items():
-            assert getattr(decode(corner, TrotParameters()), name) == pytest.approx(bounds[end])
+            assert getattr(decode(corner, TrotParameters(), SEARCH_RANGES), name) == pytest.approx(bounds[end])
 
 
 def test_the_cost_is_the_mean_of_the_scaled_errors():

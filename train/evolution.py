@@ -1,0 +1,114 @@
+"""A search of parameters by CMA-ES, over the unit cube of their ranges, and the rows of its account."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.measures.metrics import Measures
+from policies.base import Floats
+from quad_env.seeding import episode_seeds
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    P = TypeVar("P", bound=DataclassInstance)
+
+Ranges = Mapping[str, tuple[float, float]]
+"""Bounds of the parameters that are searched, by field name."""
+MARGIN = 0.02
+"""Distance from the faces of the unit cube at which a search starts at least."""
+
+
+class Effort(Protocol):
+    """How thoroughly a search is done."""
+
+    @property
+    def generations(self) -> int:
+        """Rounds."""
+        ...
+
+    @property
+    def candidates(self) -> int:
+        """Parameter sets tried in a round."""
+        ...
+
+    @property
+    def episodes(self) -> int:
+        """Of the "search" family, new in each round."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of candidates and episodes."""
+        ...
+
+
+def decode(point: Floats, start: "P", ranges: Ranges, digits: int | None = None) -> "P":
+    """Parameters of a point of the unit cube, rounded where digits are given; those not searched are the start's."""
+    values = {name: low + (high - low) * float(x) for x, (name, (low, high)) in zip(point, ranges.items(), strict=True)}
+    return replace(start, **(values if digits is None else {name: round(x, digits) for name, x in values.items()}))
+
+
+def encode(parameters: "DataclassInstance", ranges: Ranges) -> Floats:
+    """Point of the unit cube of some parameters."""
+    return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
+
+
+def evolve(
+    effort: Effort,
+    start: "P",
+    ranges: Ranges,
+    costs: "Callable[[list[P], NDArray[np.int64]], Sequence[float] | Floats]",
+    *,
+    spread: float,
+    digits: int | None = None,
+    description: str = "generations",
+) -> "Iterator[P]":
+    """The mean of the search distribution after each generation.
+
+    `costs` judges a generation's candidates, all on the episodes of its seeds; `spread` is the first standard deviation
+    of a parameter, as a share of its range.
+    """
+    import cma
+    from rich.progress import track
+
+    strategy = cma.CMAEvolutionStrategy(
+        np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN),
+        spread,
+        {"bounds": [0, 1], "popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9},
+    )
+    seeds = episode_seeds("search", effort.seed, effort.generations * effort.episodes)
+    for generation in track(np.split(seeds, effort.generations), description=description):
+        points = strategy.ask()
+        found = costs([decode(point, start, ranges, digits) for point in points], generation)
+        strategy.tell(points, found)
+        print(f"best {min(found):.3f}  median {np.median(found):.3f}", flush=True)
+        yield decode(strategy.result.xfavorite, start, ranges, digits)
+
+
+def changes(
+    before: "DataclassInstance", after: "DataclassInstance", ranges: Ranges, fitted: Collection[str] = ()
+) -> list[str]:
+    """Every parameter's range and values, as a table in Markdown."""
+    lines = ["| parameter | range | before | after |", "|---|---|---|---|"]
+    for name, old in asdict(before).items():
+        low_high = ranges.get(name)
+        span = f"{low_high[0]:g} … {low_high[1]:g}" if low_high else "fitted" if name in fitted else "fixed"
+        lines.append(f"| {name} | {span} | {old:g} | {getattr(after, name):g} |")
+    return lines
+
+
+def judged(kind: str, rows: Iterator[tuple[str, str, Measures]]) -> list[str]:
+    """What parameters are worth on episodes of some `kind`, (its name, whose parameters, measures) each, likewise."""
+    lines = [
+        f"| {kind} | parameters | falls | velocity error, m/s | mean velocity error, m/s | yaw-rate error, rad/s |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, label, found in rows:
+        errors = (found.velocity_error, found.mean_velocity_error, found.yaw_rate_error)
+        figures = " | ".join(f"{value.mean():.3f}" for value in errors)
+        lines.append(f"| {name} | {label} | {int(found.fell.sum())}/{len(found.fell)} | {figures} |")
+    return lines
