@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from policies import bounds
 from policies.base import PolicyError
 
 PARAMETERS_FILE = Path(__file__).with_name("trot_feedback.json")
@@ -131,9 +132,7 @@ class FeedbackParameters:
     """From there back to the trot, s."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in LIMITS.items():
-            if not low <= (value := getattr(self, name)) <= high:  # nan lies nowhere
-                raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
+        bounds.check(self, LIMITS)
 
 
 _SHARE = (0.0, 2.0)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from policies import bounds
 from policies.base import PolicyError
 from policies.foot_path import GRAVITY
 from policies.gait import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
@@ -73,9 +74,7 @@ class GaitParameters:
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in LIMITS.items():
-            if not low <= (value := getattr(self, name)) <= high:  # nan lies nowhere
-                raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
+        bounds.check(self, LIMITS)
 
 
 LIMITS: dict[str, tuple[float, float]] = {

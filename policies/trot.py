@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from policies import bounds
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, PolicyError, to_actions
 from policies.foot_path import lift, load, stride
 from policies.gait import TROT_OFFSETS, Floats, Gait
@@ -66,9 +67,7 @@ class TrotParameters:
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in LIMITS.items():
-            if not low <= (value := getattr(self, name)) <= high:  # nan lies nowhere
-                raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
+        bounds.check(self, LIMITS)
 
 
 LIMITS: dict[str, tuple[float, float]] = {
