@@ -58,8 +58,7 @@ def ladders(results: Results) -> tuple[Ladder, ...]:
 
 def falling(axis: str) -> bool:
     """Whether an axis gets harder as its severity falls."""
-    levels = AXES[axis].levels if axis in AXES else ()
-    return len(levels) > 1 and levels[0] > levels[-1]
+    return axis in AXES and AXES[axis].falling
 
 
 def amount(value: float, unit: str) -> str:

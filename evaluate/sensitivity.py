@@ -93,8 +93,7 @@ def _hardest(cells: Sequence[Cell]) -> Iterator[Cell]:
     for axis in AXES.values():
         of_axis = [cell for cell in cells if axis.name != CALM and _is_of(axis, cell.scenario)]
         if of_axis:
-            falling = axis.levels[0] > axis.levels[-1]
-            yield max(of_axis, key=lambda cell: -cell.scenario.severity if falling else cell.scenario.severity)
+            yield (min if axis.falling else max)(of_axis, key=lambda cell: cell.scenario.severity)
 
 
 def _is_of(axis: Axis, scenario: Scenario) -> bool:

@@ -31,6 +31,11 @@ class Axis:
     end: str
     """Why the levels end where they do: everybody falls, or what is physically beyond."""
 
+    @property
+    def falling(self) -> bool:
+        """Whether a smaller severity is harder."""
+        return self.levels[0] > self.levels[-1]
+
     def level(self, number: int) -> Scenario:
         """The scenario of the level of that number, counted from 1; ValueError names the valid ones."""
         if not 1 <= number <= len(self.levels):
