@@ -173,14 +173,14 @@ class Simulation:
             self._advance(ids, self.substeps)
         else:
             self._drives.advance(targets, ids, self._advance)
+        if self.probe is not None:
+            self.probe.keep(ids)
 
     def _advance(self, ids: Ids, substeps: int) -> None:
         try:
             self._batch.step(None if ids is ALL else ids, substeps)
         except SimulationError as error:
             self._warnings[error.ids] += 1
-        if self.probe is not None:
-            self.probe.keep(ids)
 
     def diverged(self, ids: Ids = ALL) -> Mask:
         """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite."""
