@@ -196,16 +196,21 @@ class _Work:
 
     def report(self, job: Job, share: float) -> None:
         self.shares[int(job.numbers[0])] = share * len(job.numbers)
-        finished = sum(len(part.numbers) for part in self.parts)
-        self.progress(self.entrant.label, self.scenario.name, (finished + sum(self.shares.values())) / len(self.seeds))
+        done = self.finished + sum(self.shares.values())
+        self.progress(self.entrant.label, self.scenario.name, done / len(self.seeds))
 
     def add(self, part: Part) -> None:
         self.shares.pop(int(part.numbers[0]), None)
         self.parts.append(part)
 
     @property
+    def finished(self) -> int:
+        """Episodes of the parts that are there."""
+        return sum(len(part.numbers) for part in self.parts)
+
+    @property
     def done(self) -> bool:
-        return sum(len(part.numbers) for part in self.parts) == len(self.seeds)
+        return self.finished == len(self.seeds)
 
     def finish(self) -> Cell:
         self.progress(self.entrant.label, self.scenario.name, 1.0)

@@ -107,24 +107,23 @@ def effects(found: list[dict[str, Any]], names: list[str]) -> list[str]:
     """What each disturbance does: an axis a row, a policy a column."""
     each = [Sensitivity(**_without_null(entry)) for entry in found]
     cells = {(one.axis, one.policy): words_of(one) for one in each}
-    rows = [
-        f"| {axis}, {amount(one.severity, one.unit)} | "
-        f"{' | '.join(cells.get((axis, name), ABSENT) for name in names)} |"
-        for axis, one in {one.axis: one for one in each}.items()
-    ]
-    return [f"| disturbance | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}", *rows]
+    axes = {one.axis: f"{one.axis}, {amount(one.severity, one.unit)}" for one in each}
+    return _by_axis("disturbance", axes, cells, names)
 
 
 def breaking_points(points: list[dict[str, Any]], names: list[str]) -> list[str]:
     """Severity at which half of the episodes end in a fall: an axis a row, a policy a column."""
     cells = {(point["axis"], point["policy"]): words(Limit(**_limit(point))) for point in points}
-    axes = {point["axis"]: point["unit"] for point in points}
+    axes = {point["axis"]: ", ".join(filter(None, (point["axis"], point["unit"]))) for point in points}
+    return _by_axis("half of the episodes fall at", axes, cells, names)
+
+
+def _by_axis(head: str, axes: dict[str, str], cells: dict[tuple[str, str], str], names: list[str]) -> list[str]:
+    """A table of cells by axis and policy; `axes` gives each one's words."""
     rows = [
-        f"| {axis}{unit and f', {unit}'} | {' | '.join(cells.get((axis, name), ABSENT) for name in names)} |"
-        for axis, unit in axes.items()
+        f"| {words} | {' | '.join(cells.get((axis, name), ABSENT) for name in names)} |" for axis, words in axes.items()
     ]
-    heads = " | ".join(f"`{name}`" for name in names)
-    return [f"| half of the episodes fall at | {heads} |", f"|---|{'---|' * len(names)}", *rows]
+    return [f"| {head} | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}", *rows]
 
 
 def _limit(point: dict[str, Any]) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Every axis in one table: where each policy breaks, with a way to the axis."""
 
+from collections.abc import Mapping
 from html import escape
 
 from evaluate.format import ABSENT, NO_BREAK
@@ -19,20 +20,22 @@ LEAD = (
 
 def overview(results: Results) -> str:
     """Breaking points, an axis a row; empty where no axis has levels enough."""
-    limits = {(limit.axis, limit.policy): limit for limit in results.breaking_points}
+    cells = {(limit.axis, limit.policy): _cell(limit) for limit in results.breaking_points}
+    found = {axis for axis, _ in cells}
+    axes = {ladder.name: ladder.quantity for ladder in ladders(results) if ladder.name in found}
+    return section("Breaking points", note(LEAD), by_axis(results, axes, cells)) if axes else ""
+
+
+def by_axis(results: Results, axes: Mapping[str, str], cells: Mapping[tuple[str, str], str]) -> str:
+    """A table of cells by axis and policy, ready HTML; below each axis's name stand its words, a text."""
     rows = [
         [
-            f'<a href="#{anchor(ladder.name)}">{escape(ladder.name)}</a><small>{escape(ladder.quantity)}</small>',
-            *(
-                _cell(limits[ladder.name, policy]) if (ladder.name, policy) in limits else ABSENT
-                for policy in results.policies
-            ),
+            f'<a href="#{anchor(axis)}">{escape(axis)}</a><small>{escape(words)}</small>',
+            *(cells.get((axis, policy), ABSENT) for policy in results.policies),
         ]
-        for ladder in ladders(results)
-        if any(axis == ladder.name for axis, _ in limits)
+        for axis, words in axes.items()
     ]
-    heads = ["axis", *(named(results, policy) for policy in results.policies)]
-    return section("Breaking points", note(LEAD), table(heads, rows, "text")) if rows else ""
+    return table(["axis", *(named(results, policy) for policy in results.policies)], rows, "text")
 
 
 def _cell(limit: Limit) -> str:

@@ -2,25 +2,15 @@
 
 from html import escape
 
-from evaluate.format import ABSENT
 from evaluate.ladders import amount
-from evaluate.report.disturbances import anchor
-from evaluate.report.figures import named
-from evaluate.report.html import note, section, table
+from evaluate.report.html import note, section
+from evaluate.report.overview import by_axis
 from evaluate.results import Results
 from evaluate.sensitivity import LEAD, words
 
 
 def sensitivity(results: Results) -> str:
     """An axis a row; empty for a run without the undisturbed scenario, or with nothing else."""
-    found = {(each.axis, each.policy): each for each in results.sensitivities}
-    hardest = {each.axis: each for each in results.sensitivities}
-    rows = [
-        [
-            f'<a href="#{anchor(axis)}">{escape(axis)}</a><small>{escape(amount(of.severity, of.unit))}</small>',
-            *(escape(words(found[axis, p])) if (axis, p) in found else ABSENT for p in results.policies),
-        ]
-        for axis, of in hardest.items()
-    ]
-    heads = ["axis", *(named(results, policy) for policy in results.policies)]
-    return section("What each disturbance does", note(LEAD), table(heads, rows, "text")) if rows else ""
+    cells = {(each.axis, each.policy): escape(words(each)) for each in results.sensitivities}
+    axes = {each.axis: amount(each.severity, each.unit) for each in results.sensitivities}
+    return section("What each disturbance does", note(LEAD), by_axis(results, axes, cells)) if axes else ""
