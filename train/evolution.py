@@ -1,8 +1,8 @@
 """A search of parameters by CMA-ES, over the unit cube of their ranges, and the rows of its account."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from dataclasses import Field, asdict, replace
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,19 @@ from evaluate.measures.metrics import Measures
 from policies.base import Floats
 from quad_env.seeding import episode_seeds
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-    P = TypeVar("P", bound=DataclassInstance)
-
 Ranges = Mapping[str, tuple[float, float]]
 """Bounds of the parameters that are searched, by field name."""
 MARGIN = 0.02
 """Distance from the faces of the unit cube at which a search starts at least."""
+
+
+class Parameters(Protocol):
+    """A dataclass of numbers."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+
+P = TypeVar("P", bound=Parameters)
 
 
 class Effort(Protocol):
@@ -46,27 +50,27 @@ class Effort(Protocol):
         ...
 
 
-def decode(point: Floats, start: "P", ranges: Ranges, digits: int | None = None) -> "P":
+def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -> P:
     """Parameters of a point of the unit cube, rounded where digits are given; those not searched are the start's."""
     values = {name: low + (high - low) * float(x) for x, (name, (low, high)) in zip(point, ranges.items(), strict=True)}
     return replace(start, **(values if digits is None else {name: round(x, digits) for name, x in values.items()}))
 
 
-def encode(parameters: "DataclassInstance", ranges: Ranges) -> Floats:
+def encode(parameters: Parameters, ranges: Ranges) -> Floats:
     """Point of the unit cube of some parameters."""
     return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
 
 
 def evolve(
     effort: Effort,
-    start: "P",
+    start: P,
     ranges: Ranges,
-    costs: "Callable[[list[P], NDArray[np.int64]], Sequence[float] | Floats]",
+    costs: Callable[[list[P], NDArray[np.int64]], Sequence[float] | Floats],
     *,
     spread: float,
     digits: int | None = None,
     description: str = "generations",
-) -> "Iterator[P]":
+) -> Iterator[P]:
     """The mean of the search distribution after each generation.
 
     `costs` judges a generation's candidates, all on the episodes of its seeds; `spread` is the first standard deviation
@@ -89,9 +93,7 @@ def evolve(
         yield decode(strategy.result.xfavorite, start, ranges, digits)
 
 
-def changes(
-    before: "DataclassInstance", after: "DataclassInstance", ranges: Ranges, fitted: Collection[str] = ()
-) -> list[str]:
+def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Collection[str] = ()) -> list[str]:
     """Every parameter's range and values, as a table in Markdown."""
     lines = ["| parameter | range | before | after |", "|---|---|---|---|"]
     for name, old in asdict(before).items():
