@@ -25,6 +25,11 @@ class GaitChange:
         return self._between(self._old, self._new)
 
     @property
+    def goal(self) -> Floats:
+        """The values that the robots are sent to, (n, k)."""
+        return self._new
+
+    @property
     def offsets(self) -> Floats:
         """The phase offsets now, rad, (n, 4); not wrapped."""
         return self._between(self._old_offsets, self._new_offsets)

@@ -32,6 +32,8 @@ HOME_HIP_HEIGHT = float((THIGH_LENGTH + CALF_LENGTH) * np.cos(0.5))
 """Hip joints above the centres of the feet in the home pose, m."""
 HIP_RADIUS = float(np.hypot(HIP_POSITIONS[0, 0], HIP_POSITIONS[0, 1]))
 """From the trunk's centre to a hip joint, m."""
+BEYOND = 10.0
+"""A limit of commands that none reaches, m/s or rad/s."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,14 @@ class GaitParameters:
     """Gait's yaw rate per commanded."""
     yaw_per_lateral: float = 0.0
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
+    forward_limit: float = BEYOND
+    """Fastest forward command that the gait follows, m/s; asked for more it goes the same way more slowly: `slowed`."""
+    backward_limit: float = BEYOND
+    """Fastest backward command, m/s."""
+    lateral_limit: float = BEYOND
+    """Fastest sideways command, m/s."""
+    yaw_limit: float = BEYOND
+    """Fastest yaw rate command, rad/s."""
 
     def __post_init__(self) -> None:
         bounds.check(self, LIMITS)
@@ -95,8 +105,14 @@ LIMITS: dict[str, tuple[float, float]] = {
     "lateral_gain": (-10.0, 10.0),
     "yaw_gain": (-10.0, 10.0),
     "yaw_per_lateral": (-10.0, 10.0),
+    "forward_limit": (0.01, 100.0),
+    "backward_limit": (0.01, 100.0),
+    "lateral_limit": (0.01, 100.0),
+    "yaw_limit": (0.01, 100.0),
 }
 """Bounds of `GaitParameters` by field name, beyond any use: within them every action is a finite number."""
+NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), BEYOND)
+"""Of the commands, by field name."""
 SLOWEST, FASTEST = 0.3, 15.0
 """Bounds of the frequency at any speed, Hz."""
 SHORTEST_DUTY, LONGEST_DUTY = 0.1, 0.95
@@ -123,6 +139,20 @@ def froude(command: Floats, body_height: Floats) -> Floats:
     speed = np.sqrt(command[:, 0] * command[:, 0] + command[:, 1] * command[:, 1]) + HIP_RADIUS * np.abs(command[:, 2])
     number: Floats = speed * speed / (GRAVITY * body_height)
     return number
+
+
+def slowed(values: Floats, command: Floats) -> Floats:
+    """The velocity commands (n, 3) that robots with parameters (n, len(NAMES)) follow: beyond the ellipsoid whose half
+    axes are the gait's limits they go the same way, and turn as tightly, on its surface.
+    """
+    forward, backward, lateral, yaw = (
+        values[:, INDEX[f"{name}_limit"]] for name in ("forward", "backward", "lateral", "yaw")
+    )
+    ahead = command[:, 0] / np.where(command[:, 0] < 0.0, backward, forward)
+    sideways, turning = command[:, 1] / lateral, command[:, 2] / yaw
+    size = np.sqrt(ahead * ahead + sideways * sideways + turning * turning)
+    slower: Floats = command / np.maximum(size, 1.0)[:, None]
+    return slower
 
 
 def chosen(values: Floats, command: Floats) -> tuple[Floats, Floats]:

@@ -27,6 +27,7 @@ from policies.gait_parameters import (
     held,
     row,
     searched_parameters,
+    slowed,
 )
 from policies.kinematics import leg_angles
 from policies.trot import held_up
@@ -193,10 +194,12 @@ class Gaits(GaitedPolicy):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
-        command = np.where(self._standing[:, None], 0.0, command)
-        self._command = self._command + np.clip(command - self._command, -_REACH, _REACH)
         self._change.advance()
         values = self._change.values
+        # In a change the narrower limits hold: those of the gait that is left no longer than it is walked.
+        slower = slowed(np.minimum(values, self._change.goal), command)
+        command = np.where(self._standing[:, None], 0.0, slower)
+        self._command = self._command + np.clip(command - self._command, -_REACH, _REACH)
         p = Columns(values)
         beat = self._beat(values)
         self._move_feet(beat, p, self._mapped(p))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from evaluate.measures.strides import Strides, walked
 from policies.base import Floats
-from policies.gait_parameters import GaitParameters
+from policies.gait_parameters import NO_LIMITS, GaitParameters
 from policies.gaits import Gaits
 
 TOP_SPEED = {"walk": 0.4}
@@ -55,17 +55,20 @@ def response(command: Floats, velocity: Floats) -> Floats:
 def shared_walk(
     gait: str, candidates: list[GaitParameters], command: Floats, seeds: NDArray[np.int64], steps: int, threads: int
 ) -> list[Strides]:
-    """The settled part of the same episodes, commands (n, 3) and seeds (n,), walked by each candidate side by side."""
-    members = len(candidates)
+    """The settled part of the same episodes, commands (n, 3) and seeds (n,), walked by each candidate side by side.
+
+    They follow every command, whatever their limits: a response to slower commands than asked for would be another's.
+    """
+    members, unlimited = len(candidates), [replace(candidate, **NO_LIMITS) for candidate in candidates]
     member = np.repeat(np.arange(members), len(seeds))
 
     def begin(step: int, policy: Gaits) -> None:
         if step == 0:
-            for number, candidate in enumerate(candidates):
+            for number, candidate in enumerate(unlimited):
                 policy.request(gait, member == number, parameters=candidate)
 
     found = walked(
-        Gaits(gait, parameters=dict.fromkeys(("stand", gait), candidates[0])),
+        Gaits(gait, parameters=dict.fromkeys(("stand", gait), unlimited[0])),
         np.tile(command, (members, 1)),
         np.tile(seeds, members),
         steps=steps,

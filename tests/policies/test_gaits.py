@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import policies
+from evaluate import rollout
 from evaluate.measures.strides import Strides, walked
 from policies.gait_change import CHANGE_TIME
 from policies.gait_parameters import (
@@ -18,6 +19,7 @@ from policies.gait_parameters import (
     froude,
     row,
     searched_parameters,
+    slowed,
 )
 from policies.gaits import TARGET_RATE_LIMIT, Gaits
 from policies.kinematics import foot_positions
@@ -245,6 +247,19 @@ def test_the_file_holds_every_gait_within_the_limits_and_a_walk_of_at_least_thre
     assert set(LIMITS) == set(json.loads(json.dumps(vars(BARE))))
 
 
+def test_beyond_its_limits_a_gait_goes_the_same_way_on_the_ellipsoid():
+    values = row(replace(BARE, forward_limit=0.8, backward_limit=0.2, lateral_limit=0.3, yaw_limit=0.6))
+    command = np.array([[0.4, 0.1, 0.2], [1.6, 0.0, 0.0], [-0.4, 0.0, 0.0], [0.8, -0.3, 0.0], [0.0, 0.0, -1.2]])
+    half = np.sqrt(0.5)
+    expected = [[0.4, 0.1, 0.2], [0.8, 0, 0], [-0.2, 0, 0], [0.8 * half, -0.3 * half, 0], [0, 0, -0.6]]
+    np.testing.assert_allclose(slowed(np.tile(values, (5, 1)), command), expected)
+
+
+def test_without_limits_every_command_is_followed_to_the_bit():
+    command = np.random.default_rng(0).uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (50, 3))
+    np.testing.assert_array_equal(slowed(np.tile(row(BARE), (50, 1)), command), command)
+
+
 ROBOTS = 32
 SPEEDS = {"walk": 0.3}
 
@@ -263,3 +278,11 @@ def test_it_walks_as_commanded_on_flat_ground(gait):
     assert np.abs(late.offset_errors()).max() < 0.05
     assert late.heading_velocity[..., 0].mean() == pytest.approx(SPEEDS.get(gait, 0.5), abs=0.1)
     assert found.target_rate.max() < TARGET_RATE_LIMIT
+
+
+@pytest.mark.parametrize("gait", OFFSETS)
+def test_it_keeps_its_feet_whatever_it_is_commanded(gait):
+    episodes = rollout.run(
+        policies.make("gaits" if gait == "trot" else gait), "flat", episode_seeds("search", 8, ROBOTS)
+    )
+    assert (episodes.fall_step == episodes.steps).all()
