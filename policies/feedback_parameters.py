@@ -18,7 +18,7 @@ on from them, and by hand since. A later search tracked better on slopes and fel
 class FeedbackParameters:
     """Gait and gains; velocity errors are measured minus wanted."""
 
-    frequency: float = 6.0
+    frequency: float = 7.7
     """Gait cycles a second while nothing disturbs, Hz."""
     duty: float = 0.5
     """Share of the cycle that a foot is on the ground."""
@@ -26,9 +26,9 @@ class FeedbackParameters:
     """Trunk's centre above the centres of the standing feet, m."""
     step_height: float = 0.05
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = 0.48
+    stance_width: float = 0.51
     """Between the left and the right feet's lines, m."""
-    stance_shift: float = -0.08
+    stance_shift: float = -0.09
     """Middle of the strides ahead of the hip joints, m."""
     servo_lead: float = 0.013
     """How far the targets run ahead of the planned path of the foot along its tangent, s."""
@@ -38,7 +38,7 @@ class FeedbackParameters:
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
     blend_time: float = 0.3
     """From the home pose to the gait at the start of an episode, s."""
-    linear_acceleration: float = 25.0
+    linear_acceleration: float = 30.0
     """Fastest change of the forward and of the lateral velocity that is wanted, m/s²."""
     yaw_acceleration: float = 60.0
     """Fastest change of the yaw rate that is wanted, rad/s²."""
@@ -54,13 +54,13 @@ class FeedbackParameters:
     """Feedforward: added to the yaw rate per wanted lateral velocity, rad/m: walking sideways turns the robot."""
     turn_lead: float = 0.08
     """How far ahead the gait's velocity is turned at the wanted yaw rate, s: in a curve the body lags behind."""
-    integral_gain: float = 2.0
+    integral_gain: float = 3.0
     """Change of the gait's velocity per velocity error and second, 1/s."""
     yaw_integral_gain: float = 2.0
     """Change of the gait's yaw rate per yaw-rate error and second, 1/s."""
     stance_yield: float = 0.2
     """Share of a velocity error that the standing feet give way to; 0 holds them to the plan."""
-    stance_push: float = 0.068
+    stance_push: float = 0.085
     """Advance of the standing feet's targets per velocity error, s: the legs push against it."""
     yaw_push: float = 0.03
     """The same per yaw-rate error, s."""
@@ -92,7 +92,7 @@ class FeedbackParameters:
     """Share of the ground's slope that the trunk leans with."""
     conform: float = 0.8
     """Share of a footprint's height above the plane that its leg is shortened by."""
-    rough_height: float = 0.8
+    rough_height: float = 0.5
     """Rise of the trunk per roughness of the ground, m/m."""
     rough_step: float = 1.5
     """Rise of the steps per roughness of the ground, m/m."""
@@ -106,27 +106,27 @@ class FeedbackParameters:
     """Slowing down by the square of this times the slope of the ground."""
     slope_brace: float = 0.6
     """Slope of the ground that is too steep to walk on: the robot stands with all feet down."""
-    rough_brace: float = 0.03
+    rough_brace: float = 0.02
     """Roughness of the ground that is too much to walk on: the robot stands with all feet down, m."""
-    hold_height: float = 0.28
+    hold_height: float = 0.38
     """Trunk's centre above the feet while it stands on rough ground, m."""
     hold_width: float = 0.56
     """Between the left and the right feet while it stands on rough ground, m."""
     hold_length: float = 0.56
     """Between the front and the hind feet while it does, m."""
-    brace_error: float = 0.7
+    brace_error: float = 0.6
     """Speed beyond the wanted one at which the robot begins to put all feet down to slide to rest, m/s."""
     brace_height: float = 0.15
     """Trunk's centre above the feet while it does, m."""
-    brace_width: float = 0.72
+    brace_width: float = 0.76
     """Between the left and the right feet while it does, m."""
-    brace_length: float = 0.76
+    brace_length: float = 0.8
     """Between the front and the hind feet while it does, m."""
-    brace_lead: float = 0.015
+    brace_lead: float = 0.03
     """Shift of the feet while it does along the way it slides, per excess speed, s."""
     brace_tilt_gain: float = 1.0
     """`tilt_gain` while it does."""
-    brace_tilt_damping: float = 0.11
+    brace_tilt_damping: float = 0.13
     """`tilt_damping` while it does, s."""
     brace_release: float = 0.15
     """From there back to the trot, s."""

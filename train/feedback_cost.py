@@ -45,7 +45,8 @@ EXERCISES = (
     Exercise("flat", 1.5, 1.0),
     Exercise("push", 90.0, 0.08),
     Exercise("rough", 0.12, 0.15),
-    Exercise("rough", 0.38, 0.08),
+    Exercise("rough", 0.32, 0.1),
+    Exercise("rough", 0.5, 0.1),
     Exercise("slope", 20.0, 0.15),
     Exercise("slope", 33.0, 0.08),
 )

@@ -1,8 +1,9 @@
 """Search of `trot_feedback`'s gait and gains: `python -m train.tune_feedback` writes policies/trot_feedback.json.
 
-CMA-ES over `policies.feedback_parameters.SEARCH_RANGES` from the parameters in force; the account of the search goes
-beside its outcome. A generation's candidates walk the same episodes side by side, and every generation gets new ones,
-all from the "search" family of seeds. Ctrl-C keeps what has been found so far, and another search can go on from it.
+CMA-ES over `policies.feedback_parameters.SEARCH_RANGES` from the defaults of `FeedbackParameters`; the account of the
+search goes beside its outcome. A generation's candidates walk the same episodes side by side, and every generation gets
+new ones, all from the "search" family of seeds. Ctrl-C keeps what has been found so far, and another search can go on
+from it.
 """
 
 import json
@@ -38,15 +39,15 @@ LIMITS = {name: TROT_LIMITS[name] for name in ("generations", "candidates", "epi
 class SearchOptions:
     """Search the gait and the gains of trot_feedback."""
 
-    generations: int = 60
+    generations: int = 30
     """Rounds of the search."""
     candidates: int = 16
     """Parameter sets tried in a round."""
     episodes: int = 8
     """Episodes a candidate and exercise."""
-    steps: int = 400
+    steps: int = 500
     """Length of an episode, control steps of 10 ms."""
-    spread: float = 0.06
+    spread: float = 0.03
     """First standard deviation of a parameter, as a share of its range."""
     check_episodes: int = 64
     """Fresh full episodes an exercise on which the outcome is judged beside the parameters before the search."""
@@ -54,8 +55,8 @@ class SearchOptions:
     """Seed of the search."""
     threads: int = 2
     """Threads of the simulation."""
-    start: Path = PARAMETERS_FILE
-    """Parameters to start from, JSON; those that it does not name have their defaults."""
+    start: Path | None = None
+    """Parameters to start from, JSON; by default, and where it does not name them, the defaults in the code."""
     out: Path = PARAMETERS_FILE
     """Where the parameters go, JSON; the account of the search goes beside it, TROT_FEEDBACK.md."""
 
@@ -111,7 +112,7 @@ def main(arguments: list[str] | None = None) -> int:
         if not 0.0 < options.spread <= 0.5:
             raise UsageError(f"--spread must be above 0 and at most 0.5, got {options.spread:g}")
         check_output(options.out, ACCOUNT)
-        before = read_parameters(options.start)
+        before = read_parameters(options.start) if options.start else FeedbackParameters()
     except (UsageError, ValueError) as error:
         return fail(str(error))
     return find(options, before)
