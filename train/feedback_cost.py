@@ -25,6 +25,8 @@ class Exercise:
     axis: str
     severity: float
     weight: float
+    fall_cost: float = 0.0
+    """Billed for a fall on top of the errors, which hold it as bad as standing still."""
 
     @property
     def name(self) -> str:
@@ -41,18 +43,20 @@ class Exercise:
         return replace(found, commands=commands, pushes=pushes)
 
 
+FALL_COST = 60.0
+"""What a fall is billed besides its errors where falls are what an exercise is about: about as much again."""
 EXERCISES = (
     Exercise("flat", 1.5, 1.0),
-    Exercise("push", 90.0, 0.08),
+    Exercise("push", 90.0, 0.08, FALL_COST),
     Exercise("rough", 0.12, 0.15),
-    Exercise("rough", 0.32, 0.1),
-    Exercise("rough", 0.5, 0.1),
+    Exercise("rough", 0.32, 0.1, FALL_COST),
+    Exercise("rough", 0.5, 0.1, FALL_COST),
     Exercise("slope", 20.0, 0.15),
-    Exercise("slope", 33.0, 0.08),
+    Exercise("slope", 33.0, 0.08, FALL_COST),
 )
-"""Flat ground for tracking; the others from where a robot need not fall to where the trot without feedback does.
+"""Flat ground for tracking; the others from where a robot need not fall to beyond where the trot without feedback does.
 
-The cost of a fall is some ten times that of walking well: hence the small weights of the hard ones.
+The errors of an episode with a fall are some ten times those of walking well: hence the small weights of the hard ones.
 """
 
 
@@ -66,7 +70,8 @@ def judge(candidates: list[FeedbackParameters], seeds: NDArray[np.int64], steps:
     total = np.zeros(len(candidates))
     for exercise in EXERCISES:
         measures = _run(candidates, exercise.scenario(short=True), seeds, steps, threads)
-        total += exercise.weight * cost(measures, len(candidates))
+        fell = measures.fell.reshape(len(candidates), -1).mean(axis=1)
+        total += exercise.weight * (cost(measures, len(candidates)) + exercise.fall_cost * fell)
     return total
 
 

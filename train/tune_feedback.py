@@ -21,7 +21,7 @@ from policies.base import CONTROL_PERIOD
 from policies.feedback_parameters import PARAMETERS_FILE, SEARCH_RANGES, FeedbackParameters, read_parameters
 from quad_env.seeding import episode_seeds
 from train.evolution import changes, evolve, judged
-from train.feedback_cost import COMMAND_INTERVAL, EXERCISES, judge, walked
+from train.feedback_cost import COMMAND_INTERVAL, EXERCISES, FALL_COST, judge, walked
 from train.trot_cost import ERROR_SCALES, Floats
 from train.tune_trot import LIMITS as TROT_LIMITS
 from train.tune_trot import check_numbers, check_output, keep
@@ -72,17 +72,22 @@ def search(options: SearchOptions, start: FeedbackParameters) -> Iterator[Feedba
 
 def account(options: SearchOptions, done: int, before: FeedbackParameters, after: FeedbackParameters) -> str:
     """What the search found and what it is worth on fresh episodes, as Markdown."""
-    command = f"python -m train.tune_feedback --seed {options.seed} --generations {options.generations}"
+    command = (
+        f"python -m train.tune_feedback --seed {options.seed} --generations {options.generations} "
+        f"--candidates {options.candidates} --episodes {options.episodes} --steps {options.steps} "
+        f"--spread {options.spread:g}" + (f" --start {options.start}" if options.start else "")
+    )
     lines = [
         "# The parameters of trot_feedback",
         "",
-        f"Written by `{command} --candidates {options.candidates} --episodes {options.episodes}`: CMA-ES, {done} "
+        f"Written by `{command}`: CMA-ES, {done} "
         f"generations of {options.candidates} candidates, {options.episodes} episodes of "
         f"{options.steps * CONTROL_PERIOD:g} s a candidate on each of "
         f"{', '.join(f'{exercise.name} (weight {exercise.weight:g})' for exercise in EXERCISES)}.",
         "Cost of an episode: "
         + " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
-        + "; falls are billed within the errors.",
+        + "; falls are billed within the errors, and "
+        f"{FALL_COST:g} more on {', '.join(exercise.name for exercise in EXERCISES if exercise.fall_cost)}.",
         "",
         *changes(before, after, SEARCH_RANGES),
     ]
