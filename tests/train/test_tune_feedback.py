@@ -44,10 +44,22 @@ def test_a_short_episode_has_its_push_and_two_commands():
 
 def test_spoilt_gains_cost_more():
     good = searched_parameters()
-    changes = ({"forward_gain": 0.7}, {"stance_push": -0.05}, {"tilt_gain": -1.0})
+    changes = ({"forward_gain": 0.3, "integral_gain": 0.0}, {"stance_push": -0.2}, {"tilt_gain": -1.0})
     spoilt = [dataclasses.replace(good, **change) for change in changes]
     first, *others = judge([good, *spoilt], episode_seeds("search", 9, 8), 500, 2)
-    assert min(others) > first + 0.2
+    assert min(others) > first + 1.0
+
+
+def test_falls_are_billed_where_the_exercise_is_about_them(monkeypatch):
+    members, seeds = [searched_parameters(), FeedbackParameters(body_height=0.2, capture_gain=0.0)], np.arange(8)
+    bills = []
+    for fall_cost in (0.0, 24.0):
+        monkeypatch.setattr(feedback_cost, "EXERCISES", (Exercise("push", 120.0, 0.5, fall_cost),))
+        bills.append(judge(members, seeds, 500, 1))
+    falls = (bills[1] - bills[0]) / (0.5 * 24.0 / len(seeds))
+    np.testing.assert_allclose(falls, np.round(falls), atol=1e-9)
+    assert (falls > 0).all()
+    assert (falls <= 8).all()
 
 
 def test_members_are_measured_one_after_the_other():
