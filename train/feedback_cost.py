@@ -43,10 +43,10 @@ class Exercise:
         return replace(found, commands=commands, pushes=pushes)
 
 
-FALL_COST = 60.0
-"""What a fall is billed besides its errors where falls are what an exercise is about: about as much again."""
+FALL_COST = 20.0
+"""What a fall is billed besides its errors where falls are what an exercise is about: about a third of them."""
 EXERCISES = (
-    Exercise("flat", 1.5, 1.0),
+    Exercise("flat", 1.5, 2.0),
     Exercise("push", 90.0, 0.08, FALL_COST),
     Exercise("rough", 0.12, 0.15),
     Exercise("rough", 0.32, 0.1, FALL_COST),
