@@ -46,7 +46,7 @@ class Exercise:
 FALL_COST = 20.0
 """What a fall is billed besides its errors where falls are what an exercise is about: about a third of them."""
 EXERCISES = (
-    Exercise("flat", 1.5, 2.0),
+    Exercise("flat", 1.5, 10.0),
     Exercise("push", 90.0, 0.08, FALL_COST),
     Exercise("rough", 0.12, 0.15),
     Exercise("rough", 0.32, 0.1, FALL_COST),

@@ -39,7 +39,7 @@ LIMITS = {name: TROT_LIMITS[name] for name in ("generations", "candidates", "epi
 class SearchOptions:
     """Search the gait and the gains of trot_feedback."""
 
-    generations: int = 16
+    generations: int = 8
     """Rounds of the search."""
     candidates: int = 16
     """Parameter sets tried in a round."""
@@ -47,7 +47,7 @@ class SearchOptions:
     """Episodes a candidate and exercise."""
     steps: int = 500
     """Length of an episode, control steps of 10 ms."""
-    spread: float = 0.02
+    spread: float = 0.01
     """First standard deviation of a parameter, as a share of its range."""
     check_episodes: int = 64
     """Fresh full episodes an exercise on which the outcome is judged beside the parameters before the search."""
