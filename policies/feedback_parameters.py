@@ -16,7 +16,7 @@ PARAMETERS_FILE = Path(__file__).with_name("trot_feedback.json")
 class FeedbackParameters:
     """Gait and gains; velocity errors are measured minus wanted.
 
-    The defaults are where the search starts: on flat ground those set by hand, for rough ground, slopes and pushes those
+    The defaults are where the search starts: the gait's own set by hand, those for rough ground, slopes and pushes
     between the outcomes of two earlier searches, which weighed falls less and more.
     """
 
