@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from policies.feedback_parameters import FeedbackParameters, searched_parameters
+from policies.feedback_parameters import LIMITS, PARAMETERS_FILE, FeedbackParameters, searched_parameters
 from quad_env.axes import AXES
 from quad_env.seeding import episode_seeds
 from train import feedback_cost, tune_feedback
@@ -35,6 +35,16 @@ def test_nobody_searches_on_the_ground_of_the_exam(exercise):
             assert scenario.terrain == exam.terrain
         if scenario.pushes:
             assert scenario.pushes.impulse == exam.pushes.impulse
+
+
+def test_the_account_is_of_the_parameters_in_force_and_of_the_start_in_the_code():
+    text = PARAMETERS_FILE.with_name(ACCOUNT).read_text()
+    cells = [[cell.strip() for cell in line.split("|")] for line in text.splitlines()]
+    told = {row[1]: (float(row[3]), float(row[4])) for row in cells if len(row) == 6 and row[1] in LIMITS}
+    start, found = dataclasses.asdict(FeedbackParameters()), dataclasses.asdict(searched_parameters())
+    assert told == {
+        name: (pytest.approx(start[name], rel=1e-4), pytest.approx(found[name], rel=1e-4)) for name in LIMITS
+    }
 
 
 def test_a_short_episode_has_its_push_and_two_commands():
