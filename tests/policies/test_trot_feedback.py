@@ -65,7 +65,15 @@ OFF = {
     "velocity_filter": 1e-3,
 }
 """Every feedback off."""
-BARE = FeedbackParameters(**OFF)
+GAIT = {
+    "frequency": 6.0,
+    "duty": 0.5,
+    "body_height": 0.28,
+    "stance_width": 0.48,
+    "stance_shift": -0.08,
+    "plane_filter": 0.2,
+}
+BARE = FeedbackParameters(**OFF | GAIT)
 ROUNDING = 1e-6
 """m: actions are float32."""
 
