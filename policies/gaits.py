@@ -196,7 +196,7 @@ class Gaits(GaitedPolicy):
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
         self._change.advance()
         values = self._change.values
-        # In a change the narrower limits hold: those of the gait that is left no longer than it is walked.
+        # In a change the narrower of the limits now and those to come hold.
         slower = slowed(np.minimum(values, self._change.goal), command)
         command = np.where(self._standing[:, None], 0.0, slower)
         self._command = self._command + np.clip(command - self._command, -_REACH, _REACH)
