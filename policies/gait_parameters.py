@@ -112,7 +112,7 @@ LIMITS: dict[str, tuple[float, float]] = {
 }
 """Bounds of `GaitParameters` by field name, beyond any use: within them every action is a finite number."""
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), BEYOND)
-"""Of the commands, by field name."""
+"""Of the commands, by field name: ahead, back, sideways and turning, in that order."""
 SLOWEST, FASTEST = 0.3, 15.0
 """Bounds of the frequency at any speed, Hz."""
 SHORTEST_DUTY, LONGEST_DUTY = 0.1, 0.95
@@ -145,9 +145,7 @@ def slowed(values: Floats, command: Floats) -> Floats:
     """The velocity commands (n, 3) that robots with parameters (n, len(NAMES)) follow: beyond the ellipsoid whose half
     axes are the gait's limits they go the same way, and turn as tightly, on its surface.
     """
-    forward, backward, lateral, yaw = (
-        values[:, INDEX[f"{name}_limit"]] for name in ("forward", "backward", "lateral", "yaw")
-    )
+    forward, backward, lateral, yaw = (values[:, INDEX[name]] for name in NO_LIMITS)
     ahead = command[:, 0] / np.where(command[:, 0] < 0.0, backward, forward)
     sideways, turning = command[:, 1] / lateral, command[:, 2] / yaw
     size = np.sqrt(ahead * ahead + sideways * sideways + turning * turning)
