@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from policies.easing import smoothstep
 from policies.gait import advance
 from quad_env import OBSERVATION_SIZE
 from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
@@ -118,7 +119,7 @@ class GaitedPolicy(Policy):
         share = np.minimum(self._ticks * (CONTROL_PERIOD / duration), 1.0)
         if share.min() >= 1.0:
             return targets
-        weight = (share * share * (3.0 - 2.0 * share))[:, None]
+        weight = smoothstep(share)[:, None]
         # One formula for blended and settled rows: with weight 1 the home pose's part is exactly zero.
         return weight * targets + (1.0 - weight) * HOME_POSE
 

@@ -7,6 +7,7 @@ with, so a foot that moves with the ground neither scuffs at lift-off nor brakes
 
 import numpy as np
 
+from policies.easing import smoothstep
 from policies.gait import Floats, LegCycle
 
 GRAVITY = 9.81
@@ -21,7 +22,7 @@ def stride(cycle: LegCycle, duty: float) -> Floats:
     """
     t = cycle.progress
     ratio = (1.0 - duty) / duty
-    swing = t * t * (3.0 - 2.0 * t) - 0.5 - ratio * (t * (1.0 - t) * (1.0 - 2.0 * t))
+    swing = smoothstep(t) - 0.5 - ratio * (t * (1.0 - t) * (1.0 - 2.0 * t))
     path: Floats = np.where(cycle.swing, swing, 0.5 - t)
     return path
 

@@ -5,6 +5,7 @@ In the level frame (see `policies.level_frame`), legs along the first axis: arra
 
 import numpy as np
 
+from policies.easing import smoothstep
 from policies.gait import Floats
 from policies.level_frame import Vector
 
@@ -56,5 +57,4 @@ def within_reach(x: Floats, y: Floats, neutral: Planar) -> Planar:
 def swung(start: Floats, end: Floats, slope: Floats, progress: Floats) -> Floats:
     """Cubic from start to end that leaves and arrives with the same slope, per unit of progress: the ground's."""
     t = progress
-    share = t * t * (3.0 - 2.0 * t)
-    return start + share * (end - start) + slope * (t * (1.0 - t) * (1.0 - 2.0 * t))
+    return start + smoothstep(t) * (end - start) + slope * (t * (1.0 - t) * (1.0 - 2.0 * t))

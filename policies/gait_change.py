@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD
+from policies.easing import smoothstep
 from policies.gait import TURN, Floats
 
 CHANGE_TIME = 1.0
@@ -63,6 +64,6 @@ class GaitChange:
         self._share = np.where(mask, 1.0, self._share)
 
     def _between(self, old: Floats, new: Floats) -> Floats:
-        weight = (self._share * self._share * (3.0 - 2.0 * self._share))[:, None]
+        weight = smoothstep(self._share)[:, None]
         between: Floats = old + weight * (new - old)
         return between

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Floats
 from policies.behaviour.motion import Mask
+from policies.easing import smoothstep
 from policies.kinematics import leg_angles
 from quad_env import OBSERVATION
 from quad_env.robot import HIP_POSITIONS, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, SIDE
@@ -49,8 +50,7 @@ class Brace:
 
     def blended(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
         """Targets (k, 12) of the robots `rows`, (k,): their policy's, turned into the brace as far as is due."""
-        share = self.share[rows]
-        weight = (share * share * (3.0 - 2.0 * share))[:, None]
+        weight = smoothstep(self.share[rows])[:, None]
         return targets + weight * (braced(observation) - targets)
 
 
