@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks import physics, policies, single_env, startup, vector_env
-from benchmarks.bars import BARS
-from benchmarks.command import Outcome, Output, run
-from benchmarks.physics_settings import FIRST, SHIPPED
-from evaluate import launcher
+from benchmarks.probes.physics_settings import FIRST, SHIPPED
+from benchmarks.support.bars import BARS
+from benchmarks.support.command import Outcome, Output, run
+from evaluate.terminal import launcher
 
 
 @dataclass(frozen=True)

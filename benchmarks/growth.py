@@ -14,13 +14,23 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from benchmarks.bars import check
-from benchmarks.command import MOST_ENVS, MOST_THREADS, Common, Outcome, cell, in_range, run, sizes_in_range, table
-from benchmarks.growth_probe import KINDS
-from benchmarks.measure import Floats, Subject, cores, interleave, spread
-from benchmarks.progress import stage
-from evaluate import launcher
-from evaluate.provenance import REPOSITORY
+from benchmarks.probes.growth_probe import KINDS
+from benchmarks.support.bars import check
+from benchmarks.support.command import (
+    MOST_ENVS,
+    MOST_THREADS,
+    Common,
+    Outcome,
+    cell,
+    in_range,
+    run,
+    sizes_in_range,
+    table,
+)
+from benchmarks.support.measure import Floats, Subject, cores, interleave, spread
+from benchmarks.support.progress import stage
+from evaluate.records.provenance import REPOSITORY
+from evaluate.terminal import launcher
 from policies.files import make_writable_folder
 
 GIB = 2.0**30
@@ -96,7 +106,7 @@ def _grow(kind: str, sizes: Sequence[int], options: Options) -> Growth:
 
 def _probe(kind: str, size: int, threads: int, steps: int) -> dict[str, Any]:
     """The figures of a fresh process. OSError if it fails."""
-    command = [sys.executable, "-m", "benchmarks.growth_probe", kind, *map(str, (size, threads, steps))]
+    command = [sys.executable, "-m", "benchmarks.probes.growth_probe", kind, *map(str, (size, threads, steps))]
     run = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     if run.returncode:
         raise OSError(f"{kind} {size}: {(run.stderr.splitlines() or [f'exit code {run.returncode}'])[-1]}")

@@ -14,12 +14,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from benchmarks import bare, gym_quadruped_peer
-from benchmarks.bars import check
-from benchmarks.command import MOST_ENVS, MOST_THREADS, Common, Outcome, cell, in_range, run, table
-from benchmarks.measure import Floats, Subject, cores, interleave, speed_ratio, spread
-from benchmarks.progress import stage
-from evaluate import launcher
+from benchmarks.probes import gym_quadruped_peer
+from benchmarks.support import bare
+from benchmarks.support.bars import check
+from benchmarks.support.command import MOST_ENVS, MOST_THREADS, Common, Outcome, cell, in_range, run, table
+from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread
+from benchmarks.support.progress import stage
+from evaluate.terminal import launcher
 from quad_env import ENV_ID
 
 ANT = "Ant-v5"

@@ -12,14 +12,14 @@ import numpy as np
 from mujoco.batch import Batch
 from rich.table import Table
 
-from benchmarks.bars import ACCURACY, check
-from benchmarks.command import MOST_ENVS, MOST_THREADS, Common, Outcome, cell, in_range, run, table
-from benchmarks.measure import Floats, Subject, cores, interleave, speed_ratio, spread
-from benchmarks.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
-from benchmarks.physics_settings import FIRST, SERVO, SETTINGS, SHIPPED
-from benchmarks.progress import stage
-from evaluate import launcher
-from evaluate.command_line import UsageError
+from benchmarks.probes.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
+from benchmarks.probes.physics_settings import FIRST, SERVO, SETTINGS, SHIPPED
+from benchmarks.support.bars import ACCURACY, check
+from benchmarks.support.command import MOST_ENVS, MOST_THREADS, Common, Outcome, cell, in_range, run, table
+from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread
+from benchmarks.support.progress import stage
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError
 
 
 @dataclass(frozen=True)

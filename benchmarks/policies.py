@@ -13,13 +13,13 @@ import mujoco
 import numpy as np
 
 import policies
-from benchmarks import bare
-from benchmarks.bars import check
-from benchmarks.command import MOST_ENVS, Common, Outcome, cell, in_range, run, sizes_in_range, table
-from benchmarks.measure import Floats, Subject, interleave, spread
-from benchmarks.progress import stage
-from evaluate import launcher
-from evaluate.command_line import UsageError
+from benchmarks.support import bare
+from benchmarks.support.bars import check
+from benchmarks.support.command import MOST_ENVS, Common, Outcome, cell, in_range, run, sizes_in_range, table
+from benchmarks.support.measure import Floats, Subject, interleave, spread
+from benchmarks.support.progress import stage
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError
 from quad_env import ENV_ID
 
 PERCENTILE = 99.9

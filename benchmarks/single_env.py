@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import gymnasium as gym
 
-from benchmarks import bare
-from benchmarks.bars import check
-from benchmarks.command import Common, Outcome, cell, in_range, run, table
-from benchmarks.measure import difference, interleave, speed_ratio, spread
-from benchmarks.progress import stage
-from evaluate import launcher
+from benchmarks.support import bare
+from benchmarks.support.bars import check
+from benchmarks.support.command import Common, Outcome, cell, in_range, run, table
+from benchmarks.support.measure import difference, interleave, speed_ratio, spread
+from benchmarks.support.progress import stage
+from evaluate.terminal import launcher
 from quad_env import ENV_ID, MAX_EPISODE_STEPS
 
 

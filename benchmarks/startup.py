@@ -10,12 +10,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from benchmarks.bars import check
-from benchmarks.command import Common, Outcome, cell, run, table
-from benchmarks.measure import Subject, interleave, spread
-from benchmarks.progress import stage
-from evaluate import launcher
-from evaluate.provenance import REPOSITORY
+from benchmarks.support.bars import check
+from benchmarks.support.command import Common, Outcome, cell, run, table
+from benchmarks.support.measure import Subject, interleave, spread
+from benchmarks.support.progress import stage
+from evaluate.records.provenance import REPOSITORY
+from evaluate.terminal import launcher
 
 HEAVY = ("mujoco", "torch")
 """What `import quad_env` must not load."""

@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from benchmarks.bars import THRESHOLDS, Check, check
-from benchmarks.command import MOST_THREADS, Common, Outcome, in_range, plain, run, table
-from benchmarks.measure import cores, machine
-from benchmarks.progress import stage
-from evaluate import launcher
-from evaluate.command_line import UsageError
-from evaluate.provenance import REPOSITORY, git_revision
+from benchmarks.support.bars import THRESHOLDS, Check, check
+from benchmarks.support.command import MOST_THREADS, Common, Outcome, in_range, plain, run, table
+from benchmarks.support.measure import cores, machine
+from benchmarks.support.progress import stage
+from evaluate.records.provenance import REPOSITORY, git_revision
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError
 from policies.files import make_writable_folder, write_atomically
 from train.config import DEFAULTS, PolicyKind, PpoConfig, TrainConfig, to_dict
 
 if TYPE_CHECKING:
-    from benchmarks.training_run import Judgement, Shares
+    from benchmarks.probes.training_run import Judgement, Shares
 
 FILE = "training.json"
 SEEDS = 5
@@ -81,7 +81,7 @@ def measure(options: Options) -> Outcome:
     _check(options)
     config = _config(options)
     records = _open(options.out)
-    from benchmarks.training_run import shares  # torch takes seconds to import
+    from benchmarks.probes.training_run import shares  # torch takes seconds to import
 
     with stage("training, shares", options.rounds) as advance:
         pieces = []
@@ -156,7 +156,7 @@ def _seeds(options: Options, config: TrainConfig, records: Records) -> tuple[lis
 
 def _run(config: TrainConfig, key: dict[str, Any], records: Records, options: Options) -> dict[str, Any]:
     """Train one seed; its record grows with every judgement."""
-    from benchmarks.training_run import train_and_judge
+    from benchmarks.probes.training_run import train_and_judge
 
     record: dict[str, Any] = {"key": key, "machine": machine(), "finished": False, "trace": []}
     records.runs = [run for run in records.runs if run["key"] != key] + [record]

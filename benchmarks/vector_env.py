@@ -14,9 +14,9 @@ import gymnasium as gym
 import numpy as np
 
 import policies
-from benchmarks import bare
-from benchmarks.bars import check
-from benchmarks.command import (
+from benchmarks.support import bare
+from benchmarks.support.bars import check
+from benchmarks.support.command import (
     MOST_ENVS,
     MOST_THREADS,
     Common,
@@ -27,10 +27,10 @@ from benchmarks.command import (
     sizes_in_range,
     table,
 )
-from benchmarks.measure import Floats, Spread, cores, difference, interleave, speed_ratio, spread
-from benchmarks.progress import Advance, stage
-from evaluate import launcher
-from evaluate.command_line import UsageError
+from benchmarks.support.measure import Floats, Spread, cores, difference, interleave, speed_ratio, spread
+from benchmarks.support.progress import Advance, stage
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError
 from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges, scenario
 
 JUDGED = ("flat", 1024)

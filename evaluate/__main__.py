@@ -1,9 +1,10 @@
 """`python -m evaluate`: compare policies on the same episodes of every scenario.
 
-Other commands, each with its own --help: report, replay, compare, axes, rescore, as in `python -m evaluate axes`.
+Other commands, each with its own --help, as in `python -m evaluate axes --help`: report, replay, compare, axes,
+rescore, gaits, gait-diagram, recovery, jump, safety, pictures, calibration, readme.
 """
 
-from evaluate import launcher
+from evaluate.terminal import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
@@ -12,18 +13,26 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
-from evaluate.options import PROGRAM, Options, asks_to_resume
+from evaluate.commands.options import PROGRAM, Options, asks_to_resume
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
 
 if TYPE_CHECKING:
-    from evaluate.plan import Plan
+    from evaluate.commands.plan import Plan
 
 COMMANDS = {
-    "report": "evaluate.report_again",
-    "replay": "evaluate.replay",
-    "compare": "evaluate.compare",
-    "axes": "evaluate.axes",
-    "rescore": "evaluate.rescore",
+    "report": "evaluate.commands.report",
+    "replay": "evaluate.commands.replay",
+    "compare": "evaluate.commands.compare",
+    "axes": "evaluate.commands.axes",
+    "rescore": "evaluate.commands.rescore",
+    "gaits": "evaluate.studies.gaits",
+    "gait-diagram": "evaluate.studies.gait_diagram",
+    "recovery": "evaluate.studies.recovery",
+    "jump": "evaluate.studies.jump",
+    "safety": "evaluate.studies.safety",
+    "pictures": "evaluate.studies.pictures",
+    "calibration": "evaluate.statistics.calibration",
+    "readme": "evaluate.commands.readme",
 }
 """First word of the command line -> module whose `main` it runs with the rest."""
 
@@ -51,7 +60,7 @@ def _compare(words: list[str]) -> int:
         plan = _plan(["--policies", *words] if bare else words)
     except UsageError as mistake:
         raise UsageError(f"{mistake}; the commands are {', '.join(COMMANDS)}" if bare else str(mistake)) from mistake
-    from evaluate.execution import execute  # only now, so that a mistake is answered at once
+    from evaluate.commands.execution import execute  # only now, so that a mistake is answered at once
 
     return execute(plan)
 
@@ -60,11 +69,11 @@ def _plan(words: list[str]) -> "Plan":
     """What the words ask for; the defaults of --resume are the options of the run."""
     default = None
     if folder := asks_to_resume(words):
-        from evaluate.plan import begun_with
+        from evaluate.commands.plan import begun_with
 
         default = begun_with(folder)
     options = parse(Options, words, program=PROGRAM, description=__doc__ or "", default=default)
-    from evaluate.plan import check  # after --help, which is to be quick
+    from evaluate.commands.plan import check  # after --help, which is to be quick
 
     return check(options)
 

@@ -9,17 +9,17 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from policies.article.printed import Document
+from policies.article.repaired import DocumentRepaired
 from policies.base import GaitedPolicy, Policy, PolicyError
 from policies.behaviour import Behaviour
 from policies.bundle import load
-from policies.document import Document
-from policies.document_repaired import DocumentRepaired
-from policies.gaits import Gaits
+from policies.gaits.policy import Gaits
 from policies.residual import ResidualPolicy
 from policies.safety import Safe
 from policies.stand import Stand
-from policies.trot import Trot, TrotParameters
-from policies.trot_feedback import TrotFeedback
+from policies.trot.feedback import TrotFeedback
+from policies.trot.open_loop import Trot, TrotParameters
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 """The trained policies that ship with the project."""

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from policies.easing import smoothstep
 from policies.gait import advance
 from quad_env import OBSERVATION_SIZE
-from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
 
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]

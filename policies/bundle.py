@@ -25,10 +25,10 @@ from policies.files import write_atomically
 from policies.network import ACTIVATIONS, Network
 from policies.residual import ResidualPolicy, feature_count
 from policies.stand import Stand
-from policies.trot import Trot, TrotParameters
+from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import ENV_ID, OBSERVATION
-from quad_env.observations import SCALE
-from quad_env.robot import NUM_JOINTS
+from quad_env.robots.robot import NUM_JOINTS
+from quad_env.task.observations import SCALE
 
 SCHEMA_VERSION = 1
 DESCRIPTION, WEIGHTS = "policy.json", "policy.safetensors"

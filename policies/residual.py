@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from policies.base import LOWER, UPPER, Actions, Floats, GaitedPolicy, Policy
 from policies.network import Network
 from quad_env import OBSERVATION_SIZE
-from quad_env.observations import SCALE
-from quad_env.robot import HOME_POSE, NUM_JOINTS
+from quad_env.robots.robot import HOME_POSE, NUM_JOINTS
+from quad_env.task.observations import SCALE
 
 _HOME: Actions = HOME_POSE.astype(np.float32)
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Policy, to_actions
-from quad_env.robot import HOME_POSE
+from quad_env.robots.robot import HOME_POSE
 
 
 class Stand(Policy):

@@ -13,16 +13,25 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 
 if TYPE_CHECKING:
-    from quad_env.actuators import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
-    from quad_env.axes import AXES, Axis
-    from quad_env.conditions import Scenario
+    from quad_env.actuation.models import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
     from quad_env.config import FALL_RULE, AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
-    from quad_env.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
-    from quad_env.observations import OBSERVATION, OBSERVATION_SIZE
-    from quad_env.robot import JOINT_NAMES
-    from quad_env.scenarios import SCENARIOS, scenario
+    from quad_env.robots.robot import JOINT_NAMES
+    from quad_env.scenarios.axes import AXES, Axis
+    from quad_env.scenarios.disturbances import (
+        Dropouts,
+        Ground,
+        Latency,
+        Motors,
+        Payload,
+        Pushes,
+        SensorNoise,
+        SteadyForce,
+    )
+    from quad_env.scenarios.named import SCENARIOS, scenario
+    from quad_env.scenarios.scenario import Scenario
+    from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
     from quad_env.sensing.suite import SENSORS, Encoders, FootContact, Imu, JointTorque, SensorSuite
-    from quad_env.terrain import Flat, Slope, SmoothRandom, Stairs
+    from quad_env.task.observations import OBSERVATION, OBSERVATION_SIZE
 
 ENV_ID = "SimpleQuad-v0"
 MAX_EPISODE_STEPS = 1000
@@ -76,24 +85,24 @@ __all__ = [
     "scenario",
 ]
 _MODULES = (
-    "actuators",
-    "axes",
-    "conditions",
+    "actuation.models",
     "config",
-    "disturbances",
-    "observations",
-    "robot",
-    "scenarios",
+    "robots.robot",
+    "scenarios.axes",
+    "scenarios.disturbances",
+    "scenarios.named",
+    "scenarios.scenario",
+    "scenarios.terrain",
     "sensing.suite",
-    "terrain",
+    "task.observations",
 )
 """Where the names above come from; loaded when one is first asked for, so that the import costs next to nothing."""
 
 if ENV_ID not in gym.registry:
     gym.register(
         ENV_ID,
-        entry_point="quad_env.env:SimpleQuadEnv",
-        vector_entry_point="quad_env.vector_env:SimpleQuadVectorEnv",
+        entry_point="quad_env.envs.env:SimpleQuadEnv",
+        vector_entry_point="quad_env.envs.vector_env:SimpleQuadVectorEnv",
         max_episode_steps=MAX_EPISODE_STEPS,
     )
 

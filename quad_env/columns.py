@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+"""Places of some robots in a batch, (k,)."""
 Column = TypeVar("Column", float, Array)
 Vector = Sequence[Column]
 """k columns: a tuple, or an array (k, n) of n robots'."""

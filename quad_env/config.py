@@ -78,7 +78,7 @@ FALL_RULE = FallRule().name
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weight of each reward term; the terms are functions of the same names in `quad_env.rewards`."""
+    """Weight of each reward term; the terms are functions of the same names in `quad_env.task.rewards`."""
 
     linear_velocity_tracking: float = 1.2
     yaw_rate_tracking: float = 0.8

@@ -1,6 +1,8 @@
 """Seeds: disjoint families keyed by purpose, and the independent random streams of each episode."""
 
+from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,3 +84,15 @@ class EpisodeStreams:
         """That of a child, by its number: adding a kind shifts none of the others."""
         seed = np.random.SeedSequence(self._seed, spawn_key=(self._episode, child))
         return np.random.Generator(np.random.PCG64(seed))
+
+
+def seeds_of(seed: int | Sequence[int], num_envs: int) -> list[Any]:
+    """A seed for each env; None, in a sequence, leaves that env's own."""
+    single = isinstance(seed, int | np.integer)
+    seeds = [int(seed) + i for i in range(num_envs)] if single else list(seed)  # type: ignore[arg-type]
+    if len(seeds) != num_envs:
+        raise ValueError(f"{len(seeds)} seeds for {num_envs} environments")
+    for each in seeds:
+        if each is not None and (isinstance(each, bool) or not isinstance(each, int | np.integer) or each < 0):
+            raise ValueError(f"a seed must be a whole number of at least 0, got {each!r}")
+    return [None if each is None else int(each) for each in seeds]

@@ -16,15 +16,15 @@ import pytest
 
 import policies
 import quad_env
-from evaluate import rollout
-from evaluate.experiment import evaluation_seeds
 from evaluate.measures import metrics, tracking
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import evaluation_seeds
 from quad_env import seeding
 from quad_env.columns import Vector
-from quad_env.robot import HOME_POSE
-from quad_env.simulation import Simulation
-from quad_env.state import QuadState
-from quad_env.vector_env import SimpleQuadVectorEnv
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import QuadState
+from quad_env.robots.robot import HOME_POSE
 
 FORWARD = {"command": (0.5, 0.0, 0.0)}
 TILTED = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(tilt=0.4))
@@ -182,7 +182,7 @@ def world_for_heading_frame(patch: pytest.MonkeyPatch) -> None:
         yaw_rate = sum(axis * rate for axis, rate in zip(rotation[2], angular_body, strict=True))
         return linear_world[0], linear_world[1], yaw_rate
 
-    patch.setattr("quad_env.simulation.heading_velocity", faulty)
+    patch.setattr("quad_env.physics.simulation.heading_velocity", faulty)
 
 
 def roll_for_pitch_in_gravity(patch: pytest.MonkeyPatch) -> None:
@@ -247,7 +247,8 @@ def steps_after_a_fall_billed_nothing(patch: pytest.MonkeyPatch) -> None:
 
 def evaluation_draws_training_seeds(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(
-        "evaluate.experiment.episode_seeds", lambda _, seed, count: seeding.episode_seeds("training", seed, count)
+        "evaluate.rollouts.experiment.episode_seeds",
+        lambda _, seed, count: seeding.episode_seeds("training", seed, count),
     )
 
 
@@ -256,7 +257,7 @@ def purposes_share_their_seeds(patch: pytest.MonkeyPatch) -> None:
         return np.random.SeedSequence(seed).generate_state(count, np.uint64) >> np.uint64(8)
 
     patch.setattr("quad_env.seeding.episode_seeds", faulty)
-    patch.setattr("evaluate.experiment.episode_seeds", faulty)
+    patch.setattr("evaluate.rollouts.experiment.episode_seeds", faulty)
 
 
 CHECKS = [value for name, value in sorted(globals().items()) if name.startswith("check_")]

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import policies
-from quad_env.observations import TERMS
-from quad_env.scenarios import SCENARIOS
+from quad_env.scenarios.named import SCENARIOS
+from quad_env.task.observations import TERMS
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 COMMANDS = [

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate import rollout
 from evaluate.measures.metrics import Measures, measure
+from evaluate.rollouts import rollout
 from quad_env.seeding import episode_seeds
 
 EPISODES = 32

@@ -1,6 +1,10 @@
-"""`python -m train`: train a policy; the options are the fields of `train.config.TrainConfig`."""
+"""`python -m train`: train a policy; the options are the fields of `train.config.TrainConfig`.
 
-from evaluate import launcher
+Other commands, each with its own --help: `search trot`, `search gait`, `search feedback`, `search recovery`,
+`search fall-prediction`, `publish`.
+"""
+
+from evaluate.terminal import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
@@ -10,23 +14,38 @@ import contextlib
 import dataclasses
 import io
 import sys
+from importlib import import_module
 from pathlib import Path
 
-from evaluate.command_line import UsageError, fail, first_sentence
+from evaluate.terminal.command_line import UsageError, fail, first_sentence
 from train.config import DEFAULTS, TrainConfig, differences, load_config
-from train.folder import has_checkpoint
-from train.limits import check
+from train.run_folder import has_checkpoint
+from train.setting_ranges import check
 
 PROGRAM = "python -m train"
+COMMANDS = {
+    ("search", "trot"): "train.search.trot",
+    ("search", "gait"): "train.search.gait",
+    ("search", "feedback"): "train.search.feedback",
+    ("search", "recovery"): "train.search.recovery",
+    ("search", "fall-prediction"): "train.search.fall_prediction",
+    ("publish",): "train.publish",
+}
+"""First words of the command line -> module whose `main` it runs with the rest."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; gives the exit code: 0, 2 on bad input, 130 after Ctrl-C."""
+    words = sys.argv[1:] if arguments is None else arguments
+    for command, module in COMMANDS.items():
+        if tuple(words[: len(command)]) == command:
+            code: int = import_module(module).main(words[len(command) :])
+            return code
     from policies.base import PolicyError
 
     config = None
     try:
-        config = parse(sys.argv[1:] if arguments is None else arguments)
+        config = parse(words)
         # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
         from train.run import train
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from evaluate.command_line import UsageError
+from evaluate.terminal.command_line import UsageError
 from quad_env.config import RewardWeights
-from train.folder import CONFIG_FILE
+from train.run_folder import CONFIG_FILE
 
 PolicyKind = Literal["residual", "end-to-end"]
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Any
 
-from evaluate.comparison import ERRORS, FALL_RATE, Comparison
-from evaluate.format import interval, number, p_value, percent, percent_interval, points
-from evaluate.results import Results
-from evaluate.summary import Summary
+from evaluate.analysis.comparison import ERRORS, FALL_RATE, Comparison
+from evaluate.analysis.results import Results
+from evaluate.analysis.summary import Summary
+from evaluate.terminal.format import interval, number, p_value, percent, percent_interval, points
 from train.config import DEFAULTS, TrainConfig, differences
 
 

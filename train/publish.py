@@ -1,4 +1,4 @@
-"""`python -m train.publish`: judge finished runs and ship the one of seed 0, with the table of all in MODEL.md."""
+"""`python -m train publish`: judge finished runs and ship the one of seed 0, with the table of all in MODEL.md."""
 
 import json
 import sys
@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from evaluate import launcher
-from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
 from train.config import differences, load_config
-from train.folder import BEST, CHECKPOINTS
+from train.run_folder import BEST, CHECKPOINTS
 
 if TYPE_CHECKING:
     from train.model_card import TrainedRun
 
-PROGRAM = "python -m train.publish"
+PROGRAM = "python -m train publish"
 SHIPPED_SEED = 0
 """Fixed before any run, so that what ships is not the luckiest."""
 
@@ -60,10 +60,10 @@ def main(arguments: list[str] | None = None) -> int:
 
 def publish(options: Options) -> None:
     """Judge the runs, then write the shipped one's bundle and card. Raises UsageError."""
-    from evaluate import battery
-    from evaluate.experiment import Bench, Entrant, cells, evaluation_seeds
-    from evaluate.progress import show_progress
-    from evaluate.results import analyse
+    from evaluate.analysis.results import analyse
+    from evaluate.rollouts import battery
+    from evaluate.rollouts.experiment import Bench, Entrant, cells, evaluation_seeds
+    from evaluate.rollouts.progress import show_progress
     from policies import load, make
     from policies.files import make_writable_folder, write_atomically
     from train.model_card import model_card
@@ -95,9 +95,9 @@ def publish(options: Options) -> None:
 def read_run(folder: Path) -> "TrainedRun":
     """What a finished run's folder says about it. Raises UsageError for one that is unfinished, damaged or none."""
     import policies
-    from train.callbacks import recall
-    from train.checkpoint import load
     from train.model_card import TrainedRun
+    from train.sb3.callbacks import recall
+    from train.sb3.checkpoint import load
 
     config = load_config(folder)
     progress = load(folder / CHECKPOINTS).progress

@@ -11,19 +11,19 @@ from stable_baselines3.common.logger import configure
 import policies
 from policies.files import write_atomically
 from quad_env.config import TaskConfig
-from quad_env.scenarios import Scenario
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
-from quad_env.terrain import SmoothRandom
-from quad_env.vector_env import SimpleQuadVectorEnv
-from train import checkpoint
-from train.callbacks import Keeper, Memory, Progress, recall, schedules
 from train.config import TrainConfig, robots_per_scenario, to_dict
 from train.display import make_display
-from train.folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, refuse_folder_in_use
 from train.interrupt import Interrupt
-from train.ppo import build
+from train.run_folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, refuse_folder_in_use
+from train.sb3 import checkpoint
+from train.sb3.callbacks import Keeper, Memory, Progress, recall, schedules
+from train.sb3.ppo import build
+from train.sb3.vec_env import TrainingEnv
 from train.scenarios import practice
-from train.vec_env import TrainingEnv
 
 
 def train(config: TrainConfig) -> None:

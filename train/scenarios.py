@@ -3,8 +3,8 @@
 import dataclasses
 from typing import Literal
 
-from quad_env.scenarios import Scenario, scenario
-from quad_env.terrain import SmoothRandom
+from quad_env.scenarios.named import Scenario, scenario
+from quad_env.scenarios.terrain import SmoothRandom
 
 Purpose = Literal["validation", "search", "training"]
 TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1000}

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from evaluate.measures.metrics import summarise
-from evaluate.rollout import run
+from evaluate.rollouts.rollout import run
 from policies.base import Policy
 from quad_env.seeding import episode_seeds
 from train.config import ValidationConfig

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from evaluate.measures import effort, footfalls, pushes, residual_use, tracking
-from quad_env.robot import VELOCITY_LIMIT
+from quad_env.robots.robot import VELOCITY_LIMIT
 
 Direction = Literal["less", "more", "neither"]
 Scope = Literal["whole episode", "while upright"]

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, total, upright_mean, upright_share
-from quad_env.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT
+from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT
 
 Recorded = NDArray[np.float32]
 

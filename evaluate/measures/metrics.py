@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluate.episodes import Episodes
 from evaluate.measures import effort, gait_quality, residual_use, tracking
 from evaluate.measures import pushes as push
 from evaluate.measures.averages import Bools, Floats, upright_steps
+from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import footfalls
 from evaluate.measures.tracking import SETTLING_TIME as SETTLING_TIME
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.episodes import Episodes
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient
+from evaluate.measures.episodes import Episodes
 from evaluate.measures.tracking import SETTLING_TIME
 
 Ints = NDArray[np.int64]

@@ -9,8 +9,8 @@ import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from evaluate.hardware import IDEAL, Hardware
-from quad_env.scenarios import Scenario
+from evaluate.rollouts.hardware import IDEAL, Hardware
+from quad_env.scenarios.named import Scenario
 
 WIDTH, HEIGHT = 240, 180
 """Pixels of a frame."""

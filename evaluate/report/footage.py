@@ -11,17 +11,17 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluate.format import counted
-from evaluate.hardware import Hardware
-from evaluate.ladders import place
+from evaluate.analysis.results import Results
+from evaluate.analysis.severity_levels import place
 from evaluate.report.camera import FRAMES, STEPS_PER_FRAME, Shot
-from evaluate.report.drawing import cell_of
-from evaluate.report.figures import named
 from evaluate.report.html import image, note, section
-from evaluate.results import Results
+from evaluate.report.plots.drawing import cell_of
+from evaluate.report.sections.figures import named
+from evaluate.rollouts.hardware import Hardware
+from evaluate.terminal.format import counted
 from quad_env.config import TaskConfig
-from quad_env.scenarios import Scenario
-from quad_env.terrain import Flat
+from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.terrain import Flat
 
 LIMIT = 300.0
 """s that filming may take"""

@@ -5,27 +5,26 @@ from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 
-from evaluate.format import counted, listed
-from evaluate.hardware import words as words_of
-from evaluate.judgement import Verdict
-from evaluate.ladders import ladders
-from evaluate.report import drawing
-from evaluate.report.disturbances import disturbances
-from evaluate.report.figures import named
+from evaluate.analysis.findings import UNSHOWN, WORDS, Finding, headline, summary, verdict
+from evaluate.analysis.gate_verdicts import Verdict
+from evaluate.analysis.results import Results
+from evaluate.analysis.severity_levels import ladders
 from evaluate.report.footage import footage
-from evaluate.report.gait_section import gaits
-from evaluate.report.gate_section import gates
 from evaluate.report.html import fold, note, section
-from evaluate.report.measures_section import definitions
 from evaluate.report.notes import NOTES
-from evaluate.report.overview import overview
-from evaluate.report.response_section import responses
-from evaluate.report.sensitivity_section import sensitivity
-from evaluate.report.training_section import training
-from evaluate.report.worst import worst_episodes
-from evaluate.results import Results
-from evaluate.table import baseline_of
-from evaluate.verdict import UNSHOWN, WORDS, Finding, headline, summary, verdict
+from evaluate.report.plots import drawing
+from evaluate.report.sections.axis_section import disturbances
+from evaluate.report.sections.figures import named
+from evaluate.report.sections.gait_section import gaits
+from evaluate.report.sections.gate_section import gates
+from evaluate.report.sections.measures_section import definitions
+from evaluate.report.sections.overview import overview
+from evaluate.report.sections.response_section import responses
+from evaluate.report.sections.sensitivity_section import sensitivity
+from evaluate.report.sections.training_section import training
+from evaluate.report.sections.worst import worst_episodes
+from evaluate.rollouts.hardware import words as words_of
+from evaluate.terminal.format import counted, listed
 from policies.files import write_atomically
 
 FILM_PLACE = 5
@@ -84,7 +83,7 @@ def _head(results: Results) -> str:
 
 
 def _role(results: Results, policy: str) -> str:
-    return " <small>(baseline)</small>" if policy == baseline_of(results) and len(results.policies) > 1 else ""
+    return " <small>(baseline)</small>" if policy == results.baseline and len(results.policies) > 1 else ""
 
 
 def _outcome(results: Results) -> str:
@@ -101,7 +100,7 @@ def _outcome(results: Results) -> str:
 def _findings(results: Results, policy: str, found: list[Finding]) -> str:
     summaries = [f"<li>{escape(text[0].upper() + text[1:])}.</li>" for m in WORDS if (text := summary(found, m))]
     claims = [f'<li class="{f.kind}">{escape(f.text)}.</li>' for f in found if f.kind != UNSHOWN]
-    title = f"{named(results, policy)} against {escape(baseline_of(results))}"
+    title = f"{named(results, policy)} against {escape(results.baseline)}"
     body = f"<ul>{''.join(summaries)}</ul>" + (f"<ul>{''.join(claims)}</ul>" if claims else "")
     return fold(title, body, opened=len(ladders(results)) <= FEW_AXES, printed=True) if found else ""
 

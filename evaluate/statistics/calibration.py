@@ -1,4 +1,4 @@
-"""`python -m evaluate.statistics.calibration`: do intervals cover, and tests cry wolf, as often as they say?
+"""`python -m evaluate calibration`: do intervals cover, and tests cry wolf, as often as they say?
 
 Every row repeats one interval or test on made-up data sets whose truth is known, or one test on random halves of the
 episodes of one policy.
@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluate import launcher
-from evaluate.command_line import UsageError, fail, parse, survive_narrow_encodings
 from evaluate.statistics import checks
 from evaluate.statistics.checks import Check
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
 
-PROGRAM = "python -m evaluate.statistics.calibration"
+PROGRAM = "python -m evaluate calibration"
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,6 @@
 
 from policies.behaviour.machine import BehaviourMachine, RequestRefused
 from policies.behaviour.policy import Behaviour
-from policies.behaviour.table import REQUESTS, TRANSITIONS, State
+from policies.behaviour.transitions import REQUESTS, TRANSITIONS, State
 
 __all__ = ["REQUESTS", "TRANSITIONS", "Behaviour", "BehaviourMachine", "RequestRefused", "State"]

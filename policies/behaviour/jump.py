@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Floats
 from policies.behaviour.motion import Mask, Motion, approach
-from policies.kinematics import joint_angles
-from quad_env.robot import FOOT_RADIUS, HIP_OFFSET, HOME_HEIGHT, HOME_POSE, SIDE
+from policies.legs.kinematics import joint_angles
+from quad_env.robots.robot import FOOT_RADIUS, HIP_OFFSET, HOME_HEIGHT, HOME_POSE, SIDE
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.behaviour.conditions import Mask, conditions
-from policies.behaviour.records import Ring
-from policies.behaviour.table import GUARDS, REQUESTS, TRANSITIONS, State, Transition, valid_requests
+from policies.behaviour.event_log import Ring
+from policies.behaviour.guards import Mask, conditions
+from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, valid_requests
 
 LOG_CAPACITY = 4096
 """Entries of each log; older ones are dropped."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Floats
-from quad_env.robot import HOME_POSE, NUM_JOINTS
+from quad_env.robots.robot import HOME_POSE, NUM_JOINTS
 
 Mask = NDArray[np.bool_]
 Floating = NDArray[np.floating[Any]]

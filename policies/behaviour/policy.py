@@ -8,10 +8,10 @@ from policies.behaviour.jump import Jump
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.motion import Damp, Hold, Mask, Motion
 from policies.behaviour.recovery import Recovery, RecoveryParameters
-from policies.behaviour.table import State
-from policies.trot import Trot
+from policies.behaviour.transitions import State
+from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
-from quad_env.robot import HOME_POSE
+from quad_env.robots.robot import HOME_POSE
 
 WALKING_SPEED = 0.6
 """Fastest that a walking robot is asked for, m/s; a running one is asked for the command."""

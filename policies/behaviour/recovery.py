@@ -4,7 +4,7 @@ Lying, the robot gathers its legs and waits so until it lies on its back, since 
 it comes to rest on its side it rocks: it gathers the legs as if the other side were the lower. From its back it rolls
 over the lower side by swinging all legs at once, and lands on bent legs. Upright it tucks them under its hips and
 stands up. Whenever it is lost on the way it begins again, after a kick that failed over the other side. The poses,
-times and thresholds of the file are the outcome of a search, `python -m train.tune_recovery`.
+times and thresholds of the file are the outcome of a search, `python -m train search recovery`.
 """
 
 import json
@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Floats, PolicyError
-from policies.behaviour.conditions import POSE_TOLERANCE
+from policies.behaviour.guards import POSE_TOLERANCE
 from policies.behaviour.motion import Mask, Motion, approach
 from quad_env import OBSERVATION
-from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, SIDE
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, SIDE
 
 PARAMETERS_FILE = Path(__file__).with_name("recovery.json")
 """The searched parameters."""
@@ -93,7 +93,7 @@ def searched_parameters() -> RecoveryParameters:
         return RecoveryParameters(**values)
     except (OSError, TypeError, ValueError) as error:
         raise PolicyError(
-            f"cannot read {PARAMETERS_FILE} ({error}); `python -m train.tune_recovery` writes it"
+            f"cannot read {PARAMETERS_FILE} ({error}); `python -m train search recovery` writes it"
         ) from None
 
 

@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, Floats
 from policies.behaviour.motion import Mask
 from policies.easing import smoothstep
-from policies.kinematics import leg_angles
+from policies.legs.kinematics import leg_angles
 from quad_env import OBSERVATION
-from quad_env.robot import HIP_POSITIONS, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, SIDE
+from quad_env.robots.robot import HIP_POSITIONS, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, SIDE
 
 HEIGHT = 0.13
 """Trunk's centre above the centres of the feet, m."""

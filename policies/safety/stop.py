@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Floats
-from policies.behaviour.conditions import leg_height
+from policies.behaviour.guards import leg_height
 from policies.behaviour.motion import Mask, Motion
-from policies.kinematics import leg_angles
+from policies.legs.kinematics import leg_angles
 from quad_env import OBSERVATION
-from quad_env.robot import FOOT_RADIUS, HIP_OFFSET, HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, SIDE
+from quad_env.robots.robot import FOOT_RADIUS, HIP_OFFSET, HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, SIDE
 
 LOWERING_SPEED = 0.2
 """Of the trunk in a controlled stop, m/s; a stop faster than 0.3 would not count as controlled."""

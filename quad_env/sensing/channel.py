@@ -5,8 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array
-from quad_env.noise import Rows
+from quad_env.columns import Array, Rows
 
 Clock = NDArray[np.int64]
 """Control steps of some robots since the start of their episodes, (k,)."""

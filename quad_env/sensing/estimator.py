@@ -22,11 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quad_env.columns import Array, Mask, total
-from quad_env.kinematics import foot_positions
-from quad_env.model import GRAVITY
-from quad_env.noise import Rows
-from quad_env.robot import FOOT_RADIUS, HIP_POSITIONS, LEG_NAMES
+from quad_env.columns import Array, Mask, Rows, total
+from quad_env.physics.model import GRAVITY
+from quad_env.robots.kinematics import foot_positions
+from quad_env.robots.robot import FOOT_RADIUS, HIP_POSITIONS, LEG_NAMES
 
 TILT_TIME = 2.0
 """s over which the accelerometer corrects the gyroscope; of 1, 2 and 4 s, 4 s is the best without biases."""

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from quad_env.columns import Array
-from quad_env.episode import Episode
-from quad_env.model import GRAVITY
-from quad_env.noise import Noise, Rows
-from quad_env.robot import LEG_NAMES, NUM_JOINTS
+from quad_env.columns import Array, Rows
+from quad_env.physics.model import GRAVITY
+from quad_env.robots.robot import LEG_NAMES, NUM_JOINTS
+from quad_env.scenarios.episode import Episode
 from quad_env.sensing.channel import Channel, Clock, steps_late
+from quad_env.sensing.noise import Noise
 from quad_env.sensing.suite import SensorSuite
 
 WIDTHS = {

@@ -8,8 +8,8 @@ errors: whatever reads the sensors knows nothing of them.
 import math
 from dataclasses import dataclass, field
 
-from quad_env.disturbances import check_amount, check_positive
-from quad_env.robot import TORQUE_LIMIT
+from quad_env.robots.robot import TORQUE_LIMIT
+from quad_env.scenarios.disturbances import check_amount, check_positive
 
 _CONTROL_RATE = 100.0
 

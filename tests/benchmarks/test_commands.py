@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.command import WIDTH
+from benchmarks.support.command import WIDTH
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
 COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "growth")
@@ -100,13 +100,13 @@ def test_training_repeats_a_finished_seed_for_other_code_alone(tmp_path: Path, c
 
 
 def test_an_interrupted_training_keeps_its_judgements(tmp_path: Path, capsys, monkeypatch) -> None:
-    from benchmarks.training_run import Judgement
+    from benchmarks.probes.training_run import Judgement
 
     def interrupted(*arguments):
         arguments[-1](Judgement(0, 0.5, 0.12))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("benchmarks.training_run.train_and_judge", interrupted)
+    monkeypatch.setattr("benchmarks.probes.training_run.train_and_judge", interrupted)
     assert run("training", "--quick", "--out", tmp_path) == 130
     (kept,) = json.loads((tmp_path / "training.json").read_bytes())["runs"]
     assert not kept["finished"]
@@ -115,7 +115,7 @@ def test_an_interrupted_training_keeps_its_judgements(tmp_path: Path, capsys, mo
 
 def test_all_together_names_the_command_of_what_it_does_not_measure(tmp_path: Path, capsys, monkeypatch) -> None:
     from benchmarks import startup
-    from benchmarks.command import Outcome
+    from benchmarks.support.command import Outcome
 
     monkeypatch.setattr(startup, "measure", lambda _: Outcome({}, ()))
     assert importlib.import_module("benchmarks.__main__").main(["--quick", "--json", str(tmp_path / "kept.json")]) == 0

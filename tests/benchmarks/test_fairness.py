@@ -4,13 +4,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from benchmarks import bare
-from benchmarks.physics_accuracy import accuracy, strides
-from benchmarks.physics_settings import SETTINGS, SHIPPED, Setting, options
+from benchmarks.probes.physics_accuracy import accuracy, strides
+from benchmarks.probes.physics_settings import SETTINGS, SHIPPED, Setting, options
+from benchmarks.support import bare
 from benchmarks.training import seconds_to
 from benchmarks.vector_env import Walkers
 from quad_env import ENV_ID, OBSERVATION
-from quad_env.robot import HOME_POSE
+from quad_env.robots.robot import HOME_POSE
 
 
 def test_bare_loop_ends_where_the_environment_does() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.bars import BARS, check
-from benchmarks.measure import difference, interleave, machine, machine_line, speed_ratio, spread
+from benchmarks.support.bars import BARS, check
+from benchmarks.support.measure import difference, interleave, machine, machine_line, speed_ratio, spread
 
 
 def test_subjects_take_turns_and_the_first_round_does_not_count() -> None:

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.battery import resolve
-from evaluate.experiment import Cell
+from evaluate.analysis.results import Results, analyse
 from evaluate.measures.metrics import Measures
-from evaluate.results import Results, analyse
+from evaluate.rollouts.battery import resolve
+from evaluate.rollouts.experiment import Cell
 from quad_env import SCENARIOS as NOMINAL
 from quad_env import Scenario
 

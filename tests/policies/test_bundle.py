@@ -14,7 +14,7 @@ from policies.bundle import DESCRIPTION, WEIGHTS, load, save
 from policies.network import Network
 from policies.residual import ResidualPolicy
 from policies.stand import Stand
-from policies.trot import Trot, TrotParameters
+from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 
 

@@ -8,7 +8,7 @@ import policies
 from policies.network import Network
 from policies.residual import ResidualPolicy
 from quad_env import OBSERVATION, OBSERVATION_SIZE
-from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
 
 
 def small_residual():

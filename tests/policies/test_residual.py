@@ -5,8 +5,8 @@ import policies
 from policies.network import Network
 from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, compose, features
 from quad_env import OBSERVATION, OBSERVATION_SIZE
-from quad_env.observations import SCALE
-from quad_env.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.task.observations import SCALE
 
 
 def constant_network(inputs, output):

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quad_env import columns, rewards
-from quad_env.robot import HOME_HEIGHT
-from quad_env.simulation import Simulation
-from quad_env.state import QuadState, heading_velocity, rotation_matrix, to_body
-from quad_env.terrain import Flat, SmoothRandom
+from quad_env import columns
+from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
+from quad_env.robots.robot import HOME_HEIGHT
+from quad_env.scenarios.terrain import Flat, SmoothRandom
+from quad_env.task import rewards
 
 ROBOTS = 1000
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.rollout import run
+from evaluate.rollouts.rollout import run
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
 from train.config import load_config
-from train.folder import CONFIG_FILE
+from train.run_folder import CONFIG_FILE
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTIONS = (
@@ -144,11 +144,11 @@ def test_the_extreme_settings_that_are_allowed_can_be_trained_with(tmp_path):
 
 def test_a_new_best_bundle_comes_with_the_checkpoint_that_knows_its_score(tmp_path, monkeypatch):
     """No time passes between checkpoints here, so that only the validations ask for one; a killed run keeps them."""
-    monkeypatch.setattr("train.callbacks.score", lambda _: next(scores))
+    monkeypatch.setattr("train.sb3.callbacks.score", lambda _: next(scores))
     scores = iter([3.0, 2.0, 2.5, 2.0, 1.0])
     kept = []
-    monkeypatch.setattr("train.checkpoint.save", lambda _, state: kept.append(copy.deepcopy(state.progress)))
-    monkeypatch.setattr("train.callbacks.validate", lambda *_: {})
+    monkeypatch.setattr("train.sb3.checkpoint.save", lambda _, state: kept.append(copy.deepcopy(state.progress)))
+    monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: {})
     folder = tmp_path / "run"
     assert main([*TINY, "--validation.interval", "128", "--steps", "640", "--out", str(folder)]) == 0
     # After 128 and 256 steps for a better score, after the last for the end of the run.

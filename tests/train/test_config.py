@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from evaluate.command_line import UsageError
+from evaluate.terminal.command_line import UsageError
 from train.__main__ import parse
 from train.config import (
     DEFAULTS,
@@ -17,8 +17,8 @@ from train.config import (
     robots_per_scenario,
     to_dict,
 )
-from train.folder import CONFIG_FILE
-from train.limits import LIMITS, check
+from train.run_folder import CONFIG_FILE
+from train.setting_ranges import LIMITS, check
 
 
 @pytest.mark.parametrize("kind", DEFAULTS)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import policies
-from evaluate.command_line import UsageError
+from evaluate.terminal.command_line import UsageError
 from train.__main__ import main, parse
 from train.config import DEFAULTS, PpoConfig, to_dict
 from train.model_card import TrainedRun, command

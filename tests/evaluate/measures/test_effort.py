@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from evaluate.episodes import blank, uneventful
 from evaluate.measures import effort, metrics, residual_use
 from evaluate.measures.averages import upright_mean, upright_share
-from quad_env.robot import JOINT_LOWER, JOINT_UPPER
+from evaluate.measures.episodes import blank, uneventful
+from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
 
 DT = 0.1
 STEPS = 50

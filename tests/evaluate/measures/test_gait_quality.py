@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluate.episodes import blank, uneventful
 from evaluate.measures import footfalls, gait_quality, metrics, tracking
 from evaluate.measures.averages import count, quotient, upright_mean
+from evaluate.measures.episodes import blank, uneventful
 
 DT = 0.01
 STEPS = 1000

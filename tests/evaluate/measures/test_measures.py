@@ -5,10 +5,10 @@ from dataclasses import fields
 import numpy as np
 import pyarrow.parquet as pq
 
-from evaluate.episodes import SIGNALS, TRUTHS, Episodes, uneventful
 from evaluate.measures import catalogue as measures
 from evaluate.measures import metrics
 from evaluate.measures.catalogue import BY_NAME, FIGURES, LISTS, MEASURES, OUTCOMES, heading
+from evaluate.measures.episodes import SIGNALS, TRUTHS, Episodes, uneventful
 
 
 def test_every_measure_is_in_the_table_once() -> None:

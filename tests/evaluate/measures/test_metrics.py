@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluate.episodes import INFOS, READINGS, Episodes, blank, uneventful
 from evaluate.measures import metrics, tracking
 from evaluate.measures.averages import upright_mean
 from evaluate.measures.catalogue import FIGURES, MEASURES
+from evaluate.measures.episodes import INFOS, READINGS, Episodes, blank, uneventful
 
 DT = 0.1
 STEPS = 100

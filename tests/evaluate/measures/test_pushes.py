@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluate.episodes import blank, uneventful
 from evaluate.measures import metrics, pushes
+from evaluate.measures.episodes import blank, uneventful
 
 DT = 0.01
 STEPS = 1000

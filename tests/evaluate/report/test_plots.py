@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evaluate.report.gait_diagram import gait_diagram, stances
-from evaluate.report.push_plot import DIRECTIONS, fall_shares, push_plot
+from evaluate.report.plots.gait_diagram import gait_diagram, stances
+from evaluate.report.plots.push_plot import DIRECTIONS, fall_shares, push_plot
 
 
 def test_stances_are_the_stretches_on_the_ground() -> None:

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from evaluate.format import interval, listed, number, p_value, percent, percent_interval, points
-from evaluate.gates import parse
-from evaluate.judgement import judge
+from evaluate.analysis.gate_verdicts import judge
+from evaluate.analysis.gates import parse
 from evaluate.report import render
-from evaluate.report.worst import worst
+from evaluate.report.sections.worst import worst
+from evaluate.terminal.format import interval, listed, number, p_value, percent, percent_interval, points
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 

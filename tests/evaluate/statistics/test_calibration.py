@@ -5,12 +5,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from evaluate.comparison import compare
+from evaluate.analysis.comparison import compare
 from evaluate.statistics import breaking_point, calibration, checks, exact_size
 from evaluate.statistics import intervals as statistics
 from evaluate.statistics.significance import relabelling_test
 from evaluate.statistics.synthetic import Axis, episodes, mean_error
-from quad_env import axes
+from quad_env.scenarios import axes
 
 FALLS = (0.1, 0.3, 0.5, 0.7, 0.9)
 COUNT = 64

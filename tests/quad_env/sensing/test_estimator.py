@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quad_env.robot import CALF_LENGTH, FOOT_RADIUS, HOME_POSE, THIGH_LENGTH
+from quad_env.robots.robot import CALF_LENGTH, FOOT_RADIUS, HOME_POSE, THIGH_LENGTH
 from quad_env.sensing.estimator import TILT_TIME, VELOCITY_TIME, Estimator, Read, leg_velocity
 
 DT, ROW = 0.01, np.zeros(1, np.intp)

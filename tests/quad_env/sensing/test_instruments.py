@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from quad_env import JOINT_NAMES, SENSORS, Encoders, FootContact, Imu, JointTorque, Scenario, SensorSuite, StartNoise
-from quad_env.robot import HOME_POSE, LEG_NAMES
-from quad_env.vector_env import SimpleQuadVectorEnv
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE, LEG_NAMES
 
 IDEAL = SENSORS["ideal"]
 CALM = Scenario("calm", start=StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))

@@ -1,0 +1,1 @@
+"""What the benchmarks measure in processes or settings of their own."""

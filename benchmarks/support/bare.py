@@ -1,0 +1,122 @@
+"""The limit: MuJoCo alone, on the model, start states and actions of the environment it is compared with."""
+
+import time
+from dataclasses import dataclass
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+import policies
+from quad_env import ENV_ID
+from quad_env.physics.model import stepped_model
+
+Floats = NDArray[np.float64]
+Actions = NDArray[np.float32]
+COMMAND = (0.5, 0.0, 0.3)
+"""What the robots of the benchmarks are told to do: forward m/s, lateral m/s, yaw rate rad/s."""
+MOST_STARTS = 256
+"""Different start states of a batch; a larger one repeats them."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A model and n states of it, as the environment's resets left them."""
+
+    model: mujoco.MjModel
+    seeds: tuple[int, ...]
+    qpos: Floats
+    """(n, nq)"""
+    qvel: Floats
+    """(n, nv)"""
+    dt: float
+    """Control period, s."""
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps in a control step."""
+        return round(self.dt / float(self.model.opt.timestep))
+
+
+def start(scenario: str, num_envs: int) -> Start:
+    """What `reset` with seeds 0, 1, … starts from, n of them."""
+    env = gym.make(ENV_ID, scenario=scenario)
+    distinct = min(num_envs, MOST_STARTS)
+    snapshots = []
+    for seed in range(distinct):
+        env.reset(seed=seed)
+        snapshots.append(env.unwrapped.data)  # type: ignore[attr-defined]
+    model: mujoco.MjModel = env.unwrapped.model  # type: ignore[attr-defined]
+    dt: float = env.unwrapped.dt  # type: ignore[attr-defined]
+    env.close()
+    rows = np.arange(num_envs) % distinct
+    return Start(
+        stepped_model(model),
+        tuple(rows.tolist()),
+        np.array([data.qpos for data in snapshots])[rows],
+        np.array([data.qvel for data in snapshots])[rows],
+        dt,
+    )
+
+
+def walk(steps: int, seed: int = 0, command: tuple[float, float, float] = COMMAND) -> Actions:
+    """Actions of the trot in one episode on flat ground, (steps, 12) rad."""
+    env, policy = gym.make(ENV_ID), policies.make("trot")
+    policy.reset()
+    observation, _ = env.reset(seed=seed, options={"command": command})
+    actions = np.empty((steps, 12), np.float32)
+    for step in range(steps):
+        actions[step] = policy.act(observation)
+        observation, *_ = env.step(actions[step])
+    env.close()
+    return actions
+
+
+class Loop:
+    """One robot in a loop of `mj_step`."""
+
+    def __init__(self, start: Start) -> None:
+        self._start = start
+        self.data = mujoco.MjData(start.model)
+        self.restart()
+
+    def restart(self) -> None:
+        """Back to the first start state."""
+        mujoco.mj_resetData(self._start.model, self.data)
+        self.data.qpos, self.data.qvel = self._start.qpos[0], self._start.qvel[0]
+
+    def run(self, actions: Actions) -> float:
+        """Seconds a control step of (steps, 12) actions."""
+        model, data, substeps = self._start.model, self.data, self._start.substeps
+        begin = time.perf_counter()
+        for action in actions:
+            data.ctrl[:] = action
+            for _ in range(substeps):
+                mujoco.mj_step(model, data)
+        return (time.perf_counter() - begin) / len(actions)
+
+
+class Robots:
+    """n robots on a bare `Batch`."""
+
+    def __init__(self, start: Start, threads: int) -> None:
+        self._substeps = start.substeps
+        self._batch = Batch(start.model, len(start.qpos), threads)
+        self._batch.bind("qpos")[:] = start.qpos
+        self._batch.bind("qvel")[:] = start.qvel
+        self._controls = self._batch.bind("ctrl")
+
+    @property
+    def qpos(self) -> Floats:
+        """Positions now, (n, nq)."""
+        return np.array(self._batch.bind("qpos"))
+
+    def run(self, actions: Actions) -> float:
+        """Seconds a robot and control step of (steps, n, 12) actions."""
+        begin = time.perf_counter()
+        for action in actions:
+            self._controls[:] = action
+            self._batch.step(nstep=self._substeps)
+        return (time.perf_counter() - begin) / (len(actions) * len(self._controls))

@@ -1,0 +1,171 @@
+"""What all commands share: options, ranges, the way from a measurement to tables, a file and an exit code."""
+
+import dataclasses
+import json
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.support.bars import BARS, Check
+from benchmarks.support.measure import Spread, machine, machine_line
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from policies.base import PolicyError
+from policies.files import make_writable_folder, write_atomically
+
+WIDTH = 100
+"""Columns that every table fits into."""
+MOST_THREADS = 256
+MOST_ENVS = 65_536
+MOST_ROUNDS = 10_000
+
+
+@dataclass(frozen=True)
+class Output:
+    """Options of every command."""
+
+    quick: bool = False
+    """Sizes so small that the figures mean nothing: whether the command works."""
+    json: Path | None = None
+    """File for the figures (JSON); replaced if there."""
+
+
+@dataclass(frozen=True)
+class Common(Output):
+    """Options of every measurement."""
+
+    rounds: int = 15
+    """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
+
+
+Options = TypeVar("Options", bound=Output)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command measured: JSON figures, tables for people, and rows of what must be seen."""
+
+    figures: dict[str, Any]
+    tables: tuple[Table, ...]
+    checks: tuple[Check, ...] = ()
+    notes: tuple[str, ...] = ()
+    unmeasured: tuple[str, ...] = ()
+    """Bars that another command measures."""
+
+
+def run(
+    kind: type[Options],
+    measure: Callable[[Options], Outcome],
+    arguments: Sequence[str] | None,
+    *,
+    program: str,
+    description: str,
+) -> int:
+    """Parse, measure, print and keep; the exit code: 0, 2 with one line after a user's mistake, 130 after Ctrl-C."""
+    survive_narrow_encodings()
+    try:
+        words = list(sys.argv[1:] if arguments is None else arguments)
+        options = parse(kind, words, program=f"python -m {program}", description=description)
+        if isinstance(options, Common):
+            in_range("--rounds", options.rounds, 1, MOST_ROUNDS)
+        if options.json:
+            make_writable_folder(options.json.parent)
+        facts = machine()
+        outcome = measure(options)
+        conclude(outcome, facts, options, program)
+    except BrokenPipeError:
+        raise
+    except (UsageError, PolicyError, OSError) as mistake:
+        return fail(str(mistake))
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return launcher.INTERRUPTED
+    return 0
+
+
+def conclude(outcome: Outcome, facts: dict[str, Any], options: Output, program: str) -> None:
+    """Print the tables, the notes and the rows of what must be seen; write the JSON file."""
+    console = Console(width=WIDTH, highlight=False)
+    for part in outcome.tables:
+        console.print(part)
+    for note in outcome.notes:
+        console.print(note, markup=False, soft_wrap=True)
+    if outcome.checks:
+        console.print(checks_table(outcome.checks, outcome.unmeasured))
+    console.print(machine_line(facts), style="dim", soft_wrap=True)
+    if options.json:
+        record = {
+            "benchmark": program,
+            "options": dataclasses.asdict(options),
+            "machine": facts,
+            "figures": outcome.figures,
+            "checks": [dataclasses.asdict(row) | {"met": row.met} for row in outcome.checks],
+        }
+        write_atomically(options.json, (json.dumps(plain(record), indent=2) + "\n").encode())
+
+
+def checks_table(checks: Sequence[Check], unmeasured: Sequence[str]) -> Table:
+    """The rows of what must be seen; `unmeasured` bars name the command that measures them."""
+    rows = table("What must be seen", "row", "bar", "measured", "")
+    for each in checks:
+        limits = BARS[each.bar].limits
+        units = [limit.unit for limit in limits] or [""]
+        values = ", ".join(f"{value:.4g}{unit}" for value, unit in zip(each.values, units, strict=True))
+        verdict = {True: "[green]met[/]", False: "[red]not met[/]", None: ""}[each.met]
+        rows.add_row(BARS[each.bar].what, _limits(each.bar), values, verdict)
+    for name in unmeasured:
+        rows.add_row(BARS[name].what, _limits(name), f"python -m benchmarks.{BARS[name].command}", "")
+    return rows
+
+
+def _limits(bar: str) -> str:
+    return " or ".join(map(str, BARS[bar].limits)) or "-"
+
+
+def table(title: str, *heads: str) -> Table:
+    """An empty table, its first column to the left, the others to the right."""
+    made = Table(title=title, title_justify="left", title_style="bold")
+    for number, head in enumerate(heads):
+        made.add_column(head, justify="right" if number else "left")
+    return made
+
+
+def cell(value: Spread, digits: int = 2) -> str:
+    """Median, and the quartiles in brackets."""
+    return f"{value.median:,.{digits}f} \\[{value.low:,.{digits}f} … {value.high:,.{digits}f}]"
+
+
+def plain(value: Any) -> Any:
+    """JSON types of dataclasses, arrays and paths, however nested; what is not finite becomes None."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return plain(dataclasses.asdict(value))
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and value - value != 0:
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+def in_range(option: str, value: float, low: float, high: float) -> None:
+    """Raise UsageError, one line, unless the value is within the range; NaN is in none."""
+    if not low <= value <= high:
+        raise UsageError(f"{option} must be from {low:g} to {high:g}, not {value:g}")
+
+
+def sizes_in_range(option: str, values: Sequence[int], high: int) -> None:
+    """Raise UsageError, one line, unless there are values, each once and from 1 to `high`."""
+    if not values:
+        raise UsageError(f"{option}: none given; name at least one")
+    for value in values:
+        in_range(option, value, 1, high)
+    if len(set(values)) < len(values):
+        raise UsageError(f"{option} names a value twice")

@@ -1,0 +1,99 @@
+"""Limits: the breaking points of a run's policies on its axes, and their ratios to the baseline's."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evaluate.analysis.comparison import pairs
+from evaluate.rollouts.experiment import Cell
+from evaluate.statistics.breaking_point import LEAST_LEVELS, BreakingPoint, Found, breaking_point, breaking_ratio
+from evaluate.statistics.intervals import Interval
+from quad_env.scenarios.axes import AXES
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Breaking point of one policy on one axis. The fields are the keys of results.json."""
+
+    axis: str
+    policy: str
+    unit: str
+    severity50: float
+    """At which half of the episodes fall; NaN unless crossed."""
+    ci: Interval
+    """95 %; an infinite end lies beyond the severities tried. (NaN, NaN) unless crossed."""
+    found: Found
+    """`crossed`; `never`: less than half fall at the hardest severity; `always`: half or more fall at the mildest."""
+    lowest: float
+    highest: float
+    """Severities tried."""
+    hardest: float
+    """Which of the two is the hardest: the lowest of friction, the highest of pushes."""
+
+
+@dataclass(frozen=True)
+class LimitRatio:
+    """Breaking point of policy a over policy b's, where both have one; paired by episode. Keys of results.json."""
+
+    axis: str
+    a: str
+    b: str
+    ratio: float
+    ci: Interval
+    """95 %; an infinite end could be anything beyond."""
+
+
+def limits(cells: Sequence[Cell]) -> tuple[list[Limit], list[LimitRatio]]:
+    """Of every policy on every axis with three or more severities, and of every two policies; baselines are b."""
+    found: list[Limit] = []
+    ratios: list[LimitRatio] = []
+    for axis in dict.fromkeys(cell.scenario.axis for cell in cells if cell.scenario.axis):
+        runs = _runs([cell for cell in cells if cell.scenario.axis == axis])
+        points = {run[0].policy: _point(run) for run in runs}
+        found += [_limit(run, points[run[0].policy]) for run in runs]
+        for a, b in pairs([run[0] for run in runs]):
+            ratio, interval = breaking_ratio(points[a.policy], points[b.policy])
+            if np.isfinite(ratio):
+                ratios.append(LimitRatio(axis, a.policy, b.policy, ratio, interval))
+    return found, ratios
+
+
+def _runs(cells: Sequence[Cell]) -> list[list[Cell]]:
+    """Cells of each policy on one axis, a cell a severity, the mildest first, where there are severities enough."""
+    policies = dict.fromkeys(cell.policy for cell in cells)
+    runs = [_graded(cell for cell in cells if cell.policy == policy) for policy in policies]
+    return [run for run in runs if len(run) >= LEAST_LEVELS]
+
+
+def _graded(cells: Iterable[Cell]) -> list[Cell]:
+    """One cell of each severity, the mildest first; an axis that is not of `AXES` hardens as it is run."""
+    first: dict[float, Cell] = {}
+    for cell in cells:
+        first.setdefault(cell.scenario.severity, cell)
+    severities = list(first)
+    axis = first[severities[0]].scenario.axis
+    levels = AXES[axis].levels if axis in AXES else severities
+    return [first[severity] for severity in sorted(severities, reverse=levels[0] > levels[-1])]
+
+
+def _point(run: Sequence[Cell]) -> BreakingPoint:
+    if any(not np.array_equal(cell.seeds, run[0].seeds) for cell in run):
+        raise ValueError(f"{run[0].policy} ran different episodes on the levels of {run[0].scenario.axis}: not paired")
+    severities = np.array([cell.scenario.severity for cell in run])
+    return breaking_point(severities, np.array([cell.measures.fell for cell in run]))
+
+
+def _limit(run: Sequence[Cell], point: BreakingPoint) -> Limit:
+    mildest, hardest = run[0].scenario, run[-1].scenario
+    return Limit(
+        axis=mildest.axis,
+        policy=run[0].policy,
+        unit=mildest.severity_unit,
+        severity50=point.severity50,
+        ci=point.ci,
+        found=point.found,
+        lowest=min(mildest.severity, hardest.severity),
+        highest=max(mildest.severity, hardest.severity),
+        hardest=hardest.severity,
+    )

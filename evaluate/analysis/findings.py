@@ -1,0 +1,161 @@
+"""The outcome in words, made from the same figures as the tables; what got worse is said like what got better."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from evaluate.analysis.breaking_point_text import times, words
+from evaluate.analysis.comparison import FALL_RATE, Comparison
+from evaluate.analysis.results import Results
+from evaluate.analysis.severity_levels import Ladder, ladders, place
+from evaluate.terminal.format import listed, number, share
+
+BETTER, WORSE, UNSHOWN = "better", "worse", "unshown"
+BREAKING_POINT = "breaking_point"
+WORDS = {
+    FALL_RATE: {BETTER: "fewer falls", WORSE: "more falls", UNSHOWN: "no difference in falls shown"},
+    BREAKING_POINT: {
+        BETTER: "breaks later",
+        WORSE: "breaks earlier",
+        UNSHOWN: "no difference in breaking point shown",
+    },
+    "velocity_error": {
+        BETTER: "smaller velocity error",
+        WORSE: "larger velocity error",
+        UNSHOWN: "no difference in velocity error shown",
+    },
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one policy's difference from the baseline is in one metric on one axis."""
+
+    metric: str
+    kind: str
+    """BETTER, WORSE or UNSHOWN."""
+    axis: str
+    text: str
+    """The largest difference with both figures and the count of levels."""
+    size: float
+    """Of the largest difference; of a breaking point, its factor's logarithm."""
+
+
+def headline(results: Results) -> list[list[str]]:
+    """Sentences on each policy: on which axes it does better and worse than the baseline; then its largest differences.
+
+    Without another policy, what the only one did on each axis.
+    """
+    paragraphs = [sentences for policy in _others(results) if (sentences := list(_lead(results, policy)))]
+    return paragraphs or [_absolute(results, results.baseline)]
+
+
+def verdict(results: Results) -> list[tuple[str, list[Finding]]]:
+    """(policy, what is to be said of it against the baseline), the smallest velocity error first."""
+    return [(policy, findings(results, policy)) for policy in _others(results)]
+
+
+def findings(results: Results, policy: str) -> list[Finding]:
+    """Every finding on a policy, falls before errors."""
+    comparisons = [c for c in results.against_baseline if c.a == policy]
+    found = [
+        finding
+        for metric in WORDS
+        for ladder in ladders(results)
+        for finding in _on(results, ladder, [c for c in comparisons if c.metric == metric])
+    ]
+    return [*found, *_breaking(results, policy)]
+
+
+def summary(found: Sequence[Finding], metric: str) -> str:
+    """`fewer falls on push and rough; more falls on slope; no difference in falls shown on flat`."""
+    places = {kind: [f.axis for f in found if (f.metric, f.kind) == (metric, kind)] for kind in WORDS[metric]}
+    count = len({finding.axis for finding in found if finding.metric == metric})
+    return "; ".join(f"{WORDS[metric][kind]} on {_named(axes, count)}" for kind, axes in places.items() if axes)
+
+
+def _named(axes: Sequence[str], count: int) -> str:
+    return f"all {count} axes" if len(axes) == count > 3 else listed(axes)
+
+
+def _others(results: Results) -> list[str]:
+    """Policies but the baseline, by the mean of their velocity errors over the scenarios."""
+    errors: dict[str, list[float]] = {policy: [] for policy in results.policies if policy != results.baseline}
+    for (_, policy), figures in results.summaries.items():
+        if policy in errors:
+            errors[policy].append(figures.velocity_error)
+    return sorted(errors, key=lambda policy: sum(errors[policy]) / len(errors[policy]))
+
+
+def _lead(results: Results, policy: str) -> Iterator[str]:
+    found = findings(results, policy)
+    if not found:
+        return
+    yield f"{policy} against {results.baseline}: {summary(found, FALL_RATE)}."
+    for metric in (FALL_RATE, BREAKING_POINT):
+        for kind in (BETTER, WORSE):
+            claims = (finding for finding in found if (finding.metric, finding.kind) == (metric, kind))
+            if strongest := max(claims, key=lambda finding: finding.size, default=None):
+                yield f"{strongest.text}."
+
+
+def _absolute(results: Results, policy: str) -> list[str]:
+    """What a policy did, without comparing it."""
+    found = []
+    for ladder in ladders(results):
+        shares = [
+            f"{share(summary.fall_rate, summary.fall_rate_ci)} on {place(level)}"
+            for level in dict.fromkeys((ladder.levels[0], ladder.levels[-1]))
+            if (summary := results.summaries.get((level.name, policy)))
+        ]
+        found.append(f"{policy} falls in {listed(shares)}.")
+    return found
+
+
+def _breaking(results: Results, policy: str) -> Iterator[Finding]:
+    """What is known of the ratios of its breaking points to the baseline's; nothing where either has none."""
+    limits = {(limit.axis, limit.policy): limit for limit in results.breaking_points}
+    for ratio in results.breaking_point_ratios:
+        if (ratio.a, ratio.b) != (policy, results.baseline):
+            continue
+        mine, other = limits[ratio.axis, ratio.a], limits[ratio.axis, ratio.b]
+        rising = mine.hardest == mine.highest
+        larger, smaller = ratio.ci[0] > 1.0, ratio.ci[1] < 1.0
+        kind = UNSHOWN if not (larger or smaller) else BETTER if larger == rising else WORSE
+        text = (
+            f"{ratio.a} breaks on {ratio.axis} at {words(mine)}, {ratio.b} at {words(other)}: "
+            f"{times(ratio.ratio, ratio.ci)}"
+        )
+        yield Finding(BREAKING_POINT, kind, ratio.axis, text, abs(math.log(ratio.ratio)))
+
+
+def _on(results: Results, ladder: Ladder, comparisons: Sequence[Comparison]) -> Iterator[Finding]:
+    """What the comparisons of one metric show on one axis; better on some levels and worse on others gives two."""
+    by_scenario = {c.scenario: c for c in comparisons}
+    levels = [by_scenario[level.name] for level in ladder.levels if level.name in by_scenario]
+    if not levels:
+        return
+    metric = levels[0].metric
+    claims = {
+        BETTER: [c for c in levels if c.significant and c.difference < 0.0],
+        WORSE: [c for c in levels if c.significant and c.difference > 0.0],
+    }
+    for kind, claimed in claims.items():
+        if claimed:
+            largest = max(claimed, key=lambda c: abs(c.difference))
+            among = f"; {WORDS[metric][kind]} at {len(claimed)} of {len(levels)} levels" if len(levels) > 1 else ""
+            text = f"{_figures(results, ladder, largest)}{among}"
+            yield Finding(metric, kind, ladder.name, text, abs(largest.difference))
+    if not any(claims.values()):
+        yield Finding(metric, UNSHOWN, ladder.name, "", 0.0)
+
+
+def _figures(results: Results, ladder: Ladder, c: Comparison) -> str:
+    """`residual falls in 3 % [1, 6] of episodes on push at 50 N·s, where trot falls in 41 % [36, 47]`."""
+    a, b = (results.summaries[c.scenario, policy] for policy in (c.a, c.b))
+    level = next(level for level in ladder.levels if level.name == c.scenario)
+    if c.metric == FALL_RATE:
+        mine, other = share(a.fall_rate, a.fall_rate_ci), share(b.fall_rate, b.fall_rate_ci)
+        return f"{c.a} falls in {mine} of episodes on {place(level)}, where {c.b} falls in {other}"
+    mine, other = number(a.velocity_error), number(b.velocity_error)
+    return f"{c.a} is {mine} m/s off its command on {place(level)}, where {c.b} is {other} m/s off"

@@ -1,0 +1,98 @@
+"""Judging a result by gates: a verdict for each rule on each of its scenarios."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from evaluate.analysis.comparison import FALL_RATE, Comparison
+from evaluate.analysis.gates import Gate, Rule, check, places
+from evaluate.analysis.results import Results
+from evaluate.analysis.summary import Summary
+from evaluate.statistics.intervals import Interval
+from evaluate.terminal.format import number, p_value, percent
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a rule is met on one scenario, and why."""
+
+    gate: str
+    """The rule in the user's words."""
+    policy: str
+    scenario: str
+    passed: bool
+    reason: str
+
+
+def judge(gates: Sequence[Gate], results: Results) -> list[Verdict]:
+    """A verdict for each rule on each of its scenarios; ValueError where a gate names what did not take part."""
+    axes = {cell.scenario.name: cell.scenario.axis for cell in results.cells}
+    scenarios = [(name, axes[name]) for name in results.scenarios]
+    check(gates, results.policies, scenarios)
+    rules = dict.fromkeys(rule for gate in gates for rule in gate.rules)
+    return [_judge(rule, scenario, results) for rule in rules for scenario in places(rule.places, scenarios)]
+
+
+def passed(verdicts: Sequence[Verdict]) -> bool:
+    """Whether every rule is met everywhere."""
+    return all(verdict.passed for verdict in verdicts)
+
+
+def _judge(rule: Rule, scenario: str, results: Results) -> Verdict:
+    missing = [
+        policy
+        for policy in (rule.policy, rule.bound)
+        if isinstance(policy, str) and (scenario, policy) not in results.summaries
+    ]
+    if missing:
+        return Verdict(rule.text, rule.policy, scenario, False, f"{' and '.join(missing)} did not run on {scenario}")
+    summary = results.summaries[scenario, rule.policy]
+    if isinstance(rule.bound, float):
+        return Verdict(rule.text, rule.policy, scenario, *_against_number(rule, summary, rule.bound))
+    comparison = _comparison(results, scenario, rule, rule.bound)
+    other = results.summaries[scenario, rule.bound]
+    return Verdict(rule.text, rule.policy, scenario, *_against_policy(rule, summary, other, comparison))
+
+
+def _against_number(rule: Rule, summary: Summary, bound: float) -> tuple[bool, str]:
+    value = float(getattr(summary, rule.metric))
+    intervals: dict[str, Interval] = {
+        name: end for name, end in vars(summary).items() if isinstance(end, tuple) and len(end) == 2
+    }
+    low, high = intervals.get(f"{rule.metric}_ci", (value, value)) if rule.strictly else (value, value)
+    deciding = high if rule.relation.startswith("<") else low
+    end = f", deciding end of its interval {_figure(rule, deciding)}" if deciding != value else ""
+    return _holds(deciding, rule.relation, bound), f"{_figure(rule, value)}{end}; bound {_figure(rule, bound)}"
+
+
+def _against_policy(rule: Rule, mine: Summary, other: Summary, comparison: Comparison) -> tuple[bool, str]:
+    a, b = float(getattr(mine, rule.metric)), float(getattr(other, rule.metric))
+    figures = f"{_figure(rule, a)} against {_figure(rule, b)} of {rule.bound}, {p_value(comparison.p_value_holm)}"
+    if rule.strictly:
+        return _holds(a, rule.relation, b), figures
+    less, more = _shown(comparison, rule.policy)
+    outcome = {"<": less, "<=": not more, ">": more, ">=": not less}[rule.relation]
+    shown = "less is shown" if less else "more is shown" if more else "no difference is shown"
+    return outcome, f"{figures}: {shown}"
+
+
+def _shown(comparison: Comparison, policy: str) -> tuple[bool, bool]:
+    """Whether the policy is shown to have less, and more, than the other of the comparison."""
+    difference = comparison.difference if comparison.a == policy else -comparison.difference
+    return comparison.significant and difference < 0.0, comparison.significant and difference > 0.0
+
+
+def _holds(value: float, relation: str, bound: float) -> bool:
+    """Whether the relation is true; never of a figure that does not exist."""
+    return {"<": value < bound, "<=": value <= bound, ">": value > bound, ">=": value >= bound}[relation]
+
+
+def _comparison(results: Results, scenario: str, rule: Rule, other: str) -> Comparison:
+    return next(c for c in _pair(results, scenario, rule, other) if c.metric == rule.metric)
+
+
+def _pair(results: Results, scenario: str, rule: Rule, other: str) -> Iterator[Comparison]:
+    return (c for c in results.comparisons if c.scenario == scenario and {c.a, c.b} == {rule.policy, other})
+
+
+def _figure(rule: Rule, value: float) -> str:
+    return percent(value) if rule.metric == FALL_RATE else number(value)

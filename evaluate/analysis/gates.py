@@ -1,0 +1,127 @@
+"""Gates: sentences such as `residual falls <= trot` that a result either meets or not, for a team's CI.
+
+    POLICY MEASURE RELATION NUMBER|POLICY [on SCENARIO …] [strictly]
+
+Against a policy, `<=` fails where the paired test shows more, and `<` where it does not show less; both are corrected
+for the number of comparisons. Against a number the figure itself decides. `strictly` gives no benefit of the doubt: any
+larger figure than the other policy's fails then, and of a figure with an interval the unfavourable end decides. Without
+`on`, a gate holds on every scenario of the run; `push` is that scenario, `push:all` every level of the axis. `default`
+stands for DEFAULT.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import get_type_hints
+
+from evaluate.analysis.comparison import ERRORS, FALL_RATE
+from evaluate.analysis.summary import Summary
+
+RELATIONS = ("<=", "<", ">=", ">")
+FALLS = "falls"
+"""What a gate calls the fall rate."""
+COMPARED = (FALLS, *ERRORS)
+"""Measures that may be set against another policy's."""
+DEFAULT = ("residual falls <= trot", "residual velocity_error <= trot", "residual diverged <= 0")
+GRAMMAR = "POLICY MEASURE <=|<|>=|> NUMBER|POLICY [on SCENARIO …] [strictly], or default"
+STRICTLY = "strictly"
+ALL_LEVELS = ":all"
+_NOT_MEASURED = {"episodes", "severity", FALLS}
+_SENTENCE = re.compile(r"(\S+)\s+(\S+)\s*(<=|>=|<|>)\s*([^\s%]+)\s*(%?)(?:\s+on\s+(.+?))?(\s+strictly)?\s*")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One sentence, understood."""
+
+    text: str
+    policy: str
+    measure: str
+    """`falls`, or a field of Summary."""
+    relation: str
+    bound: float | str
+    """A number, or the policy to compare with."""
+    places: tuple[str, ...]
+    """Scenarios, or an axis with `:all`; empty for every scenario."""
+    strictly: bool
+
+    @property
+    def metric(self) -> str:
+        """The measure's field of Summary."""
+        return FALL_RATE if self.measure == FALLS else self.measure
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What the user wrote, and the rules that it stands for."""
+
+    text: str
+    rules: tuple[Rule, ...]
+
+
+def measures() -> tuple[str, ...]:
+    """Every measure that a gate may name."""
+    hints = get_type_hints(Summary)
+    scalar = [field.name for field in fields(Summary) if hints[field.name] in (int, float)]
+    return (FALLS, *(name for name in scalar if name not in _NOT_MEASURED))
+
+
+def parse(text: str) -> Gate:
+    """The gate of a sentence; ValueError, in one line, says what is valid instead."""
+    if text.strip() == "default":
+        return Gate("default", tuple(map(_rule, DEFAULT)))
+    return Gate(text, (_rule(text),))
+
+
+def check(gates: Sequence[Gate], policies: Sequence[str], scenarios: Sequence[tuple[str, str]]) -> None:
+    """ValueError where a gate names a policy or scenario that is not among those; a scenario is (name, axis)."""
+    for rule in (rule for gate in gates for rule in gate.rules):
+        for policy in (rule.policy, rule.bound):
+            if isinstance(policy, str) and policy not in policies:
+                raise ValueError(f"gate '{rule.text}': {policy} is not among the policies {', '.join(policies)}")
+        if rule.policy == rule.bound:
+            raise ValueError(f"gate '{rule.text}': {rule.policy} cannot be compared with itself")
+        for place in rule.places:
+            if not places((place,), scenarios):
+                names = ", ".join(name for name, _ in scenarios)
+                raise ValueError(f"gate '{rule.text}': {place} is not among the scenarios {names}")
+
+
+def places(wanted: Sequence[str], scenarios: Sequence[tuple[str, str]]) -> list[str]:
+    """Names of the scenarios, given as (name, axis), that a rule holds on; all of them where it names none."""
+    return [name for name, axis in scenarios if not wanted or any(_meets(place, name, axis) for place in wanted)]
+
+
+def _meets(place: str, name: str, axis: str) -> bool:
+    return place == name or (place.endswith(ALL_LEVELS) and place.removesuffix(ALL_LEVELS) == axis)
+
+
+def _rule(text: str) -> Rule:
+    found = _SENTENCE.fullmatch(text.strip())
+    if found is None:
+        raise ValueError(f"gate '{text}' cannot be read; write {GRAMMAR}")
+    policy, measure, relation, right, percent, on, strictly = found.groups()
+    if measure not in measures():
+        raise ValueError(f"gate '{text}': unknown measure {measure}; valid: {', '.join(measures())}")
+    bound = _bound(text, measure, right, bool(percent))
+    return Rule(text, policy, measure, relation, bound, tuple(_names(on or "")), bool(strictly))
+
+
+def _bound(text: str, measure: str, right: str, percent: bool) -> float | str:
+    try:
+        number = float(right)
+    except ValueError:
+        if percent:
+            raise ValueError(f"gate '{text}': {right} is no number of per cent") from None
+        if measure not in COMPARED:
+            raise ValueError(
+                f"gate '{text}': {measure} is compared with numbers only; with a policy: {', '.join(COMPARED)}"
+            ) from None
+        return right
+    if number != number or (measure == FALLS and not percent and number > 1.0):
+        raise ValueError(f"gate '{text}': {right} is no share of episodes; write 0.05 or 5 %")
+    return number / 100.0 if percent else number
+
+
+def _names(text: str) -> Iterator[str]:
+    return (name for name in re.split(r"[,\s]+", text) if name not in ("", "and"))

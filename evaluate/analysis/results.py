@@ -1,0 +1,124 @@
+"""What a comparison found, and its `results.json`."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from evaluate.analysis.breaking_points import Limit, LimitRatio, limits
+from evaluate.analysis.comparison import Comparison, baseline, compare
+from evaluate.analysis.sensitivity import Sensitivity, sensitivities
+from evaluate.analysis.summary import Summary, summarise
+from evaluate.analysis.training_seeds import spreads_as_json
+from evaluate.records.provenance import versions
+from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.hardware import Hardware
+from policies.files import write_atomically
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything that the table, the files and the report show."""
+
+    seed: int
+    episodes: int
+    """Asked for in each cell."""
+    complete: bool
+    """False if the run was interrupted: cells are missing then, but none is half done."""
+    cells: tuple[Cell, ...]
+    summaries: dict[tuple[str, str], Summary]
+    """By (scenario, policy), in the order of the run."""
+    comparisons: tuple[Comparison, ...]
+    breaking_points: tuple[Limit, ...]
+    breaking_point_ratios: tuple[LimitRatio, ...]
+    sensitivities: tuple[Sensitivity, ...]
+    versions: Mapping[str, str | None]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
+
+    @property
+    def hardware(self) -> Hardware:
+        """Of the robots; ideal where it is not known."""
+        return Hardware(**self.provenance.get("hardware", {}))
+
+    @property
+    def policies(self) -> tuple[str, ...]:
+        """Policies in the order of the run."""
+        return tuple(dict.fromkeys(cell.policy for cell in self.cells))
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """Scenarios in the order of the run."""
+        return tuple(dict.fromkeys(cell.scenario.name for cell in self.cells))
+
+    @property
+    def baseline(self) -> str:
+        """The policy that the others are measured against."""
+        return baseline(self.policies)
+
+    @property
+    def against_baseline(self) -> list[Comparison]:
+        """Differences from the baseline; from the policy named first, where the baseline does not take part."""
+        return [comparison for comparison in self.comparisons if comparison.b == self.baseline]
+
+
+def analyse(
+    cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool, provenance: Mapping[str, Any] | None = None
+) -> Results:
+    """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
+    made_with = dict(provenance or {"versions": versions()})
+    breaking_points, ratios = limits(cells)
+    return Results(
+        seed=seed,
+        episodes=episodes,
+        complete=complete,
+        cells=tuple(cells),
+        summaries={(cell.scenario.name, cell.policy): summarise(cell) for cell in cells},
+        comparisons=tuple(compare(cells)),
+        breaking_points=tuple(breaking_points),
+        breaking_point_ratios=tuple(ratios),
+        sensitivities=tuple(sensitivities(cells)),
+        versions=made_with.pop("versions"),
+        provenance=made_with,
+    )
+
+
+def as_json(results: Results) -> dict[str, Any]:
+    """The contents of results.json; figures that do not exist are null."""
+    policies: dict[str, Any] = {policy: {"scenarios": {}} for policy in results.policies}
+    for (scenario, policy), summary in results.summaries.items():
+        policies[policy]["scenarios"][scenario] = asdict(summary)
+    contents = {
+        "schema": SCHEMA,
+        "seed": results.seed,
+        "episodes": results.episodes,
+        "complete": results.complete,
+        "versions": dict(results.versions),
+        "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
+        "policies": policies,
+        "training_seeds": spreads_as_json(results.cells),
+        "comparisons": [asdict(comparison) for comparison in results.comparisons],
+        "breaking_points": [asdict(limit) for limit in results.breaking_points],
+        "breaking_point_ratios": [asdict(ratio) for ratio in results.breaking_point_ratios],
+        "sensitivities": [asdict(each) for each in results.sensitivities],
+    }
+    plain: dict[str, Any] = without_nan(contents)
+    return plain
+
+
+def write_json(results: Results, path: Path) -> None:
+    """Write results.json."""
+    write_atomically(path, (json.dumps(as_json(results), indent=2, allow_nan=False) + "\n").encode())
+
+
+def without_nan(value: Any) -> Any:
+    """JSON values with null for a number that does not exist."""
+    if isinstance(value, dict):
+        return {key: without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_nan(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,143 @@
+"""What each disturbance does to each policy: the same episodes with it and without.
+
+A disturbance draws from a random stream of its own, so an episode's start and commands are those of the undisturbed
+one. A controller that does not look cannot feel what only its sensors show: its episodes are then the same to the bit.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from evaluate.analysis.comparison import SIGNIFICANT
+from evaluate.measures.metrics import Measures
+from evaluate.rollouts.experiment import Cell
+from evaluate.statistics.intervals import Interval, difference_interval, share_difference_interval
+from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
+from evaluate.terminal.format import NO_BREAK, signed
+from quad_env.scenarios.axes import AXES, Axis
+from quad_env.scenarios.named import SCENARIOS, Scenario
+
+CALM = "flat"
+"""The undisturbed scenario."""
+UNFELT = "the same to the bit"
+FALLEN = "falls without it"
+LEAD = (
+    "What the hardest level of each axis in this run adds to the falls, in percentage points of the episodes, and to "
+    "the velocity error of the same episodes undisturbed. In brackets: not significantly worse, p-values corrected by "
+    "Holm's method over both figures of all axes of a policy."
+)
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Disturbed minus undisturbed, of one policy at the hardest severity of an axis in the run."""
+
+    axis: str
+    scenario: str
+    severity: float
+    unit: str
+    policy: str
+    felt: bool
+    """False where every measure of every episode is the same to the bit."""
+    undisturbed_fall_rate: float
+    falls: float
+    """Share of the episodes, difference."""
+    falls_ci: Interval
+    """95 %, Tango's score interval of paired shares."""
+    falls_p_value: float
+    """Exact McNemar, corrected by Holm's method over both figures of all axes of the policy."""
+    velocity_error: float
+    """Mean difference, m/s."""
+    velocity_error_ci: Interval
+    """95 %, bootstrap over the pairs."""
+    velocity_error_p_value: float
+    """Paired sign flips, corrected likewise."""
+
+    @property
+    def more_falls(self) -> bool:
+        """Whether the policy falls significantly more often for it."""
+        return self.falls > 0.0 and self.falls_p_value < SIGNIFICANT
+
+    @property
+    def more_error(self) -> bool:
+        """Whether it tracks significantly worse for it."""
+        return self.velocity_error > 0.0 and self.velocity_error_p_value < SIGNIFICANT
+
+    @property
+    def matters(self) -> bool:
+        """Whether the policy does significantly worse for it, in falls or in tracking."""
+        return self.more_falls or self.more_error
+
+
+def sensitivities(cells: Sequence[Cell]) -> list[Sensitivity]:
+    """Of every axis and policy of a run that has the undisturbed scenario too; axis by axis in its order."""
+    policies = dict.fromkeys(cell.policy for cell in cells)
+    found = [each for policy in policies for each in _of_policy([cell for cell in cells if cell.policy == policy])]
+    axes = list(AXES)
+    return sorted(found, key=lambda each: axes.index(each.axis))
+
+
+def _of_policy(cells: Sequence[Cell]) -> list[Sensitivity]:
+    calm = next((cell for cell in cells if cell.scenario == SCENARIOS[CALM]), None)
+    if calm is None:
+        return []
+    found = [_sensitivity(cell, calm) for cell in _hardest(cells)]
+    corrected = iter(holm([p for each in found for p in (each.falls_p_value, each.velocity_error_p_value)]))
+    return [replace(each, falls_p_value=next(corrected), velocity_error_p_value=next(corrected)) for each in found]
+
+
+def _hardest(cells: Sequence[Cell]) -> Iterator[Cell]:
+    """The cell of the hardest severity of each axis but the undisturbed one; no scenario of a user's counts, whose
+    commands and starts may be others."""
+    for axis in AXES.values():
+        of_axis = [cell for cell in cells if axis.name != CALM and _is_of(axis, cell.scenario)]
+        if of_axis:
+            yield (min if axis.falling else max)(of_axis, key=lambda cell: cell.scenario.severity)
+
+
+def _is_of(axis: Axis, scenario: Scenario) -> bool:
+    return scenario.axis == axis.name and scenario == axis.scenario(scenario.severity, scenario.name)
+
+
+def _sensitivity(cell: Cell, calm: Cell) -> Sensitivity:
+    if not np.array_equal(cell.seeds, calm.seeds):
+        raise ValueError(f"{cell.scenario.name} and {calm.scenario.name} ran different episodes: nothing to pair")
+    fell, fell_calm = cell.measures.fell, calm.measures.fell
+    more, less = int((fell & ~fell_calm).sum()), int((fell_calm & ~fell).sum())
+    differences = cell.measures.velocity_error - calm.measures.velocity_error
+    return Sensitivity(
+        axis=cell.scenario.axis,
+        scenario=cell.scenario.name,
+        severity=cell.scenario.severity,
+        unit=cell.scenario.severity_unit,
+        policy=cell.policy,
+        felt=not _same(cell, calm),
+        undisturbed_fall_rate=float(fell_calm.mean()),
+        falls=(more - less) / cell.episodes,
+        falls_ci=share_difference_interval(more, less, cell.episodes),
+        falls_p_value=mcnemar(fell, fell_calm),
+        velocity_error=float(differences.mean()),
+        velocity_error_ci=difference_interval(differences),
+        velocity_error_p_value=sign_flip_test(differences),
+    )
+
+
+def _same(a: Cell, b: Cell) -> bool:
+    return all(
+        np.array_equal(getattr(a.measures, field.name), getattr(b.measures, field.name), equal_nan=True)
+        for field in fields(Measures)
+    )
+
+
+def words(found: Sensitivity) -> str:
+    """`+12 points, +0.31 m/s`: falls, if they differ, and velocity error; in brackets what is not significant."""
+    if found.undisturbed_fall_rate == 1.0:
+        return FALLEN
+    if not found.felt:
+        return UNFELT
+    falls = f"{signed(100.0 * found.falls, 0)}{NO_BREAK}points"
+    error = f"{signed(found.velocity_error, 2)}{NO_BREAK}m/s"
+    figures = ((falls, found.more_falls), (error, found.more_error))
+    shown = figures if found.falls else figures[1:]
+    return ", ".join(figure if worse else f"({figure})" for figure, worse in shown)

@@ -1,0 +1,104 @@
+"""The figures of one cell: rates and means with their 95 % intervals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from evaluate.measures.catalogue import FIGURES
+from evaluate.measures.effort import cost_of_transport
+from evaluate.measures.episodes import weight_in
+from evaluate.measures.metrics import Measures
+from evaluate.measures.response import Response, responses
+from evaluate.rollouts.experiment import Cell
+from evaluate.statistics.improvement import interquartile_mean, interquartile_mean_interval
+from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, wilson_interval
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One policy on one scenario; NaN where a figure does not exist. The fields are the keys of results.json."""
+
+    episodes: int
+    severity: float
+    severity_unit: str
+    falls: int
+    """Episodes that ended before the time limit, divergences among them."""
+    fall_rate: float
+    fall_rate_ci: Interval
+    """Wilson."""
+    diverged: int
+    time_to_fall: float
+    """Mean over the episodes that fell, s."""
+    velocity_error: float
+    """m/s, as are the next six."""
+    velocity_error_ci: Interval
+    velocity_error_iqm: float
+    """Interquartile mean: of the middle half of the episodes."""
+    velocity_error_iqm_ci: Interval
+    velocity_error_upright: float
+    mean_velocity_error: float
+    mean_velocity_error_ci: Interval
+    yaw_rate_error: float
+    """rad/s"""
+    yaw_rate_error_ci: Interval
+    cost_of_transport: float
+    """Energy of all episodes over weight times the distance of all."""
+    overspeed: float
+    """Share of joints and time above the rated joint speed."""
+    energy: float
+    """Mean of an episode, J."""
+    distance: float
+    """Mean of an episode, m."""
+    figures: dict[str, float]
+    """Mean of every figure of `evaluate.measures.catalogue` over the episodes that have it."""
+    duty_factor: tuple[float, ...]
+    """Mean of each foot."""
+    response: dict[str, Response]
+    """Of each axis of the command."""
+
+
+def summarise(cell: Cell) -> Summary:
+    """All figures of a cell."""
+    measures = cell.measures
+    falls = int(measures.fell.sum())
+    return Summary(
+        episodes=cell.episodes,
+        severity=cell.scenario.severity,
+        severity_unit=cell.scenario.severity_unit,
+        falls=falls,
+        fall_rate=falls / cell.episodes,
+        fall_rate_ci=wilson_interval(falls, cell.episodes),
+        diverged=int(measures.diverged.sum()),
+        time_to_fall=_mean(measures.fall_time),
+        velocity_error=_mean(measures.velocity_error),
+        velocity_error_ci=bootstrap_interval(measures.velocity_error),
+        velocity_error_iqm=interquartile_mean(measures.velocity_error),
+        velocity_error_iqm_ci=interquartile_mean_interval(measures.velocity_error),
+        velocity_error_upright=_mean(measures.velocity_error_upright),
+        mean_velocity_error=_mean(measures.mean_velocity_error),
+        mean_velocity_error_ci=bootstrap_interval(measures.mean_velocity_error),
+        yaw_rate_error=_mean(measures.yaw_rate_error),
+        yaw_rate_error_ci=bootstrap_interval(measures.yaw_rate_error),
+        cost_of_transport=total_cost_of_transport(measures, weight_in(cell.scenario)),
+        overspeed=_mean(measures.overspeed),
+        energy=_mean(measures.energy),
+        distance=_mean(measures.distance),
+        figures={name: _mean(getattr(measures, name)) for name in FIGURES},
+        duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
+        response=responses(measures.commands, measures.mean_velocities),
+    )
+
+
+def total_cost_of_transport(measures: Measures, weight: float) -> float:
+    """Energy of all episodes over weight times the distance of all; NaN below 1 m of an average episode.
+
+    A quotient of sums: an episode that was told to stand still adds its energy, and cannot blow up a mean of quotients.
+    """
+    return float(
+        cost_of_transport(measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True), weight)[0]
+    )
+
+
+def _mean(values: Floats) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else float("nan")

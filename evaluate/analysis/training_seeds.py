@@ -1,0 +1,102 @@
+"""Spread over training seeds: what another training of the same kind would give, apart from what other episodes would.
+
+A trained seed is one value a scenario and metric, its mean over the episodes. Intervals count seeds, never episodes.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from evaluate.analysis.comparison import ERRORS, FALL_RATE
+from evaluate.rollouts.experiment import Cell
+from evaluate.statistics.intervals import CONFIDENCE, Floats, Interval
+
+SEED_FOLDER = re.compile(r"seed-\d+")
+METRICS = (FALL_RATE, *ERRORS)
+_FIGURES = ("seeds", "mean", "lowest", "highest", "standard_deviation", "ci")
+
+
+@dataclass(frozen=True)
+class SeedSpread:
+    """One metric of all training seeds of a run on one scenario."""
+
+    run: str
+    """Folder of the seeds' folders."""
+    scenario: str
+    metric: str
+    seeds: int
+    mean: float
+    """Over the seeds, as are the next; NaN where a figure does not exist."""
+    lowest: float
+    highest: float
+    standard_deviation: float
+    """Of the sample: NaN for a single seed."""
+    ci: Interval
+    """95 %, Student's t with seeds − 1 degrees of freedom; within 0 … 1 for rates."""
+
+
+def training_runs(policies: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Run's folder to the policies of its seeds, `models/run/seed-3`, in their order; runs of one seed are left out."""
+    runs: dict[str, tuple[str, ...]] = {}
+    for policy in dict.fromkeys(policies):
+        path = PurePath(policy)
+        if SEED_FOLDER.fullmatch(path.name):
+            run = str(path.parent)
+            runs[run] = (*runs.get(run, ()), policy)
+    return {run: seeds for run, seeds in runs.items() if len(seeds) > 1}
+
+
+def seed_spreads(cells: Sequence[Cell]) -> list[SeedSpread]:
+    """Every run's spread on every scenario in every metric; ValueError if its seeds ran different episodes."""
+    runs = training_runs([cell.policy for cell in cells])
+    scenarios = dict.fromkeys(cell.scenario.name for cell in cells)
+    return [
+        spread
+        for run, seeds in runs.items()
+        for scenario in scenarios
+        for spread in _spreads(
+            run, [cell for cell in cells if (cell.scenario.name, cell.policy in seeds) == (scenario, True)]
+        )
+    ]
+
+
+def spreads_as_json(cells: Sequence[Cell]) -> dict[str, Any]:
+    """`training_seeds` of results.json: run -> its policies, and scenario -> metric -> figures; NaN for none."""
+    runs = training_runs([cell.policy for cell in cells])
+    out: dict[str, Any] = {run: {"policies": list(policies), "scenarios": {}} for run, policies in runs.items()}
+    for spread in seed_spreads(cells):
+        metrics = out[spread.run]["scenarios"].setdefault(spread.scenario, {})
+        metrics[spread.metric] = {name: getattr(spread, name) for name in _FIGURES}
+    return out
+
+
+def spread_over_seeds(values: Floats) -> tuple[float, float, float, float, Interval]:
+    """Mean, lowest, highest, standard deviation and 95 % t-interval of one value a seed, (n,)."""
+    from scipy.stats import t
+
+    mean, count = float(values.mean()), len(values)
+    if count < 2:
+        return mean, mean, mean, np.nan, (np.nan, np.nan)
+    deviation = float(values.std(ddof=1))
+    reach = float(t.ppf(0.5 + CONFIDENCE / 2, count - 1)) * deviation / np.sqrt(count)
+    return mean, float(values.min()), float(values.max()), deviation, (mean - reach, mean + reach)
+
+
+def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
+    if not cells:
+        return
+    if any(not np.array_equal(cell.seeds, cells[0].seeds) for cell in cells):
+        raise ValueError(f"the training seeds of {run} ran different episodes on {cells[0].scenario.name}")
+    for metric in METRICS:
+        mean, lowest, highest, deviation, (low, high) = spread_over_seeds(np.array([_value(c, metric) for c in cells]))
+        ci = (max(low, 0.0), min(high, 1.0)) if metric == FALL_RATE and len(cells) > 1 else (low, high)
+        yield SeedSpread(run, cells[0].scenario.name, metric, len(cells), mean, lowest, highest, deviation, ci)
+
+
+def _value(cell: Cell, metric: str) -> float:
+    """Of one seed: its mean over the episodes."""
+    return float(np.mean(cell.measures.fell if metric == FALL_RATE else getattr(cell.measures, metric)))

@@ -1,0 +1,70 @@
+"""`python -m evaluate axes`: fall rates along the axes of disturbance, as a table and a picture."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from evaluate.commands.options import DEFAULT_POLICIES, Flag, available_cores
+from evaluate.commands.options import Options as Comparison
+from evaluate.terminal.command_line import UsageError, parse
+
+PROGRAM = "python -m evaluate axes"
+PICTURE = "fall_rates.svg"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Which axes, and how thoroughly."""
+
+    axes: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
+    """Names of axes, such as push; all of them when none is named."""
+    policies: tuple[str, ...] = DEFAULT_POLICIES
+    """Names of policies, or folders of trained ones."""
+    episodes: int = 64
+    """Episodes of 10 s of each policy at each level (count)."""
+    seed: int = 0
+    """Which set of episodes (whole number from 0)."""
+    out: Path = Path("results/axes")
+    """Folder for fall_rates.svg and the files of an evaluation."""
+    resume: Flag = False
+    """Carry on the interrupted run in the folder --out; give the same options again."""
+    threads: int = available_cores()
+    """Threads of the simulation (count; default: this machine's cores)."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
+    from evaluate.commands.plan import check
+    from quad_env.scenarios.axes import AXES
+
+    if unknown := [name for name in options.axes if name not in AXES]:
+        raise UsageError(f"there is no axis {', '.join(unknown)}; the axes are {', '.join(AXES)}")
+    scenarios = tuple(f"{name}:all" for name in dict.fromkeys(options.axes or AXES))
+    asked = Comparison(
+        policies=options.policies,
+        scenarios=scenarios,
+        episodes=options.episodes,
+        seed=options.seed,
+        out=options.out,
+        resume=options.resume,
+        film=False,
+        threads=options.threads,
+    )
+    plan = check(asked)
+    from evaluate.commands.execution import execute
+    from evaluate.commands.outputs import analysed
+    from evaluate.records.store import read_run
+    from evaluate.report.plots import fall_curves
+
+    if code := execute(plan, show=fall_curves.print_curves):
+        return code
+    picture = options.out / PICTURE
+    try:
+        fall_curves.write_picture(analysed(read_run(options.out)), picture)
+    except OSError as error:
+        raise UsageError(f"cannot write {picture} ({error.strerror or error})") from error
+    print(picture)
+    return 0

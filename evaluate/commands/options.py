@@ -1,0 +1,116 @@
+"""Options of `python -m evaluate`."""
+
+import argparse
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from evaluate.rollouts.hardware import Hardware
+
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+PROGRAM = "python -m evaluate"
+DEFAULT_POLICIES = ("document", "document_repaired", "trot", "residual")
+DEFAULT_BATTERY = ("default",)
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "film")
+"""Options that a run may be carried on with as one likes."""
+
+
+def available_cores() -> int:
+    """Cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to compare, and where the outcome goes."""
+
+    policies: tuple[str, ...] = DEFAULT_POLICIES
+    """Names of policies, or folders of trained ones such as models/residual. Folders seed-<number> of one parent count
+    as training seeds of one run, whose spread is reported apart."""
+    scenarios: tuple[str, ...] = DEFAULT_BATTERY
+    """Names of scenarios such as push, levels of severity such as push:3 or push:all, a battery (quick, default, full,
+    all), or a quad_env.Scenario in a file of yours, my_file.py:NAME."""
+    quick: Flag = False
+    """The quick battery, for a first look: --scenarios quick."""
+    full: Flag = False
+    """The full battery, every axis at every level: --scenarios full."""
+    episodes: int = 64
+    """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
+    actuator: str = "ideal"
+    """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
+    sensors: str = "truth"
+    """What observations are built from: the truth, or one of quad_env.SENSORS: ideal or typical."""
+    seed: int = 0
+    """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
+    out: Path = Path("results/evaluation")
+    """Folder for results.json, episodes.parquet, report.html, report.md and manifest.json; files of these names are
+    replaced."""
+    resume: Flag = False
+    """Carry on the interrupted run in the folder --out, with its options: the outcome is that of a run in one go."""
+    gate: tuple[str, ...] = ()
+    """What must hold, each in quotes, such as "residual falls <= trot on push:all", or default; if one does not, the
+    exit code is 1. Verdicts go to junit.xml and the reports."""
+    trace: Literal["none", "compact", "full"] = "none"
+    """Whether to keep every step, in the folder traces: compact for `rescore`, full for every measure. Robots then go
+    on after a fall, which takes longer and changes no figure."""
+    film: bool = True
+    """Whether report.html shows a film of one episode."""
+    threads: int = available_cores()
+    """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
+    at_once: int = 256
+    """Episodes that each of them simulates at once, and that are written together (count). No outcome depends on it."""
+
+    @property
+    def hardware(self) -> Hardware:
+        """Of the robots."""
+        return Hardware(self.actuator, self.sensors)
+
+    @property
+    def battery(self) -> tuple[str, ...]:
+        """Names of the scenarios."""
+        return ("quick",) if self.quick else ("full",) if self.full else self.scenarios
+
+    def of_the_run(self) -> dict[str, Any]:
+        """What a run must be carried on with, as JSON values."""
+        chosen = {n: value for n, value in asdict(self).items() if n not in CHANGE_NO_FIGURE}
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
+
+
+def restored(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of Options from what `of_the_run` gave; ValueError for what it never gives."""
+    names = {field.name for field in fields(Options)} - set(CHANGE_NO_FIGURE)
+    if set(found) != names:
+        raise ValueError(f"its options are those of another version: {', '.join(sorted(set(found) ^ names))}")
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}
+
+
+def changed(then: Options, now: Options) -> list[str]:
+    """`--seed was 0, not 1` for every option of a run that is not as it was."""
+    before, after = then.of_the_run(), now.of_the_run()
+    return [
+        f"--{name} was {_words(before[name])}, not {_words(after[name])}"
+        for name in before
+        if before[name] != after[name]
+    ]
+
+
+def asks_to_resume(arguments: list[str]) -> Path | None:
+    """The folder whose run the arguments ask to carry on, if they do; the rest of them is not looked at."""
+    if "--help" in arguments or "-h" in arguments:
+        return None
+    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    scout.add_argument("--out", type=Path, default=Options.out)
+    scout.add_argument("--resume", action="store_true")
+    try:
+        found, _ = scout.parse_known_args(arguments)
+    except (argparse.ArgumentError, SystemExit):
+        return None  # the real parser, which reads the same words next, says what is wrong with them
+    return found.out if found.resume else None
+
+
+def _words(value: Any) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -1,0 +1,119 @@
+"""The end of a comparison: the table on the terminal, then the files."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+# Functions import the first four when they need them: here too, so that no interrupt comes in the middle of an import.
+import matplotlib.backends.backend_svg
+import matplotlib.figure  # noqa: F401
+import pyarrow.parquet  # noqa: F401
+import scipy.stats  # noqa: F401
+from rich.console import Console
+
+from evaluate.analysis.gate_verdicts import Verdict, judge, passed
+from evaluate.analysis.gates import Gate
+from evaluate.analysis.results import Results, analyse, write_json
+from evaluate.records.episode_table import write_parquet
+from evaluate.records.store import Run
+from evaluate.report import junit, markdown, write_report
+from evaluate.report.seed_table import print_spread
+from evaluate.report.table import print_results
+from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.format import counted
+from evaluate.terminal.launcher import silence_stdout
+
+Show = Callable[[Results, Console], None]
+"""Prints an outcome."""
+GATE_FAILED = 1
+"""Exit code."""
+
+
+class Terminal(Console):
+    """A console that falls silent, instead of ending the program, when nobody reads it any more."""
+
+    def on_broken_pipe(self) -> None:
+        """Print nothing more; the files are yet to be written."""
+        self.quiet = True
+        silence_stdout()
+
+
+def analysed(run: Run) -> Results:
+    """What the finished cells of a run show."""
+    made_with = run.manifest
+    return analyse(
+        run.cells,
+        seed=made_with.seed,
+        episodes=made_with.episodes,
+        complete=run.complete,
+        provenance=made_with.provenance(),
+    )
+
+
+def print_all(results: Results, console: Console) -> None:
+    """Every table of a comparison."""
+    print_results(results, console)
+    print_spread(results, console)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What is made of a run."""
+
+    show: Show = print_all
+    gates: tuple[Gate, ...] = ()
+    """Judged if the run is complete."""
+    film: bool = False
+    """Whether the report shows one; not of an interrupted run, which is to end soon."""
+
+
+def conclude(run: Run, folder: Path, ending: Ending) -> int:
+    """Print the table and write the files, the slowest last; the exit code: 0, or 1 if a gate does not hold.
+
+    The table comes first and no failure keeps the rest from being tried: simulating took long. Raises UsageError, which
+    names what could not be written.
+    """
+    results = analysed(run)
+    verdicts = judge(ending.gates, results) if run.complete else []
+    console = Terminal()
+    failures = _tried("the table", partial(_print, results, verdicts, ending, console))
+    if failures:
+        console.on_broken_pipe()
+    film = ending.film and run.complete
+    for name, write in (
+        ("results.json", partial(write_json, results)),
+        ("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)),
+        ("report.md", partial(markdown.write, results, verdicts=verdicts)),
+        *([("junit.xml", partial(junit.write, verdicts))] if verdicts else []),
+        ("report.html", partial(write_report, results, film=film, verdicts=verdicts)),
+    ):
+        path = folder / name
+        failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(_print_path, console, path))
+    if failures:
+        raise UsageError(f"cannot write {'; '.join(failures)}; once it can be: python -m evaluate report {folder}")
+    return 0 if passed(verdicts) else GATE_FAILED
+
+
+def _print(results: Results, verdicts: Sequence[Verdict], ending: Ending, console: Console) -> None:
+    ending.show(results, console)
+    for verdict in verdicts:
+        if not verdict.passed:
+            line = f"gate '{verdict.gate}' does not hold on {verdict.scenario}: {verdict.reason}"
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if verdicts and passed(verdicts):
+        places = counted(len({verdict.scenario for verdict in verdicts}), "scenario")
+        console.print(f"every gate holds, on {places}", highlight=False)
+
+
+def _print_path(console: Console, path: Path) -> None:
+    console.print(str(path), highlight=False, soft_wrap=True)
+
+
+def _tried(what: str, write: Callable[[], object]) -> list[str]:
+    """What went wrong, if anything."""
+    try:
+        write()
+    except OSError as error:
+        return [f"{what} ({error.strerror or error})"]
+    return []

@@ -1,0 +1,140 @@
+"""What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import policies
+from evaluate.analysis import gates
+from evaluate.analysis.gates import Gate
+from evaluate.commands.options import DEFAULT_BATTERY, Options, changed, restored
+from evaluate.records import manifest as manifests
+from evaluate.records.manifest import Manifest
+from evaluate.records.store import FILES, JUNIT, PARTS
+from evaluate.rollouts import battery, hardware
+from evaluate.rollouts.experiment import Entrant
+from evaluate.terminal.command_line import UsageError
+from policies.files import make_writable_folder
+from quad_env.scenarios.named import Scenario
+
+MOST_EPISODES = 1_000_000
+MOST_THREADS = 256
+MOST_AT_ONCE = 65_536
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Options that have been checked: everything exists and can be written."""
+
+    entrants: tuple[Entrant, ...]
+    scenarios: tuple[Scenario, ...]
+    manifest: Manifest
+    gates: tuple[Gate, ...]
+    options: Options
+
+
+def begun_with(folder: Path) -> Options:
+    """The options of the run in a folder. Raises UsageError where there is none to carry on."""
+    if not (folder / manifests.NAME).is_file():
+        raise UsageError(f"--resume: {folder} holds no run that was begun; leave --resume out to begin one")
+    return replace(Options(out=folder), **_restored(_manifest(folder)))
+
+
+def check(options: Options) -> Plan:
+    """The plan of these options. Raises UsageError."""
+    _check_numbers(options)
+    if options.quick + options.full + (options.scenarios != DEFAULT_BATTERY) > 1:
+        raise UsageError("--quick, --full and --scenarios each name the scenarios: give one of them")
+    try:
+        scenarios = battery.resolve(options.battery)
+    except ValueError as error:
+        raise UsageError(f"--scenarios: {error}") from error
+    try:
+        hardware.check(options.hardware)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    entrants = _entrants(options.policies)
+    found = check_gates(options.gate, [entrant.label for entrant in entrants], scenarios)
+    _check_folder(options.out)
+    manifest = manifests.manifest(
+        entrants,
+        scenarios,
+        options.of_the_run(),
+        seed=options.seed,
+        episodes=options.episodes,
+        threads=options.threads,
+        hardware=options.hardware,
+    )
+    if options.resume:
+        manifest = _carried_on(manifest, options)
+    return Plan(entrants, scenarios, manifest, found, options)
+
+
+def check_gates(sentences: Sequence[str], labels: Sequence[str], scenarios: Sequence[Scenario]) -> tuple[Gate, ...]:
+    """The gates of these sentences, about these policies and scenarios. Raises UsageError."""
+    try:
+        found = tuple(map(gates.parse, sentences))
+        gates.check(found, labels, [(scenario.name, scenario.axis) for scenario in scenarios])
+    except ValueError as error:
+        raise UsageError(f"--gate: {error}") from error
+    return found
+
+
+def _check_numbers(options: Options) -> None:
+    for name, value, low, high in (
+        ("episodes", options.episodes, 1, MOST_EPISODES),
+        ("threads", options.threads, 1, MOST_THREADS),
+        ("at-once", options.at_once, 1, MOST_AT_ONCE),
+        ("seed", options.seed, 0, 2**63 - 1),
+    ):
+        if not low <= value <= high:
+            raise UsageError(f"--{name} must be a whole number from {low} to {high}, not {value}")
+
+
+def _check_folder(out: Path) -> None:
+    try:
+        make_writable_folder(out)
+    except OSError as error:
+        raise UsageError(f"cannot write to the folder {out} ({error.strerror}); name another one with --out") from error
+    if taken := [str(out / name) for name in (*FILES, JUNIT) if (out / name).is_dir()]:
+        raise UsageError(f"{', '.join(taken)} is to be a file, but is a folder; name another folder with --out")
+    if (out / PARTS).exists() and not (out / PARTS).is_dir():
+        raise UsageError(f"{out / PARTS} is to be a folder, but is a file; name another folder with --out")
+
+
+def _carried_on(now: Manifest, options: Options) -> Manifest:
+    """The manifest that the run was begun with. Raises UsageError unless it can go on as if it had never stopped."""
+    then = _manifest(options.out)
+    if differing := changed(replace(options, **_restored(then)), options) or manifests.differences(then, now):
+        raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(differing)}")
+    if now.fingerprint != then.fingerprint:
+        raise UsageError(f"{options.out / manifests.NAME} has been changed by hand; leave --resume out to begin anew")
+    return then
+
+
+def _manifest(folder: Path) -> Manifest:
+    try:
+        return manifests.read(folder)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error
+
+
+def _restored(manifest: Manifest) -> Mapping[str, Any]:
+    try:
+        return restored(manifest.options)
+    except ValueError as error:
+        raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error
+
+
+def _entrants(names: tuple[str, ...]) -> tuple[Entrant, ...]:
+    labels = [name if name in policies.names() else name.rstrip("/\\") or name for name in names]
+    if not labels:
+        raise UsageError(f"--policies: none given; name at least one of {', '.join(policies.names())}, or a folder")
+    places = [label if label in policies.names() else str(Path(label).resolve()) for label in labels]
+    if repeated := sorted({label for label, place in zip(labels, places, strict=True) if places.count(place) > 1}):
+        raise UsageError(f"--policies: {', '.join(repeated)} given more than once; name each policy once")
+    try:
+        return tuple(Entrant(label, policies.resolve(label)) for label in labels)
+    except policies.PolicyError as error:
+        raise UsageError(f"--policies: {error}") from error

@@ -1,0 +1,190 @@
+"""`python -m evaluate replay RESULTS EPISODE`: one episode of a results folder again, compared with what is stored."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from evaluate.terminal.command_line import UsageError, parse
+
+if TYPE_CHECKING:
+    from evaluate.records.manifest import Manifest
+    from evaluate.records.store import Run
+    from evaluate.report.film import Progress
+    from evaluate.rollouts.experiment import Cell, Entrant
+
+PROGRAM = "python -m evaluate replay"
+DIFFERS = 1
+"""Exit code where the episode did not come out as stored."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Which episode, and whether to film it."""
+
+    results: Annotated[Path, tyro.conf.Positional]
+    """Folder of an evaluation, finished or not."""
+    episode: Annotated[int, tyro.conf.Positional]
+    """Row of episodes.parquet, counted from 0; with --policy or --scenario, the number in its column `episode`."""
+    policy: str | None = None
+    """Policy whose episode it is; may be left out where there is only one."""
+    scenario: str | None = None
+    """Scenario whose episode it is; may be left out where there is only one."""
+    video: Path | None = None
+    """Film to write, in real time: .mp4 (needs imageio-ffmpeg), .webp, .gif, or .png for a strip of frames."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """An episode of a cell."""
+
+    cell: "Cell"
+    number: int
+
+    @property
+    def title(self) -> str:
+        """How to call it."""
+        return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}"
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
+    options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
+    from evaluate.records.store import read_run
+    from evaluate.report.film import check_kind
+
+    try:
+        run = read_run(options.results)
+    except (OSError, ValueError) as error:
+        raise UsageError(str(error)) from error
+    found = find(run, options)
+    entrant = _entrant(found.cell.policy)
+    if options.video is not None:
+        check_kind(options.video)
+        _check_folder(options.video)
+    differing = differences(run.manifest, found, entrant)
+    if not differing:
+        print(f"{found.title}, seed {found.cell.seeds[found.number]}: identical to the bit")
+    else:
+        print(f"{found.title}, seed {found.cell.seeds[found.number]}, is not as stored:", *differing, sep="\n  ")
+        print(f"because {'; '.join(_causes(run.manifest, found)) or 'of something that leaves no trace'}")
+    if options.video is not None:
+        _film(options.video, run.manifest, found, entrant)
+    return DIFFERS if differing else 0
+
+
+def find(run: "Run", options: Options) -> Found:
+    """The episode that the options mean. Raises UsageError."""
+    cells = run.cells
+    for name, wanted, names in (
+        ("policy", options.policy, {cell.policy: None for cell in cells}),
+        ("scenario", options.scenario, {cell.scenario.name: None for cell in cells}),
+    ):
+        if wanted is not None and wanted not in names:
+            raise UsageError(f"--{name}: no {wanted} among the finished ones: {', '.join(names) or 'none'}")
+    if options.policy is None and options.scenario is None:
+        return _row(cells, options.episode)
+    chosen = [
+        cell
+        for cell in cells
+        if options.policy in (None, cell.policy) and options.scenario in (None, cell.scenario.name)
+    ]
+    if len(chosen) != 1:
+        missing = "--policy" if options.policy is None else "--scenario"
+        raise UsageError(f"episode {options.episode} is in {len(chosen)} cells: name its {missing} too")
+    if not 0 <= options.episode < chosen[0].episodes:
+        raise UsageError(f"there are episodes 0 to {chosen[0].episodes - 1}, not {options.episode}")
+    return Found(chosen[0], options.episode)
+
+
+def _row(cells: "tuple[Cell, ...]", row: int) -> Found:
+    """By the row of episodes.parquet, in which the cells follow each other."""
+    left = row
+    for cell in cells:
+        if 0 <= left < cell.episodes:
+            return Found(cell, left)
+        left -= cell.episodes
+    raise UsageError(f"there are rows 0 to {sum(cell.episodes for cell in cells) - 1}, not {row}")
+
+
+def differences(manifest: "Manifest", found: Found, entrant: "Entrant") -> list[str]:
+    """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
+    import numpy as np
+
+    from evaluate.records.episode_table import table
+    from evaluate.rollouts.experiment import Bench, run_cell
+
+    seeds = found.cell.seeds[[found.number]]
+    with _progress("simulating") as progress:
+        bench = Bench(1, lambda _, __, share: progress(share), steps=manifest.steps, hardware=manifest.hardware)
+        again = run_cell(entrant, found.cell.scenario, seeds, bench)
+    numbers = np.array([found.number])
+    then = table(found.cell).slice(found.number, 1).to_pylist()[0]
+    now = table(again, numbers).to_pylist()[0]
+    # Not ==, for which 0.0 and -0.0 are the same.
+    return [f"{name}: {then[name]} then, {now[name]} now" for name in then if repr(then[name]) != repr(now[name])]
+
+
+def _causes(then: "Manifest", found: Found) -> list[str]:
+    """What is known to be different now; of a policy that has not walked yet."""
+    from evaluate.records import manifest as manifests
+
+    entrants, scenarios = [_entrant(found.cell.policy)], [found.cell.scenario]
+    numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
+    now = manifests.manifest(entrants, scenarios, then.options, **numbers, hardware=then.hardware)
+    return manifests.differences(then, replace(now, steps=then.steps))
+
+
+def _entrant(label: str) -> "Entrant":
+    import policies
+    from evaluate.rollouts.experiment import Entrant
+
+    try:
+        return Entrant(label, policies.resolve(label))
+    except policies.PolicyError as error:
+        raise UsageError(f"the policy of that episode is not here: {error}") from error
+
+
+def _check_folder(video: Path) -> None:
+    from policies.files import make_writable_folder
+
+    try:
+        make_writable_folder(video.parent)
+    except OSError as error:
+        raise UsageError(f"--video: cannot write to the folder {video.parent} ({error.strerror})") from error
+    if video.is_dir():
+        raise UsageError(f"--video: {video} is a folder")
+
+
+def _film(video: Path, manifest: "Manifest", found: Found, entrant: "Entrant") -> None:
+    from evaluate.report import film
+
+    take = film.Take(
+        entrant.policy,
+        found.cell.scenario,
+        int(found.cell.seeds[found.number]),
+        manifest.steps,
+        found.title,
+        manifest.hardware,
+    )
+    with _progress("filming") as progress:
+        try:
+            film.write(take, video, progress)
+        except OSError as error:
+            raise UsageError(f"--video: cannot write {video} ({error.strerror or error})") from error
+    print(video)
+
+
+@contextmanager
+def _progress(what: str) -> "Iterator[Progress]":
+    """A bar on a terminal, nothing elsewhere."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(what, total=1.0)
+        yield lambda share: progress.update(task, completed=share)

@@ -1,0 +1,46 @@
+"""`python -m evaluate report FOLDER`: table and files of a results folder again, without simulating anything."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from evaluate.terminal.command_line import UsageError, parse
+
+PROGRAM = "python -m evaluate report"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Which results."""
+
+    folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
+    """Folder of an evaluation, finished or not."""
+    gate: tuple[str, ...] = ()
+    """What must hold, each in quotes, such as "residual falls <= trot on push:all", or default; if one does not, the
+    exit code is 1."""
+    film: bool = True
+    """Whether report.html shows a film of one episode."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
+    from evaluate.commands.outputs import Ending, conclude
+    from evaluate.commands.plan import check_gates
+    from evaluate.records.store import read_run, remove_parts
+
+    try:
+        run = read_run(options.folder)
+    except (OSError, ValueError) as error:
+        raise UsageError(str(error)) from error
+    if not run.cells:
+        raise UsageError(f"{options.folder} holds no finished part of a comparison yet")
+    if options.gate and not run.complete:
+        raise UsageError(f"--gate: {options.folder} holds an unfinished run; carry it on with --resume")
+    gates = check_gates(options.gate, list(run.manifest.policies), run.manifest.scenarios)
+    code = conclude(run, options.folder, Ending(gates=gates, film=options.film))
+    if run.complete:
+        remove_parts(options.folder)
+    return code

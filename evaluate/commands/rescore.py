@@ -1,0 +1,167 @@
+"""`python -m evaluate rescore`: judge the falls of a traced evaluation again, under other projects' rules."""
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from evaluate.measures import fall_rules
+from evaluate.measures.fall_rules import FallRule
+from evaluate.records import trace
+from evaluate.statistics.intervals import Interval, wilson_interval
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.terminal.format import percent
+from policies.files import write_atomically
+from quad_env.config import FALL_RULE
+
+PROGRAM = "python -m evaluate rescore"
+RESULTS, FILE = "results.json", "rescored.json"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Judge the falls of an evaluation that was run with --trace again; nothing is simulated."""
+
+    results: Annotated[Path, tyro.conf.Positional]
+    """Folder of the results."""
+    rules: tuple[str, ...] = ("all",)
+    """Names of fall rules, or `all`."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Falls of one policy on one scenario under one rule."""
+
+    policy: str
+    scenario: str
+    rule: str
+    episodes: int
+    falls: int
+    fall_rate: float
+    fall_rate_ci: Interval
+    """Wilson, 95 %."""
+    time_to_fall: float | None
+    """Mean over the episodes that fell, s."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; the exit code: 0, or 2 after a user's mistake."""
+    survive_narrow_encodings()
+    try:
+        options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
+        try:
+            rules = fall_rules.find(options.rules)
+        except ValueError as error:
+            raise UsageError(f"--rules: {error}") from error
+        scores = rescore(options.results, rules)
+    except UsageError as mistake:
+        return fail(str(mistake))
+    Console(file=sys.stdout).print(table(scores, rules))
+    write(scores, rules, options.results / FILE)
+    return 0
+
+
+def rescore(results: Path, rules: tuple[FallRule, ...]) -> list[Score]:
+    """Falls of every traced cell under every rule; UsageError where there is no trace."""
+    paths = sorted((results / trace.FOLDER).glob("*.parquet"))
+    if not paths:
+        raise UsageError(f"no traces in {results / trace.FOLDER}; run the evaluation with --trace")
+    steps: dict[tuple[str, str, str], list[NDArray[np.float64]]] = {}
+    for path in paths:
+        try:
+            header, episodes = trace.read(path, "compact")
+        except (OSError, ValueError) as error:
+            raise UsageError(f"cannot read {path}: {error}") from error
+        for rule in {FALL_RULE: fall_rules.RULES[FALL_RULE], **{rule.name: rule for rule in rules}}.values():
+            step = fall_rules.fall_step(rule, episodes)
+            time = np.where(step < episodes.steps, (step + 1) * episodes.dt, np.nan)
+            steps.setdefault((header.scenario, header.policy, rule.name), []).append(time)
+    scores = [_score(*key, np.concatenate(times)) for key, times in steps.items()]
+    _check_belongs(scores, results / RESULTS)
+    wanted = {rule.name for rule in rules}
+    return [score for score in scores if score.rule in wanted]
+
+
+def _check_belongs(scores: list[Score], path: Path) -> None:
+    """UsageError unless the results hold every traced cell, with as many falls as its trace under their own rule."""
+    try:
+        policies = json.loads(path.read_text())["policies"]
+    except (OSError, ValueError, KeyError) as error:
+        raise UsageError(f"cannot read {path}: {error}") from error
+    for score in scores:
+        cell = policies.get(score.policy, {}).get("scenarios", {}).get(score.scenario, {})
+        found = cell.get("episodes"), cell.get("falls")
+        if score.rule == FALL_RULE and found != (score.episodes, score.falls):
+            raise UsageError(
+                f"the trace of {score.policy} on {score.scenario} is not of these results: "
+                f"delete {path.parent / trace.FOLDER} and run the evaluation again"
+            )
+
+
+def _score(scenario: str, policy: str, rule: str, time: NDArray[np.float64]) -> Score:
+    fell = ~np.isnan(time)
+    falls = int(fell.sum())
+    return Score(
+        policy=policy,
+        scenario=scenario,
+        rule=rule,
+        episodes=len(time),
+        falls=falls,
+        fall_rate=falls / len(time),
+        fall_rate_ci=wilson_interval(falls, len(time)),
+        time_to_fall=float(time[fell].mean()) if falls else None,
+    )
+
+
+def table(scores: list[Score], rules: tuple[FallRule, ...]) -> Table:
+    """A row for each policy on each scenario, a column for each rule; 80 columns are enough."""
+    out = Table(
+        title="falls, with Wilson 95 % intervals",
+        title_justify="left",
+        title_style="",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_edge=False,
+    )
+    out.add_column("policy", overflow="fold")
+    for rule in rules:
+        out.add_column(rule.name.replace("-", "-\n"), justify="right", no_wrap=True)
+    rows: dict[str, dict[str, dict[str, Score]]] = {}
+    for score in scores:
+        rows.setdefault(score.scenario, {}).setdefault(score.policy, {})[score.rule] = score
+    for scenario, policies in rows.items():
+        out.add_row(f"[bold]{escape(scenario)}[/bold]")
+        for policy, row in policies.items():
+            out.add_row(f" {escape(policy)}", *(_shown(row[rule.name]) for rule in rules))
+    return out
+
+
+def write(scores: list[Score], rules: tuple[FallRule, ...], path: Path) -> None:
+    """Write the scores and what the rules mean."""
+    policies: dict[str, dict[str, dict[str, dict[str, object]]]] = {}
+    for score in scores:
+        scenarios = policies.setdefault(score.policy, {"scenarios": {}})["scenarios"]
+        scenarios.setdefault(score.scenario, {})[score.rule] = {
+            name: value for name, value in vars(score).items() if name not in ("policy", "scenario", "rule")
+        }
+    meanings = {rule.name: {"words": rule.words, "source": rule.source} for rule in rules}
+    contents = {"schema": 1, "rules": meanings, "policies": policies}
+    write_atomically(path, (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
+
+
+def _shown(score: Score) -> str:
+    low, high = score.fall_rate_ci
+    return f"{percent(score.fall_rate)}\n{escape(f'[{100 * low:.0f}, {100 * high:.0f}]')}"
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

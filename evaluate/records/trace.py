@@ -1,0 +1,141 @@
+"""Traces: the record of a cell's episodes as a Parquet file, a row an episode, from which it can be judged again.
+
+A signal is one list a row, the steps of each component side by side: so laid out, and with their bytes apart,
+neighbours share most bytes, which is what the compression lives on.
+"""
+
+import io
+import json
+from collections.abc import Container
+from dataclasses import dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.measures.episodes import OF_POLICY, SIGNALS, TRUTHS, Episodes, blank
+from evaluate.rollouts.experiment import Trace
+from policies.files import write_atomically
+from quad_env.scenarios.scenario import Scenario
+
+FOLDER = "traces"
+"""Inside the folder of the results."""
+KEY = b"simple_quad_trace"
+COMPACT = (
+    *("command", "heading_velocity", "position", "height", "tilt", "phase"),
+    *("foot_contact", "leg_contact", "trunk_contact"),
+)
+"""Signals that fall rules, gait diagrams and velocity curves look at."""
+PER_EPISODE = ("seeds", "fall_step", "fall_reason", "divergence_step", "push_step", "push_impulse")
+Kind = Literal["compact", "full"]
+"""What to keep: the COMPACT signals, or every one, so that every measure can be taken again."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a trace is of."""
+
+    policy: str
+    scenario: str
+    first: int
+    """Number of its first episode in its cell."""
+    kind: Kind
+
+
+def writer(folder: Path, kind: Kind) -> Trace:
+    """Writes each part of a cell that it is given into a file in that folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return partial(_write_part, folder, kind)
+
+
+def _write_part(folder: Path, kind: Kind, policy: str, scenario: Scenario, first: int, episodes: Episodes) -> None:
+    write(episodes, Header(policy, scenario.name, first, kind), folder / name_of(policy, scenario.name, first))
+
+
+def name_of(policy: str, scenario: str, first: int) -> str:
+    """Of the file of a part of a cell whose first episode has that number."""
+    return f"{quote(policy, safe='')}--{quote(scenario, safe='')}--{first:07d}.parquet"
+
+
+def keep_only(folder: Path, names: Container[str]) -> None:
+    """Remove every other trace, and what a killed process left half written."""
+    for path in (*folder.glob("*.parquet"), *folder.glob(".*.parquet.*")):
+        if path.name not in names:
+            path.unlink()
+
+
+def write(episodes: Episodes, header: Header, path: Path) -> None:
+    """Write a trace; ValueError if the episodes stopped at their falls, which leaves nothing to judge again."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not episodes.after_falls:
+        raise ValueError("these episodes were not recorded beyond their falls; run them with after_falls=True")
+    wanted = SIGNALS if header.kind == "full" else COMPACT
+    signals = [name for name in wanted if getattr(episodes, name) is not None]
+    table: dict[str, Any] = {name: getattr(episodes, name).tolist() for name in PER_EPISODE}
+    for name in signals:
+        rows = np.moveaxis(np.moveaxis(getattr(episodes, name), 1, 0), 1, -1)
+        table[name] = pa.FixedSizeListArray.from_arrays(pa.array(rows.ravel()), rows[0].size)
+    numbers = {
+        field.name: getattr(episodes, field.name) for field in fields(Episodes) if field.type in (int, float, bool)
+    }
+    about = {"schema": 1, "steps": episodes.steps, "header": vars(header), "numbers": numbers}
+    buffer = io.BytesIO()
+    pq.write_table(
+        pa.table(table).replace_schema_metadata({KEY: json.dumps(about).encode()}),
+        buffer,
+        compression="zstd",
+        use_dictionary=False,
+        use_byte_stream_split=[f"{name}.list.element" for name in signals if name not in TRUTHS],
+    )
+    write_atomically(path, buffer.getvalue())
+
+
+def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
+    """A trace of at least that kind; of a compact one, the signals that it lacks are zero.
+
+    ValueError for a file that is no trace, or a compact one where a full one is wanted.
+    """
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(path)
+    about = json.loads((table.schema.metadata or {}).get(KEY, b"null"))
+    if about is None or about["schema"] != 1:
+        raise ValueError(f"{path} is no trace of this version")
+    header, steps, count = Header(**about["header"]), about["steps"], table.num_rows
+    if (header.kind, kind) == ("compact", "full"):
+        raise ValueError(f"{path} is a compact trace: it lacks signals that measures need")
+    signals = {
+        name: _signal(table, name, steps, count) if name in table.column_names else _missing(name, steps, count)
+        for name in SIGNALS
+    }
+    pushes = len(table["push_step"][0])
+    return header, Episodes(
+        **signals,  # type: ignore[arg-type]
+        **about["numbers"],
+        seeds=_column(table, "seeds", np.int64),
+        fall_step=_column(table, "fall_step", np.int64),
+        fall_reason=_column(table, "fall_reason", np.object_),
+        divergence_step=_column(table, "divergence_step", np.int64),
+        push_step=_column(table, "push_step", np.int64).reshape(count, pushes),
+        push_impulse=_column(table, "push_impulse", np.float64).reshape(count, pushes, 2),
+    )
+
+
+def _column(table: Any, name: str, kind: type[np.generic]) -> NDArray[Any]:
+    return np.array(table[name].to_pylist(), dtype=kind)
+
+
+def _signal(table: Any, name: str, steps: int, count: int) -> NDArray[np.generic]:
+    values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+    rows: NDArray[np.generic] = values.reshape(count, *SIGNALS[name], steps)
+    return np.ascontiguousarray(np.moveaxis(np.moveaxis(rows, -1, 1), 0, 1))
+
+
+def _missing(name: str, steps: int, count: int) -> NDArray[np.generic] | None:
+    """A policy without a clock has no phase; what a compact trace leaves out is zero."""
+    return None if name in OF_POLICY else blank(name, steps, count)

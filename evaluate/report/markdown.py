@@ -1,0 +1,86 @@
+"""`report.md`: the outcome for a pull request or a README, as Markdown that GitHub shows."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from evaluate.analysis.findings import UNSHOWN, WORDS, headline, summary, verdict
+from evaluate.analysis.gate_verdicts import Verdict
+from evaluate.analysis.results import Results
+from evaluate.analysis.severity_levels import Ladder, ladders, severity
+from evaluate.rollouts.hardware import words
+from evaluate.terminal.format import counted, interval, number, share
+from policies.files import write_atomically
+
+
+def write(results: Results, path: Path, verdicts: Sequence[Verdict] = ()) -> None:
+    """Write report.md."""
+    write_atomically(path, render(results, verdicts).encode())
+
+
+def render(results: Results, verdicts: Sequence[Verdict] = ()) -> str:
+    """The whole text."""
+    parts = [_head(results), *_gates(verdicts), *_findings(results)]
+    parts += [_folded(results, ladder) for ladder in ladders(results)]
+    return "\n\n".join(parts) + "\n"
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table, the first column to the left."""
+    lines = [heads, ["---", *["---:"] * (len(heads) - 1)], *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _head(results: Results) -> str:
+    interrupted = "" if results.complete else "**Interrupted: this is the part that was done.**\n\n"
+    first = "\n".join(f"- **{lead}** {' '.join(rest)}".rstrip() for lead, *rest in headline(results))
+    runs = f"{counted(results.episodes, 'episode')} of each policy on {counted(len(results.scenarios), 'scenario')}"
+    how = f"seed {results.seed}; in brackets 95 % intervals.{words(results.hardware)}"
+    return f"## Evaluation\n\n{interrupted}{first}\n\n{runs}, {how}"
+
+
+def _gates(verdicts: Sequence[Verdict]) -> Iterator[str]:
+    """What failed of each gate; that it passed otherwise."""
+    if not verdicts:
+        return
+    gates = dict.fromkeys(verdict.gate for verdict in verdicts)
+    lines = [line for gate in gates for line in _gate(gate, [v for v in verdicts if v.gate == gate])]
+    yield "### Gates\n\n" + "\n".join(lines)
+
+
+def _gate(gate: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
+    failed = [verdict for verdict in verdicts if not verdict.passed]
+    state = f"failed on {len(failed)} of {len(verdicts)} scenarios" if failed else "passed"
+    yield f"- `{gate}`: {state}"
+    yield from (f"  - {verdict.scenario}: {verdict.reason}" for verdict in failed)
+
+
+def _findings(results: Results) -> Iterator[str]:
+    for policy, found in verdict(results):
+        if found:
+            lines = [f"- {text}" for metric in WORDS if (text := summary(found, metric))]
+            lines += [f"- {finding.kind}: {finding.text}" for finding in found if finding.kind != UNSHOWN]
+            yield _details(f"{policy} in words", "\n".join(lines))
+
+
+def _folded(results: Results, ladder: Ladder) -> str:
+    rows = [
+        [severity(level), f"`{policy}`", *_figures(results, level.name, policy)]
+        for level in ladder.levels
+        for policy in results.policies
+        if (level.name, policy) in results.summaries
+    ]
+    heads = (ladder.name, "policy", "falls", "velocity error, m/s", "yaw-rate error, rad/s")
+    return _details(f"{ladder.name}: figures", table(heads, rows))
+
+
+def _figures(results: Results, scenario: str, policy: str) -> tuple[str, str, str]:
+    s = results.summaries[scenario, policy]
+    return (
+        share(s.fall_rate, s.fall_rate_ci),
+        f"{number(s.velocity_error)} [{interval(s.velocity_error_ci)}]",
+        f"{number(s.yaw_rate_error)} [{interval(s.yaw_rate_error_ci)}]",
+    )
+
+
+def _details(title: str, body: str) -> str:
+    return f"<details><summary>{title}</summary>\n\n{body}\n\n</details>"

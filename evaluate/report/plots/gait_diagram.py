@@ -1,0 +1,28 @@
+"""Gait diagram: when each foot is on the ground."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.report.plots.drawing import Margins, figure, short, svg
+from quad_env.robots.robot import LEG_NAMES
+
+ORDER = ("fl", "hr", "fr", "hl")
+"""Diagonal pairs stand together: in a trot their bars agree."""
+
+
+def gait_diagram(contact: NDArray[np.bool_], start: float, dt: float, colour: str, title: str) -> bytes:
+    """A bar wherever a foot is on the ground; contact (steps, 4) in the order of LEG_NAMES, from `start` on, s."""
+    drawn, axes = figure(1.5, margins=Margins(left=0.35, top=0.28))
+    for row, leg in enumerate(ORDER):
+        bars = [(start + first * dt, count * dt) for first, count in stances(contact[:, LEG_NAMES.index(leg)])]
+        axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=colour)
+    axes.set_yticks(range(len(ORDER)), [leg.upper() for leg in ORDER])
+    axes.set(ylim=(len(ORDER) - 0.5, -0.5), xlim=(start, start + len(contact) * dt), xlabel="s", title=short(title))
+    return svg(drawn)
+
+
+def stances(contact: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First step and length of every stretch on the ground, of (steps,)."""
+    change = np.diff(np.concatenate(([False], contact, [False])).astype(np.int8))
+    first, end = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return list(zip(first.tolist(), (end - first).tolist(), strict=True))

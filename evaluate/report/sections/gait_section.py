@@ -1,0 +1,55 @@
+"""Gait diagrams: each policy simulated for a few seconds on level ground at one speed, as a look at how it walks."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+import policies
+from evaluate.analysis.results import Results
+from evaluate.report.html import grid, image, note, section
+from evaluate.report.plots.drawing import style
+from evaluate.report.plots.gait_diagram import gait_diagram
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import evaluation_seeds
+from evaluate.rollouts.hardware import Hardware
+from quad_env.config import CommandRanges, TaskConfig
+from quad_env.scenarios.named import Scenario
+
+SPEED = 0.7
+"""Forward, m/s."""
+START, END = 3.0, 5.0
+"""Shown, s from the start of the episode."""
+SCENARIO = Scenario(
+    "steady", commands=CommandRanges(forward=(SPEED, SPEED), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0), zero_fraction=0.0)
+)
+
+
+def gaits(results: Results) -> str:
+    """A diagram for each policy that is still upright; policies that are not to be found any more are named."""
+    images, left_out = [], []
+    for policy in results.policies:
+        try:
+            contact, dt = footfalls(policy, int(evaluation_seeds(results.seed, 1)[0]), results.hardware)
+        except (policies.PolicyError, OSError):
+            left_out.append(f"{policy} (not to be found any more)")
+            continue
+        if not len(contact):
+            left_out.append(f"{policy} (fallen by then)")
+            continue
+        drawn = gait_diagram(contact, START, dt, style(results, policy)[0], policy)
+        images.append(image(drawn, f"When each foot of {policy} is on the ground"))
+    lead = note(
+        f"Feet on the ground from {START:g} to {END:g} s of an episode on level ground, commanded {SPEED:g} m/s ahead. "
+        "FL: front left, HR: hind right; diagonal pairs stand together."
+    )
+    missing = note(f"Without {', '.join(left_out)}.") if left_out else ""
+    return section("Gait", lead, grid(images, 2), missing) if images else ""
+
+
+def footfalls(policy: str, seed: int, hardware: Hardware) -> tuple[NDArray[np.bool_], float]:
+    """Feet on the ground, (steps, 4), from START on, and the control step, s; none of a robot that fell before END."""
+    resolved = policies.resolve(policy)
+    steps = round(END * TaskConfig().control_rate)
+    probe = rollout.run(resolved, SCENARIO, np.array([seed]), nthread=1, steps=steps, hardware=hardware)
+    if probe.fall_step[0] < probe.steps:
+        return np.empty((0, 4), dtype=np.bool_), probe.dt
+    return probe.foot_contact[round(START / probe.dt) :, 0], probe.dt

@@ -1,0 +1,57 @@
+"""Every measure: its figures on each scenario, and what it means."""
+
+from html import escape
+
+from evaluate.analysis.results import Results
+from evaluate.measures.catalogue import BY_NAME, FIGURES, MEASURES
+from evaluate.report.html import heading, note, table
+from evaluate.report.sections.figures import named
+from evaluate.terminal.format import ABSENT
+from quad_env.robots.robot import LEG_NAMES
+
+DEFINITIONS = (
+    "e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the 12 joints; dt: control step; "
+    "<x>: mean over the judged steps, those after the first second; [x]: share in which x holds. While upright: of the "
+    "steps and pushes before a fall alone, which can flatter a robot that falls."
+)
+
+
+def figures_table(results: Results, scenario: str) -> str:
+    """Mean of every measure over the episodes that have it: a measure a row, a policy a column."""
+    found = {policy: summary for (name, policy), summary in results.summaries.items() if name == scenario}
+    rows = [
+        [_title(name), *(_figure(summary.figures[name]) for summary in found.values())]
+        for name in FIGURES
+        if any(summary.figures[name] == summary.figures[name] for summary in found.values())
+    ]
+    rows += [
+        [f"duty factor, {leg}", *(_figure(summary.duty_factor[foot]) for summary in found.values())]
+        for foot, leg in enumerate(LEG_NAMES)
+    ]
+    return table(["measure", *(named(results, policy) for policy in found)], rows)
+
+
+def definitions() -> str:
+    """The table of measures."""
+    rows = (
+        (
+            f"{escape(m.title)}<small>{m.name}</small>",
+            escape(m.unit) or ABSENT,
+            escape(m.frame) or ABSENT,
+            escape(m.formula),
+            escape(m.source) or "this project",
+            m.scope,
+        )
+        for m in MEASURES
+    )
+    heads = ("measure", "unit", "frame", "formula", "source", "over")
+    return note(DEFINITIONS) + table(heads, rows, "text")
+
+
+def _title(name: str) -> str:
+    return heading(escape(BY_NAME[name].title), escape(BY_NAME[name].unit))
+
+
+def _figure(value: float) -> str:
+    """Four significant digits."""
+    return f"{value:.4g}" if abs(value) < float("inf") else ABSENT

@@ -1,0 +1,41 @@
+"""Spread over training seeds, apart from the intervals over episodes."""
+
+from html import escape
+
+from evaluate.analysis.comparison import FALL_RATE
+from evaluate.analysis.results import Results
+from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
+from evaluate.report.html import heading, note, section, table
+from evaluate.report.sections.figures import HEADINGS
+from evaluate.terminal.format import interval, number, percent, percent_interval
+
+LEAD = (
+    "Policies from folders seed-<number> of one parent count as one training, repeated. A seed is one value, its mean "
+    "over the episodes. Below each mean over the seeds: the 95 % interval of Student's t, which counts seeds, then the "
+    "lowest and highest seed."
+)
+
+
+def training(results: Results) -> str:
+    """A table for each training that was repeated; empty without one."""
+    spreads = seed_spreads(results.cells)
+    runs = dict.fromkeys(spread.run for spread in spreads)
+    return section("Training seeds", note(LEAD), *(_run(run, spreads) for run in runs)) if runs else ""
+
+
+def _run(run: str, spreads: list[SeedSpread]) -> str:
+    mine = [spread for spread in spreads if spread.run == run]
+    cells = {(spread.scenario, spread.metric): _cell(spread) for spread in mine}
+    scenarios = dict.fromkeys(spread.scenario for spread in mine)
+    rows = ([escape(name), *(cells[name, metric] for metric in HEADINGS)] for name in scenarios)
+    title = f"<h3>{escape(run)} <small>{mine[0].seeds} seeds</small></h3>"
+    return title + table(["scenario", *(heading(*head) for head in HEADINGS.values())], rows)
+
+
+def _cell(spread: SeedSpread) -> str:
+    falls = spread.metric == FALL_RATE
+    mean = percent(spread.mean) if falls else number(spread.mean)
+    ci = percent_interval(spread.ci) if falls else interval(spread.ci)
+    ends = (spread.lowest, spread.highest)
+    span = percent_interval(ends) if falls else interval(ends)
+    return f"{mean}<small>{ci}</small><small>{span}</small>"

@@ -1,0 +1,28 @@
+"""What the robots of a run are built of. It imports nothing, for the options are to be shown quickly."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """Names that the environment's keyword arguments of the same names know."""
+
+    actuator: str = "ideal"
+    sensors: str = "truth"
+
+
+IDEAL = Hardware()
+
+
+def words(hardware: Hardware) -> str:
+    """` Motors: motor; sensors: typical.`, or nothing of ideal ones."""
+    return "" if hardware == IDEAL else f" Motors: {hardware.actuator}; sensors: {hardware.sensors}."
+
+
+def check(hardware: Hardware) -> None:
+    """ValueError, which lists the valid names, where one is unknown."""
+    from quad_env.actuation.models import actuator
+    from quad_env.sensing.suite import sensor_suite
+
+    actuator(hardware.actuator)
+    sensor_suite(hardware.sensors)

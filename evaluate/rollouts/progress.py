@@ -1,0 +1,107 @@
+"""Live progress on stderr with the time left: a bar on a terminal, one line a finished cell elsewhere."""
+
+import contextlib
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from evaluate.rollouts.experiment import CellProgress
+
+
+class Forecast:
+    """How long the rest takes: a cell as long as the finished ones of its policy did, for one that falls is soon done.
+
+    Every cell has the same episodes of the same steps; what an earlier run had done already took no time.
+    """
+
+    def __init__(self, policies: Sequence[str], scenarios: int, now: float) -> None:
+        self._left = {policy: float(scenarios) for policy in policies}
+        self._seconds: dict[str, float] = defaultdict(float)
+        self._cells: dict[str, float] = defaultdict(float)
+        self._shares: dict[tuple[str, str], float] = {}
+        self._since = now
+
+    def update(self, policy: str, scenario: str, share: float, now: float) -> None:
+        """Take note that so much of a cell is done; several cells may be under way."""
+        # What is done at a cell's first report was kept by an earlier run.
+        advance = share - self._shares.get((policy, scenario), share)
+        self._left[policy] -= share - self._shares.get((policy, scenario), 0.0)
+        self._shares[policy, scenario] = share
+        self._cells[policy] += advance
+        self._seconds[policy] += now - self._since
+        self._since = now
+
+    @property
+    def seconds(self) -> float | None:
+        """Time left, s; None before anything is known."""
+        done = sum(self._cells.values())
+        if done <= 0.0:
+            return None
+        usual = sum(self._seconds.values()) / done
+        paces = {p: self._seconds[p] / self._cells[p] if self._cells[p] > 0.0 else usual for p in self._left}
+        return sum(max(cells, 0.0) * paces[policy] for policy, cells in self._left.items())
+
+
+@contextmanager
+def show_progress(policies: Sequence[str], scenarios: Sequence[str]) -> "Iterator[CellProgress]":
+    """A callback that shows how far the comparison is, and how long the rest will take."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    forecast = Forecast(policies, len(scenarios), time.perf_counter())
+    total = len(policies) * len(scenarios)
+    if not console.is_terminal:
+        yield _Lines(total, forecast)
+        return
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    with Progress(*columns, TextColumn("{task.fields[left]}"), console=console, transient=True) as progress:
+        task = progress.add_task("starting", total=total, left="")
+        shares: dict[tuple[str, str], float] = {}
+
+        def show(policy: str, scenario: str, share: float) -> None:
+            shares[policy, scenario] = share
+            forecast.update(policy, scenario, share, time.perf_counter())
+            left = "" if forecast.seconds is None else f"{duration(forecast.seconds)} left"
+            progress.update(task, description=f"{scenario}: {policy}", completed=sum(shares.values()), left=left)
+
+        yield show
+
+
+def duration(seconds: float) -> str:
+    """`8 s`, `3 min 20 s`, `2 h 5 min`."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+class _Lines:
+    """One line a finished cell, for logs."""
+
+    def __init__(self, total_cells: int, forecast: Forecast) -> None:
+        self.total_cells = total_cells
+        self.finished = 0
+        self.start = time.perf_counter()
+        self.forecast = forecast
+
+    def __call__(self, policy: str, scenario: str, share: float) -> None:
+        now = time.perf_counter()
+        self.forecast.update(policy, scenario, share, now)
+        if share < 1.0:
+            return
+        self.finished += 1
+        line = f"[{self.finished}/{self.total_cells}] {scenario}: {policy} ({duration(now - self.start)}{self._left()})"
+        with contextlib.suppress(OSError):  # a log that cannot be written is no reason to lose the run
+            print(line, file=sys.stderr, flush=True)
+
+    def _left(self) -> str:
+        seconds = self.forecast.seconds
+        return "" if seconds is None or self.finished == self.total_cells else f", about {duration(seconds)} left"

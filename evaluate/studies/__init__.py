@@ -1,0 +1,1 @@
+"""Studies of one subject each: gaits, recovery, jump, safety layer, pictures."""

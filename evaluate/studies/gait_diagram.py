@@ -1,0 +1,124 @@
+"""Gait diagrams: `python -m evaluate gait-diagram --gait walk` draws when feet stand, commanded and measured."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from evaluate.studies.strides import Strides, walked
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse
+from policies.base import CONTROL_PERIOD, Floats, PolicyError
+from policies.files import make_writable_folder
+from policies.gaits.parameters import GAITS
+from policies.gaits.policy import Gaits
+from policies.legs.contacts import Contacts
+from quad_env.robots.robot import LEG_NAMES
+from quad_env.seeding import episode_seeds
+
+PROGRAM = "python -m evaluate gait-diagram"
+LONGEST = 60.0
+"""Of what is walked or drawn, s."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Draw a gait diagram."""
+
+    gait: str = "walk"
+    """Gait to draw."""
+    then: str | None = None
+    """Gait to change to at the start of the diagram; none without."""
+    out: Path = Path("results/gait.png")
+    """PNG to write."""
+    command: tuple[float, float, float] = (0.3, 0.0, 0.0)
+    """Forward m/s, lateral m/s, yaw rate rad/s."""
+    start: float = 3.0
+    """Time of the diagram's start, s."""
+    length: float = 2.0
+    """Time that the diagram shows, s."""
+    seed: int = 0
+    """Seed of the episode."""
+
+
+def stances(contacts: Contacts, period: float) -> list[Floats]:
+    """Start and length of each stance, s, (stances, 2), for each foot of contacts (steps, feet) every `period` s."""
+    edge = np.zeros((1, contacts.shape[1]), np.int8)
+    changes = np.diff(np.concatenate((edge, contacts.astype(np.int8), edge)), axis=0)
+    found = []
+    for change in changes.T:
+        begin, end = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
+        found.append(np.stack((begin, end - begin), axis=1) * period)
+    return found
+
+
+def draw(strides: Strides, title: str, out: Path) -> None:
+    """Write the diagram of the first robot: a row a foot, the commanded stances pale above the measured ones."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(9, 2.8), layout="constrained")
+    for contacts, shift, colour, label in (
+        (strides.commanded[:, 0], 0.0, "#9ecae1", "commanded"),
+        (strides.measured[:, 0], 0.4, "#08519c", "measured"),
+    ):
+        for leg, bars in enumerate(stances(contacts, CONTROL_PERIOD)):
+            axes.broken_barh(
+                [(begin, length) for begin, length in bars], (leg - 0.4 + shift, 0.4), color=colour, label=label
+            )
+            label = "_"
+    axes.set(xlabel="time, s", title=title, yticks=range(4), yticklabels=LEG_NAMES, ylim=(3.6, -0.6))
+    figure.legend(loc="outside right upper", frameon=False)
+    figure.savefig(out, dpi=110)
+    plt.close(figure)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Draw the diagram; the exit code."""
+    try:
+        options = parse(Options, arguments, program=PROGRAM, description="Stances of a gait, commanded and measured.")
+        _check(options)
+        draw(_strides(options), f"{options.gait}{f' → {options.then}' if options.then else ''}", options.out)
+    except (UsageError, PolicyError, OSError) as error:
+        return fail(str(error))
+    except KeyboardInterrupt:
+        return launcher.INTERRUPTED
+    print(options.out)
+    return 0
+
+
+def _strides(options: Options) -> Strides:
+    first = round(options.start / CONTROL_PERIOD)
+
+    def change(step: int, policy: Gaits) -> None:
+        if options.then and step == first:
+            policy.request(options.then)
+
+    return walked(
+        Gaits(options.gait),
+        np.array(options.command),
+        episode_seeds("evaluation", options.seed, 1),
+        steps=first + round(options.length / CONTROL_PERIOD),
+        before=change,
+    ).since(first)
+
+
+def _check(options: Options) -> None:
+    for gait in (options.gait, options.then or options.gait):
+        if gait not in GAITS:
+            raise UsageError(f"unknown gait {gait!r}; there are {', '.join(GAITS)}")
+    if not (options.start >= 0.0 and options.length >= 0.05 and options.start + options.length <= LONGEST):
+        raise UsageError(f"--start must be at least 0 s, --length at least 0.05 s, both together at most {LONGEST:g} s")
+    if not np.isfinite(options.command).all() or np.abs(options.command).max() > 10.0:
+        raise UsageError("--command must be three numbers from -10 to 10")
+    if options.seed < 0:
+        raise UsageError(f"--seed must not be negative, got {options.seed}")
+    if options.out.suffix.lower() != ".png" or options.out.is_dir():
+        raise UsageError(f"--out must be a PNG file, such as results/gait.png, not {options.out}")
+    make_writable_folder(options.out.parent)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,91 @@
+"""The jump, measured: `python -m evaluate jump` has standing robots jump and counts those that land standing.
+
+The trunk's rise is that of its centre above its height in the home pose, at the end of any control step.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from policies.base import CONTROL_PERIOD, Floats
+from policies.behaviour import Behaviour, State
+from quad_env.robots.robot import HOME_HEIGHT, TORQUE_LIMIT
+from quad_env.seeding import episode_seeds
+
+SETTLING, WATCHED = 0.8, 3.5
+"""s before the jump is asked for, and of the whole episode."""
+WANTED_RISE = 0.15
+"""m"""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure the jump."""
+
+    robots: int = 256
+    """Robots (count), each with start noise of its own."""
+    seed: int = 0
+    """Of the starts."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of n robots."""
+
+    rise: Floats
+    """m, (n,)."""
+    stands: NDArray[np.bool_]
+    """At the end, having landed, (n,)."""
+    peak_torque: float
+    """Largest joint torque at the end of any control step, N·m."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure and print; the exit code."""
+    survive_narrow_encodings()
+    try:
+        options = parse(Options, arguments, program="python -m evaluate jump", description=__doc__ or "")
+        if options.robots < 1 or options.seed < 0:
+            raise UsageError("--robots must be at least 1, --seed not negative")
+    except UsageError as error:
+        return fail(str(error))
+    print(report(jumped(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
+    return 0
+
+
+def jumped(policy: Behaviour, seeds: NDArray[np.int64]) -> Outcome:
+    """One robot for each seed, on flat ground, all side by side."""
+    from quad_env.columns import of_robots
+    from quad_env.envs.vector_env import SimpleQuadVectorEnv
+
+    count = len(seeds)
+    env = SimpleQuadVectorEnv(count, nthread=1, autoreset_mode="DISABLED", terminate_on_fall=False)
+    observation, _ = env.reset(seed=seeds.tolist(), options={"command": (0.0, 0.0, 0.0)})
+    policy.reset(count)
+    peak, torque = np.zeros(count), 0.0
+    for step in range(round(WATCHED / CONTROL_PERIOD)):
+        if step == round(SETTLING / CONTROL_PERIOD):
+            policy.request("jump")
+        observation, *_ = env.step(policy.act(observation))
+        state = env.simulation.state(of_robots(np.zeros((count, 3))))
+        peak = np.maximum(peak, np.asarray(state.height))
+        torque = max(torque, float(np.abs(state.joint_torque).max()))
+    env.close()
+    return Outcome(peak - HOME_HEIGHT, policy.state == State.STAND, torque)
+
+
+def report(outcome: Outcome) -> str:
+    """The measured figures as lines of text."""
+    done = outcome.stands & (outcome.rise >= WANTED_RISE)
+    return (
+        f"rose {WANTED_RISE:g} m or more and landed standing: {done.sum()} of {len(done)}\n"
+        f"rise: lowest {outcome.rise.min():.3f} m, median {np.median(outcome.rise):.3f} m\n"
+        f"largest torque {outcome.peak_torque:.1f} N·m of {TORQUE_LIMIT:g}"
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

@@ -1,0 +1,135 @@
+"""Getting up, measured: `python -m evaluate recovery` drops robots in random poses and counts those that then stand.
+
+A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
+(`quad_env.AnyPose`). A robot stands from the moment after which, to the end, its trunk leans less than 10°, is higher
+than 0.45 m and moves slower than 0.3 m/s and 0.3 rad/s on every axis.
+"""
+
+import itertools
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.statistics.intervals import wilson_interval
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from policies.base import CONTROL_PERIOD, Floats, Policy
+from policies.behaviour import Behaviour, State
+from quad_env import OBSERVATION, SCENARIOS, AnyPose
+from quad_env.seeding import episode_seeds
+
+FALLEN = replace(SCENARIOS["flat"], name="fallen", start=AnyPose())
+TIME_ALLOWED, WATCHED = 5.0, 6.0
+"""s for getting up, and of the whole episode: whoever falls over again after standing up does not count."""
+STANDING_TILT, STANDING_HEIGHT, STANDING_SPEED = np.deg2rad(10.0), 0.45, 0.3
+AT_ONCE = 250
+"""Robots simulated side by side."""
+TILTS = (0, 45, 90, 135, 180)
+"""Edges of the classes of starts, degrees."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure the recovery from falls."""
+
+    robots: int = 1000
+    """Random starts."""
+    seed: int = 0
+    """Of the starts."""
+    seeds: Literal["search", "validation", "evaluation"] = "evaluation"
+    """Family of seeds; the keyframes were searched on "search"."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of n robots."""
+
+    tilt: Floats
+    """At the start, degrees, (n,)."""
+    standing_since: Floats
+    """s, infinite for a robot that does not stand at the end, (n,)."""
+    peak_torque: float
+    """Largest joint torque at the end of any control step, N·m."""
+    diverged: int
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure and print; the exit code."""
+    survive_narrow_encodings()
+    try:
+        options = parse(Options, arguments, program="python -m evaluate recovery", description=__doc__ or "")
+        if options.robots < 1 or options.seed < 0:
+            raise UsageError("--robots must be at least 1, --seed not negative")
+    except UsageError as error:
+        return fail(str(error))
+    print(report(recover(episode_seeds(options.seeds, options.seed, options.robots))))
+    return 0
+
+
+def recover(seeds: NDArray[np.int64]) -> Outcome:
+    """One robot for each seed, told to stand at the first step."""
+    policy = Behaviour(start=State.RECOVER, follow=False)
+    parts = [recover_with(policy, chunk) for chunk in np.array_split(seeds, -(-len(seeds) // AT_ONCE))]
+    return Outcome(
+        np.concatenate([part.tilt for part in parts]),
+        np.concatenate([part.standing_since for part in parts]),
+        max(part.peak_torque for part in parts),
+        sum(part.diverged for part in parts),
+    )
+
+
+def recover_with(policy: Policy, seeds: NDArray[np.int64]) -> Outcome:
+    """One robot of that policy for each seed, all side by side."""
+    from quad_env.columns import of_robots
+    from quad_env.envs.vector_env import SimpleQuadVectorEnv
+
+    count = len(seeds)
+    env = SimpleQuadVectorEnv(
+        count, FALLEN, nthread=1, autoreset_mode="DISABLED", max_episode_steps=None, terminate_on_fall=False
+    )
+    observation, _ = env.reset(seed=seeds.tolist(), options={"command": (0.0, 0.0, 0.0)})
+    policy.reset(count)
+    tilt = np.rad2deg(np.arccos(np.clip(-observation[:, OBSERVATION["projected_gravity"]][:, 2], -1.0, 1.0)))
+    since, peak, diverged = np.full(count, np.inf), 0.0, np.zeros(count, np.bool_)
+    for step in range(round(WATCHED / CONTROL_PERIOD)):
+        observation, _, _, _, infos = env.step(policy.act(observation))
+        diverged |= infos["diverged"]
+        state = env.simulation.state(of_robots(np.zeros((count, 3))))
+        peak = max(peak, float(np.abs(state.joint_torque).max()))
+        standing = _standing(observation, np.asarray(state.height)) & ~diverged
+        since = np.where(standing, np.minimum(since, (step + 1) * CONTROL_PERIOD), np.inf)
+    env.close()
+    return Outcome(tilt.astype(np.float64), since, peak, int(diverged.sum()))
+
+
+def _standing(observation: NDArray[np.float32], height: Floats) -> NDArray[np.bool_]:
+    upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(STANDING_TILT)
+    motion = np.abs(observation[:, OBSERVATION["angular_velocity"].start : OBSERVATION["linear_velocity"].stop])
+    slow = motion.max(axis=1) < STANDING_SPEED
+    return np.asarray(upright & slow & (height > STANDING_HEIGHT))
+
+
+def report(outcome: Outcome) -> str:
+    """The measured figures as lines of text."""
+    stands = outcome.standing_since <= TIME_ALLOWED
+    low, high = wilson_interval(int(stands.sum()), len(stands))
+    times = outcome.standing_since[stands]
+    lines = [
+        f"standing within {TIME_ALLOWED:g} s: {stands.sum()} of {len(stands)}, "
+        f"{stands.mean():.1%} (95 % Wilson {low:.1%} … {high:.1%})",
+        f"largest torque {outcome.peak_torque:.1f} N·m; {outcome.diverged} diverged",
+    ]
+    if len(times):
+        middle, most, last = np.quantile(times, (0.5, 0.9, 1.0))
+        lines.append(f"time to stand: median {middle:.2f} s, 90 % {most:.2f} s, longest {last:.2f} s")
+    for first, past in itertools.pairwise(TILTS):
+        among = (outcome.tilt >= first) & (outcome.tilt < past + (past == TILTS[-1]))
+        if among.any():
+            lines.append(f"tilt at the start {first:3d}° … {past:3d}°: {stands[among].sum()} of {among.sum()}")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

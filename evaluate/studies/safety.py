@@ -1,0 +1,154 @@
+"""The safety layer, scored: `python -m evaluate safety` prints what it averts on the push axis and its false alarms.
+
+Every episode is run without and with the layer from the same seed. A fall is averted if the same episode with the layer
+ends upright or in a controlled stop; lead is the time from the layer's last alarm before it to the fall of the policy
+alone. A false alarm is one in undisturbed walking: at the speed that a gait is judged at, and over the whole range of
+commands, which only a policy that follows it walks through.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import policies
+from evaluate.measures.controlled_stop import Trace, controlled_stops
+from evaluate.statistics.intervals import wilson_interval
+from evaluate.studies.gaits import SPEEDS
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from policies.base import CONTROL_PERIOD, Policy
+from policies.safety import Mode, Safe
+from quad_env import OBSERVATION
+from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.named import Scenario, scenario
+from quad_env.seeding import episode_seeds
+
+STEPS = 1000
+AT_ONCE = 256
+"""Episodes simulated side by side."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Score the safety layer."""
+
+    policy: str = "trot"
+    """Name or folder of the policy that it guards."""
+    episodes: int = 64
+    """Episodes at each level of the push axis, without and with the layer."""
+    hours: float = 2.0
+    """Undisturbed walking."""
+    seed: int = 0
+    """Of the episodes."""
+    seeds: Literal["search", "validation", "evaluation"] = "evaluation"
+    """Family of seeds."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Episodes of one policy, (n,) each."""
+
+    fall_step: NDArray[np.int64]
+    """STEPS where there was no fall."""
+    stopped: NDArray[np.bool_]
+    """Ended in a controlled stop."""
+    alarms: tuple[NDArray[np.int64], ...]
+    """Steps of the layer's alarms, in order, of each robot."""
+
+    @property
+    def fell(self) -> NDArray[np.bool_]:
+        """Fell, other than by a controlled stop."""
+        return (self.fall_step < STEPS) & ~self.stopped
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Score and print; the exit code."""
+    survive_narrow_encodings()
+    try:
+        options = parse(Options, arguments, program="python -m evaluate safety", description=__doc__ or "")
+        if options.episodes < 1 or options.hours <= 0 or options.seed < 0:
+            raise UsageError("--episodes must be at least 1, --hours positive, --seed not negative")
+        policies.resolve(options.policy)
+    except (UsageError, ValueError) as error:
+        return fail(str(error))
+    _push_axis(options)
+    _undisturbed(options)
+    return 0
+
+
+def _push_axis(options: Options) -> None:
+    print(f"{'push':>9} {'falls':>6} {'averted':>8} {'of them stops':>14} {'new falls':>10} {'lead, s':>8}")
+    falls = averted = 0
+    for level, severity in enumerate(AXES["push"].levels):
+        where = AXES["push"].scenario(severity, f"push:{level + 1}")
+        seeds = episode_seeds(options.seeds, options.seed * 1000 + level, options.episodes)
+        alone = run(policies.resolve(options.policy), where, seeds)
+        guarded = run(Safe(policies.resolve(options.policy)), where, seeds)
+        saved = alone.fell & ~guarded.fell
+        leads = [lead(guarded.alarms[robot], alone.fall_step[robot]) for robot in np.flatnonzero(alone.fell)]
+        middle = f"{np.median(leads):8.2f}" if leads else f"{'-':>8}"
+        new = int((guarded.fell & ~alone.fell).sum())
+        stops = int((saved & guarded.stopped).sum())
+        print(f"{severity:5g} N·s {alone.fell.sum():6d} {saved.sum():8d} {stops:14d} {new:10d} {middle}", flush=True)
+        falls, averted = falls + int(alone.fell.sum()), averted + int(saved.sum())
+    low, high = wilson_interval(averted, falls)
+    share = averted / falls if falls else float("nan")
+    print(f"averted {averted} of {falls} falls: {share:.0%} (95 % Wilson {low:.0%} … {high:.0%})")
+
+
+def _undisturbed(options: Options) -> None:
+    count = max(1, round(options.hours * 3600 / (STEPS * CONTROL_PERIOD)))
+    seeds = episode_seeds(options.seeds, options.seed * 1000 + 500, count)
+    walks: dict[str, float | None] = {"any command": None}
+    if options.policy in SPEEDS:
+        walks[f"{SPEEDS[options.policy]:g} m/s"] = SPEEDS[options.policy]
+    hours = count * STEPS * CONTROL_PERIOD / 3600
+    for words, speed in walks.items():
+        alarms = falls = 0
+        for chunk in np.array_split(seeds, -(-count // AT_ONCE)):
+            guarded = run(Safe(policies.resolve(options.policy)), scenario("flat"), chunk, forward=speed)
+            alarms, falls = alarms + sum(map(len, guarded.alarms)), falls + int(guarded.fell.sum())
+        found = f"{alarms} in {hours:.2f} h of undisturbed walking at {words}, {alarms / hours:.2f} an hour"
+        print(f"false alarms: {found}; {falls} of {count} fell", flush=True)
+
+
+def lead(alarms: NDArray[np.int64], fall_step: int) -> float:
+    """Time from the last alarm before a fall to it, s; 0 without one."""
+    before = alarms[alarms < fall_step]
+    return float(fall_step - before[-1]) * CONTROL_PERIOD if len(before) else 0.0
+
+
+def run(
+    policy: Policy, where: str | Scenario, seeds: NDArray[np.int64], steps: int = STEPS, forward: float | None = None
+) -> Run:
+    """One episode for each seed, side by side; with a forward command, m/s, or with the scenario's commands."""
+    from quad_env.columns import of_robots
+    from quad_env.envs.vector_env import SimpleQuadVectorEnv
+
+    count = len(seeds)
+    env = SimpleQuadVectorEnv(count, where, nthread=1, autoreset_mode="DISABLED", max_episode_steps=steps)
+    options = None if forward is None else {"command": (forward, 0.0, 0.0)}
+    observation, _ = env.reset(seed=seeds.tolist(), options=options)
+    policy.reset(count, seed=0)
+    rows = np.zeros((4, steps, count))
+    fall_step = np.full(count, steps, dtype=np.int64)
+    before, alarms = np.zeros(count, np.int8), np.zeros((steps, count), np.bool_)
+    for step in range(steps):
+        observation, _, terminated, _, _ = env.step(policy.act(observation))
+        state = env.simulation.state(of_robots(np.zeros((count, 3))))
+        speeds = np.abs(observation[:, OBSERVATION["joint_velocity"]]).max(axis=1)
+        upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2]
+        rows[:, step] = np.stack([np.asarray(state.height), upright, np.asarray(state.vertical_velocity), speeds])
+        fall_step = np.where(terminated & (fall_step > step), step, fall_step)
+        if isinstance(policy, Safe):
+            alarms[step] = (policy.mode == Mode.CATCH) & (before == Mode.FOLLOW) & (fall_step > step)
+            before = policy.mode
+    env.close()
+    stopped = controlled_stops(Trace(*rows), fall_step)
+    return Run(fall_step, stopped, tuple(np.flatnonzero(alarms[:, robot]) for robot in range(count)))
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

@@ -1,0 +1,1 @@
+"""Command lines, Ctrl-C, exit codes, and figures as people read them."""

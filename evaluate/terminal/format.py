@@ -1,0 +1,83 @@
+"""Figures as people read them."""
+
+import math
+from collections.abc import Sequence
+
+ABSENT = "–"
+MINUS = "−"
+NO_BREAK = "\u00a0"
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A figure with a fixed count of decimals and a real minus sign; a dash if it does not exist."""
+    if not math.isfinite(value):
+        return ABSENT
+    text = f"{value:.{digits}f}"
+    if float(text) == 0.0:
+        text = text.lstrip("-")
+    return text.replace("-", MINUS)
+
+
+def signed(value: float, digits: int = 3) -> str:
+    """The same with a plus sign where it has no minus."""
+    text = number(value, digits)
+    return text if text == ABSENT or text.startswith(MINUS) else f"+{text}"
+
+
+def interval(ends: tuple[float, float], digits: int = 3) -> str:
+    """`low … high`; a dash if it does not exist."""
+    low, high = ends
+    return (
+        f"{number(low, digits)}{NO_BREAK}… {number(high, digits)}"
+        if math.isfinite(low) and math.isfinite(high)
+        else ABSENT
+    )
+
+
+def percent(share: float) -> str:
+    """A share of 1 in per cent, one decimal below ten."""
+    if not math.isfinite(share):
+        return ABSENT
+    value = 100.0 * share
+    digits = 1 if 0.0 < abs(value) < 10.0 else 0
+    return f"{number(value, digits)}{NO_BREAK}%"
+
+
+def percent_interval(ends: tuple[float, float]) -> str:
+    """`low … high %`, one decimal."""
+    low, high = ends
+    ends_in_percent = interval((100.0 * low, 100.0 * high), 1)
+    return ends_in_percent if ends_in_percent == ABSENT else f"{ends_in_percent}{NO_BREAK}%"
+
+
+def points(share: float) -> str:
+    """A difference of shares in percentage points, one decimal."""
+    return number(100.0 * share, 1)
+
+
+def points_interval(ends: tuple[float, float]) -> str:
+    """`low … high` in percentage points, one decimal."""
+    return interval((100.0 * ends[0], 100.0 * ends[1]), 1)
+
+
+def p_value(value: float) -> str:
+    """`p < 0.001`, or `p = ` with two or three decimals; its spaces do not break."""
+    if value < 0.001:
+        return f"p{NO_BREAK}<{NO_BREAK}0.001"
+    return f"p{NO_BREAK}={NO_BREAK}{value:.{3 if value < 0.1 else 2}f}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """`a, b and c`."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def counted(count: int, thing: str) -> str:
+    """`1 episode`, `128 episodes`."""
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
+
+
+def share(value: float, ends: tuple[float, float]) -> str:
+    """`41 % [36, 47]`: a share of 1 with its interval, in whole per cent."""
+    low, high = (number(100.0 * end, 0) for end in ends)
+    return f"{number(100.0 * value, 0)}{NO_BREAK}% [{low},{NO_BREAK}{high}]"

@@ -1,0 +1,1 @@
+"""The article's gait controller, as printed and repaired."""

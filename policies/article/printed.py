@@ -1,0 +1,76 @@
+"""The source document's gait controller exactly as printed, for show: by its axis conventions it collapses.
+
+Its pitch is an angle from the +x axis, which the thigh takes for an angle from straight down; its leg length ignores
+the lateral offset; its stance starts half a step behind where its swing ended. See `document_repaired`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from policies.base import Actions, GaitedPolicy, flat_joints, to_actions
+from policies.gait import TROT_OFFSETS, Floats, leg_phases
+from quad_env.robots.robot import CALF_LENGTH, SIDE, THIGH_LENGTH
+
+
+@dataclass(frozen=True)
+class PrintedGait:
+    """The document's gait parameters, with the values it prints."""
+
+    frequency: float = 2.0
+    """Steps of one leg a second, Hz."""
+    step_height: float = 0.15
+    """Lift of the foot at mid-swing, m."""
+    step_length: float = 0.1
+    """Length of a stride, m."""
+    body_height: float = 0.25
+    """Hip joint above the standing foot, m."""
+    foot_line: float = 0.15
+    """Lateral distance of the foot from the hip joint, outboard, m."""
+
+    def feet(self, phase: ArrayLike, stance_start: float) -> Floats:
+        """Feet in their hip frames, m; shape (..., 4, 3) for a global phase in rad of shape (...).
+
+        Swing runs from -s/2 to s/2 under a half sine, stance backward by s from `stance_start` m on the ground.
+        """
+        phases = leg_phases(phase, TROT_OFFSETS)
+        swing = phases < np.pi
+        t = np.where(swing, phases, phases - np.pi) / np.pi
+        x = np.where(swing, -self.step_length / 2.0 + self.step_length * t, stance_start - self.step_length * t)
+        z = np.where(swing, -self.body_height + self.step_height * np.sin(np.pi * t), -self.body_height)
+        return np.stack([x, np.broadcast_to(self.foot_line * SIDE, x.shape), z], axis=-1)
+
+
+def printed_joint_angles(feet: Floats) -> Floats:
+    """The document's inverse kinematics: roll, pitch, knee in rad, zeros where it says unreachable; shape (..., 3)."""
+    x, y, z = np.moveaxis(feet, -1, 0)
+    distance = np.sqrt(x**2 + z**2)
+    unreachable = (distance > THIGH_LENGTH + CALF_LENGTH) | (distance < abs(THIGH_LENGTH - CALF_LENGTH))
+    squares = THIGH_LENGTH**2 + CALF_LENGTH**2
+    knee = np.arccos(np.clip((squares - distance**2) / (2.0 * THIGH_LENGTH * CALF_LENGTH), -1.0, 1.0)) - np.pi
+    # A foot on the hip joint itself (distance 0) has no direction: the printed quotient is 0/0 there.
+    safe = np.where(unreachable | (distance == 0.0), THIGH_LENGTH + CALF_LENGTH, distance)
+    inner = np.arccos(np.clip((THIGH_LENGTH**2 + safe**2 - CALF_LENGTH**2) / (2.0 * THIGH_LENGTH * safe), -1.0, 1.0))
+    pitch = np.arctan2(z, x) - inner
+    roll = np.arctan2(y, distance)
+    return np.where(unreachable[..., None], 0.0, np.stack([roll, pitch, knee], axis=-1))
+
+
+class Document(GaitedPolicy):
+    """The printed controller: no command, no observation, no blending in, targets clipped by the joint limits."""
+
+    name = "document"
+
+    def __init__(self, parameters: PrintedGait | None = None) -> None:
+        self.parameters = parameters if parameters is not None else PrintedGait()
+        self.frequency = self.parameters.frequency
+        super().__init__()
+
+    def targets(self, phase: ArrayLike) -> Floats:
+        """The 12 raw targets in rad, before any clipping, for a global phase in rad; shape (..., 12) for (...)."""
+        return flat_joints(printed_joint_angles(self.parameters.feet(phase, stance_start=0.0)))
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        self._tick()
+        return to_actions(self.targets(self._phase))

@@ -1,0 +1,68 @@
+"""Conditions on the observation that guard the transitions; each (n,) bool."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD
+from policies.behaviour.transitions import TIME_LIMIT, State
+from policies.legs.kinematics import foot_positions
+from quad_env import OBSERVATION
+from quad_env.robots.robot import FOOT_RADIUS, HIP_POSITIONS, HOME_POSE
+
+Mask = NDArray[np.bool_]
+
+UPRIGHT_TILT = np.deg2rad(35.0)
+FALLEN_TILT = np.deg2rad(60.0)
+STANDING_TILT = np.deg2rad(10.0)
+FALLEN_HEIGHT = 0.12
+"""Of the trunk's centre above its lowest foot, m."""
+POSE_TOLERANCE = 0.15
+"""Of each joint from the home pose, rad; a servo under the robot's weight gives 0.02."""
+STILL_LINEAR, STILL_ANGULAR = 0.3, 0.5
+"""Trunk speeds below which a robot is still, m/s and rad/s."""
+SETTLED_ANGULAR = 1.5
+"""Turning speed below which a fall is over, rad/s."""
+MINIMUM_TIME = 0.1
+"""s in a state before a fall, a jump or a getting up may be over."""
+JUMP_TIME = 0.9
+"""s after which a jump that was made has landed."""
+
+_LIMIT_TICKS = np.array(
+    [round(TIME_LIMIT.get(state, np.inf) / CONTROL_PERIOD) if state in TIME_LIMIT else 2**62 for state in State]
+)
+
+
+def conditions(observation: NDArray[np.float32], state: NDArray[np.int8], ticks: NDArray[np.int64]) -> dict[str, Mask]:
+    """Name -> whether it holds, for observations (n, k), states (n,) and control steps spent in them (n,)."""
+    rows = observation.astype(np.float64)
+    gravity = rows[:, OBSERVATION["projected_gravity"]]
+    joints = rows[:, OBSERVATION["joint_position"]]
+    up = -gravity[:, 2]
+    turning = _largest(rows[:, OBSERVATION["angular_velocity"]])
+    still = (_largest(rows[:, OBSERVATION["linear_velocity"]]) < STILL_LINEAR) & (turning < STILL_ANGULAR)
+    upright = up > np.cos(UPRIGHT_TILT)
+    standing = (up > np.cos(STANDING_TILT)) & still & (_largest(joints) < POSE_TOLERANCE)
+    begun = ticks >= round(MINIMUM_TIME / CONTROL_PERIOD)
+    return {
+        "still": still,
+        "upright": upright,
+        "tilted": ~upright,
+        "standing": standing & begun,
+        "fallen": (up < np.cos(FALLEN_TILT)) | (leg_height(gravity, joints + HOME_POSE) < FALLEN_HEIGHT),
+        "landed": standing & (ticks >= round(JUMP_TIME / CONTROL_PERIOD)),
+        "settled": begun & (turning < SETTLED_ANGULAR),
+        "late": ticks >= _LIMIT_TICKS[state],
+    }
+
+
+def leg_height(gravity: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Trunk's centre above the underside of its lowest foot, (n,), m, from gravity (n, 3) and joint angles (n, 12)."""
+    feet = foot_positions(joints.reshape(-1, 4, 3)) + HIP_POSITIONS
+    depth = feet[:, :, 0] * gravity[:, 0:1] + feet[:, :, 1] * gravity[:, 1:2] + feet[:, :, 2] * gravity[:, 2:3]
+    height: NDArray[np.float64] = depth.max(axis=1) + FOOT_RADIUS
+    return height
+
+
+def _largest(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    magnitude: NDArray[np.float64] = np.abs(values).max(axis=1)
+    return magnitude

@@ -1,0 +1,191 @@
+"""The gaits by name: footfall pattern and numbers of each, and frequency and duty factor by the speed asked for."""
+
+import json
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from policies import bounds
+from policies.base import PolicyError
+from policies.gait import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
+from policies.legs.foot_path import GRAVITY
+from quad_env.robots.robot import CALF_LENGTH, HIP_POSITIONS, THIGH_LENGTH
+
+PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
+"""The searched parameters of each gait, written by `python -m train search gait`."""
+
+OFFSETS = {
+    "bound": BOUND_OFFSETS,
+    "pace": PACE_OFFSETS,
+    "pronk": PRONK_OFFSETS,
+    "trot": TROT_OFFSETS,
+    "walk": WALK_OFFSETS,
+}
+"""Phase of each leg ahead of the clock, rad, order fl, fr, hl, hr, by the name of the gait that steps."""
+STAND = "stand"
+GAITS = (*OFFSETS, STAND)
+"""The names of all gaits."""
+
+HOME_HIP_HEIGHT = float((THIGH_LENGTH + CALF_LENGTH) * np.cos(0.5))
+"""Hip joints above the centres of the feet in the home pose, m."""
+HIP_RADIUS = float(np.hypot(HIP_POSITIONS[0, 0], HIP_POSITIONS[0, 1]))
+"""From the trunk's centre to a hip joint, m."""
+BEYOND = 10.0
+"""A limit of commands that none reaches, m/s or rad/s."""
+
+
+@dataclass(frozen=True)
+class GaitParameters:
+    """Numbers of one gait; a robot that changes gait goes through all values between."""
+
+    frequency: float = 3.0
+    """Gait cycles a second at rest, Hz."""
+    frequency_rise: float = 0.5
+    """Added to the frequency at Froude number 1, Hz; in proportion to the root of the Froude number."""
+    duty: float = 0.6
+    """Share of the cycle that a foot is on the ground, at rest."""
+    duty_fall: float = 0.05
+    """Taken off the duty factor at Froude number 1; in proportion to the root of the Froude number."""
+    body_height: float = 0.32
+    """Hip joints above the centres of the standing feet, m."""
+    step_height: float = 0.08
+    """Lift of the foot at mid-swing, m."""
+    stance_width: float = 0.5
+    """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
+    stance_shift: float = 0.0
+    """Middle of the strides ahead of the hip joints, m."""
+    bounce: float = 0.0
+    """How far each hip is thrown up while its leg swings, per free flight of that time."""
+    sway: float = 0.0
+    """How far the trunk leans over to the side of the standing feet while those of the other side swing, m."""
+    stance_load: float = 0.8
+    """Share of its mean load whose give in the joint servos the targets of a standing leg make up for."""
+    servo_lead: float = 0.01
+    """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
+    forward_gain: float = 1.0
+    """Gait's forward velocity per commanded."""
+    forward_bias: float = 0.0
+    """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
+    lateral_gain: float = 1.0
+    """Gait's lateral velocity per commanded."""
+    yaw_gain: float = 1.0
+    """Gait's yaw rate per commanded."""
+    yaw_per_lateral: float = 0.0
+    """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
+    forward_limit: float = BEYOND
+    """Fastest forward command that the gait follows, m/s; asked for more it goes the same way more slowly: `slowed`."""
+    backward_limit: float = BEYOND
+    """Fastest backward command, m/s."""
+    lateral_limit: float = BEYOND
+    """Fastest sideways command, m/s."""
+    yaw_limit: float = BEYOND
+    """Fastest yaw rate command, rad/s."""
+
+    def __post_init__(self) -> None:
+        bounds.check(self, LIMITS)
+
+
+LIMITS: dict[str, tuple[float, float]] = {
+    "frequency": (0.5, 10.0),
+    "frequency_rise": (0.0, 10.0),
+    "duty": (0.1, 0.95),
+    "duty_fall": (0.0, 0.5),
+    "body_height": (0.1, 0.6),
+    "step_height": (0.0, 0.3),
+    "stance_width": (0.2, 0.8),
+    "stance_shift": (-0.2, 0.2),
+    "bounce": (0.0, 2.0),
+    "sway": (-0.2, 0.2),
+    "stance_load": (0.0, 3.0),
+    "servo_lead": (0.0, 0.1),
+    "forward_gain": (-10.0, 10.0),
+    "forward_bias": (-1.0, 1.0),
+    "lateral_gain": (-10.0, 10.0),
+    "yaw_gain": (-10.0, 10.0),
+    "yaw_per_lateral": (-10.0, 10.0),
+    "forward_limit": (0.01, 100.0),
+    "backward_limit": (0.01, 100.0),
+    "lateral_limit": (0.01, 100.0),
+    "yaw_limit": (0.01, 100.0),
+}
+"""Bounds of `GaitParameters` by field name, beyond any use: within them every action is a finite number."""
+NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), BEYOND)
+"""Of the commands, by field name: ahead, back, sideways and turning, in that order."""
+SLOWEST, FASTEST = 0.3, 15.0
+"""Bounds of the frequency at any speed, Hz."""
+SHORTEST_DUTY, LONGEST_DUTY = 0.1, 0.95
+"""Bounds of the duty factor at any speed."""
+
+STAND_PARAMETERS = GaitParameters(
+    frequency=2.5,
+    frequency_rise=0.0,
+    duty=0.75,
+    duty_fall=0.0,
+    body_height=HOME_HIP_HEIGHT,
+    step_height=0.05,
+    stance_load=0.0,
+)
+"""Stands in the home pose; until the robot has come to rest it steps in place as in a walk."""
+
+NAMES = tuple(field.name for field in fields(GaitParameters))
+INDEX = {name: column for column, name in enumerate(NAMES)}
+"""Column of each parameter in an array of robots' parameters, (n, len(NAMES))."""
+
+
+def froude(command: Floats, body_height: Floats) -> Floats:
+    """Froude number v²/(g·h) of the fastest hip at a velocity command (n, 3) on legs of `body_height` (n,), m; (n,)."""
+    speed = np.sqrt(command[:, 0] * command[:, 0] + command[:, 1] * command[:, 1]) + HIP_RADIUS * np.abs(command[:, 2])
+    number: Floats = speed * speed / (GRAVITY * body_height)
+    return number
+
+
+def slowed(values: Floats, command: Floats) -> Floats:
+    """The velocity commands (n, 3) that robots with parameters (n, len(NAMES)) follow: beyond the ellipsoid whose half
+    axes are the gait's limits they go the same way, and turn as tightly, on its surface.
+    """
+    forward, backward, lateral, yaw = (values[:, INDEX[name]] for name in NO_LIMITS)
+    ahead = command[:, 0] / np.where(command[:, 0] < 0.0, backward, forward)
+    sideways, turning = command[:, 1] / lateral, command[:, 2] / yaw
+    size = np.sqrt(ahead * ahead + sideways * sideways + turning * turning)
+    slower: Floats = command / np.maximum(size, 1.0)[:, None]
+    return slower
+
+
+def chosen(values: Floats, command: Floats) -> tuple[Floats, Floats]:
+    """Frequency, Hz, and duty factor, each (n,), by parameters (n, len(NAMES)) at a velocity command (n, 3)."""
+    column = INDEX
+    pace = np.sqrt(np.minimum(froude(command, values[:, column["body_height"]]), 1.0))
+    frequency = values[:, column["frequency"]] + values[:, column["frequency_rise"]] * pace
+    duty = values[:, column["duty"]] - values[:, column["duty_fall"]] * pace
+    return np.clip(frequency, SLOWEST, FASTEST), np.clip(duty, SHORTEST_DUTY, LONGEST_DUTY)
+
+
+def held(parameters: GaitParameters, frequency: float | None, duty: float | None) -> GaitParameters:
+    """The parameters with the given frequency, Hz, and duty factor at every speed, where they are given."""
+    if frequency is not None:
+        parameters = replace(parameters, frequency=frequency, frequency_rise=0.0)
+    if duty is not None:
+        parameters = replace(parameters, duty=duty, duty_fall=0.0)
+    return parameters
+
+
+def row(parameters: GaitParameters) -> Floats:
+    """The parameters as one row, (len(NAMES),)."""
+    return np.array([getattr(parameters, name) for name in NAMES], dtype=np.float64)
+
+
+@cache
+def searched_parameters() -> dict[str, GaitParameters]:
+    """The outcome of the searches, from PARAMETERS_FILE, and the stand.
+
+    Raises PolicyError where the file is missing or damaged.
+    """
+    try:
+        found = {name: GaitParameters(**values) for name, values in json.loads(PARAMETERS_FILE.read_text()).items()}
+        if set(found) != set(OFFSETS):
+            raise ValueError(f"it has {', '.join(found)} instead of {', '.join(OFFSETS)}")
+    except (AttributeError, OSError, OverflowError, TypeError, ValueError) as error:
+        raise PolicyError(f"cannot read {PARAMETERS_FILE} ({error}); `python -m train search gait` writes it") from None
+    return found | {STAND: STAND_PARAMETERS}

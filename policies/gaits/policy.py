@@ -1,0 +1,281 @@
+"""Gaits that follow a velocity command and change into one another, each robot of a batch at its own time.
+
+A change moves phase offsets, duty factor, frequency and all other numbers of the gait smoothly from where they are to
+where they are to be. A foot on the ground always moves against the body's velocity at its place, whatever the clock
+does, and a swing always starts where the foot left the ground: so nothing jumps, and feet do not scuff, in a change as
+little as within a gait.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
+from policies.gait import TURN, Floats, LegCycle
+from policies.gaits.change import GaitChange
+from policies.gaits.parameters import (
+    GAITS,
+    INDEX,
+    NAMES,
+    OFFSETS,
+    STAND,
+    GaitParameters,
+    chosen,
+    held,
+    row,
+    searched_parameters,
+    slowed,
+)
+from policies.legs.foot_path import GRAVITY, SWING_PATHS, hip_height, load, swing_path
+from policies.legs.kinematics import leg_angles
+from policies.legs.stance_load import held_up
+from quad_env import OBSERVATION
+from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, MASS, NUM_JOINTS, SIDE
+
+Mask = NDArray[np.bool_]
+
+LINEAR_ACCELERATION = 3.0
+"""Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
+YAW_ACCELERATION = 8.0
+"""Fastest change of the yaw rate command that the gait follows, rad/s²."""
+TARGET_RATE_LIMIT = 25.0
+"""No joint target moves faster, in a gait or between two, rad/s."""
+LONGEST_REACH = 0.2
+"""Farthest that a foot goes from under its place, forward and sideways each, m."""
+CLOSE = 0.005
+"""How far from its place a foot may come to rest, forward and sideways each, m."""
+_REACH = CONTROL_PERIOD * np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
+
+
+class Columns:
+    """Parameters of n robots by name, each (n, 1)."""
+
+    def __init__(self, values: Floats) -> None:
+        self._values = values
+
+    def __getattr__(self, name: str) -> Floats:
+        column: Floats = self._values[:, INDEX[name], None]
+        return column
+
+
+class Beat(NamedTuple):
+    """Where n robots are in their gaits."""
+
+    cycle: LegCycle
+    """By the clock, (n, 4)."""
+    swing_time: Floats
+    """s, (n, 1)."""
+    stance_time: Floats
+    """s, (n, 1)."""
+    sway: Floats
+    """How far the left feet are in the air and the right ones not, -1 to 1, by the first harmonic; (n, 1)."""
+
+
+class Gaits(GaitedPolicy):
+    """Steps in the gait asked for; `request` changes it, for all robots or some. It starts standing, in the home pose.
+
+    Args:
+        gait: the gait after a reset, one of `gait_parameters.GAITS`.
+        name: the policy's name.
+        parameters: of every gait by name; None for the searched ones.
+        path: of the feet through the air, one of `foot_path.SWING_PATHS`.
+    """
+
+    _change: GaitChange
+    _gait: NDArray[np.int64]
+
+    def __init__(
+        self,
+        gait: str = "trot",
+        name: str = "gaits",
+        parameters: Mapping[str, GaitParameters] | None = None,
+        path: str = "cycloid",
+    ) -> None:
+        _known(gait)
+        if path not in SWING_PATHS:
+            raise ValueError(f"unknown foot path {path!r}; there are {', '.join(SWING_PATHS)}")
+        self.name = name
+        self.path = path
+        self.parameters = dict(searched_parameters() if parameters is None else parameters)
+        self.frequency = self.parameters[gait].frequency
+        self._first = gait
+        super().__init__()
+
+    @property
+    def gait(self) -> NDArray[np.str_]:
+        """The gait last asked for of each robot, (n,)."""
+        return np.array(GAITS)[self._gait]
+
+    @property
+    def settled(self) -> Mask:
+        """Whether each robot is through with its change of gait: at rest, if it is to stand; (n,)."""
+        still = ~self._swing.any(axis=1) & (self._command == 0.0).all(axis=1)
+        settled: Mask = self._change.settled & (~self._standing | still)
+        return settled
+
+    @property
+    def swing(self) -> Mask:
+        """Which feet are to be in the air, (n, 4)."""
+        return self._swing
+
+    @property
+    def duty(self) -> Floats:
+        """Duty factor in force, (n,)."""
+        return self._duty
+
+    @property
+    def clock_rate(self) -> Floats:
+        """Gait cycles a second in force, Hz, (n,)."""
+        return self._rate
+
+    @property
+    def offsets(self) -> Floats:
+        """Phase of each leg ahead of the clock, rad, in force, (n, 4)."""
+        return self._change.offsets
+
+    def request(
+        self,
+        gait: str,
+        mask: ArrayLike | None = None,
+        *,
+        frequency: float | None = None,
+        duty: float | None = None,
+        parameters: GaitParameters | None = None,
+    ) -> None:
+        """Have the robots where `mask`, (n,) of bool, is true change to a gait from now on; all robots without a mask.
+
+        Frequency, Hz, and duty factor follow from the commanded speed unless they are given; `parameters` stand in for
+        the gait's own.
+        Raises ValueError for a gait that does not exist or numbers out of range.
+        """
+        _known(gait)
+        rows = np.ones(self.num_envs, np.bool_) if mask is None else self._checked_mask(mask)
+        self._send(gait, rows, held(parameters or self.parameters[gait], frequency, duty))
+
+    def _allocate(self, num_envs: int) -> None:
+        super()._allocate(num_envs)
+        self._gait = np.zeros(num_envs, np.int64)
+        self._change = GaitChange(np.zeros((num_envs, len(NAMES))), np.zeros((num_envs, 4)))
+        self._command = np.zeros((num_envs, 3))
+        self._window = self._swing = np.zeros((num_envs, 4), np.bool_)
+        self._x = self._y = self._left_x = self._left_y = np.zeros((num_envs, 4))
+        self._joints = np.zeros((num_envs, NUM_JOINTS))
+        self._restart(np.ones(num_envs, np.bool_))
+
+    def _restart(self, mask: Mask) -> None:
+        super()._restart(mask)
+        rows = mask[:, None]
+        stand = row(self.parameters[STAND])
+        foot_y = SIDE * stand[INDEX["stance_width"]] / 2.0 - HIP_POSITIONS[:, 1]
+        self._change.place(mask, stand, np.array(OFFSETS["walk"]))
+        self._gait = np.where(mask, GAITS.index(STAND), self._gait)
+        self._command = np.where(rows, 0.0, self._command)
+        self._window, self._swing = self._window & ~rows, self._swing & ~rows
+        self._left_x, self._x = np.where(rows, 0.0, self._left_x), np.where(rows, 0.0, self._x)
+        self._left_y, self._y = np.where(rows, foot_y, self._left_y), np.where(rows, foot_y, self._y)
+        self._joints = np.where(rows, HOME_POSE, self._joints)
+        self._rate, self._duty = chosen(self._change.values, self._command)
+        self._send(self._first, mask, self.parameters[self._first])
+
+    def _send(self, gait: str, mask: Mask, parameters: GaitParameters) -> None:
+        offsets = np.array(OFFSETS.get(gait, OFFSETS["walk"]))
+        # A robot at rest has no footfalls to shift: it sets out with the new ones, from no lift.
+        unlifted = np.where(np.array(NAMES) == "step_height", 0.0, self._change.values)
+        self._change.place(mask & self._standing & self.settled, unlifted, offsets)
+        self._change.start(mask, row(parameters), offsets)
+        self._gait = np.where(mask, GAITS.index(gait), self._gait)
+
+    @property
+    def _standing(self) -> Mask:
+        standing: Mask = self._gait == GAITS.index(STAND)
+        return standing
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        command = observation[:, OBSERVATION["command"]].astype(np.float64)
+        self._change.advance()
+        values = self._change.values
+        # In a change the narrower of the limits now and those to come hold.
+        slower = slowed(np.minimum(values, self._change.goal), command)
+        command = np.where(self._standing[:, None], 0.0, slower)
+        self._command = self._command + np.clip(command - self._command, -_REACH, _REACH)
+        p = Columns(values)
+        beat = self._beat(values)
+        self._move_feet(beat, p, self._mapped(p))
+        _, lift = swing_path(beat.cycle.progress, self.path)
+        z = np.where(self._swing, p.step_height * lift, 0.0) - p.body_height
+        z = z - hip_height(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
+        y = self._y + p.sway * beat.sway
+        hip, thigh, calf = leg_angles(self._x, y, z)
+        share = load(LegCycle(self._swing, beat.cycle.progress))
+        force = share * p.stance_load * (MASS * GRAVITY / 4.0 / self._duty[:, None])
+        joints = np.stack(held_up(hip, thigh, calf, self._x, y, force), axis=-1).reshape(-1, NUM_JOINTS)
+        ahead = p.servo_lead / CONTROL_PERIOD * (joints - self._joints)
+        self._joints = joints
+        return to_actions(joints + ahead)
+
+    def _beat(self, values: Floats) -> Beat:
+        """Advance the clock by a tick, and lift and put down the feet that are due."""
+        self._rate, self._duty = chosen(values, self._command)
+        self._phase = (self._phase + TURN * CONTROL_PERIOD * self._rate) % TURN
+        fraction = ((self._phase[:, None] + self.offsets) % TURN) / TURN
+        rate, duty = self._rate[:, None], self._duty[:, None]
+        window = fraction < 1.0 - duty
+        progress = np.where(window, fraction / (1.0 - duty), (fraction - (1.0 - duty)) / duty)
+        # To stand, a foot that is down and in its place stays down; to set out, it lifts at the start of its own swing.
+        staying = (self._standing & self._change.settled & (self._command == 0.0).all(axis=1))[:, None]
+        starting = window & ~self._window & ~(staying & self._in_place(values))
+        swing = window & (self._swing | starting)
+        self._left_x = np.where(starting, self._x, self._left_x)
+        self._left_y = np.where(starting, self._y, self._left_y)
+        self._window, self._swing = window, swing
+        to_side = SIDE * np.cos(TURN * (fraction - 0.5 * (1.0 - duty)))
+        sway = 0.5 * (to_side[:, 0] + to_side[:, 1] + to_side[:, 2] + to_side[:, 3])
+        return Beat(LegCycle(window, progress), (1.0 - duty) / rate, duty / rate, sway[:, None])
+
+    def _in_place(self, values: Floats) -> Mask:
+        """Which feet are where they belong at rest, (n, 4)."""
+        p = Columns(values)
+        x, y = _middle(p)
+        close: Mask = (np.abs(self._x - x) < CLOSE) & (np.abs(self._y - y) < CLOSE)
+        return close
+
+    def _mapped(self, p: Columns) -> tuple[Floats, Floats, Floats]:
+        """Forward and lateral velocity, m/s, and yaw rate, rad/s, to ask of the gait; each (n, 1)."""
+        forward, lateral, yaw_rate = (self._command[:, i, None] for i in range(3))
+        return (
+            p.forward_gain * forward + p.forward_bias,
+            p.lateral_gain * lateral,
+            p.yaw_gain * yaw_rate + p.yaw_per_lateral * lateral,
+        )
+
+    def _move_feet(self, beat: Beat, p: Columns, velocity: tuple[Floats, Floats, Floats]) -> None:
+        """Carry the feet on by a tick: on the ground at -(v + ω × r), through the air to the next foothold."""
+        forward, lateral, yaw_rate = velocity
+        middle_x, middle_y = _middle(p)
+        ahead_x = forward - yaw_rate * (HIP_POSITIONS[:, 1] + middle_y)
+        ahead_y = lateral + yaw_rate * (HIP_POSITIONS[:, 0] + middle_x)
+        half = 0.5 * beat.stance_time
+        landing_x = middle_x + np.clip(half * ahead_x, -LONGEST_REACH, LONGEST_REACH)
+        landing_y = middle_y + np.clip(half * ahead_y, -LONGEST_REACH, LONGEST_REACH)
+        share, _ = swing_path(beat.cycle.progress, self.path)
+        # Over the ground the foot is carried by `share` of the way, while the ground goes by evenly.
+        gone = beat.swing_time * (share - beat.cycle.progress)
+        air_x = self._left_x + (landing_x - self._left_x) * share + gone * ahead_x
+        air_y = self._left_y + (landing_y - self._left_y) * share + gone * ahead_y
+        ground_x = self._x - CONTROL_PERIOD * (forward - yaw_rate * (HIP_POSITIONS[:, 1] + self._y))
+        ground_y = self._y - CONTROL_PERIOD * (lateral + yaw_rate * (HIP_POSITIONS[:, 0] + self._x))
+        x, y = np.where(self._swing, air_x, ground_x), np.where(self._swing, air_y, ground_y)
+        self._x = np.clip(x, middle_x - LONGEST_REACH, middle_x + LONGEST_REACH)
+        self._y = np.clip(y, middle_y - LONGEST_REACH, middle_y + LONGEST_REACH)
+
+
+def _middle(p: Columns) -> tuple[Floats, Floats]:
+    """Middle of the strides in the hip frames, m: (n, 1) and (n, 4)."""
+    return p.stance_shift, SIDE * (p.stance_width / 2.0) - HIP_POSITIONS[:, 1]
+
+
+def _known(gait: str) -> None:
+    if gait not in GAITS:
+        raise ValueError(f"unknown gait {gait!r}; there are {', '.join(GAITS)}")

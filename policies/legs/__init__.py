@@ -1,0 +1,1 @@
+"""Legs and the ground below them: kinematics, foot paths, footholds, contacts."""

@@ -1,0 +1,100 @@
+"""The ground that a robot walks on, as far as its feet tell: height, slope, and how uneven it is."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD
+from policies.gait import Floats
+from policies.legs.ground_plane import above, carried, fitted, renewed, total
+from policies.legs.level_frame import Vector
+from policies.legs.memory import Memory
+from policies.legs.proprioception import Senses, length
+
+EVEN = 0.02
+"""Unevenness, m, that a trot on a plane feels too."""
+LARGEST_ROUGHNESS = 0.15
+"""m"""
+ROUGHNESS_MEMORY = 2.0
+"""Time constant with which rough ground is forgotten, s."""
+WORST_MEMORY = 20.0
+"""Time constant with which the roughest ground is forgotten, s."""
+HALF_BASE = 0.25
+"""Turns a change of slope into the change of height under a foot, m."""
+
+
+class GroundSense:
+    """Footprints and what they say; all in the level frame, robots (n,), legs (4, n)."""
+
+    def __init__(self, plane_filter: float) -> None:
+        self._share = CONTROL_PERIOD / (CONTROL_PERIOD + plane_filter)
+        zero, legs = 0.0, np.zeros(4)
+        self.memory = Memory(
+            {
+                "x": legs,
+                "y": legs,
+                "z": legs,
+                "known": zero,
+                "height": zero,
+                "forward": zero,
+                "lateral": zero,
+                "roughness": zero,
+                "worst": zero,
+            }
+        )
+
+    def feel(self, senses: Senses, standing: NDArray[np.bool_], calm: NDArray[np.bool_]) -> None:
+        """One control period later, with the standing legs, (4, n), on the ground; at first all are.
+
+        What a robot that is not calm, (n,), feels of unevenness is its own tumbling.
+        """
+        memory, share = self.memory, self._share
+        prints = carried(self._prints, senses.velocity, senses.yaw_rate, CONTROL_PERIOD)
+        prints = renewed(prints, senses.feet, standing | (memory["known"] == 0.0))
+        memory["known"] = np.ones_like(memory["known"])
+        memory["x"], memory["y"], memory["z"] = prints
+        plane = fitted(prints)
+        memory["height"], forward, lateral = plane
+        change_forward, change_lateral = forward - memory["forward"], lateral - memory["lateral"]
+        memory["forward"] = memory["forward"] + share * change_forward
+        memory["lateral"] = memory["lateral"] + share * change_lateral
+        residual = above(plane, prints)
+        uneven = np.sqrt(0.25 * total(residual * residual)) + HALF_BASE * length(change_forward, change_lateral)
+        rise = np.clip(uneven - EVEN, 0.0, LARGEST_ROUGHNESS) - memory["roughness"]
+        memory["roughness"] = (
+            memory["roughness"] + np.where(rise > 0.0, share * calm, CONTROL_PERIOD / ROUGHNESS_MEMORY) * rise
+        )
+        memory["worst"] = np.maximum((1.0 - CONTROL_PERIOD / WORST_MEMORY) * memory["worst"], memory["roughness"])
+
+    @property
+    def height(self) -> Floats:
+        """Of the ground below the trunk's centre, relative to it, m: negative; (n,)."""
+        return self.memory["height"]
+
+    @property
+    def slope(self) -> tuple[Floats, Floats]:
+        """Rise per metre forward and to the left, smoothed, (n,) each."""
+        return self.memory["forward"], self.memory["lateral"]
+
+    @property
+    def steepness(self) -> Floats:
+        """Size of the slope, (n,)."""
+        return length(*self.slope)
+
+    @property
+    def roughness(self) -> Floats:
+        """How far footprints lie off a steady plane, m; soon learnt, slowly forgotten; (n,)."""
+        return self.memory["roughness"]
+
+    @property
+    def worst_roughness(self) -> Floats:
+        """The largest roughness met, more slowly forgotten, m, (n,)."""
+        return self.memory["worst"]
+
+    @property
+    def unevenness(self) -> Floats:
+        """Height of each footprint above the plane with the smoothed slope, m, (4, n)."""
+        return above((self.height, *self.slope), self._prints)
+
+    @property
+    def _prints(self) -> Vector:
+        return self.memory["x"], self.memory["y"], self.memory["z"]

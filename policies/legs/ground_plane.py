@@ -1,0 +1,61 @@
+"""The ground as the feet have met it: where each foot last stood, and the plane through these footprints.
+
+Everything is in the level frame (see `policies.legs.level_frame`), legs along the first axis: arrays of shape (4, n).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.gait import Floats
+from policies.legs.level_frame import Vector
+
+STEEPEST = 1.2
+"""Largest slope that a fit gives, m/m."""
+_NARROW = 1e-6
+"""Added to the spread of the footprints, m²: what would make a plane of footprints on one line."""
+
+Plane = tuple[Floats, Floats, Floats]
+"""Height at the trunk's x, y (relative to the trunk's centre, m) and rise per metre forward and to the left; (n,)."""
+
+
+def total(values: Floats) -> Floats:
+    """Sum over the legs, (4, n) to (n,), always in the same order."""
+    summed: Floats = values[0] + values[1] + values[2] + values[3]
+    return summed
+
+
+def carried(prints: Vector, velocity: Vector, yaw_rate: Floats, period: float) -> Vector:
+    """Footprints one period of `period` s later: they pass under a trunk that moves and turns, m."""
+    x, y, z = prints
+    forward, lateral, vertical = velocity
+    return (
+        x - period * (forward - yaw_rate * y),
+        y - period * (lateral + yaw_rate * x),
+        z - period * vertical,
+    )
+
+
+def renewed(prints: Vector, feet: Vector, standing: NDArray[np.bool_]) -> Vector:
+    """Footprints, those of the standing legs where these feet are now."""
+    x, y, z = (np.where(standing, foot, old) for foot, old in zip(feet, prints, strict=True))
+    return x, y, z
+
+
+def fitted(prints: Vector) -> Plane:
+    """Least-squares plane through the footprints."""
+    x, y, z = prints
+    mean_x, mean_y, mean_z = (0.25 * total(values) for values in prints)
+    x, y, z = x - mean_x, y - mean_y, z - mean_z
+    xx, yy, xy = total(x * x) + _NARROW, total(y * y) + _NARROW, total(x * y)
+    xz, yz = total(x * z), total(y * z)
+    determinant = np.maximum(xx * yy - xy * xy, _NARROW * _NARROW)
+    forward = np.clip((xz * yy - yz * xy) / determinant, -STEEPEST, STEEPEST)
+    lateral = np.clip((yz * xx - xz * xy) / determinant, -STEEPEST, STEEPEST)
+    return mean_z - forward * mean_x - lateral * mean_y, forward, lateral
+
+
+def above(plane: Plane, prints: Vector) -> Floats:
+    """Height of each footprint above the plane, m, (4, n)."""
+    x, y, z = prints
+    height, forward, lateral = plane
+    return z - (height + forward * x + lateral * y)

@@ -1,0 +1,57 @@
+"""What a legged robot feels, from its observation: attitude, velocity, turning, and where its feet are."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from policies.gait import Floats
+from policies.legs.kinematics import foot_positions
+from policies.legs.level_frame import LevelFrame, Vector, level_frame
+from quad_env import OBSERVATION
+from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
+
+HIP_X, HIP_Y = HIP_POSITIONS[:, 0:1], HIP_POSITIONS[:, 1:2]
+"""Hip joints from the trunk's centre, (4, 1), m."""
+SIDES = SIDE[:, None]
+"""+1 for left legs, -1 for right ones, (4, 1)."""
+_HOME = HOME_POSE[:, None]
+
+
+class Senses(NamedTuple):
+    """Arrays of robots, (n,), and of legs, (4, n)."""
+
+    frame: LevelFrame
+    velocity: Vector
+    """Of the trunk's centre, level frame, m/s."""
+    yaw_rate: Floats
+    """About the vertical, rad/s."""
+    roll_rate: Floats
+    pitch_rate: Floats
+    feet: Vector
+    """From the trunk's centre, level frame, m."""
+
+
+def sense(observation: Floats) -> Senses:
+    """Senses of observations (k, n)."""
+    frame = level_frame(observation[OBSERVATION["projected_gravity"]])
+    velocity, turn = (_vector(observation[OBSERVATION[name]]) for name in ("linear_velocity", "angular_velocity"))
+    joints = (observation[OBSERVATION["joint_position"]] + _HOME).reshape(4, 3, -1)
+    x, y, z = np.moveaxis(foot_positions(np.moveaxis(joints, 1, -1), SIDES), -1, 0)
+    return Senses(
+        frame=frame,
+        velocity=frame.to_level(velocity),
+        yaw_rate=frame.up_x * turn[0] + frame.up_y * turn[1] + frame.up_z * turn[2],
+        roll_rate=turn[0],
+        pitch_rate=turn[1],
+        feet=frame.to_level((x + HIP_X, y + HIP_Y, z)),
+    )
+
+
+def _vector(components: Floats) -> Vector:
+    return components[0], components[1], components[2]
+
+
+def length(x: Floats, y: Floats) -> Floats:
+    """Of horizontal vectors."""
+    size: Floats = np.sqrt(x * x + y * y)
+    return size

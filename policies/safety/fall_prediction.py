@@ -1,0 +1,64 @@
+"""Falls seen before they happen: a robot whose motion changes far off its commands falls unless its feet follow.
+
+How far is a speed: the lesser of two, off the command as a walking robot follows it, lagged, and off the robot's own
+velocity of late. The first alone would take a gait that does not reach its command for a push, the second alone a
+change of command. On pushed episodes the first warned earlier than a logistic regression of falls on tilt, turning,
+extrapolated tilt and this speed.
+"""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Floats, PolicyError
+from quad_env import OBSERVATION
+
+THRESHOLD_FILE = Path(__file__).with_name("prediction.json")
+"""The fitted threshold, written by `python -m train search fall-prediction`."""
+RESPONSE_TIME = 0.25
+"""Lag of a walking robot behind its command, s."""
+RECENT_TIME = 0.1
+"""Time constant of the velocity of late, s: what a robot gains more slowly is no push."""
+
+
+def next_reference(reference: Floats, observation: NDArray[np.float32]) -> Floats:
+    """The planar velocity that a robot following its commands has about now, (n, 2), m/s: the command, lagged."""
+    command = observation[:, OBSERVATION["command"]][:, :2].astype(np.float64)
+    following: Floats = reference + (command - reference) * (CONTROL_PERIOD / RESPONSE_TIME)
+    return following
+
+
+def next_recent(recent: Floats, observation: NDArray[np.float32]) -> Floats:
+    """The planar velocity of late, (n, 2), m/s, one control step later."""
+    averaged: Floats = recent + (_planar_velocity(observation) - recent) * (CONTROL_PERIOD / RECENT_TIME)
+    return averaged
+
+
+def surprise(observation: NDArray[np.float32], reference: Floats, recent: Floats) -> Floats:
+    """Planar speed off both the reference and the velocity of late, (n, 2) each: the lesser of the two, m/s, (n,)."""
+    velocity = _planar_velocity(observation)
+    off, jump = velocity - reference, velocity - recent
+    squared = np.minimum(off[:, 0] ** 2 + off[:, 1] ** 2, jump[:, 0] ** 2 + jump[:, 1] ** 2)
+    speed: Floats = np.sqrt(squared)
+    return speed
+
+
+def _planar_velocity(observation: NDArray[np.float32]) -> Floats:
+    return observation[:, OBSERVATION["linear_velocity"]][:, :2].astype(np.float64)
+
+
+@cache
+def fitted_threshold() -> float:
+    """The surprise above which a fall is predicted, m/s. Raises PolicyError where THRESHOLD_FILE is bad."""
+    try:
+        threshold = float(json.loads(THRESHOLD_FILE.read_text())["surprise"])
+        if not 0.0 < threshold < np.inf:
+            raise ValueError("surprise must be positive and finite")
+        return threshold
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise PolicyError(
+            f"cannot read {THRESHOLD_FILE} ({error}); `python -m train search fall-prediction` writes it"
+        ) from None

@@ -1,0 +1,247 @@
+"""A safety layer around any policy: failures end in a controlled stop, falls are caught, limits are kept."""
+
+from collections import deque
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from policies.base import CONTROL_PERIOD, Actions, Floats, Policy, to_actions
+from policies.behaviour.event_log import Ring
+from policies.behaviour.motion import Damp, Mask, Motion
+from policies.safety.brace import Brace
+from policies.safety.fall_prediction import fitted_threshold, next_recent, next_reference, surprise
+from policies.safety.stop import Stop
+from policies.safety.target_limits import SafetyLimits, limited
+from quad_env import OBSERVATION
+from quad_env.robots.robot import HOME_POSE
+
+
+class Mode(IntEnum):
+    """Who moves a robot."""
+
+    FOLLOW = 0
+    """The policy."""
+    CATCH = 1
+    """The brace, until the robot is calm, and back to the policy from there: a fall was predicted."""
+    STOP = 2
+    """Controlled stop, until a reset."""
+    FALLBACK = 3
+    """The fallback policy, until a reset."""
+    DAMP = 4
+    """Joints damped: fallen, or stopped at once by request."""
+
+
+REASONS = (
+    "policy raised an exception",
+    "policy returned targets of a wrong shape or type",
+    "policy returned non-finite targets",
+    "fall predicted",
+    "calm again",
+    "emergency stop requested",
+    "command timed out",
+    "fallen",
+    "started anew",
+)
+RAISED, MISSHAPEN, NOT_FINITE, PREDICTED, CALM, REQUESTED, STALE, FALLEN, STARTED = range(len(REASONS))
+
+FALLEN_TILT = np.deg2rad(65.0)
+LOG_CAPACITY = 4096
+
+
+@dataclass(frozen=True)
+class Event:
+    """One entry of the log."""
+
+    step: int
+    robot: int
+    mode: Mode
+    """From then on."""
+    reason: str
+
+
+class Safe(Policy):
+    """`policy` as long as it does well; read `mode` and `events()`.
+
+    Args:
+        policy: what to guard; put it into `policies.safety.Watched` if it might hang.
+        limits: of every target.
+        alarm_above: surprise, see `prediction`, at which a fall is predicted, m/s; None for the fitted one.
+        on_failure: what takes over for good when the policy fails.
+        fallback: the policy of `on_failure="fallback"`.
+        command_timeout: s without `command_received` after which the command counts as zero; None for never.
+    """
+
+    def __init__(
+        self,
+        policy: Policy,
+        limits: SafetyLimits | None = None,
+        alarm_above: float | None = None,
+        on_failure: Literal["stop", "damp", "fallback"] = "stop",
+        fallback: Policy | None = None,
+        command_timeout: float | None = None,
+    ) -> None:
+        if (on_failure == "fallback") != (fallback is not None):
+            raise ValueError("on_failure='fallback' and a fallback policy belong together")
+        self.policy = policy
+        self.name = f"safe:{policy.name}"
+        self._limits = limits or SafetyLimits()
+        self._alarm_above = alarm_above if alarm_above is not None else fitted_threshold()
+        self._after_failure = {"stop": Mode.STOP, "damp": Mode.DAMP, "fallback": Mode.FALLBACK}[on_failure]
+        self._fallback = fallback
+        self._timeout = np.inf if command_timeout is None else command_timeout / CONTROL_PERIOD
+        self._motions: dict[Mode, Motion] = {Mode.STOP: Stop(), Mode.DAMP: Damp()}
+        self._brace = Brace()
+        super().__init__()
+        self._allocate(1)
+
+    @property
+    def mode(self) -> NDArray[np.int8]:
+        """`Mode` of each robot, (n,), a copy."""
+        return self._mode.copy()
+
+    def events(self) -> list[Event]:
+        """The latest changes of mode and time-outs, oldest first."""
+        return [Event(step, robot, Mode(mode), REASONS[reason]) for step, robot, mode, reason in self._log.read()]
+
+    def failures(self) -> list[str]:
+        """The latest exceptions of the policy in words, oldest first."""
+        return list(self._failures)
+
+    def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
+        """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
+        chosen = self._mask(mask)
+        self._enter(chosen, Mode.DAMP if damp else Mode.STOP, REQUESTED)
+
+    def command_received(self, mask: ArrayLike | None = None) -> None:
+        """Note that those robots' commands are fresh."""
+        self._silence[self._mask(mask)] = 0
+
+    def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
+        """Start `num_envs` robots anew, the policy included; what it raises, it raises here."""
+        super().reset(num_envs, seed)
+        self.policy.reset(num_envs, seed)
+        if self._fallback is not None:
+            self._fallback.reset(num_envs, seed)
+
+    def _allocate(self, num_envs: int) -> None:
+        self._step = 0
+        self._mode = np.zeros(num_envs, np.int8)
+        self._entered = np.zeros(num_envs, np.bool_)
+        self._targets, self._silence = np.tile(HOME_POSE, (num_envs, 1)), np.zeros(num_envs, np.int64)
+        self._reference, self._recent = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
+        self._log, self._failures = Ring(4, LOG_CAPACITY), deque[str](maxlen=64)
+        self._brace.reset(num_envs)
+        for motion in self._motions.values():
+            motion.reset(num_envs)
+
+    def _restart(self, mask: Mask) -> None:
+        self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, STARTED)
+        self._targets[mask], self._silence[mask] = HOME_POSE, 0
+        self._reference[mask], self._recent[mask] = 0.0, 0.0
+        self.policy.reset_where(mask)
+        if self._fallback is not None:
+            self._fallback.reset_where(mask)
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        self._step += 1
+        observation = self._with_fresh_commands(observation)
+        rows = observation.astype(np.float64)
+        joints = rows[:, OBSERVATION["joint_position"]] + HOME_POSE
+        self._watch(observation, rows)
+        targets = self._asked(observation)
+        caught = np.flatnonzero(self._mode == Mode.CATCH)
+        if len(caught):
+            targets[caught] = self._brace.blended(caught, targets[caught], rows[caught])
+        for mode, motion in self._motions.items():
+            members = np.flatnonzero(self._mode == mode)
+            if len(members):
+                starting = np.zeros(self.num_envs, np.bool_)
+                starting[members] = self._entered[members]
+                motion.start(starting, self._targets[starting])
+                targets[members] = motion.targets(members, rows[members], joints[members])
+        self._entered[:] = False
+        speeds = rows[:, OBSERVATION["joint_velocity"]]
+        self._targets = limited(targets, self._targets, joints, speeds, self._limits)
+        return to_actions(self._targets)
+
+    def _asked(self, observation: NDArray[np.float32]) -> Floats:
+        """Targets (n, 12) of the policy, or of its fallback, for the robots that follow one; the others' are spare."""
+        targets = self._targets.copy()
+        following = self._mode <= Mode.CATCH
+        if following.any():
+            try:
+                answer = self.policy.act(self._resting(observation))
+            except Exception as error:
+                self._failures.append(f"step {self._step}: {type(error).__name__}: {error}")
+                self._enter(following, self._after_failure, RAISED)
+            else:
+                self._take(answer, following, targets)
+        if self._fallback is not None:  # walks along all the time, so as to take over in step
+            own = self._fallback.act(observation).astype(np.float64)
+            targets = np.where((self._mode == Mode.FALLBACK)[:, None], own, targets)
+        return targets
+
+    def _take(self, answer: object, following: Mask, targets: Floats) -> None:
+        """Put what the policy answered for the following robots into `targets`, if it is good."""
+        if not isinstance(answer, np.ndarray) or answer.shape != targets.shape or answer.dtype.kind != "f":
+            self._enter(following, self._after_failure, MISSHAPEN)
+            return
+        finite = np.isfinite(answer).all(axis=1)
+        good = following & finite
+        targets[good] = answer[good]
+        if not finite.all():
+            self._enter(following & ~finite, self._after_failure, NOT_FINITE)
+
+    def _resting(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The observation, the command nearer to zero as far as a robot is braced."""
+        catching = self._mode == Mode.CATCH
+        if not catching.any():
+            return observation
+        observation = observation.copy()
+        left = (1.0 - self._brace.share[catching]).astype(np.float32)
+        observation[catching, OBSERVATION["command"]] *= left[:, None]
+        return observation
+
+    def _watch(self, observation: NDArray[np.float32], rows: Floats) -> None:
+        """Catch where a fall is predicted, follow again where it is calm; a fallen robot is past catching."""
+        self._reference = next_reference(self._reference, observation)
+        alarm = surprise(observation, self._reference, self._recent) > self._alarm_above
+        self._recent = next_recent(self._recent, observation)
+        tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(FALLEN_TILT)
+        predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
+        self._brace.start(predicted)
+        self._enter(predicted, Mode.CATCH, PREDICTED)
+        catching = self._mode == Mode.CATCH
+        if catching.any():
+            self._enter(self._brace.advance(catching, alarm, rows), Mode.FOLLOW, CALM)
+            self._enter(tilted & (self._mode == Mode.CATCH), Mode.FOLLOW, FALLEN)
+        self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, FALLEN)
+
+    def _with_fresh_commands(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The observation, stale commands zeroed."""
+        if np.isinf(self._timeout):
+            return observation
+        self._silence += 1
+        stale = self._silence > self._timeout
+        new = self._silence == np.floor(self._timeout) + 1
+        if new.any():
+            self._log.write(self._step, np.flatnonzero(new), self._mode[new], STALE)
+        observation = observation.copy()
+        observation[stale, OBSERVATION["command"]] = 0.0
+        return observation
+
+    def _enter(self, mask: Mask, mode: Mode, reason: int) -> None:
+        if not mask.any():
+            return
+        self._log.write(self._step, np.flatnonzero(mask), int(mode), reason)
+        self._mode[mask] = mode
+        self._entered |= mask
+
+    def _mask(self, mask: ArrayLike | None) -> Mask:
+        chosen = np.ones(self.num_envs, np.bool_) if mask is None else np.asarray(mask)
+        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,):
+            raise ValueError(f"mask must be bool of shape ({self.num_envs},), not {chosen.dtype} of {chosen.shape}")
+        return chosen

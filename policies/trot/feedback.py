@@ -1,0 +1,274 @@
+"""A diagonal trot that feels: footholds by velocity error, legs by attitude and height, the plan by the ground.
+
+The feet are planned in the level frame (see `policies.legs.level_frame`). A standing foot passes under the trunk at the
+velocity wanted there; a swinging one goes to a foothold that moves with the velocity error until it lands. A robot that
+is far too fast for any foothold puts all feet down, wide and low, and slides to rest: it braces. On ground too steep or
+too rough to walk on it stands still.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
+from policies.gait import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
+from policies.legs.foot_path import lift, load
+from policies.legs.footholds import Planar, captured, passing, raibert, swung, within_reach
+from policies.legs.ground import GroundSense
+from policies.legs.kinematics import leg_angles
+from policies.legs.level_frame import LevelFrame, Vector
+from policies.legs.memory import Memory
+from policies.legs.proprioception import HIP_X, HIP_Y, SIDES, Senses, length, sense
+from policies.legs.stance_load import held_up
+from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
+from quad_env import OBSERVATION
+from quad_env.robots.robot import NUM_JOINTS
+
+LARGEST_CORRECTION = 0.5
+"""Of the gait's velocity by the integral of its error, m/s and rad/s."""
+SMALL_ERROR = 0.3
+"""Velocity error, m/s, and yaw-rate error, rad/s, beyond which the integral waits: that is a push, not a bias."""
+SETTLED = 0.2
+"""Share of its stance after which a foot is taken to stand."""
+BRACE_TIME = 0.03
+"""From the trot to all feet down, s."""
+BRACE_RANGE = 0.4
+"""Excess speed from the beginning of bracing to all feet down, m/s."""
+CALMING_TIME = 0.6
+"""From the end of an excess speed until what the feet feel is the ground again, s."""
+STEEP_RANGE = 0.1
+"""The same of the ground's slope."""
+ROUGH_RANGE = 0.005
+"""The same of the ground's roughness, m."""
+BRACED_LOAD = 0.5
+"""Load of each foot while all four share the weight, per that of a foot of a trotting pair."""
+LARGEST_LEAD = 0.1
+"""Shift of the feet in bracing, m."""
+LARGEST_TILT_ERROR = 0.5
+"""Tilt that the legs answer to, rad."""
+SHORTEST_DROP = 0.08
+"""Least distance of a planned foot below the trunk's centre, m."""
+
+
+class TrotFeedback(GaitedPolicy):
+    """Command-following trot with feedback; steps in place at zero command."""
+
+    name = "trot_feedback"
+
+    def __init__(self, parameters: FeedbackParameters | None = None) -> None:
+        self.parameters = p = parameters if parameters is not None else searched_parameters()
+        self.frequency = p.frequency
+        self._gait = Gait(TROT_OFFSETS, p.duty)
+        self._offsets = np.array(TROT_OFFSETS)[:, None]
+        self._neutral = (HIP_X + p.stance_shift, SIDES * (p.stance_width / 2.0))
+        self._wide = _rectangle(p.brace_length, p.brace_width)
+        self._hold = _rectangle(p.hold_length, p.hold_width)
+        self._acceleration = np.array([[p.linear_acceleration], [p.linear_acceleration], [p.yaw_acceleration]])
+        self._integral = np.array([[p.integral_gain], [p.integral_gain], [p.yaw_integral_gain]])
+        self.ground = GroundSense(p.plane_filter)
+        legs, one = np.zeros(4), 0.0
+        ahead, aside = self._neutral[0][:, 0], self._neutral[1][:, 0]
+        self._memory = Memory(
+            {
+                "wanted": np.zeros(3),
+                "correction": np.zeros(3),
+                "error_x": one,
+                "error_y": one,
+                "brace": one,
+                "hold": one,
+                "upset": one,
+                "swinging": legs,
+                "foot_x": ahead,
+                "foot_y": aside,
+                "start_x": ahead,
+                "start_y": aside,
+                "speed_x": legs,
+                "speed_y": legs,
+                "lift": legs,
+            }
+        )
+        super().__init__()
+
+    def _allocate(self, num_envs: int) -> None:
+        super()._allocate(num_envs)
+        self._memory.allocate(num_envs)
+        self.ground.memory.allocate(num_envs)
+
+    def _restart(self, mask: NDArray[np.bool_]) -> None:
+        super()._restart(mask)
+        self._memory.restart(mask)
+        self.ground.memory.restart(mask)
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        columns = np.ascontiguousarray(observation.T, dtype=np.float64)
+        senses = sense(columns)
+        wanted = self._follow(columns[OBSERVATION["command"]])
+        error = np.stack((*senses.velocity[:2], senses.yaw_rate)) - wanted
+        errors = (error[0], error[1], error[2])
+        excess = length(*senses.velocity[:2]) - length(wanted[0], wanted[1]) - self.parameters.brace_error
+        brace = self._brace(excess)
+        calm = (self._memory["upset"] == 0.0) & ((brace == 0.0) | (self._memory["hold"] > 0.0))
+        self._pace(errors, brace)
+        cycle = self._gait.places((self._phase + self._offsets) % TURN)
+        self.ground.feel(senses, (~cycle.swing & (cycle.progress > SETTLED)) | (brace > BRACED_LOAD), calm)
+        gait = self._asked(wanted, error)
+        self._step(senses.frame, cycle, gait, errors, brace)
+        feet = self._planted(senses, cycle, errors, brace)
+        weight = np.maximum(load(cycle), brace)
+        joints = _joints(self._tilted(senses, feet, weight, brace), self._force(cycle, brace))
+        return to_actions(self._blended(joints, self.parameters.blend_time))
+
+    def _follow(self, command: Floats) -> Floats:
+        """The velocity wanted now, (3, n): the command, less of it on bad ground, approached within the limits."""
+        p, memory = self.parameters, self._memory
+        rough, steep = p.caution * self.ground.roughness, p.slope_caution * self.ground.steepness
+        goal = command * (1.0 - memory["brace"]) / (1.0 + rough * rough + steep * steep)
+        reach = CONTROL_PERIOD * self._acceleration
+        memory["wanted"] = memory["wanted"] + np.clip(goal - memory["wanted"], -reach, reach)
+        return memory["wanted"]
+
+    def _brace(self, excess: Floats) -> Floats:
+        """How far all feet are down, 0 … 1, by the excess speed: quickly on and slowly off; (n,)."""
+        p, memory = self.parameters, self._memory
+        steep = np.clip((self.ground.steepness - p.slope_brace) / STEEP_RANGE, 0.0, 1.0)
+        rough = np.clip((self.ground.worst_roughness - p.rough_brace) / ROUGH_RANGE, 0.0, 1.0)
+        upset = np.maximum(memory["upset"] - CONTROL_PERIOD / CALMING_TIME, 0.0)
+        memory["upset"] = np.where(excess > 0.0, 1.0, upset)
+        memory["hold"] = rough * (1.0 - steep) * (1.0 - memory["upset"])
+        due = np.maximum(np.clip(excess / BRACE_RANGE, 0.0, 1.0), np.maximum(steep, rough))
+        change = np.clip(due - memory["brace"], -CONTROL_PERIOD / p.brace_release, CONTROL_PERIOD / BRACE_TIME)
+        memory["brace"] = memory["brace"] + change
+        return memory["brace"]
+
+    def _pace(self, errors: Vector, brace: Floats) -> None:
+        """Move the clock on: faster while a push is being caught, not at all while all feet are down."""
+        p = self.parameters
+        hurry = 1.0 + p.hurry * np.clip(length(*errors[:2]) - p.capture_threshold, 0.0, 1.0)
+        cycles = (CONTROL_PERIOD * p.frequency) * hurry * (1.0 - brace)
+        self._phase = (self._phase + TURN * cycles) % TURN
+        self._ticks = self._ticks + 1.0
+
+    def _asked(self, wanted: Floats, error: Floats) -> Vector:
+        """Velocity of the gait: feedforward of the wanted one and the integral of the small errors."""
+        memory = self._memory
+        small = (np.abs(error) < SMALL_ERROR).all(axis=0)
+        correction = memory["correction"] - np.where(small, CONTROL_PERIOD * self._integral * error, 0.0)
+        memory["correction"] = np.clip(correction, -LARGEST_CORRECTION, LARGEST_CORRECTION)
+        p, (forward, lateral, yaw_rate) = self.parameters, wanted
+        lead = p.turn_lead * yaw_rate
+        more_forward, more_lateral, more_yaw = memory["correction"]
+        return (
+            p.forward_gain * (forward - lead * lateral) + p.forward_bias + more_forward,
+            p.lateral_gain * (lateral + lead * forward) + more_lateral,
+            p.yaw_gain * yaw_rate + p.yaw_per_lateral * lateral + more_yaw,
+        )
+
+    def _footholds(self, neutral: Planar, gait: Vector, errors: Vector) -> Planar:
+        """Where the swinging feet are to land, by velocity errors smoothed over the sway of a stride."""
+        p, memory = self.parameters, self._memory
+        share = CONTROL_PERIOD / (CONTROL_PERIOD + p.velocity_filter)
+        memory["error_x"] = memory["error_x"] + share * (errors[0] - memory["error_x"])
+        memory["error_y"] = memory["error_y"] + share * (errors[1] - memory["error_y"])
+        error_x, error_y = memory["error_x"], memory["error_y"]
+        stance_time = p.neutral_share * p.duty / p.frequency
+        gains = (p.raibert_gain, p.raibert_lateral, p.yaw_step)
+        x, y = raibert(neutral, gait, stance_time, (error_x, error_y, errors[2]), gains)
+        further_x, further_y = captured((error_x, error_y), p.capture_threshold, p.capture_gain)
+        return within_reach(x + further_x, y + further_y, neutral)
+
+    def _step(self, frame: LevelFrame, cycle: LegCycle, gait: Vector, errors: Vector, brace: Floats) -> None:
+        """Move the planned feet: the standing ones with the ground, the swinging ones towards their footholds."""
+        p, memory = self.parameters, self._memory
+        neutral = self._uphill(_under(frame, self._neutral))
+        foothold = self._footholds(neutral, gait, errors)
+        x, y = memory["foot_x"], memory["foot_y"]
+        lifted = cycle.swing & (memory["swinging"] == 0.0)
+        memory["swinging"] = cycle.swing.astype(np.float64)
+        memory["start_x"] = np.where(lifted, x, memory["start_x"])
+        memory["start_y"] = np.where(lifted, y, memory["start_y"])
+        drift_x, drift_y = passing(x, y, gait)
+        stood = within_reach(
+            x + CONTROL_PERIOD * (drift_x - p.stance_yield * errors[0]),
+            y + CONTROL_PERIOD * (drift_y - p.stance_yield * errors[1]),
+            neutral,
+        )
+        swing_time = (1.0 - p.duty) / p.frequency
+        new_x = np.where(
+            cycle.swing, swung(memory["start_x"], foothold[0], drift_x * swing_time, cycle.progress), stood[0]
+        )
+        new_y = np.where(
+            cycle.swing, swung(memory["start_y"], foothold[1], drift_y * swing_time, cycle.progress), stood[1]
+        )
+        wide_x, wide_y = (
+            wide + memory["hold"] * (held - wide) for wide, held in zip(self._wide, self._hold, strict=True)
+        )
+        wide_x, wide_y = self._uphill(_under(frame, (wide_x, wide_y)))
+        wide_x = wide_x + np.clip(p.brace_lead * errors[0], -LARGEST_LEAD, LARGEST_LEAD)
+        wide_y = wide_y + np.clip(p.brace_lead * errors[1], -LARGEST_LEAD, LARGEST_LEAD)
+        new_x, new_y = new_x + brace * (wide_x - new_x), new_y + brace * (wide_y - new_y)
+        memory["speed_x"], memory["speed_y"] = (new_x - x) / CONTROL_PERIOD, (new_y - y) / CONTROL_PERIOD
+        memory["foot_x"], memory["foot_y"] = new_x, new_y
+
+    def _uphill(self, places: Planar) -> Planar:
+        """Level-frame points (4, n) shifted against the fall of the ground."""
+        forward, lateral = self.ground.slope
+        shift = self.parameters.slope_shift
+        return places[0] + shift * forward, places[1] + shift * lateral
+
+    def _planted(self, senses: Senses, cycle: LegCycle, errors: Vector, brace: Floats) -> Vector:
+        """Feet in the base frame, m: the plan, the lead of the servos, and the standing legs' push against errors."""
+        p, memory, ground = self.parameters, self._memory, self.ground
+        x, y = memory["foot_x"], memory["foot_y"]
+        weight = np.maximum(load(cycle), brace)
+        low = p.brace_height + memory["hold"] * (p.hold_height - p.brace_height)
+        tall = p.body_height + brace * (low - p.body_height)
+        tall = tall + p.rough_height * ground.roughness + p.slope_height * ground.steepness
+        lengthening = p.height_gain * (tall + ground.height) - p.height_damping * senses.velocity[2]
+        lifted = (p.step_height + p.rough_step * ground.roughness) * lift(cycle) * (1.0 - brace)
+        rising = (lifted - memory["lift"]) / CONTROL_PERIOD
+        memory["lift"] = lifted
+        z = ground.slope[0] * x + ground.slope[1] * y - tall + weight * (p.conform * ground.unevenness - lengthening)
+        x, y = x + p.servo_lead * memory["speed_x"], y + p.servo_lead * memory["speed_y"]
+        # Standing feet are pushed along with the error, so that the trunk is pushed against it.
+        push = weight * (1.0 - brace)
+        push_x = push * (p.stance_push * errors[0] - p.yaw_push * errors[2] * y)
+        push_y = push * (p.stance_push * errors[1] + p.yaw_push * errors[2] * x)
+        return senses.frame.to_body((x + push_x, y + push_y, z + lifted + p.servo_lead * rising))
+
+    def _tilted(self, senses: Senses, feet: Vector, weight: Floats, brace: Floats) -> Vector:
+        """Feet in the base frame turned against the turn that the trunk is to make, by their weight (4, n).
+
+        The trunk is to lean with the ground; a trunk turns by (roll, pitch) on feet that turn by the opposite.
+        """
+        p = self.parameters
+        forward, lateral = self.ground.slope
+        roll = p.slope_share * np.arctan(lateral) - senses.frame.roll
+        pitch = -p.slope_share * np.arctan(forward) - senses.frame.pitch
+        sliding = brace * (1.0 - self._memory["hold"])
+        gain = weight * (p.tilt_gain + sliding * (p.brace_tilt_gain - p.tilt_gain))
+        damping = weight * (p.tilt_damping + sliding * (p.brace_tilt_damping - p.tilt_damping))
+        roll = gain * np.clip(roll, -LARGEST_TILT_ERROR, LARGEST_TILT_ERROR) - damping * senses.roll_rate
+        pitch = gain * np.clip(pitch, -LARGEST_TILT_ERROR, LARGEST_TILT_ERROR) - damping * senses.pitch_rate
+        x, y, z = feet
+        return x - pitch * z, y + roll * z, z - roll * y + pitch * x
+
+    def _force(self, cycle: LegCycle, brace: Floats) -> Floats:
+        """Ground force expected on each foot, N, (4, n)."""
+        return np.maximum(load(cycle), BRACED_LOAD * brace) * self.parameters.stance_load
+
+
+def _rectangle(length: float, width: float) -> Planar:
+    """Feet at its corners, (4, 1) each."""
+    return np.sign(HIP_X) * (length / 2.0), SIDES * (width / 2.0)
+
+
+def _under(frame: LevelFrame, places: Planar) -> Planar:
+    """Points of the trunk's plane in the level frame, (4, n) each: legs hang along gravity from there."""
+    x, y, _ = frame.to_level((places[0], places[1], np.zeros(1)))
+    return x, y
+
+
+def _joints(feet: Vector, force: Floats) -> Floats:
+    """Joint targets (n, 12), rad, for feet in the base frame that carry a force, N."""
+    x, y = feet[0] - HIP_X, feet[1] - HIP_Y
+    hip, thigh, calf = leg_angles(x, y, np.minimum(feet[2], -SHORTEST_DROP), SIDES)
+    return np.stack(held_up(hip, thigh, calf, x, y, force), axis=1).reshape(NUM_JOINTS, -1).T

@@ -1,0 +1,183 @@
+"""A diagonal trot that follows a velocity command: the baseline, and the base of the residual.
+
+Each standing foot moves against the velocity that the body is to have at that foot, -(v + ω × r), so that forward,
+lateral and turning commands are one formula; each swing brings it back. It looks at nothing but the command.
+"""
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies import bounds
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, PolicyError, to_actions
+from policies.gait import TROT_OFFSETS, Floats, Gait
+from policies.legs.foot_path import lift, load, stride
+from policies.legs.kinematics import leg_angles
+from policies.legs.stance_load import held_up
+from quad_env import OBSERVATION
+from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, NUM_JOINTS, SIDE
+
+PARAMETERS_FILE = Path(__file__).with_name("trot.json")
+"""The searched parameters, written by `python -m train search trot`."""
+
+
+@dataclass(frozen=True)
+class TrotParameters:
+    """What the search tunes."""
+
+    frequency: float = 3.4
+    """Gait cycles a second, Hz."""
+    duty: float = 0.48
+    """Share of the cycle that a foot is on the ground."""
+    body_height: float = 0.28
+    """Hip joints above the centres of the standing feet, m."""
+    step_height: float = 0.08
+    """Lift of the foot at mid-swing, m."""
+    stance_width: float = 0.54
+    """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
+    stance_shift: float = -0.07
+    """Middle of the strides ahead of the hip joints, m."""
+    servo_lead: float = 0.01
+    """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
+    stance_load: float = 50.0
+    """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
+    blend_time: float = 0.3
+    """From the home pose to the gait at the start of an episode, s."""
+    linear_acceleration: float = 14.0
+    """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
+    yaw_acceleration: float = 16.0
+    """Fastest change of the yaw rate command that the gait follows, rad/s²."""
+    turn_lead: float = 0.06
+    """How far ahead the gait's velocity is turned at the commanded yaw rate, s: in a curve the body lags behind."""
+    forward_gain: float = 1.0
+    """Gait's forward velocity per commanded."""
+    forward_bias: float = 0.0
+    """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
+    lateral_gain: float = 1.0
+    """Gait's lateral velocity per commanded."""
+    yaw_gain: float = 1.0
+    """Gait's yaw rate per commanded."""
+    yaw_per_lateral: float = 0.0
+    """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
+
+    def __post_init__(self) -> None:
+        bounds.check(self, LIMITS)
+
+
+LIMITS: dict[str, tuple[float, float]] = {
+    "frequency": (0.1, 50.0),
+    "duty": (0.01, 0.99),
+    "body_height": (0.01, 1.0),
+    "step_height": (-1.0, 1.0),
+    "stance_width": (-2.0, 2.0),
+    "stance_shift": (-1.0, 1.0),
+    "servo_lead": (-1.0, 1.0),
+    "stance_load": (-1e3, 1e3),
+    "blend_time": (1e-3, 100.0),
+    "linear_acceleration": (1e-3, 1e6),
+    "yaw_acceleration": (1e-3, 1e6),
+    "turn_lead": (-10.0, 10.0),
+    "forward_gain": (-100.0, 100.0),
+    "forward_bias": (-100.0, 100.0),
+    "lateral_gain": (-100.0, 100.0),
+    "yaw_gain": (-100.0, 100.0),
+    "yaw_per_lateral": (-100.0, 100.0),
+}
+"""Bounds of `TrotParameters` by field name, far beyond any use: within them every action is a finite number."""
+
+
+@cache
+def searched_parameters() -> TrotParameters:
+    """The outcome of the search, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
+    try:
+        return TrotParameters(**json.loads(PARAMETERS_FILE.read_text()))
+    except (OSError, OverflowError, TypeError, ValueError) as error:
+        raise PolicyError(f"cannot read {PARAMETERS_FILE} ({error}); `python -m train search trot` writes it") from None
+
+
+SEARCH_RANGES: dict[str, tuple[float, float]] = {
+    "frequency": (2.0, 4.0),
+    "duty": (0.45, 0.65),
+    "body_height": (0.25, 0.42),
+    "step_height": (0.04, 0.14),
+    "stance_width": (0.4, 0.62),
+    "stance_shift": (-0.1, 0.05),
+    "servo_lead": (0.0, 0.05),
+    "stance_load": (0.0, 90.0),
+    "turn_lead": (0.0, 0.2),
+    "linear_acceleration": (2.0, 20.0),
+    "yaw_acceleration": (3.0, 40.0),
+}
+"""Bounds within which a search of `TrotParameters` makes sense, by field name."""
+
+
+class Trot(GaitedPolicy):
+    """Command-following trot; steps in place at zero command."""
+
+    name = "trot"
+
+    def __init__(self, parameters: TrotParameters | None = None) -> None:
+        self.parameters = parameters if parameters is not None else searched_parameters()
+        self.frequency = self.parameters.frequency
+        self._gait = Gait(TROT_OFFSETS, self.parameters.duty)
+        super().__init__()
+
+    def _allocate(self, num_envs: int) -> None:
+        super()._allocate(num_envs)
+        self._command = np.zeros((num_envs, 3))
+        self._joints = np.tile(HOME_POSE, (num_envs, 1))
+
+    def _restart(self, mask: NDArray[np.bool_]) -> None:
+        super()._restart(mask)
+        self._command = np.where(mask[:, None], 0.0, self._command)
+        self._joints = np.where(mask[:, None], HOME_POSE, self._joints)
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        self._tick()
+        self._follow(observation[:, OBSERVATION["command"]].astype(np.float64))
+        joints = self._blended(self._targets(self._phase, self._mapped(self._command)), self.parameters.blend_time)
+        velocity = (joints - self._joints) / CONTROL_PERIOD
+        self._joints = joints
+        return to_actions(joints + self.parameters.servo_lead * velocity)
+
+    def _follow(self, command: Floats) -> None:
+        """Move the command that the gait follows towards the one given, no faster than its limits."""
+        p = self.parameters
+        reach = CONTROL_PERIOD * np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
+        self._command = self._command + np.clip(command - self._command, -reach, reach)
+
+    def _mapped(self, command: Floats) -> Floats:
+        """The velocity to ask of the gait so that the robot achieves the commanded one; shape (n, 3)."""
+        p = self.parameters
+        yaw_rate = command[:, 2]
+        forward = command[:, 0] - p.turn_lead * yaw_rate * command[:, 1]
+        lateral = command[:, 1] + p.turn_lead * yaw_rate * command[:, 0]
+        return np.stack(
+            [
+                p.forward_gain * forward + p.forward_bias,
+                p.lateral_gain * lateral,
+                p.yaw_gain * yaw_rate + p.yaw_per_lateral * lateral,
+            ],
+            axis=-1,
+        )
+
+    def _targets(self, phase: Floats, velocity: Floats) -> Floats:
+        """Joint targets (n, 12) in rad for a phase (n,) and a gait velocity (n, 3)."""
+        p = self.parameters
+        cycle = self._gait.legs(phase)
+        foot_x = HIP_POSITIONS[:, 0] + p.stance_shift
+        foot_y = SIDE * (p.stance_width / 2.0)
+        forward, lateral, yaw_rate = velocity[:, 0:1], velocity[:, 1:2], velocity[:, 2:3]
+        # While a foot stands it passes under the body at -(v + ω × r), r from the trunk's centre to the foot.
+        stance_time = p.duty / p.frequency
+        along = stride(cycle, p.duty) * stance_time
+        x = p.stance_shift + along * (forward - yaw_rate * foot_y)
+        y = (foot_y - HIP_POSITIONS[:, 1]) + along * (lateral + yaw_rate * foot_x)
+        z = p.step_height * lift(cycle) - p.body_height
+        hip, thigh, calf = leg_angles(x, y, z)
+        force = load(cycle) * p.stance_load
+        return np.stack(held_up(hip, thigh, calf, x, y, force), axis=-1).reshape(-1, NUM_JOINTS)

@@ -1,0 +1,1 @@
+"""Actuator models, and what they do between targets and joints at every physics step."""

@@ -1,0 +1,151 @@
+"""What drives the joints, as values in physical units at the joint, behind the gear; `actuator=` of `make` chooses one.
+
+The ideal servo is limited by `Motors.torque_limit` alone and follows its target at once. Where an actuator and the
+`Motors` of a scenario limit the same thing, the weaker one holds; delays add up with `Latency`.
+"""
+
+from dataclasses import dataclass
+
+from quad_env.robots.robot import TORQUE_LIMIT, VELOCITY_LIMIT
+from quad_env.scenarios.disturbances import check_amount, check_positive
+
+
+@dataclass(frozen=True)
+class TorqueSpeed:
+    """The torque-speed curve of a DC motor on a constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed), and the
+    same with both signs turned.
+
+    The figures are our reading of the document, which gives each joint an effort limit of 100 N·m and a velocity limit
+    of 10 rad/s and no curve: the first is taken for the stall torque, the second for the speed without load.
+
+    The line is that of a winding of resistance R and motor constant K on a voltage of at most ±V: τ = K (v − K ω) / R
+    (MuJoCo DC Motor Model, equation 2; MuJoCo's `dcmotor` with its on-board controller). It goes on through all four
+    quadrants: a motor that brakes has the back-EMF on its side, and the line allows more than the stall torque there.
+    The drive's current limit does not, and holds the torque within ±stall_torque. Above the speed without load the
+    back-EMF exceeds the supply: the motor can do nothing but brake, at least along the line.
+    """
+
+    stall_torque: float = TORQUE_LIMIT
+    """N·m at standstill; also the limit of the current, braking included"""
+    no_load_speed: float = VELOCITY_LIMIT
+    """rad/s at which no torque is left"""
+
+    def __post_init__(self) -> None:
+        check_positive("stall_torque", self.stall_torque, "N·m")
+        check_positive("no_load_speed", self.no_load_speed, "rad/s")
+
+    @property
+    def slope(self) -> float:
+        """Torque lost per speed, K²/R, N·m·s/rad; the winding turns τ² / slope into heat, W."""
+        return self.stall_torque / self.no_load_speed
+
+
+@dataclass(frozen=True)
+class Gear:
+    """A rotor and the gear between it and the joint; both turn together, so that the joint feels the rotor's inertia
+    times the ratio squared. The default gives the 0.02 kg·m² of the robot's model."""
+
+    ratio: float = 10.0
+    """Turns of the rotor per turn of the joint."""
+    rotor_inertia: float = 2e-4
+    """kg·m²"""
+
+    def __post_init__(self) -> None:
+        check_positive("a gear's ratio", self.ratio, "")
+        check_amount("rotor_inertia", self.rotor_inertia, "kg·m²")
+
+    @property
+    def reflected_inertia(self) -> float:
+        """At the joint, kg·m²."""
+        return self.rotor_inertia * self.ratio**2
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """A winding that its own losses heat and that cools to its surroundings: one node, first order.
+
+    C dT/dt = τ² / slope − (T − ambient) / resistance, where C = time_constant / resistance and τ is the torque of each
+    physics step. The winding's resistance is taken to be constant.
+
+    From `derating` to `shutdown` the torque limit falls linearly to the share `derated` of itself; a motor that reaches
+    `shutdown` is switched off: its winding is open, it gives no torque and does not brake, until the end of the
+    episode, however much it cools. Drives do so: moteus (`derate_temperature`, `derate_current_A`, then a fault at
+    `fault_temperature`), and ODrive 0.5, where the limit falls to zero and an axis that is hotter still stays off until
+    somebody clears the error. An episode starts at `ambient`.
+
+    The default figures are those of the winding and the case of a small leg motor, its case taken to stay at ambient
+    temperature: resistance 1.07 K/W, 16.3 J/K, at most 115 °C with a soft border of 15 °C below it (opensourceleg,
+    `hardware/thermal.py`).
+    """
+
+    resistance: float = 1.07
+    """K/W from the winding to its surroundings"""
+    time_constant: float = 17.4
+    """s"""
+    ambient: float = 25.0
+    """°C"""
+    derating: float = 100.0
+    """°C above which the torque limit falls"""
+    shutdown: float = 115.0
+    """°C at which the motor is switched off"""
+    derated: float = 0.5
+    """Share of the torque limit that is left just before; with 0 a motor hardly ever gets so hot"""
+
+    def __post_init__(self) -> None:
+        check_positive("thermal resistance", self.resistance, "K/W")
+        check_positive("thermal time_constant", self.time_constant, "s")
+        if not 0 <= self.derated <= 1:
+            raise ValueError(f"derated must lie between 0 and 1, got {self.derated}")
+        if not -273.15 <= self.ambient <= self.derating < self.shutdown < float("inf"):
+            raise ValueError(
+                "temperatures must rise from ambient to derating to shutdown, got "
+                f"{self.ambient}, {self.derating} and {self.shutdown} °C"
+            )
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A joint's servo motor; every part is ideal unless it is given."""
+
+    curve: TorqueSpeed | None = None
+    """None: any torque within the limit at any speed"""
+    gear: Gear | None = None
+    """None: the reflected inertia of the robot's model"""
+    bandwidth: float | None = None
+    """Hz, as `Motors.bandwidth`: a first-order lag of the target; None: no lag"""
+    delay: float = 0.0
+    """s from a target's arrival at the drive to its effect, rounded to whole physics steps; at the start of an episode
+    the drive holds the home pose for so long"""
+    thermal: Thermal | None = None
+    """None: a winding that stays cold; otherwise needs a curve, whose slope says what a torque costs"""
+
+    def __post_init__(self) -> None:
+        if self.bandwidth is not None:
+            check_positive("bandwidth", self.bandwidth, "Hz")
+        if not 0 <= self.delay <= 1:
+            raise ValueError(f"an actuator's delay must lie between 0 s and 1 s, got {self.delay}")
+        if self.thermal is not None and self.curve is None:
+            raise ValueError("a thermal model needs a curve, from which the heat of a torque follows: give one")
+
+
+ACTUATORS = {
+    "ideal": Actuator(),
+    "torque_speed": Actuator(TorqueSpeed()),
+    "motor": Actuator(TorqueSpeed(), Gear(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
+}
+"""By name. `motor`: 66 Hz is the torque bandwidth measured on a quasi-direct drive (Pérez-Díaz et al., 2024), 2 ms one
+cycle of a 500 Hz field bus."""
+
+
+def actuator(which: str | Actuator) -> Actuator:
+    """The actuator of that name, or the actuator itself; ValueError lists the valid names."""
+    if isinstance(which, Actuator):
+        return which
+    if not isinstance(which, str) or which not in ACTUATORS:
+        raise ValueError(f"unknown actuator {which!r}; valid: {', '.join(ACTUATORS)}, or a quad_env.Actuator")
+    return ACTUATORS[which]
+
+
+def weaker(first: float | None, second: float | None) -> float | None:
+    """The smaller of two limits, of which None is no limit."""
+    return min((limit for limit in (first, second) if limit is not None), default=None)

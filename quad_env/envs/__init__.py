@@ -1,0 +1,1 @@
+"""The Gymnasium environments: one robot, or a native batch of n."""

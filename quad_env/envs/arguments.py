@@ -1,0 +1,63 @@
+"""Checks of what callers hand to the environment: each gives the value in its own type or a ValueError that helps."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike
+
+from quad_env.columns import Array, Mask
+from quad_env.config import COMMAND_BOUND
+from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
+
+RESET_OPTIONS = ("command", "reset_mask")
+
+
+def check_options(options: dict[str, Any]) -> None:
+    """Refuse unknown keys of reset's options."""
+    if unknown := set(options) - set(RESET_OPTIONS):
+        raise ValueError(f"unknown options {sorted(unknown)}; valid: {', '.join(RESET_OPTIONS)}")
+
+
+def held_commands(command: ArrayLike, num_envs: int) -> Array:
+    """Commands given by the caller, (num_envs, 3): one for all, or one each."""
+    array = np.asarray(command, dtype=np.float64)
+    if array.shape not in ((3,), (num_envs, 3)):
+        raise ValueError(f"options['command'] has shape {array.shape}; wanted (3,) or ({num_envs}, 3)")
+    if not (np.abs(array) <= COMMAND_BOUND).all():
+        raise ValueError(f"options['command'] must be finite and within ±{COMMAND_BOUND:g}")
+    return np.broadcast_to(array, (num_envs, 3)).copy()
+
+
+def reset_mask(mask: Any, num_envs: int) -> Mask:
+    """Which envs to reset, (num_envs,); all of them for None."""
+    if mask is None:
+        return np.ones(num_envs, bool)
+    array = np.asarray(mask)
+    if array.shape != (num_envs,) or array.dtype != bool:
+        raise ValueError(f"options['reset_mask'] must be a bool array of shape ({num_envs},), got {array.shape}")
+    return array
+
+
+def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """The mode of that name or value, or the mode itself."""
+    by_name = {member.name: member for member in AutoresetMode} | {member.value: member for member in AutoresetMode}
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if mode not in by_name:
+        raise ValueError(f"unknown autoreset_mode {mode!r}; valid: {', '.join(AutoresetMode.__members__)}")
+    return by_name[mode]
+
+
+def joint_targets(actions: Any, shape: tuple[int, ...]) -> Array:
+    """Joint targets clipped to the limits, of the given `shape`, rad."""
+    array = np.asarray(actions)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"an action is real joint targets in rad, got {array.dtype}")
+    if array.shape != shape:
+        raise ValueError(f"the action has shape {array.shape}; wanted {shape} joint targets in rad")
+    targets: Array = array.astype(np.float64)
+    if np.count_nonzero(np.isfinite(targets)) < targets.size:
+        raise ValueError("an action is finite joint targets in rad")
+    np.maximum(targets, JOINT_LOWER, out=targets)
+    return np.minimum(targets, JOINT_UPPER, out=targets)

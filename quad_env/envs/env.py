@@ -1,0 +1,215 @@
+"""The single environment: one robot, its readings, rewards and falls worked out on floats."""
+
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
+
+from quad_env import columns
+from quad_env.actuation.delay import wires_of
+from quad_env.actuation.models import Actuator
+from quad_env.actuation.models import actuator as find_actuator
+from quad_env.config import TaskConfig
+from quad_env.envs.arguments import check_options, held_commands, joint_targets
+from quad_env.envs.vector_env import ACTION_SPACE, OBSERVATION_SPACE, Observation
+from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import QuadState
+from quad_env.robots.robot import NUM_JOINTS
+from quad_env.scenarios.episode import Episode, at_reset
+from quad_env.scenarios.named import scenario as find_scenario
+from quad_env.scenarios.scenario import Scenario
+from quad_env.seeding import fresh_seeds, seeds_of
+from quad_env.sensing.observation import SensedObservation, shown_by
+from quad_env.sensing.suite import SensorSuite, sensor_suite
+from quad_env.task.observations import observe
+from quad_env.task.rewards import reward_terms, step_weights
+from quad_env.task.terminations import fall_reason
+
+RENDER_MODES = ("rgb_array", "depth_array", "human")
+_ROW = np.zeros(1, np.intp)
+"""The only robot among those of a batch of one."""
+
+
+class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """A 14.2 kg quadruped that follows velocity commands; 12 joint-position targets at 100 Hz.
+
+    Actions, observations, commands, infos, falls and seeds are described in the README, section "Environment". The time
+    limit (1000 steps, 10 s) is the `TimeLimit` wrapper that `gym.make` adds.
+
+    Args:
+        scenario: a name from `quad_env.SCENARIOS` or a `quad_env.Scenario`.
+        terminate_on_fall: False keeps a fallen robot going.
+        render_mode: None, "rgb_array", "depth_array" (m from the camera) or "human".
+        width, height: of rendered frames, pixels.
+        camera: name of a camera of the model.
+        config: control rate, fall rule and reward weights.
+        actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
+        sensors: what the observation is built from: None or "truth", a name of `quad_env.SENSORS`, or a
+            `quad_env.SensorSuite`; all but the truth add `info["sensors"]`.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
+
+    def __init__(
+        self,
+        scenario: str | Scenario = "flat",
+        terminate_on_fall: bool = True,
+        render_mode: str | None = None,
+        width: int = 640,
+        height: int = 480,
+        camera: str = "track",
+        config: TaskConfig | None = None,
+        actuator: str | Actuator = "ideal",
+        sensors: str | SensorSuite | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
+        self.scenario = find_scenario(scenario)
+        """What the robot has to cope with."""
+        self.config = config or TaskConfig()
+        self.dt = 1 / self.config.control_rate
+        """Control period, s."""
+        self.terminate_on_fall = terminate_on_fall
+        self.render_mode = render_mode
+        self.action_space, self.observation_space = ACTION_SPACE, OBSERVATION_SPACE
+        rate, suite = self.config.control_rate, sensor_suite(sensors)
+        motors, imu = find_actuator(actuator), None if suite is None else suite.imu
+        self._simulation = Simulation.of(self.scenario, 1, 1, rate, actuator=motors, imu=imu)
+        self._wires = wires_of(self.scenario, 1, self.dt)
+        self._sensors = shown_by(suite, self._simulation, self.scenario, 1, rate)
+        self._weights = step_weights(self.config.reward_weights, self.dt)
+        self._interval = round(self.scenario.commands.interval / self.dt)
+        (self._seed,), self._next_episode = fresh_seeds(1), 0
+        self._episode: Episode | None = None
+        self._clock, self._held = 0, False
+        self._command: columns.Vector[float] = (0.0, 0.0, 0.0)
+        self._followed: columns.Vector[float] = self._command
+        self._fall: str | None = None
+        self._diverged = self._terminated = False
+        self._frame = (width, height, camera)
+        self._view: Any = None
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model; writing to it does not change the simulation."""
+        return self._simulation.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """A fresh snapshot of the simulation, derived fields current; writing to it does not change the simulation."""
+        return self._simulation.snapshot(0)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode; `options["command"]`, (3,), is held for its whole length."""
+        super().reset(seed=seed)
+        options = options or {}
+        check_options(options)
+        if "reset_mask" in options:
+            raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
+        command = options.get("command")
+        held = None if command is None else held_commands(command, 1)
+        if seed is not None:
+            (self._seed,), self._next_episode = seeds_of(seed, 1), 0
+        self._episode = Episode(self.scenario, self._seed, self._next_episode, self.dt)
+        self._next_episode += 1
+        self._clock, self._fall, self._diverged, self._terminated = 0, None, False, False
+        self._held = held is not None
+        self._command = self._followed = columns.of_robot(self._episode.next_command()[None] if held is None else held)
+        self._simulation.reset(_ROW, *at_reset([self._episode]))
+        self._simulation.show_load(0)
+        if self._wires is not None:
+            self._wires.begin(_ROW, [self._episode])
+        if self._sensors is not None:
+            self._sensors.begin(_ROW, [self._episode])
+        observation, info = self._still()
+        if self.render_mode == "human":
+            self.render()
+        return observation, info
+
+    def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Advance by `dt` seconds with target joint positions (12,), rad; a robot whose episode has ended stands still.
+
+        Raises:
+            ValueError: a wrong shape or a non-finite target; the robot has not moved then.
+        """
+        targets = joint_targets(action, (NUM_JOINTS,))
+        if self._episode is None:
+            raise ResetNeeded("reset the environment before the first step")
+        if self._terminated:
+            observation, info = self._still()
+            return observation, 0.0, True, False, info
+        wires = self._wires
+        heard = None if wires is None else wires.heard(targets[None], np.array([self._clock]), _ROW)
+        self._simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), heard=heard)
+        self._clock += 1
+        state = self._judge()
+        terms = reward_terms(state, self._terminated, self._diverged, self._weights)
+        if not self._held and self._clock % self._interval == 0:
+            self._command = columns.of_robot(self._episode.next_command()[None])
+        observation = self._observe(state)
+        if self.render_mode == "human":
+            self.render()
+        info = self._info(state, terms, state.mechanical_power, state.overspeed)
+        return observation, columns.total(terms.values()), self._terminated, False, info
+
+    def _judge(self) -> QuadState[float]:
+        """Readings of the robot that just moved; whether it fell, and whether that ends the episode."""
+        motion = self._simulation.motion_of_one()
+        self._diverged = self._simulation.one_diverged(motion)
+        if self._diverged:
+            self._simulation.park(_ROW)
+            motion = self._simulation.motion_of_one()
+        self._followed = self._command
+        state = self._simulation.state_of_one(self._followed, motion)
+        self._fall = None if self._diverged else fall_reason(state, self.config.fall_rule)
+        self._terminated = self._diverged or (self._fall is not None and self.terminate_on_fall)
+        return state
+
+    def _still(self) -> tuple[Observation, dict[str, Any]]:
+        """Observation and info of a robot that has not moved."""
+        state = self._simulation.state_of_one(self._followed)
+        terms = dict.fromkeys(self._weights, 0.0)
+        return self._observe(state), self._info(state, terms, 0.0, 0.0)
+
+    def _observe(self, state: QuadState[float]) -> Observation:
+        observation = observe(state, self._command)
+        if self._sensors is not None:
+            self._sensors.sense(observation[None], np.array([self._clock]), _ROW)
+        return observation
+
+    def _info(self, state: QuadState[float], terms: dict[str, float], power: float, overspeed: float) -> dict[str, Any]:
+        info: dict[str, Any] = {
+            "command": np.array(state.command),
+            "heading_velocity": np.array(state.heading_velocity),
+            "reward_terms": terms,
+            "fall": self._fall,
+            "diverged": self._diverged,
+            "mechanical_power": power,
+            "overspeed": overspeed,
+        }
+        if isinstance(self._sensors, SensedObservation):
+            readings = self._sensors.readings()
+            info["sensors"] = {name: {key: each[key][0] for key in each} for name, each in readings.items()}
+        return info
+
+    def render(self) -> NDArray[Any] | None:
+        """The current frame: (height, width, 3) uint8, (height, width) float32 in m, or None for "human"."""
+        if self.render_mode is None:
+            raise gym.error.Error("render_mode is None; choose one: gym.make('SimpleQuad-v0', render_mode='rgb_array')")
+        if self._view is None:
+            from quad_env.physics.rendering import Camera, Window
+
+            human = self.render_mode == "human"
+            self._view = Window(self.model) if human else Camera(self.model, *self._frame)
+        return self._view.draw(self.data, depth=self.render_mode == "depth_array")  # type: ignore[no-any-return]
+
+    def close(self) -> None:
+        """Close the window or the renderer; the simulation itself needs no closing."""
+        if self._view is not None:
+            self._view.close()
+            self._view = None

@@ -1,0 +1,281 @@
+"""The native batch: n robots as one `gymnasium.vector.VectorEnv`."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from quad_env import columns
+from quad_env.actuation.delay import wires_of
+from quad_env.actuation.models import Actuator
+from quad_env.actuation.models import actuator as find_actuator
+from quad_env.columns import Array, Mask
+from quad_env.config import TaskConfig
+from quad_env.envs.arguments import (
+    check_options,
+    find_autoreset_mode,
+    held_commands,
+    joint_targets,
+    reset_mask,
+)
+from quad_env.physics.simulation import ALL, Ids, Simulation
+from quad_env.physics.state import QuadState
+from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
+from quad_env.scenarios.episode import PushPlan, at_reset
+from quad_env.scenarios.named import scenario as find_scenario
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.schedule import Schedule
+from quad_env.sensing.observation import SensedObservation, shown_by
+from quad_env.sensing.suite import SensorSuite, sensor_suite
+from quad_env.task.observations import BOUND, observe
+from quad_env.task.readings import readings as readings_of
+from quad_env.task.rewards import reward_terms, step_weights
+from quad_env.task.terminations import fall_reasons
+
+Observation = NDArray[np.float32]
+Infos = dict[str, Any]
+
+RENDER_MODES = ("rgb_array", "depth_array")
+OBSERVATION_SPACE = Box(-BOUND, BOUND, dtype=np.float32)
+ACTION_SPACE = Box(JOINT_LOWER.astype(np.float32), JOINT_UPPER.astype(np.float32), dtype=np.float32)
+
+
+class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
+    """n SimpleQuad robots, stepped together.
+
+    Env i with a seed gives the same numbers, bit for bit, as a single env with that seed, whatever n and `nthread`.
+
+    Args:
+        num_envs: number of robots.
+        scenario: a name from `quad_env.SCENARIOS` or a `quad_env.Scenario`.
+        nthread: threads of the simulation.
+        autoreset_mode: an `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
+            finished robot stands still in time, its last observation repeated with zero reward, until
+            `reset(options={"reset_mask": mask})`.
+        max_episode_steps: time limit in control steps of 0.01 s; None or -1 for no limit.
+        terminate_on_fall: False keeps a fallen robot going.
+        render_mode: None, "rgb_array" or "depth_array"; `render` gives a frame a robot. A window shows single ones.
+        config: control rate, fall rule and reward weights.
+        actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
+        readings: True adds `infos["readings"]`, what happened in the step beyond what policies observe: see
+            `quad_env.task.readings`.
+        sensors: what observations are built from: None or "truth", a name of `quad_env.SENSORS`, or a
+            `quad_env.SensorSuite`; all but the truth add `infos["sensors"]`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: str | Scenario = "flat",
+        nthread: int = 2,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = 1000,
+        terminate_on_fall: bool = True,
+        render_mode: str | None = None,
+        config: TaskConfig | None = None,
+        readings: bool = False,
+        actuator: str | Actuator = "ideal",
+        sensors: str | SensorSuite | None = None,
+    ) -> None:
+        if num_envs < 1 or nthread < 1:
+            raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
+        max_episode_steps = None if max_episode_steps == -1 else max_episode_steps
+        if max_episode_steps is not None and max_episode_steps < 1:
+            raise ValueError(f"max_episode_steps must be at least 1, or None or -1 for none, got {max_episode_steps}")
+        if render_mode not in (None, *RENDER_MODES):
+            raise ValueError(f"a batch has no render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
+        self.scenario = find_scenario(scenario)
+        self.config = config or TaskConfig()
+        self.num_envs = num_envs
+        self.render_mode = render_mode
+        self.autoreset_mode = find_autoreset_mode(autoreset_mode)
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space, self.single_action_space = OBSERVATION_SPACE, ACTION_SPACE
+        self.observation_space = batch_space(OBSERVATION_SPACE, num_envs)
+        self.action_space = batch_space(ACTION_SPACE, num_envs)
+        self.max_episode_steps = max_episode_steps
+        self.terminate_on_fall = terminate_on_fall
+        self.dt = 1 / self.config.control_rate
+        rate, suite = self.config.control_rate, sensor_suite(sensors)
+        motors, imu = find_actuator(actuator), None if suite is None else suite.imu
+        self.simulation = Simulation.of(self.scenario, num_envs, nthread, rate, readings, motors, imu)
+        self._wires = wires_of(self.scenario, num_envs, self.dt)
+        self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
+        self._readings = readings
+        self._weights = step_weights(self.config.reward_weights, self.dt)
+        self._schedule = Schedule(self.scenario, num_envs, self.dt)
+        self._rows = np.arange(num_envs)
+        self._started = np.zeros(num_envs, bool)
+        self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
+        # What the caller is shown copies of: a robot that does not move keeps its row.
+        self._observation: Observation = np.zeros((num_envs, len(BOUND)), np.float32)
+        self._followed, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
+        self._diverged, self._fall = np.zeros(num_envs, bool), np.full(num_envs, None, dtype=object)
+        self._camera: Any = None
+
+    def reset(
+        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, Infos]:
+        """Start a new episode in every env, or in those of `options["reset_mask"]`.
+
+        Args:
+            seed: env i gets seed + i, or the i-th of a sequence; None goes on with each env's next episode.
+            options: "command", (3,) or (n, 3), held for the episode; "reset_mask", (n,) bool.
+
+        Raises:
+            ValueError: a seed, command or mask of the wrong shape or kind.
+        """
+        options = options or {}
+        check_options(options)
+        mask = reset_mask(options.get("reset_mask"), self.num_envs)
+        command = options.get("command")
+        held = None if command is None else held_commands(command, self.num_envs)
+        self._schedule.reseed(seed, mask)
+        super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
+        self._begin(np.flatnonzero(mask), held)
+        return self._observation.copy(), self._infos(self._nothing_paid())
+
+    def step(self, actions: NDArray[np.floating[Any]]) -> tuple[Observation, Array, Mask, Mask, Infos]:
+        """Advance by one control period of `dt` seconds.
+
+        Args:
+            actions: target joint positions, (n, 12), rad; targets outside the joint limits are clipped.
+
+        Raises:
+            ValueError: a wrong shape or a non-finite target; no robot has moved then.
+        """
+        if not self._started.all():
+            raise ResetNeeded("reset the environments before the first step")
+        targets = joint_targets(actions, (self.num_envs, NUM_JOINTS))
+        done = self._terminated | self._truncated
+        moving = np.flatnonzero(~done) if done.any() else ALL
+        wires, schedule = self._wires, self._schedule
+        heard = None if wires is None else wires.heard(targets, schedule.clock[moving], self._rows[moving])
+        self.simulation.step(targets, schedule.force(), moving, heard)
+        schedule.clock[moving] += 1
+        paid = self._judge(moving)
+        rewards = columns.total(paid["reward_terms"].values())
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and moving is not ALL:
+            self._begin(np.flatnonzero(done), None)
+        terminated, truncated = self._terminated.copy(), self._truncated.copy()
+        infos = self._infos(paid)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and (finished := terminated | truncated).any():
+            infos = self._restart(finished, infos, paid)
+        return self._observation.copy(), rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[NDArray[Any], ...] | None:
+        """A frame of each robot: (480, 640, 3) uint8, or (480, 640) float32 in m; None without a render_mode."""
+        if self.render_mode is None:
+            return None
+        if self._camera is None:
+            from quad_env.physics.rendering import Camera
+
+            self._camera = Camera(self.simulation.model)
+        depth = self.render_mode == "depth_array"
+        return tuple(self._camera.draw(self.simulation.snapshot(i), depth=depth) for i in range(self.num_envs))
+
+    def close_extras(self, **_: Any) -> None:
+        """Close the renderer."""
+        if self._camera is not None:
+            self._camera.close()
+            self._camera = None
+
+    @property
+    def pushes(self) -> PushPlan:
+        """The pushes of every env's present episode."""
+        return self._schedule.pushes
+
+    def _begin(self, ids: NDArray[np.intp], held: Array | None) -> None:
+        """Start the next episode of those envs and look; `held` are the commands of all, or None to draw."""
+        if not len(ids):
+            return
+        self._started[ids] = True
+        self._terminated[ids] = self._truncated[ids] = self._diverged[ids] = False
+        self._fall[ids] = None
+        episodes = self._schedule.begin(ids, held)
+        self.simulation.reset(ids, *at_reset(episodes))
+        if self._wires is not None:
+            self._wires.begin(ids, episodes)
+        if self._sensors is not None:
+            self._sensors.begin(ids, episodes)
+        self._look(self._read(ids), ids)
+
+    def _read(self, ids: Ids) -> QuadState[Array]:
+        """Readings of those robots, which were following their present commands."""
+        self._followed[ids] = self._schedule.command[ids]
+        return self.simulation.state(columns.of_robots(self._followed[ids]), ids)
+
+    def _look(self, state: QuadState[Array], ids: Ids) -> None:
+        """Take the observation of those robots, whose `state` it is, with the command to follow next."""
+        self._heading_velocity[ids] = np.transpose(state.heading_velocity)
+        observation = observe(state, columns.of_robots(self._schedule.command[ids]))
+        if self._sensors is not None:
+            self._sensors.sense(observation, self._schedule.clock[ids], self._rows[ids])
+        self._observation[ids] = observation
+
+    def _judge(self, ids: Ids) -> Infos:
+        """Falls, ends, observations of the robots that just moved; gives what the step earned and cost, all (n,)."""
+        diverged = self.simulation.diverged(ids)
+        if diverged.any():
+            self.simulation.park(self._rows[ids][diverged])
+        state = self._read(ids)
+        reasons = fall_reasons(state, self.config.fall_rule)
+        reasons[diverged] = None
+        fell = reasons.astype(bool)  # a reason is a word, no fall is None
+        ended = diverged | (fell & self.terminate_on_fall)
+        self._diverged[ids], self._fall[ids], self._terminated[ids] = diverged, reasons, ended
+        if self.max_episode_steps is not None:
+            self._truncated[ids] = self._schedule.clock[ids] >= self.max_episode_steps
+        self._schedule.redraw(ids)
+        self._look(state, ids)
+        paid = {
+            "reward_terms": reward_terms(state, ended, diverged, self._weights),
+            "mechanical_power": state.mechanical_power,
+            "overspeed": state.overspeed,
+        }
+        return paid if ids is ALL else _each(lambda values: self._spread(values, ids), paid)
+
+    def _spread(self, values: Array, ids: Ids) -> Array:
+        """Values of those robots among zeros for the others, (n,)."""
+        out = np.zeros(self.num_envs)
+        out[ids] = values
+        return out
+
+    def _nothing_paid(self) -> Infos:
+        nothing = {"reward_terms": dict.fromkeys(self._weights, 0.0), "mechanical_power": 0.0, "overspeed": 0.0}
+        return _each(lambda zero: np.full(self.num_envs, zero), nothing)
+
+    def _infos(self, paid: Infos) -> Infos:
+        infos: Infos = {
+            "command": self._followed.copy(),
+            "heading_velocity": self._heading_velocity.copy(),
+            "fall": self._fall.copy(),
+            "diverged": self._diverged.copy(),
+            **paid,
+        }
+        if self._readings:
+            infos["readings"] = readings_of(self.simulation)
+        if isinstance(self._sensors, SensedObservation):
+            infos["sensors"] = self._sensors.readings()
+        return infos | {f"_{key}": np.ones(self.num_envs, bool) for key in infos}
+
+    def _restart(self, finished: Mask, infos: Infos, paid: Infos) -> Infos:
+        """Same-step autoreset: restart the finished envs; the finished step moves to `final_obs` and `final_info`."""
+        ids = np.flatnonzero(finished)
+        extra = {
+            "final_obs": np.where(finished[:, None], self._observation, np.float32(0)),
+            "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
+        }
+        self._begin(ids, None)
+        infos = self._infos(_each(lambda values: np.where(finished, 0.0, values), paid))
+        return infos | extra | {f"_{key}": finished.copy() for key in extra}
+
+
+def _each(change: Callable[[Any], Array], values: Infos) -> Infos:
+    """The nested `values`, each changed."""
+    return {key: _each(change, value) if isinstance(value, dict) else change(value) for key, value in values.items()}

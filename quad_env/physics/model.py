@@ -1,0 +1,214 @@
+"""The compiled MuJoCo model: the robot, with its motors and payload, on a terrain of some ground."""
+
+import copy
+import math
+from typing import Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from quad_env.actuation.models import Actuator, TorqueSpeed, weaker
+from quad_env.robots.robot import (
+    HOME_POSE,
+    JOINT_LOWER,
+    JOINT_NAMES,
+    JOINT_UPPER,
+    LEG_NAMES,
+    MASS,
+    MODEL_PATH,
+    TRUNK_SIZE,
+)
+from quad_env.scenarios.disturbances import Ground, Motors, Payload
+from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs, Terrain
+
+TRUNK_SENSOR = "trunk_ground"
+PAYLOAD = "payload"
+"""Name of the payload's body."""
+GRAVITY = 9.81
+_GROUND, _TERRAIN = "ground", "terrain"
+_FLOOR_DEPTH = 1.0
+"""m of solid ground below a height field or a tread."""
+
+
+def compile_model(
+    terrain: Terrain,
+    ground: Ground | None = None,
+    motors: Motors | None = None,
+    payload: Payload | None = None,
+    actuator: Actuator | None = None,
+) -> mujoco.MjModel:
+    """The robot on that terrain; None is the robot's own, undisturbed."""
+    ground, motors, actuator = ground or Ground(), motors or Motors(), actuator or Actuator()
+    spec = mujoco.MjSpec.from_file(str(MODEL_PATH))
+    if isinstance(terrain, SmoothRandom):
+        _add_height_field(spec, terrain)
+    elif isinstance(terrain, Stairs):
+        _add_stairs(spec, terrain)
+    elif isinstance(terrain, Slope):
+        spec.geom(_GROUND).quat = slope_quaternion(terrain)
+    if payload is not None:
+        _add_payload(spec, payload)
+    bandwidth, limit = weaker(motors.bandwidth, actuator.bandwidth), motors.torque_limit
+    if actuator.curve is not None:
+        _put_on_voltage(spec, actuator.curve)
+        limit = min(limit, actuator.curve.stall_torque)
+    elif bandwidth is not None:
+        _slow_down(spec, 1 / (2 * math.pi * bandwidth))
+    if actuator.gear is not None:
+        for name in JOINT_NAMES:
+            spec.joint(name).armature = actuator.gear.reflected_inertia
+    _delay(spec, actuator.delay)
+    model = spec.compile()
+    model.actuator_forcerange[:] = (-limit, limit)
+    if ground != Ground():
+        _set_ground(model, ground)
+    return model
+
+
+def stepped_model(model: mujoco.MjModel, sensors: tuple[str, ...] = (TRUNK_SENSOR,)) -> mujoco.MjModel:
+    """A copy that steps to the same bits faster: of all sensors it evaluates those that are read, and it does not
+    search for islands of constraints, of which one robot has only one."""
+    lean = copy.copy(model)
+    unread = np.setdiff1d(np.arange(model.nsensor), [model.sensor(name).id for name in sensors])
+    lean.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
+    lean.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    return lean
+
+
+class Mounted(Protocol):
+    """Something fixed to the trunk."""
+
+    @property
+    def position(self) -> tuple[float, float, float]:
+        """From the trunk's centre, base frame, m."""
+
+    @property
+    def rotation(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw from the base frame, rad."""
+
+
+def mount_imu(model: mujoco.MjModel, position: tuple[float, ...], rotation: tuple[float, ...]) -> None:
+    """Put the IMU there, m, base frame, turned from the base frame by roll, pitch and yaw, rad."""
+    site = model.site("imu")
+    site.pos, site.sameframe = position, mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    mujoco.mju_euler2Quat(model.site_quat[site.id], np.array(rotation[::-1]), "zyx")
+
+
+def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
+    """Turns the vertical onto the normal of the slope: by −angle about the world's y axis."""
+    return math.cos(slope.angle / 2), 0.0, -math.sin(slope.angle / 2), 0.0
+
+
+def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom) -> None:
+    spec.add_hfield(
+        name=_TERRAIN,
+        nrow=terrain.points,
+        ncol=terrain.points,
+        size=[terrain.half_size, terrain.half_size, terrain.peak_to_valley, _FLOOR_DEPTH],
+        userdata=terrain.unit_heights.ravel(),
+    )
+    _add_ground(spec, name=_TERRAIN, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=_TERRAIN)
+
+
+def _add_stairs(spec: mujoco.MjSpec, stairs: Stairs) -> None:
+    """A box a step; the plane is the level below the last one."""
+    spec.geom(_GROUND).pos = (0.0, 0.0, -stairs.steps * stairs.rise)
+    half_height = (stairs.rise + _FLOOR_DEPTH) / 2
+    for number, ((start, end), top) in enumerate(stairs.boxes()):
+        _add_ground(
+            spec,
+            name=f"{_TERRAIN}_{number}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=((start + end) / 2, 0.0, top - half_height),
+            size=((end - start) / 2, stairs.half_width, half_height),
+        )
+
+
+def _add_ground(spec: mujoco.MjSpec, **geometry: object) -> None:
+    """A geom of the same ground as the plane."""
+    plane = spec.geom(_GROUND)
+    spec.worldbody.add_geom(material=_GROUND, friction=plane.friction, solref=plane.solref, **geometry)
+
+
+def _add_payload(spec: mujoco.MjSpec, payload: Payload) -> None:
+    moment = payload.mass * payload.edge**2 / 6
+    cube = spec.body("base_link").add_body(
+        name=PAYLOAD,
+        pos=(0.0, 0.0, (TRUNK_SIZE[2] + payload.edge) / 2),
+        mass=payload.mass,
+        inertia=(moment, moment, moment),
+        explicitinertial=True,
+    )
+    cube.add_geom(
+        name=PAYLOAD,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[payload.edge / 2] * 3,
+        contype=0,
+        conaffinity=0,
+        group=1,
+        material="dark",
+    )
+
+
+def _slow_down(spec: mujoco.MjSpec, time_constant: float) -> None:
+    """A first-order filter before each servo, integrated exactly; the home pose begins with the filters at home."""
+    for actuator in spec.actuators:
+        actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+        actuator.dynprm[0] = time_constant
+    spec.key("home").act = HOME_POSE
+
+
+def _put_on_voltage(spec: mujoco.MjSpec, curve: TorqueSpeed) -> None:
+    """DC motors on a supply of ±1 V instead of servos, with the servos' gains: in these units K = 1 / no_load_speed and
+    R = K / stall_torque. The limit of the current is the actuator's force range."""
+    constant = 1 / curve.no_load_speed
+    for servo, lower, upper in zip(spec.actuators, JOINT_LOWER, JOINT_UPPER, strict=True):
+        kp, kv = servo.gainprm[0], -servo.biasprm[2]
+        servo.inheritrange, servo.ctrlrange = 0.0, (lower, upper)
+        servo.set_to_dcmotor(
+            motorconst=(constant, constant),
+            resistance=constant / curve.stall_torque,
+            saturation=(curve.stall_torque, 0.0, 0.0),
+            controller=(kp, 0.0, kv, 0.0, 0.0, 1.0),
+            ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
+        )
+
+
+def _delay(spec: mujoco.MjSpec, delay: float) -> None:
+    """Every servo goes by the target of `delay` ago, a whole number of physics steps."""
+    steps = round(delay / spec.option.timestep)
+    for servo in spec.actuators:
+        servo.nsample, servo.delay = steps, steps * spec.option.timestep
+
+
+def history_of(model: mujoco.MjModel, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """MuJoCo's record of past targets at the start of an episode, all of them these, (12,), rad."""
+    data = mujoco.MjData(model)
+    for servo, target in enumerate(targets):
+        samples = np.full((model.actuator_history[servo, 0], 1), target)
+        mujoco.mj_initCtrlHistory(model, data, servo, None, samples)
+    return np.array(data.history)
+
+
+def _set_ground(model: mujoco.MjModel, ground: Ground) -> None:
+    geoms = np.flatnonzero(model.geom_bodyid == 0)
+    model.geom_priority[geoms] = 1
+    model.geom_friction[geoms, 0] = ground.friction
+    if ground.sink_depth > 0:
+        _let_shins_through(model, geoms)
+        legs_end = [model.body(f"{leg}_calf_link").id for leg in LEG_NAMES]
+        inverse_inertia = model.body_invweight0[legs_end, 0].mean()
+        impedance = model.geom_solimp[geoms[0], 1]
+        load = MASS * GRAVITY / len(LEG_NAMES)
+        time_constant = math.sqrt(ground.sink_depth / ((1 - impedance) * inverse_inertia * load))
+        model.geom_solref[geoms] = (time_constant, 1.0)
+
+
+def _let_shins_through(model: mujoco.MjModel, ground: NDArray[np.intp]) -> None:
+    """Ground and shins do not collide, all else as before: a second bit is that of collisions with the ground."""
+    robot = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_contype != 0))
+    model.geom_contype[robot] = model.geom_conaffinity[robot] = 0b11
+    shins = [model.geom(f"{leg}_calf").id for leg in LEG_NAMES]
+    model.geom_contype[shins] = model.geom_conaffinity[shins] = 0b01
+    model.geom_contype[ground] = model.geom_conaffinity[ground] = 0b10

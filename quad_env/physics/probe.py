@@ -1,0 +1,79 @@
+"""What there is to be measured on n simulated robots."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quad_env.columns import Array, Rows, of_robots, total
+from quad_env.physics.model import GRAVITY
+from quad_env.physics.state import rotation_matrix
+from quad_env.robots.robot import LEG_NAMES, NUM_JOINTS
+
+PROBED = (
+    "imu_angular_velocity",
+    "imu_acceleration",
+    "imu_linear_velocity",
+    "imu_orientation",
+    *(f"{leg}_foot_touch" for leg in LEG_NAMES),
+)
+"""MuJoCo's own sensors that are looked at."""
+
+
+class Probe:
+    """Looks at the present state of a MuJoCo batch, whose model evaluates the sensors PROBED.
+
+    After a step MuJoCo's outputs are those of the state before the last substep. To see the present ones they have to
+    be computed again; whoever wants those of the last substep is given copies.
+    """
+
+    def __init__(self, batch: Any, dt: float) -> None:
+        self._batch, self._dt = batch, dt
+        self._sensors = [batch.sensor(name).data for name in PROBED]
+        self._qpos, self._torque = batch.bind("qpos"), batch.bind("qfrc_actuator")
+        self._velocity = np.zeros_like(self._sensors[2])
+        """Of each IMU at its last sample, world frame, m/s."""
+        self._axes = np.zeros((len(self._velocity), 3, 3))
+        """Of each IMU at its last sample: from its axes to the world frame."""
+        self._copies: list[tuple[Array, Array]] = []
+
+    def measured(self, rows: Rows, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
+        """What those robots' sensors would read if they were perfect, of no substep earlier; name -> (k, …).
+
+        In the IMU's axes: `gyro`, rad/s, `accelerometer`, m/s², and `up`, a unit vector; and `joint_position`, rad,
+        `foot_contact`, force that presses each foot, N, and `joint_torque`, N·m. To be called once a control step,
+        `clock`, (k,), since the start.
+
+        `accelerometer`, sampled every `period` steps, is the mean specific force since the last sample: change of the
+        IMU's velocity by time, less gravity. A foot's impact, over within a substep or two, is neither missed nor taken
+        for all the time, as by the filter of a device. MuJoCo's own accelerometer is the reading of the first look
+        alone: with implicit integration what it reads and how the trunk moves differ by 2.4 m/s² (rms over control
+        steps, vertical) in a trot.
+        """
+        self._batch.forward(rows)
+        gyro, acceleration, velocity, orientation, *feet = (data[rows] for data in self._sensors)
+        axes = np.moveaxis(np.array(rotation_matrix(of_robots(orientation))), -1, 0)
+        force = (velocity - self._velocity[rows]) / (period * self._dt)
+        force[:, 2] += GRAVITY
+        half_turned = 0.5 * (self._axes[rows] + axes)
+        mean = total((half_turned * force[:, :, None]).transpose(1, 0, 2))
+        due, first = clock % period == 0, clock == 0
+        self._velocity[rows[due]], self._axes[rows[due]] = velocity[due], axes[due]
+        return {
+            "gyro": gyro,
+            "accelerometer": np.where(first[:, None], acceleration, mean),
+            "up": axes[:, 2],
+            "joint_position": self._qpos[rows, -NUM_JOINTS:],
+            "foot_contact": np.concatenate(feet, axis=1),
+            "joint_torque": self._torque[rows, -NUM_JOINTS:],
+        }
+
+    def copy(self, output: Array) -> Array:
+        """A copy of one of the batch's outputs, which follows it at every `keep` alone."""
+        self._copies.append((output, output.copy()))
+        return self._copies[-1][1]
+
+    def keep(self, rows: slice | Rows) -> None:
+        """Take the outputs of those robots as they are now into the copies."""
+        for output, copy in self._copies:
+            copy[rows] = output[rows]

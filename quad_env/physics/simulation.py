@@ -1,0 +1,284 @@
+"""n robots on one MuJoCo batch: joint targets in, state out."""
+
+import itertools
+from collections.abc import Callable
+from functools import partial
+from typing import Any, cast
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+from numpy.typing import NDArray
+
+from quad_env.actuation.models import Actuator
+from quad_env.actuation.runtime import drives_of
+from quad_env.columns import Array, Column, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
+from quad_env.physics.model import (
+    PAYLOAD,
+    TRUNK_SENSOR,
+    Mounted,
+    compile_model,
+    history_of,
+    mount_imu,
+    slope_quaternion,
+    stepped_model,
+)
+from quad_env.physics.probe import PROBED, Probe
+from quad_env.physics.rotations import product, quaternion
+from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
+from quad_env.robots.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, TRUNK_SIZE
+from quad_env.scenarios.disturbances import Ground, Motors, Payload
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import Slope, Terrain
+
+Ids = slice | NDArray[np.intp]
+ALL = slice(None)
+_DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
+"""MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""
+_FOOT_SENSORS = tuple(f"{leg}_foot_ground" for leg in LEG_NAMES)
+_LEG_SENSORS = tuple(f"{leg}_{link}_ground" for leg in LEG_NAMES for link in ("thigh", "calf"))
+Motion = tuple[Vector[Column], Vector[Column]]
+"""Generalised positions (19) and velocities (18), as MuJoCo orders them."""
+_THIGH_RADIUS = 0.03
+"""From an end of a thigh to the farthest corner of the box there, rounded up, m."""
+_TRUNK_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * TRUNK_SIZE
+
+
+class Simulation:
+    """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
+
+    With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`; with an `imu`, mounted
+    where it says, there is a `probe`.
+    """
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        num_envs: int,
+        nthread: int,
+        control_rate: float,
+        contacts: bool = False,
+        *,
+        ground: Ground | None = None,
+        motors: Motors | None = None,
+        payload: Payload | None = None,
+        actuator: Actuator | None = None,
+        imu: Mounted | None = None,
+    ) -> None:
+        self.terrain = terrain
+        self.model = compile_model(terrain, ground, motors, payload, actuator)
+        """Of every robot, but for where its payload is and what its hot motors can do: there it is that of the robot
+        that `show_load` named last."""
+        if imu is not None:
+            mount_imu(self.model, imu.position, imu.rotation)
+        period = 1 / control_rate
+        self.substeps = round(period / self.model.opt.timestep)
+        if self.substeps < 1 or abs(self.substeps * self.model.opt.timestep - period) > 1e-9:
+            raise ValueError(
+                f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
+            )
+        more = (*_FOOT_SENSORS, *_LEG_SENSORS) if contacts else ()
+        probed = () if imu is None else PROBED
+        self._batch = Batch(stepped_model(self.model, (TRUNK_SENSOR, *more, *probed)), num_envs, nthread)
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._ctrl = self._batch.bind("ctrl")
+        self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
+        self._torque = self._batch.bind("actuator_force")
+        self._trunk_contact = self._batch.sensor(TRUNK_SENSOR).data
+        self._leg_contacts = [self._batch.sensor(name).data for name in more]
+        self.probe = None if imu is None else Probe(self._batch, period)
+        if self.probe is not None:  # which computes the outputs of the last substep anew
+            self._torque, self._trunk_contact = self.probe.copy(self._torque), self.probe.copy(self._trunk_contact)
+            self._leg_contacts = [self.probe.copy(contact) for contact in self._leg_contacts]
+        self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
+        self._feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
+        self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in ("thigh", "calf") for leg in LEG_NAMES]
+        self._sites, self._bodies = self._batch.bind("site_xpos"), self._batch.bind("xpos")
+        self._filtered = self._batch.bind("act") if self.model.na else None
+        self._load = None if payload is None else self._batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
+        self._history = self._batch.bind("history") if self.model.nhistory else None
+        self._past = history_of(self.model, HOME_POSE) if self.model.nhistory else None
+        rows, timestep = (self._batch.bind, self._batch.expand), self.model.opt.timestep
+        self._drives = drives_of(motors or Motors(), actuator or Actuator(), *rows, self.substeps, timestep)
+        self._force: Array | None = None
+        self._alignment = slope_quaternion(terrain) if isinstance(terrain, Slope) else None
+        self._action = np.tile(HOME_POSE, (num_envs, 1))
+        self._previous_action = self._action.copy()
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        num_envs: int,
+        nthread: int,
+        control_rate: float,
+        contacts: bool = False,
+        actuator: Actuator | None = None,
+        imu: Mounted | None = None,
+    ) -> "Simulation":
+        """Robots in that scenario, with those motors."""
+        ground, motors, payload = scenario.ground, scenario.motors, scenario.payload
+        make = partial(cls, ground=ground, motors=motors, payload=payload, actuator=actuator, imu=imu)
+        return make(scenario.terrain, num_envs, nthread, control_rate, contacts)
+
+    def reset(self, ids: NDArray[np.intp], rows: Array, force: Array | None = None, load: Array | None = None) -> None:
+        """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, just on the ground.
+
+        A row holds x, y, yaw, roll, pitch, 12 joint offsets from home, 6 trunk and 12 joint velocities. `force`,
+        (k, 2), N, acts on their trunks at every step, world frame; `load`, (k, 2), m, is where their payloads are, base
+        frame.
+        """
+        self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self._batch.warning[ids] = 0
+        qpos = np.empty((len(ids), self.model.nq))
+        qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], HOME_HEIGHT
+        qpos[:, 3:7] = quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
+        if self._alignment is not None:
+            qpos[:, 3:7] = product(self._alignment, qpos[:, 3:7])
+        qpos[:, 7:] = np.clip(HOME_POSE + rows[:, 5:17], JOINT_LOWER, JOINT_UPPER)
+        self._qpos[ids] = qpos
+        self._qvel[ids] = rows[:, 17:]
+        self._ctrl[ids] = self._action[ids] = self._previous_action[ids] = HOME_POSE
+        if self._filtered is not None:
+            self._filtered[ids] = HOME_POSE
+        if self._history is not None:
+            self._history[ids] = self._past
+        if self._drives is not None:
+            self._drives.begin(ids)
+        if force is not None:
+            self._force = np.zeros_like(self._push) if self._force is None else self._force
+            self._force[ids] = self._push[ids] = force
+        if self._load is not None:
+            self._load[ids] = 0.0 if load is None else load
+            self._batch.set_const(ids)
+        self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        self._qpos[ids, 2] += self._lift(ids, qpos)
+        if self.probe is not None:
+            self.probe.keep(ids)
+
+    def _lift(self, ids: NDArray[np.intp], qpos: Array) -> Array:
+        """How far up those robots, (k, 19), have to go for nothing of them to be below the ground, (k,), m."""
+        rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(of_robots(qpos[:, 3:7]))], 1)  # (k, 3, 3)
+        corners = qpos[:, None, :3] + _TRUNK_CORNERS @ rotation.transpose(0, 2, 1)
+        feet, thighs = self._sites[ids][:, self._feet], self._bodies[ids][:, self._thighs]
+        balls = ((feet, FOOT_RADIUS), (thighs, _THIGH_RADIUS), (corners, 0.0))
+        lifts = [self.terrain.ball_height(at[:, :, 0], at[:, :, 1], radius) - at[:, :, 2] for at, radius in balls]
+        return cast("Array", np.concatenate(lifts, axis=1).max(axis=1))
+
+    def step(self, action: Array, push: Array | None, ids: Ids = ALL, heard: Array | None = None) -> None:
+        """Advance those robots by one control period with joint targets (n, 12) and trunk forces (n, 2), N, of all.
+
+        None instead of forces leaves them as they are: since the reset, where nobody ever pushes. `heard` are the
+        targets that the servos hear, (n, 12), where they are not those of the action.
+        """
+        self._previous_action[ids] = self._action[ids]
+        self._action[ids] = action[ids]
+        targets = (action if heard is None else heard)[ids]
+        self._ctrl[ids] = targets
+        if push is not None:
+            self._push[ids] = push[ids] if self._force is None else push[ids] + self._force[ids]
+        if self._drives is None:
+            self._advance(ids, self.substeps)
+        else:
+            self._drives.advance(targets, ids, self._advance)
+        if self.probe is not None:
+            self.probe.keep(ids)
+
+    def _advance(self, ids: Ids, substeps: int) -> None:
+        try:
+            self._batch.step(None if ids is ALL else ids, substeps)
+        except SimulationError as error:
+            self._warnings[error.ids] += 1
+
+    def diverged(self, ids: Ids = ALL) -> Mask:
+        """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite."""
+        return cast("Mask", _diverged(*(of_robots(rows[ids]) for rows in (self._warnings, self._qpos, self._qvel))))
+
+    def motion_of_one(self) -> Motion[float]:
+        """Motion of the only robot of a batch of one."""
+        return of_robot(self._qpos), of_robot(self._qvel)
+
+    def one_diverged(self, motion: Motion[float]) -> bool:
+        """`diverged` of the only robot of a batch of one, whose motion it is."""
+        return bool(_diverged(of_robot(self._warnings), *motion))
+
+    def park(self, ids: NDArray[np.intp]) -> None:
+        """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
+        if self._drives is not None:
+            self._drives.begin(ids)
+        self._batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
+        if self.probe is not None:
+            self.probe.keep(ids)
+
+    def state(self, command: Vector[Array], ids: Ids = ALL) -> QuadState[Array]:
+        """Readings of those robots now; `command`, (3) is the one they were following."""
+        motion = of_robots(self._qpos[ids]), of_robots(self._qvel[ids])
+        return self._readings(lambda rows: of_robots(rows[ids]), motion, command)
+
+    def state_of_one(self, command: Vector[float], motion: Motion[float] | None = None) -> QuadState[float]:
+        """The same of the only robot of a batch of one; `motion` is its own, where it has been read already."""
+        return self._readings(of_robot, motion or self.motion_of_one(), command)
+
+    def _readings(
+        self, columns: Callable[[Array], Vector[Column]], motion: Motion[Column], command: Vector[Column]
+    ) -> QuadState[Column]:
+        """`columns` takes those of the wanted robots out of the rows of all."""
+        qpos, qvel = motion
+        rotation = rotation_matrix(qpos[3:7])
+        x, y, z = qpos[:3]
+        return QuadState(
+            position=qpos[:3],
+            height=z - self.terrain.height(x, y),
+            rotation=rotation,
+            linear_velocity=to_body(rotation, qvel[:3]),
+            angular_velocity=qvel[3:6],
+            heading_velocity=heading_velocity(rotation, qvel[:3], qvel[3:6]),
+            vertical_velocity=qvel[2],
+            joint_position=qpos[7:],
+            joint_velocity=qvel[6:],
+            joint_torque=columns(self._torque),
+            trunk_contact=columns(self._trunk_contact)[0] > 0,
+            command=command,
+            action=columns(self._action),
+            previous_action=columns(self._previous_action),
+        )
+
+    @property
+    def quaternion(self) -> Array:
+        """Orientation of every trunk in the world frame, (n, 4), w x y z."""
+        return cast("Array", self._qpos[:, 3:7].copy())
+
+    @property
+    def push(self) -> Array:
+        """Pushing force on every trunk during the last step, world frame, x and y, (n, 2), N; no steady one."""
+        return cast("Array", self._push.copy() if self._force is None else self._push - self._force)
+
+    @property
+    def winding_temperature(self) -> Array | None:
+        """Of every motor, (n, 12), °C; None where motors have no thermal model."""
+        return None if self._drives is None else self._drives.temperature
+
+    def ground_contacts(self) -> tuple[Mask, Mask]:
+        """Whether each foot, (n, 4), and whether a thigh or calf, (n,), touched the ground in the last substep."""
+        found = np.concatenate(self._leg_contacts, axis=1) > 0
+        feet, legs = found[:, : len(_FOOT_SENSORS)], found[:, len(_FOOT_SENSORS) :]
+        return feet, np.asarray(legs.any(axis=1))
+
+    def show_load(self, robot: int) -> None:
+        """Make `model` that of this robot, whose payload and hot motors are its own."""
+        if self._load is not None or self.winding_temperature is not None:
+            stages, flags = self.model.sensor_needstage.copy(), self.model.opt.disableflags
+            self._batch.get_model(robot, self.model)
+            self.model.sensor_needstage[:], self.model.opt.disableflags = stages, flags
+
+    def snapshot(self, robot: int) -> mujoco.MjData:
+        """A copy of one robot's simulation with every derived field current, to be looked at with `model`."""
+        self.show_load(robot)
+        data = self._batch.get_data(robot)
+        mujoco.mj_forward(self.model, data)
+        return data
+
+
+def _diverged(warnings: Vector[Column], qpos: Vector[Column], qvel: Vector[Column]) -> Truth:
+    warned: Any = total(warnings) > 0
+    return warned | not_finite(qpos) | not_finite(qvel)  # type: ignore[no-any-return]

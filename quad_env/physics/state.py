@@ -1,0 +1,96 @@
+"""Named readings, computed from the current positions and velocities, never from a substep earlier."""
+
+from typing import Generic, NamedTuple
+
+from quad_env.columns import Column, Truth, Vector, share_above, sqrt, sum_of_magnitudes, where
+from quad_env.robots.robot import VELOCITY_LIMIT
+
+Rotation = tuple[Vector[Column], Vector[Column], Vector[Column]]
+"""Rows of the matrix that turns base-frame vectors into world-frame ones."""
+
+
+class QuadState(NamedTuple, Generic[Column]):
+    """Readings that observations, rewards, terminations and infos may look at, of one robot or of n: see `columns`."""
+
+    position: Vector[Column]
+    """Trunk centre in the world frame, (3), m."""
+    height: Column
+    """Trunk centre above the terrain below it, m."""
+    rotation: Rotation[Column]
+    """From the base frame to the world frame, (3)(3)."""
+    linear_velocity: Vector[Column]
+    """Of the trunk's centre, in the base frame, (3), m/s."""
+    angular_velocity: Vector[Column]
+    """Of the trunk, in the base frame, (3), rad/s."""
+    heading_velocity: Vector[Column]
+    """Forward and lateral velocity of the trunk's centre in the heading frame, m/s, and yaw rate about the world's
+    vertical, rad/s; (3)."""
+    vertical_velocity: Column
+    """World frame, m/s."""
+    joint_position: Vector[Column]
+    """(12), rad."""
+    joint_velocity: Vector[Column]
+    """(12), rad/s."""
+    joint_torque: Vector[Column]
+    """Servo torque during the last physics substep, (12), N·m."""
+    trunk_contact: Truth
+    """Whether the trunk touched the ground in the last physics substep."""
+    command: Vector[Column]
+    """In force during the step: forward and lateral velocity, m/s, and yaw rate, rad/s; (3)."""
+    action: Vector[Column]
+    """Joint targets of the step, clipped, (12), rad."""
+    previous_action: Vector[Column]
+    """Joint targets of the step before, (12), rad."""
+
+    @property
+    def projected_gravity(self) -> Vector[Column]:
+        """Unit vector of gravity in the base frame, (3)."""
+        x, y, z = self.rotation[2]
+        return -x, -y, -z
+
+    @property
+    def mechanical_power(self) -> Column:
+        """Σ |torque · joint speed|, W."""
+        return sum_of_magnitudes(self.joint_torque, self.joint_velocity)
+
+    @property
+    def overspeed(self) -> Column:
+        """Share of the joints that turn faster than their rated speed."""
+        return share_above(self.joint_velocity, VELOCITY_LIMIT)
+
+
+def rotation_matrix(quaternion: Vector[Column]) -> Rotation[Column]:
+    """Rotation matrix of a quaternion (w, x, y, z), which is normalised first."""
+    w, x, y, z = quaternion
+    norm = sqrt(w * w + x * x + y * y + z * z)
+    w, x, y, z = w / norm, x / norm, y / norm, z / norm
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+
+
+def to_body(rotation: Rotation[Column], vector_world: Vector[Column]) -> Vector[Column]:
+    """A world vector in the base frame, (3): Rᵀ v."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+    x, y, z = vector_world
+    return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
+
+
+def heading_velocity(
+    rotation: Rotation[Column], linear_world: Vector[Column], angular_body: Vector[Column]
+) -> Vector[Column]:
+    """Planar velocity in the heading frame and yaw rate about the world's vertical, (3).
+
+    The heading frame is the world frame turned about the vertical onto the base frame's x axis. A trunk that points
+    straight up or down has no heading; the world's x axis stands in for it.
+    """
+    forward_x, forward_y, up = rotation[0][0], rotation[1][0], rotation[2]
+    length = sqrt(forward_x * forward_x + forward_y * forward_y)
+    upright = length > 1e-6
+    safe = where(upright, length, 1.0)
+    cos, sin = where(upright, forward_x / safe, 1.0), where(upright, forward_y / safe, 0.0)
+    x, y, _ = linear_world
+    roll, pitch, yaw = angular_body
+    return cos * x + sin * y, cos * y - sin * x, up[0] * roll + up[1] * pitch + up[2] * yaw

@@ -1,0 +1,1 @@
+"""Robots: names, geometry, limits and kinematics, and their MJCF and URDF."""

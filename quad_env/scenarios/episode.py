@@ -1,0 +1,142 @@
+"""What an episode draws from its seed: start, commands and disturbances."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from quad_env.columns import Array
+from quad_env.config import AnyPose
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
+from quad_env.scenarios.commands import draw_command
+from quad_env.scenarios.disturbances import Dropouts, Payload, Pushes, SteadyForce
+from quad_env.scenarios.scenario import Scenario
+from quad_env.seeding import EpisodeStreams
+
+
+@dataclass(frozen=True)
+class PushPlan:
+    """Pushes of one episode, or of n with a leading axis; each acts for `steps` control steps, never two at once."""
+
+    first_step: NDArray[np.int64]
+    """Control step at which each push begins, (…, count)."""
+    steps: int
+    force: Array
+    """World frame, x and y, (…, count, 2), N."""
+
+    def force_at(self, step: ArrayLike) -> Array | None:
+        """Forces on the trunk during those control steps, (n,); world frame, (n, 2), N. None where nobody is pushed."""
+        if not self.steps:
+            return None
+        since = np.asarray(step)[..., None] - self.first_step
+        acting = (since >= 0) & (since < self.steps)
+        force: Array = np.where(acting[..., None], self.force, 0.0).sum(axis=-2)
+        return force
+
+
+@dataclass(frozen=True)
+class DropoutPlan:
+    """Dropouts of one episode; each lasts the same time, never two at once."""
+
+    first_step: NDArray[np.int64]
+    """Control step at which each dropout begins, (count,)."""
+    joint: NDArray[np.int64]
+    """The joint whose servo hears nothing, (count,)."""
+
+
+class Episode:
+    """One episode's draws, each kind from its own stream, so that nothing depends on actions or on other robots."""
+
+    def __init__(self, scenario: Scenario, seed: int, number: int, dt: float) -> None:
+        self._scenario = scenario
+        self.streams = EpisodeStreams(seed, number)
+        self.start = draw_start(scenario, self.streams.start)
+        self.pushes = draw_pushes(scenario.pushes, self.streams.pushes, dt)
+        self.force = draw_force(scenario.force, self.streams)
+        self.load = draw_load(scenario.payload, self.streams)
+        self.dropouts = draw_dropouts(scenario.dropouts, self.streams, dt)
+
+    def next_command(self) -> Array:
+        """The next interval's command, (3,): forward and lateral m/s, yaw rate rad/s."""
+        return draw_command(self._scenario.commands, self.streams.commands)
+
+
+def draw_start(scenario: Scenario, stream: np.random.Generator) -> Array:
+    """Start of one robot, (35,): x, y, m; yaw, roll, pitch, 12 joint offsets from home, rad; 3 linear, 3 angular and
+    12 joint velocities, m/s and rad/s."""
+    noise, radius = scenario.start, scenario.terrain.spawn_radius
+    if isinstance(noise, AnyPose):
+        return _draw_any_pose(noise, radius, stream)
+    widths = (
+        (radius, 2),
+        (noise.yaw, 1),
+        (noise.tilt, 2),
+        (noise.joint_position, 12),
+        (noise.linear_velocity, 3),
+        (noise.angular_velocity, 3),
+        (noise.joint_velocity, 12),
+    )
+    width = np.repeat([half for half, _ in widths], [count for _, count in widths])
+    return width * stream.uniform(-1, 1, len(width))
+
+
+def _draw_any_pose(start: AnyPose, radius: float, stream: np.random.Generator) -> Array:
+    """A start row of `draw_start`, uniform over orientations: yaw, the sine of the pitch and roll are uniform."""
+    place, (yaw, sin_pitch, roll) = radius * stream.uniform(-1, 1, 2), stream.uniform(-1, 1, 3)
+    angles = (np.pi * yaw, np.pi * roll, np.arcsin(sin_pitch))
+    joints = stream.uniform(JOINT_LOWER, JOINT_UPPER) - HOME_POSE
+    width = np.repeat([start.linear_velocity, start.angular_velocity, start.joint_velocity], [3, 3, 12])
+    return np.concatenate((place, angles, joints, width * stream.uniform(-1, 1, len(width))))
+
+
+def draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) -> PushPlan:
+    """One push in each part of the window, each in a uniformly random horizontal direction; `dt`: control period, s."""
+    if pushes is None or pushes.count == 0:
+        return PushPlan(np.empty(0, np.int64), 0, np.empty((0, 2)))
+    steps = control_steps(pushes.duration, dt)
+    first_step = _one_in_each_part(pushes, stream, dt)
+    angle = stream.uniform(-np.pi, np.pi, pushes.count)
+    force = pushes.impulse / (steps * dt) * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    return PushPlan(first_step, steps, force)
+
+
+def draw_force(steady: SteadyForce | None, streams: EpisodeStreams) -> Array | None:
+    """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
+    if steady is None:
+        return None
+    angle = streams.force.uniform(-np.pi, np.pi)
+    return steady.force * np.array((np.cos(angle), np.sin(angle)))
+
+
+def draw_load(payload: Payload | None, streams: EpisodeStreams) -> Array | None:
+    """Centre of the payload, ahead and to the left of the trunk's centre, (2,), m."""
+    return None if payload is None else streams.payload.uniform(-1, 1, 2) * np.array(payload.reach)
+
+
+def draw_dropouts(dropouts: Dropouts | None, streams: EpisodeStreams, dt: float) -> DropoutPlan | None:
+    """One dropout in each part of the window, each of a uniformly random joint; `dt`: control period, s."""
+    if dropouts is None:
+        return None
+    first_step = _one_in_each_part(dropouts, streams.dropouts, dt)
+    return DropoutPlan(first_step, streams.dropouts.integers(NUM_JOINTS, size=dropouts.count))
+
+
+def control_steps(duration: float, dt: float) -> int:
+    """Whole control steps of something that lasts so long, s: at least one."""
+    return max(1, round(duration / dt))
+
+
+def at_reset(episodes: Sequence[Episode]) -> tuple[Array, Array | None, Array | None]:
+    """Starts, (k, 35), forces, (k, 2), and loads, (k, 2), of k episodes of one scenario; None where it has none."""
+    starts = np.stack([episode.start for episode in episodes])
+    forces = [episode.force for episode in episodes if episode.force is not None]
+    loads = [episode.load for episode in episodes if episode.load is not None]
+    return starts, np.stack(forces) if forces else None, np.stack(loads) if loads else None
+
+
+def _one_in_each_part(events: Pushes | Dropouts, stream: np.random.Generator, dt: float) -> NDArray[np.int64]:
+    """First control step of each event, (count,)."""
+    edges = np.linspace(*events.window, events.count + 1)
+    start = stream.uniform(edges[:-1], edges[1:] - events.duration)
+    return np.floor(start / dt).astype(np.int64)

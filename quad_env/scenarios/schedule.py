@@ -1,0 +1,64 @@
+"""What the present episodes of n robots ask of them, and how far each has come: seeds, commands, pushes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quad_env.columns import Array, Mask
+from quad_env.scenarios.episode import Episode, PushPlan
+from quad_env.scenarios.scenario import Scenario
+from quad_env.seeding import fresh_seeds, seeds_of
+
+Ids = slice | NDArray[np.intp]
+
+
+class Schedule:
+    """Episode k after a seed is that seed's k-th, whatever the other robots do."""
+
+    def __init__(self, scenario: Scenario, num_envs: int, dt: float) -> None:
+        self._scenario, self._dt = scenario, dt
+        self._interval = round(scenario.commands.interval / dt)
+        self._seeds, self._next = fresh_seeds(num_envs), [0] * num_envs
+        self._episodes = [Episode(scenario, 0, 0, dt)] * num_envs
+        plan = self._episodes[0].pushes
+        self.pushes = PushPlan(
+            np.tile(plan.first_step, (num_envs, 1)), plan.steps, np.tile(plan.force, (num_envs, 1, 1))
+        )
+        """Of every robot's present episode."""
+        self.clock = np.zeros(num_envs, np.int64)
+        """Control steps since each robot's start, (n,)."""
+        self.command = np.zeros((num_envs, 3))
+        """To follow in the coming step, (n, 3)."""
+        self._held = np.zeros(num_envs, bool)
+
+    def reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
+        """The next episodes of the masked robots are the first of these seeds, see `seeding.seeds_of`."""
+        if seed is None:
+            return
+        seeds = seeds_of(seed, len(self._seeds))
+        for i in np.flatnonzero(mask):
+            if seeds[i] is not None:
+                self._seeds[i], self._next[i] = seeds[i], 0
+
+    def begin(self, ids: NDArray[np.intp], held: Array | None) -> list[Episode]:
+        """The next episodes of those robots; `held` are the commands of all, (n, 3), or None to draw."""
+        for i in ids:
+            episode = Episode(self._scenario, self._seeds[i], self._next[i], self._dt)
+            self._episodes[i] = episode
+            self._next[i] += 1
+            self.pushes.first_step[i], self.pushes.force[i] = episode.pushes.first_step, episode.pushes.force
+            self.command[i] = episode.next_command() if held is None else held[i]
+        self.clock[ids], self._held[ids] = 0, held is not None
+        return [self._episodes[i] for i in ids]
+
+    def force(self) -> Array | None:
+        """On each trunk during the coming step, world frame, (n, 2), N; None where nobody ever pushes."""
+        return self.pushes.force_at(self.clock)
+
+    def redraw(self, ids: Ids) -> None:
+        """New commands for those robots that have followed one for its time."""
+        due = ~self._held[ids] & (self.clock[ids] % self._interval == 0)
+        if due.any():
+            for i in np.arange(len(self.clock))[ids][due]:
+                self.command[i] = self._episodes[i].next_command()

@@ -1,0 +1,62 @@
+"""What n robots' observations show of their readings: with noise, late."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quad_env.columns import Rows
+from quad_env.scenarios.disturbances import SensorNoise
+from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.scenario import Scenario
+from quad_env.sensing.noise import Noise
+from quad_env.task.observations import BOUND, OBSERVATION
+
+SENSED = slice(0, OBSERVATION["previous_action"].start)
+"""The terms that sensors measure; what was asked for and the command are known without."""
+_BOUND = BOUND[SENSED]
+_WIDTH = len(_BOUND)
+
+
+class Sensors:
+    """Noise and delay of n robots' sensors; `clock` is each robot's control steps since its start."""
+
+    def __init__(self, scenario: Scenario, num_envs: int, dt: float) -> None:
+        late = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
+        self._shown = np.zeros((late + 1, num_envs, _WIDTH), np.float32)
+        """Readings of the last steps: that of clock c is at c modulo its length."""
+        self._noise = None if scenario.noise is None else Noise(num_envs, _deviations(scenario.noise))
+
+    def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
+        """Those robots start these episodes."""
+        if self._noise is not None:
+            for row, episode in zip(rows, episodes, strict=True):
+                self._noise.begin(row, episode.streams.noise)
+
+    def sense(self, observation: NDArray[np.float32], clock: NDArray[np.int64], rows: Rows) -> None:
+        """Turn true observations, (k, …), into what the sensors of those robots show; `clock` is theirs, (k,)."""
+        sensed = observation[:, SENSED]
+        if self._noise is not None:
+            sensed += self._noise.at(clock, rows)
+            np.clip(sensed, -_BOUND, _BOUND, out=sensed)
+        slots = len(self._shown)
+        if slots == 1:
+            return
+        if (first := clock == 0).any():
+            self._shown[:, rows[first]] = sensed[first]
+        self._shown[clock % slots, rows] = sensed
+        sensed[:] = self._shown[(clock + 1) % slots, rows]
+
+
+def sensors_of(scenario: Scenario, num_envs: int, dt: float) -> Sensors | None:
+    """The robots' sensors, or None where they show every reading as it is."""
+    late = scenario.latency is not None and round(scenario.latency.observation / dt) > 0
+    return Sensors(scenario, num_envs, dt) if late or scenario.noise is not None else None
+
+
+def _deviations(noise: SensorNoise) -> NDArray[np.float32]:
+    """Standard deviation of each sensed entry, (33,)."""
+    out = np.zeros(_WIDTH, np.float32)
+    for term, deviation in noise.deviations.items():
+        out[OBSERVATION[term]] = deviation
+    return out

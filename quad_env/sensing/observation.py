@@ -1,0 +1,120 @@
+"""The observation as n robots' own sensors have it."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quad_env.columns import Rows
+from quad_env.physics.probe import Probe
+from quad_env.physics.simulation import Simulation
+from quad_env.robots.robot import HOME_POSE
+from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.scenario import Scenario
+from quad_env.sensing.channel import Clock
+from quad_env.sensing.disturbance import SENSED, Sensors, sensors_of
+from quad_env.sensing.estimator import Estimator, Read
+from quad_env.sensing.instruments import Instruments
+from quad_env.sensing.suite import SensorSuite
+from quad_env.task.observations import BOUND, OBSERVATION
+
+_BOUND = BOUND[SENSED]
+
+
+class SensedObservation:
+    """Puts what sensors read in place of what is true.
+
+    `angular_velocity` is the gyroscope's, `joint_position` the encoders', `joint_velocity` the difference of their last
+    two samples by the time between; `projected_gravity` and `linear_velocity` are estimated from readings of the same
+    moment, that of the slowest of the sensors that take part. A scenario's noise and latency come on top: `disturbed`.
+    """
+
+    def __init__(
+        self, suite: SensorSuite, probe: Probe, num_envs: int, control_rate: float, disturbed: Sensors | None = None
+    ) -> None:
+        self._probe, self._disturbed = probe, disturbed
+        self._instruments = Instruments(suite, num_envs, control_rate)
+        encoders = self._instruments.channels["joint_position"]
+        self._estimator = Estimator(num_envs, 1 / control_rate, encoders.spacing)
+        self._looked = np.full(num_envs, -1)
+        """Control step of each robot's last look, since its start."""
+        self._shown = np.zeros((num_envs, SENSED.stop), np.float32)
+        self._rows = np.arange(num_envs)
+
+    def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
+        """Those robots start these episodes."""
+        self._looked[rows] = -1
+        self._instruments.begin(rows, episodes)
+        if self._disturbed is not None:
+            self._disturbed.begin(rows, episodes)
+
+    def sense(self, observation: NDArray[np.float32], clock: Clock, rows: Rows) -> None:
+        """Turn true observations, (k, …), into what the sensors of those robots show; `clock` is theirs, (k,)."""
+        new = self._looked[rows] != clock
+        if new.any():
+            self._look(clock[new], rows[new])
+        observation[:, SENSED] = self._shown[rows]
+        if self._disturbed is not None:
+            self._disturbed.sense(observation, clock, rows)
+
+    def readings(self) -> dict[str, dict[str, NDArray[Any]]]:
+        """Sensor -> `value`, (n, k), and `time`, (n,), s since the start of the episode, when it was measured."""
+        clock, channels = np.maximum(self._looked, 0), self._instruments.channels
+        out: dict[str, dict[str, NDArray[Any]]] = {
+            name: {"value": channel.value(clock, self._rows), "time": channel.time(clock)}
+            for name, channel in channels.items()
+        }
+        out["foot_contact"]["value"] = out["foot_contact"]["value"] > 0
+        return out
+
+    def _look(self, clock: Clock, rows: Rows) -> None:
+        measured = self._probe.measured(rows, clock, self._instruments.channels["accelerometer"].period)
+        self._instruments.read(measured, clock, rows)
+        self._estimate(measured["up"], clock, rows)
+        self._looked[rows] = clock
+        channels = self._instruments.channels
+        encoders = channels["joint_position"]
+        joints = encoders.value(clock, rows)
+        in_order = {
+            "projected_gravity": self._estimator.gravity[rows],
+            "angular_velocity": channels["gyro"].value(clock, rows),
+            "linear_velocity": self._estimator.velocity[rows],
+            "joint_position": joints - HOME_POSE,
+            "joint_velocity": (joints - encoders.before(clock, rows)) / encoders.spacing,
+        }
+        shown = np.empty((len(rows), SENSED.stop))
+        for name, values in in_order.items():
+            shown[:, OBSERVATION[name]] = values
+        self._shown[rows] = np.clip(shown, -_BOUND, _BOUND)
+
+    def _estimate(self, up: NDArray[np.float64], clock: Clock, rows: Rows) -> None:
+        """Move the estimates on, from the start at clock 0, when no time has passed."""
+        read = self._read(clock, rows)
+        if (first := clock == 0).any():
+            at_rest = self._instruments.at_rest(up[first], rows[first])
+            self._estimator.begin(rows[first], at_rest, read.gyro[first])
+        if (moved := clock > self._instruments.aligned).any():
+            self._estimator.move_on(read.of(moved), rows[moved])
+
+    def _read(self, clock: Clock, rows: Rows) -> Read:
+        late, channels = self._instruments.aligned, self._instruments.channels
+        encoders, feet = channels["joint_position"], channels["foot_contact"]
+        return Read(
+            channels["gyro"].value(clock, rows, late),
+            channels["accelerometer"].value(clock, rows, late),
+            encoders.value(clock, rows, late),
+            encoders.before(clock, rows, late),
+            (feet.value(clock, rows, late) > 0) & (feet.before(clock, rows, late) > 0),
+        )
+
+
+def shown_by(
+    suite: SensorSuite | None, simulation: Simulation, scenario: Scenario, num_envs: int, control_rate: float
+) -> SensedObservation | Sensors | None:
+    """What stands between the robots' states and their observations; None where they show every reading as it is."""
+    disturbed = sensors_of(scenario, num_envs, 1 / control_rate)
+    if suite is None:
+        return disturbed
+    assert simulation.probe is not None, "a simulation of robots without sensors"
+    return SensedObservation(suite, simulation.probe, num_envs, control_rate, disturbed)

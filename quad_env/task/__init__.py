@@ -1,0 +1,1 @@
+"""The task: observations, rewards, falls, and readings for measurement."""

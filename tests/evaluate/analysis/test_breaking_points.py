@@ -1,0 +1,97 @@
+"""Breaking points of cells: which cells are levels of an axis, in which order."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluate.analysis.breaking_points import limits
+from evaluate.analysis.results import analyse, as_json
+from evaluate.statistics.breaking_point import breaking_point, breaking_ratio
+from quad_env import SCENARIOS
+from quad_env.scenarios import axes
+
+PUSH = axes.AXES["push"]
+LEVELS = [PUSH.level(number) for number in range(1, len(PUSH.levels) + 1)]
+SEVERITIES = np.array(PUSH.levels)
+
+
+@pytest.fixture
+def cells(made_up_cell):
+    """Trot breaks at 45 N·s, `strong` at 70, `iron` never and `paper` already; the nominal push is there as well."""
+    chance = np.random.default_rng(0).logistic(0.0, 0.2, 100)
+    medians = {"trot": 45.0, "strong": 70.0, "iron": 900.0, "paper": 5.0}
+    return [
+        made_up_cell(policy, scenario.severity > median * np.exp(chance), scenario=scenario)
+        for scenario in (SCENARIOS["flat"], SCENARIOS["push"], *LEVELS)
+        for policy, median in medians.items()
+    ]
+
+
+def falls_of(cells, policy):
+    return np.array([cell.measures.fell for cell in cells if cell.policy == policy][2:])
+
+
+def test_limits_are_the_breaking_points_of_the_levels(cells) -> None:
+    found = {limit.policy: limit for limit in limits(cells)[0]}
+    assert list(found) == ["trot", "strong", "iron", "paper"]
+    assert [limit.found for limit in found.values()] == ["crossed", "crossed", "never", "always"]
+    for limit in found.values():
+        assert (limit.axis, limit.unit, limit.lowest, limit.highest) == ("push", "N·s", SEVERITIES[0], SEVERITIES[-1])
+        assert limit.hardest == SEVERITIES[-1]
+    for policy in ("trot", "strong"):
+        expected = breaking_point(SEVERITIES, falls_of(cells, policy))
+        assert (found[policy].severity50, found[policy].ci) == (expected.severity50, expected.ci)
+
+
+def test_ratios_are_against_the_baseline_where_both_broke(cells) -> None:
+    (ratio,) = limits(cells)[1]
+    assert (ratio.axis, ratio.a, ratio.b) == ("push", "strong", "trot")
+    points = [breaking_point(SEVERITIES, falls_of(cells, policy)) for policy in ("strong", "trot")]
+    assert (ratio.ratio, ratio.ci) == breaking_ratio(*points)
+    assert ratio.ci[0] < 70 / 45 < ratio.ci[1]
+
+
+def test_order_of_the_run_does_not_matter(cells) -> None:
+    assert sorted(limits(cells[::-1])[0], key=str) == pytest.approx(sorted(limits(cells)[0], key=str), nan_ok=True)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_where_less_is_harder_levels_are_taken_downwards(made_up_cell, monkeypatch, known) -> None:
+    """As the axis lists them; an axis of the user's own as the run lists them."""
+    frictions = (1.0, 0.7, 0.5, 0.35)
+    grip = replace(PUSH, name="grip", unit="", levels=frictions)
+    if known:
+        monkeypatch.setitem(axes.AXES, "grip", grip)
+    order = (3, 1, 4, 2) if known else (1, 2, 3, 4)
+    chance = np.random.default_rng(0).logistic(0.0, 0.2, 100)
+    cells = [made_up_cell("trot", grip.level(k).severity < 0.6 * np.exp(chance), scenario=grip.level(k)) for k in order]
+    (limit,) = limits(cells)[0]
+    assert limit.found == "crossed"
+    assert limit.severity50 == pytest.approx(0.6, rel=0.1)
+    assert (limit.lowest, limit.highest, limit.hardest) == (0.35, 1.0, 0.35)
+
+
+def test_two_severities_have_no_breaking_point(cells) -> None:
+    few = [cell for cell in cells if cell.scenario.name in ("flat", "push", "push:2", "push:5")]
+    assert limits(few) == ([], [])
+    assert limits([]) == ([], [])
+
+
+def test_levels_with_different_episodes_are_never_joined(cells, made_up_cell) -> None:
+    other = made_up_cell("trot", np.zeros(100, bool), scenario=replace(LEVELS[0], severity=25.0), first_seed=1)
+    with pytest.raises(ValueError, match="different episodes"):
+        limits([*cells, other])
+
+
+def test_results_hold_them(cells) -> None:
+    contents = as_json(analyse(cells, seed=0, episodes=100, complete=True))
+    points = {point["policy"]: point for point in contents["breaking_points"]}
+    assert set(points["trot"]) == {
+        "axis", "policy", "unit", "severity50", "ci", "found", "lowest", "highest", "hardest"
+    }  # fmt: skip
+    assert points["trot"]["ci"][0] < points["trot"]["severity50"] < points["trot"]["ci"][1]
+    assert points["iron"]["severity50"] is None
+    assert points["iron"]["ci"] == [None, None]
+    (ratio,) = contents["breaking_point_ratios"]
+    assert set(ratio) == {"axis", "a", "b", "ratio", "ci"}

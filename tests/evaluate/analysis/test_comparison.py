@@ -1,0 +1,92 @@
+"""Families of comparisons, and what a comparison claims."""
+
+import numpy as np
+import pytest
+
+from evaluate.analysis.comparison import compare
+from evaluate.statistics.improvement import improvement_by_episode
+from evaluate.statistics.intervals import share_difference_interval
+from evaluate.statistics.significance import holm
+from quad_env import SCENARIOS
+
+NEVER = np.zeros(64, bool)
+
+
+@pytest.fixture
+def comparisons(made_up_cell):
+    """Two policies and the baseline on two scenarios, with differences from none to clear."""
+    generator = np.random.default_rng(0)
+    cells = []
+    for name, effects in (("flat", (0.0, 0.03, 0.06)), ("push", (0.0, 0.0, 0.02))):
+        shared = generator.gamma(4.0, 0.1, 64)
+        for policy, effect in zip(("trot", "a", "b"), effects, strict=True):
+            fell = generator.random(64) < 0.1 + 2.0 * effect
+            cells.append(made_up_cell(policy, fell, shared + generator.normal(effect, 0.1, 64), SCENARIOS[name]))
+    return compare(cells)
+
+
+@pytest.mark.parametrize("metric", ["fall_rate", "velocity_error", "yaw_rate_error", "mean_velocity_error"])
+def test_a_family_is_a_metric_against_the_baseline_over_all_scenarios(comparisons, metric) -> None:
+    for with_baseline, size in ((True, 4), (False, 2)):
+        family = [c for c in comparisons if c.metric == metric and (c.b == "trot") == with_baseline]
+        assert len(family) == size
+        assert [c.p_value_holm for c in family] == holm([c.p_value for c in family])
+
+
+def test_a_claim_takes_the_corrected_p_value(made_up_cell) -> None:
+    """Six falls of the trot alone have p = 2/2⁶ by themselves, and 4 · 2/2⁶ among four comparisons of falls."""
+    falling = np.arange(64) < 6
+    policies, scenarios = ("trot", "a", "b"), (SCENARIOS["flat"], SCENARIOS["push"])
+    cells = [
+        made_up_cell(policy, falling if policy != "a" or scenario.name == "push" else NEVER, scenario=scenario)
+        for scenario in scenarios
+        for policy in policies
+    ]
+    falls = next(c for c in compare(cells) if c.metric == "fall_rate")
+    assert (falls.scenario, falls.a, falls.b) == ("flat", "a", "trot")
+    assert falls.p_value == pytest.approx(2 / 2**6)
+    assert falls.p_value_holm == pytest.approx(4 * 2 / 2**6)
+    assert not falls.significant
+    alone = next(c for c in compare(cells[:2]) if c.metric == "fall_rate")
+    assert alone.p_value_holm == alone.p_value
+    assert alone.significant
+
+
+def test_a_policy_alone_has_nothing_to_compare(made_up_cell) -> None:
+    assert compare([made_up_cell("trot", NEVER)]) == []
+    assert compare([]) == []
+
+
+def test_the_first_policy_is_the_baseline_where_the_trot_is_missing(made_up_cell) -> None:
+    generator = np.random.default_rng(1)
+    found = compare([made_up_cell(policy, NEVER, generator.random(64)) for policy in ("x", "y", "z")])
+    family = [c for c in found if c.metric == "velocity_error" and c.b == "x"]
+    assert [c.a for c in family] == ["y", "z"]
+    assert [c.p_value_holm for c in family] == holm([c.p_value for c in family])
+
+
+def test_falls_have_the_interval_of_paired_shares(made_up_cell) -> None:
+    trot, a = NEVER.copy(), NEVER.copy()
+    trot[:9], a[7:10] = True, True  # two fall in both, seven of trot alone, one of a alone
+    falls = next(c for c in compare([made_up_cell("trot", trot), made_up_cell("a", a)]) if c.metric == "fall_rate")
+    assert falls.difference == pytest.approx((1 - 7) / 64)
+    assert falls.ci == share_difference_interval(1, 7, 64)
+    assert falls.improvement == pytest.approx(0.5 + (7 - 1) / 64 / 2)
+
+
+def test_no_fall_of_either_is_no_certainty(made_up_cell) -> None:
+    falls = next(c for c in compare([made_up_cell("trot", NEVER), made_up_cell("a", NEVER)]) if c.metric == "fall_rate")
+    low, high = falls.ci
+    assert low == pytest.approx(-high)
+    assert 0.03 < high < 0.08
+    assert not falls.significant
+
+
+def test_improvement_is_of_a_and_smaller_is_better(made_up_cell) -> None:
+    errors = np.random.default_rng(2).random(64)
+    better = errors - np.where(np.arange(64) < 48, 0.01, 0.0)
+    found = compare([made_up_cell("trot", NEVER, errors), made_up_cell("a", NEVER, better)])
+    velocity = next(c for c in found if c.metric == "velocity_error")
+    assert velocity.difference < 0.0
+    assert (velocity.improvement, velocity.improvement_ci) == improvement_by_episode(errors, better)
+    assert velocity.improvement == pytest.approx((48 + 16 / 2) / 64)

@@ -1,0 +1,104 @@
+"""The outcome in words: better and worse alike, with the figures of both policies."""
+
+import dataclasses
+import math
+import re
+from typing import Any
+
+import pytest
+
+from evaluate.analysis.breaking_point_text import words
+from evaluate.analysis.breaking_points import Limit
+from evaluate.analysis.comparison import FALL_RATE
+from evaluate.analysis.findings import BETTER, BREAKING_POINT, UNSHOWN, WORSE, findings, headline, summary
+from evaluate.analysis.severity_levels import ladders, severity
+
+
+def plain(text: str) -> str:
+    return text.replace("\u00a0", " ")
+
+
+def test_scenarios_of_an_axis_stand_together_from_mild_to_hard(made) -> None:
+    found = ladders(made)
+    assert [ladder.name for ladder in found] == ["flat", "push", "rough"]
+    assert found[1].scenarios == ("push:1", "push:3", "push:5", "push:6")
+    assert [plain(severity(rung)) for rung in found[1].rungs] == ["20 N·s", "50 N·s", "80 N·s", "100 N·s"]
+    assert plain(severity(found[0].rungs[0])) == "1.5 m/s"
+
+
+def test_falls_are_claimed_where_the_test_shows_them(made) -> None:
+    found = [f for f in findings(made, "other") if f.metric == FALL_RATE]
+    assert [(f.axis, f.kind) for f in found] == [("flat", UNSHOWN), ("push", BETTER), ("rough", WORSE)]
+    assert summary(found, FALL_RATE) == (
+        "fewer falls on push; more falls on rough; no difference in falls shown on flat"
+    )
+
+
+def test_a_claim_has_both_figures_at_the_largest_difference(made) -> None:
+    better, worse = (f for f in findings(made, "other") if f.metric == FALL_RATE and f.kind != UNSHOWN)
+    assert plain(better.text) == (
+        "other falls in 5 % [1, 17] of episodes on push at 50 N·s, where trot falls in 50 % [35, 65]; "
+        "fewer falls at 3 of 4 levels"
+    )
+    assert plain(worse.text) == (
+        "other falls in 55 % [40, 69] of episodes on rough at 0.12 m, where trot falls in 5 % [1, 17]"
+    )
+
+
+def test_the_headline_says_what_got_worse_like_what_got_better(made) -> None:
+    ((first, better, worse, later),) = (map(plain, sentences) for sentences in headline(made))
+    assert first.startswith("other against trot: fewer falls on push; more falls on rough")
+    assert better.startswith("other falls in 5 %")
+    assert worse.startswith("other falls in 55 %")
+    assert later.startswith("other breaks on push at ")
+
+
+def test_a_later_breaking_point_is_claimed_where_its_ratio_is_shown(made) -> None:
+    """Trot falls in half of the pushes of 50 N·s, the other policy in half of some 90."""
+    (found,) = [finding for finding in findings(made, "other") if finding.metric == BREAKING_POINT]
+    assert (found.axis, found.kind) == ("push", BETTER)
+    assert re.fullmatch(
+        r"other breaks on push at (8|9)\d(\.\d)? N·s \[.*\], trot at (49|5\d)(\.\d)? N·s \[.*\]: 1\.\d\d times \[.*\]",
+        plain(found.text),
+    )
+
+
+def limit(**changes: Any) -> Limit:
+    """Trot's on pushes of 20 to 100 N·s."""
+    known = {"axis": "push", "policy": "trot", "unit": "N·s", "severity50": 48.123, "ci": (45.3, 51.0)}
+    return Limit(**(known | {"found": "crossed", "lowest": 20.0, "highest": 100.0, "hardest": 100.0} | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({}, "48.1 N·s [45.3, 51]"),
+        ({"ci": (45.3, math.inf)}, "48.1 N·s [45.3, > 100]"),
+        ({"ci": (-math.inf, 51.0)}, "48.1 N·s [< 20, 51]"),
+        ({"found": "never"}, "none up to 100 N·s"),
+        ({"found": "always"}, "already at 20 N·s"),
+        ({"found": "never", "hardest": 20.0}, "none down to 20 N·s"),
+        ({"found": "always", "hardest": 20.0}, "already at 100 N·s"),
+        ({"unit": "°"}, "48.1° [45.3, 51]"),
+        ({"unit": ""}, "48.1 [45.3, 51]"),
+    ],
+)
+def test_a_breaking_point_in_words(changes, text) -> None:
+    assert plain(words(limit(**changes))) == text
+
+
+def test_where_less_is_harder_a_smaller_ratio_is_better(made) -> None:
+    from evaluate.analysis.breaking_points import LimitRatio
+
+    slippery = {"axis": "slippery", "unit": "", "lowest": 0.05, "highest": 0.6, "hardest": 0.05}
+    both = (limit(**slippery, severity50=0.3), limit(**slippery, policy="other", severity50=0.2))
+    ratio = LimitRatio("slippery", "other", "trot", 0.67, (0.5, 0.8))
+    results = dataclasses.replace(made, breaking_points=both, breaking_point_ratios=(ratio,))
+    (found,) = [finding for finding in findings(results, "other") if finding.metric == BREAKING_POINT]
+    assert found.kind == BETTER
+
+
+def test_errors_are_claimed_with_both_figures(made) -> None:
+    flat = next(f for f in findings(made, "other") if f.metric == "velocity_error" and f.axis == "flat")
+    assert flat.kind == BETTER
+    assert plain(flat.text) == "other is 0.089 m/s off its command on flat at 1.5 m/s, where trot is 0.139 m/s off"

@@ -1,0 +1,223 @@
+"""results.json and episodes.parquet: what the contract promises of them."""
+
+import importlib.metadata
+import json
+import math
+import platform
+import re
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import policies
+import quad_env
+from evaluate.analysis.comparison import compare
+from evaluate.measures import metrics
+from evaluate.measures.episodes import blank, uneventful
+from evaluate.rollouts.experiment import Cell, evaluation_seeds
+
+CELL_NUMBERS = (
+    "fall_rate",
+    "velocity_error",
+    "velocity_error_upright",
+    "yaw_rate_error",
+    "mean_velocity_error",
+    "cost_of_transport",
+    "time_to_fall",
+)
+INTERVALS = ("fall_rate_ci", "velocity_error_ci", "yaw_rate_error_ci", "mean_velocity_error_ci")
+
+
+def no_constant(name: str) -> float:
+    raise AssertionError(f"{name} is not JSON")
+
+
+@pytest.fixture(scope="session")
+def rows(run):
+    return pq.read_table(run.folder / "episodes.parquet").to_pylist()
+
+
+def cell_rows(rows, policy, scenario):
+    return [row for row in rows if (row["policy"], row["scenario"]) == (policy, scenario)]
+
+
+def test_results_json_has_the_contracts_shape(run) -> None:
+    results = json.loads((run.folder / "results.json").read_text(), parse_constant=no_constant)
+    assert results["schema"] == 1
+    assert results["seed"] == 3
+    assert results["episodes"] == 5
+    assert results["complete"] is True
+    assert set(results["policies"]) == {"document", "stand", "trot"}
+    for policy in results["policies"].values():
+        assert set(policy["scenarios"]) == {"flat", "push"}
+        for cell in policy["scenarios"].values():
+            assert cell["episodes"] == 5
+            assert cell["fall_rate"] == cell["falls"] / 5
+            assert all(cell[name] is None or math.isfinite(cell[name]) for name in CELL_NUMBERS)
+            for name in INTERVALS:
+                low, high = cell[name]
+                assert low <= cell[name.removesuffix("_ci")] <= high
+
+
+def test_versions_are_those_in_use(run) -> None:
+    versions = run.results["versions"]
+    assert versions["python"] == platform.python_version()
+    assert versions["numpy"] == np.__version__
+    assert versions["gymnasium"] == gym.__version__
+    assert versions["mujoco"] == importlib.metadata.version("mujoco")
+    assert versions["quad_env"] in (quad_env.__version__, None)
+    assert versions["fall_rule"] == quad_env.FALL_RULE
+    assert versions["git_revision"] is None or re.fullmatch("[0-9a-f]{40}(-dirty)?", versions["git_revision"])
+
+
+def test_every_pair_is_compared_in_every_metric_with_the_baseline_second(run) -> None:
+    comparisons = run.results["comparisons"]
+    keys = {(c["scenario"], c["a"], c["b"], c["metric"]) for c in comparisons}
+    assert len(keys) == len(comparisons) == 2 * 3 * 4
+    assert {(a, b) for _, a, b, _ in keys} == {("document", "trot"), ("stand", "trot"), ("stand", "document")}
+    for c in comparisons:
+        assert 0.0 < c["p_value"] <= 1.0
+        assert c["ci"][0] <= c["difference"] <= c["ci"][1]
+        assert c["test"] == ("exact McNemar" if c["metric"] == "fall_rate" else "paired sign-flip permutation")
+
+
+def test_differences_are_a_minus_b(run) -> None:
+    cells = run.results["policies"]
+    for c in run.results["comparisons"]:
+        a, b = (cells[c[side]]["scenarios"][c["scenario"]][c["metric"]] for side in "ab")
+        assert c["difference"] == pytest.approx(a - b)
+
+
+def test_a_policy_that_always_falls_is_billed_the_caps(run) -> None:
+    for cell in run.results["policies"]["document"]["scenarios"].values():
+        assert cell["falls"] == 5
+        assert cell["velocity_error"] == pytest.approx(2.0)
+        assert cell["yaw_rate_error"] == pytest.approx(3.0)
+        assert cell["mean_velocity_error"] == pytest.approx(2.0)
+
+
+def test_one_row_an_episode_however_short_it_was(run, rows) -> None:
+    assert len(rows) == 3 * 2 * 5
+    expected = evaluation_seeds(3, 5).tolist()
+    for policy in ("document", "stand", "trot"):
+        for scenario in ("flat", "push"):
+            mine = cell_rows(rows, policy, scenario)
+            assert [row["seed"] for row in mine] == expected
+            assert [row["episode"] for row in mine] == [0, 1, 2, 3, 4]
+            assert {row["severity"] for row in mine} == {quad_env.SCENARIOS[scenario].severity}
+
+
+def test_rows_add_up_to_the_summaries(run, rows) -> None:
+    for policy, entry in run.results["policies"].items():
+        for scenario, cell in entry["scenarios"].items():
+            mine = cell_rows(rows, policy, scenario)
+            assert cell["falls"] == sum(row["fell"] for row in mine)
+            assert cell["diverged"] == sum(row["diverged"] for row in mine)
+            for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error"):
+                assert cell[name] == pytest.approx(np.mean([row[name] for row in mine]))
+
+
+def test_a_fall_has_its_reason_and_time_and_nothing_else_has(rows) -> None:
+    assert any(row["fell"] for row in rows)
+    for row in rows:
+        assert (row["fall_reason"] is not None) == row["fell"] == (row["fall_time"] is not None)
+        assert row["fall_reason"] in (None, "trunk_contact", "tilt", "height", "diverged")
+        assert not row["fell"] or 0.0 < row["fall_time"] <= 10.0
+
+
+def replay(row) -> metrics.Measures:
+    """The row's episode again, in a single env, from its seed alone."""
+    env = gym.make("SimpleQuad-v0", scenario=row["scenario"])
+    policy = policies.make(row["policy"])
+    policy.reset()
+    observation, _ = env.reset(seed=row["seed"])
+    names = ("command", "heading_velocity", "joint_velocity", "joint_torque")
+    record = {name: blank(name, 1000, 1) for name in names}
+    terminated = truncated = False
+    step = -1
+    while not (terminated or truncated):
+        step += 1
+        observation, _, terminated, truncated, info = env.step(policy.act(observation))
+        state = env.unwrapped._simulation.state_of_one((0.0, 0.0, 0.0))
+        joints = {"joint_velocity": state.joint_velocity, "joint_torque": state.joint_torque}
+        for name in names:
+            record[name][step, 0] = (info | joints)[name]
+    fall_step = np.array([step if terminated else 1000])
+    return metrics.measure(uneventful(1000, seeds=np.array([row["seed"]]), fall_step=fall_step, **record))
+
+
+@pytest.mark.parametrize(("policy", "scenario"), [("trot", "push"), ("stand", "push"), ("trot", "flat")])
+def test_a_rows_seed_gives_its_episode_again(rows, policy, scenario) -> None:
+    row = cell_rows(rows, policy, scenario)[3]
+    measures = replay(row)
+    for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy", "distance", "overspeed"):
+        assert getattr(measures, name)[0] == row[name], name
+    assert measures.fell[0] == row["fell"]
+    reached = [command for command in row["commands"] if command is not None]
+    np.testing.assert_array_equal(measures.commands[0, : len(reached)], reached)
+    assert len(reached) == (2 if not row["fell"] or row["fall_time"] > 5.01 else 1)
+
+
+def test_commands_of_an_episode_do_not_depend_on_the_policy(rows) -> None:
+    for scenario in ("flat", "push"):
+        trot, stand = cell_rows(rows, "trot", scenario), cell_rows(rows, "stand", scenario)
+        assert [row["commands"][0] for row in trot] == [row["commands"][0] for row in stand]
+
+
+def test_the_table_is_readable_in_80_columns(run) -> None:
+    lines = run.stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    for word in ("document", "stand", "trot", "flat", "push", "report.html"):
+        assert word in run.stdout
+
+
+def test_progress_goes_to_stderr_a_line_a_cell(run) -> None:
+    assert [line.split("]")[0] for line in run.stderr.splitlines()] == [f"[{k}/6" for k in range(1, 7)]
+
+
+def cell(policy: str, seeds, fell, error) -> Cell:
+    count = len(seeds)
+    values = np.asarray(error, float)
+    return Cell(
+        policy=policy,
+        scenario=quad_env.SCENARIOS["flat"],
+        seeds=np.asarray(seeds),
+        fall_reason=np.full(count, None, dtype=object),
+        measures=replace(
+            metrics.measure(uneventful(200, count)),
+            fell=np.asarray(fell),
+            velocity_error=values,
+            yaw_rate_error=values,
+            mean_velocity_error=values,
+        ),
+    )
+
+
+def test_comparisons_pair_by_episode() -> None:
+    """A difference far smaller than the spread between episodes is found, since it is the same in each of them."""
+    seeds, spread = np.arange(64), np.random.default_rng(0).normal(0.5, 0.2, 64)
+    never = np.zeros(64, bool)
+    found = compare([cell("trot", seeds, never, spread), cell("better", seeds, never, spread - 0.01)])
+    velocity = next(c for c in found if c.metric == "velocity_error")
+    assert (velocity.a, velocity.b) == ("better", "trot")
+    assert velocity.difference == pytest.approx(-0.01)
+    assert velocity.ci == pytest.approx((-0.01, -0.01))
+    assert velocity.p_value < 0.001
+
+
+def test_cells_with_different_episodes_are_never_compared() -> None:
+    never = np.zeros(3, bool)
+    with pytest.raises(ValueError, match="different episodes"):
+        compare([cell("trot", [1, 2, 3], never, [0, 0, 0]), cell("stand", [1, 3, 2], never, [0, 0, 0])])
+
+
+def test_falls_are_compared_by_the_pairs_that_disagree() -> None:
+    fell_a, fell_b = np.zeros(20, bool), np.zeros(20, bool)
+    fell_b[:6], fell_a[0] = True, True  # one falls in both, five in b alone
+    found = compare([cell("trot", np.arange(20), fell_b, np.zeros(20)), cell("a", np.arange(20), fell_a, np.zeros(20))])
+    falls = next(c for c in found if c.metric == "fall_rate")
+    assert falls.difference == pytest.approx(-5 / 20)
+    assert falls.p_value == pytest.approx(2 / 2**5)

@@ -1,0 +1,119 @@
+"""What a disturbance does: beside the same episodes without it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.analysis.results import analyse
+from evaluate.analysis.sensitivity import FALLEN, UNFELT, sensitivities, words
+from evaluate.report.sections.sensitivity_section import sensitivity as section
+from evaluate.rollouts.battery import resolve
+from evaluate.rollouts.experiment import Bench, Entrant, cells, evaluation_seeds
+from quad_env import AXES, CommandRanges
+
+COUNT = 40
+ERRORS = 0.1 + 0.001 * np.arange(COUNT)
+
+
+@pytest.fixture
+def run(made_up_cell):
+    """Cells of a policy by scenario: falls of the first so many episodes, and how much is added to the error."""
+
+    def make(policy: str = "trot", **of):
+        return [
+            made_up_cell(policy, np.arange(COUNT) < falls, ERRORS + more, resolve((name.replace("_at_", ":"),))[0])
+            for name, (falls, more) in of.items()
+        ]
+
+    return make
+
+
+def test_it_is_the_difference_to_the_undisturbed_episodes(run) -> None:
+    (found,) = sensitivities(run(flat=(2, 0.0), push_at_4=(12, 0.25)))
+    assert (found.axis, found.scenario, found.severity, found.unit) == ("push", "push:4", AXES["push"].levels[3], "N·s")
+    assert found.falls == pytest.approx(10 / COUNT)
+    assert found.velocity_error == pytest.approx(0.25)
+    assert found.falls_p_value == pytest.approx(2 * 0.5**10)  # ten of ten discordant pairs, the only two tests
+    assert found.falls_ci[0] > 0.0
+    assert found.felt
+    assert found.matters
+    assert words(found).replace("\u00a0", " ") == "+25 points, +0.25 m/s"
+
+
+def test_what_changes_no_bit_is_not_felt(run) -> None:
+    (found,) = sensitivities(run(flat=(2, 0.0), noise=(2, 0.0)))
+    assert not found.felt
+    assert not found.matters
+    assert words(found) == UNFELT
+    (hardly,) = sensitivities(run(flat=(2, 0.0), noise=(2, 1e-15)))
+    assert hardly.felt
+
+
+def test_what_helps_or_is_chance_does_not_matter(run) -> None:
+    better, chance = sensitivities(run(flat=(20, 0.0), push=(0, -0.05), rough=(21, 0.0)))
+    assert better.falls_p_value < 0.001
+    assert not better.matters
+    assert not chance.matters
+    assert words(chance).replace("\u00a0", " ") == "(+2 points), (+0.00 m/s)"
+    (both,) = sensitivities(run(flat=(0, 0.0), push=(2, 0.1)))
+    assert words(both).replace("\u00a0", " ") == "(+5 points), +0.10 m/s"
+    assert both.matters
+    (slower,) = sensitivities(run(flat=(0, 0.0), slippery=(0, 0.1)))
+    assert words(slower).replace("\u00a0", " ") == "+0.10 m/s"
+
+
+def test_a_policy_that_falls_anyway_says_nothing_about_disturbances(run) -> None:
+    (found,) = sensitivities(run(flat=(COUNT, 0.0), noise=(COUNT, 0.0)))
+    assert words(found) == FALLEN
+
+
+def test_the_hardest_level_counts_also_where_less_is_harder(run) -> None:
+    found = sensitivities(
+        run(flat=(0, 0.0), push_at_5=(5, 0.1), push_at_1=(1, 0.1), slippery_at_2=(1, 0), slippery_at_4=(4, 0))
+    )
+    assert {each.axis: each.scenario for each in found} == {"push": "push:5", "slippery": "slippery:4"}
+
+
+def test_p_values_are_corrected_over_the_axes_of_a_policy(run) -> None:
+    alone = sensitivities(run(flat=(0, 0.0), push=(6, 0.0)))[0].falls_p_value
+    axes = ("push", "rough", "force", "slope", "stairs")
+    among = sensitivities(run(flat=(0, 0.0), **{axis: (6 if axis == "push" else 0, 0.0) for axis in axes}))
+    assert alone < among[0].falls_p_value < 1.0
+    assert among[0].axis == "push"
+
+
+def test_nothing_is_said_without_the_undisturbed_episodes_or_of_others(run) -> None:
+    assert sensitivities(run(push=(1, 0.1), rough=(1, 0.1))) == []
+    assert sensitivities(run(flat=(1, 0.1), flat_at_2=(1, 0.1))) == []
+    calm, pushed = run(flat=(0, 0.0), push=(1, 0.1))
+    with pytest.raises(ValueError, match="different episodes"):
+        sensitivities([calm, dataclasses.replace(pushed, seeds=pushed.seeds + 1)])
+
+
+def test_a_scenario_of_a_users_own_is_no_level_of_an_axis(run) -> None:
+    """Its commands may be others, so its episodes are no pairs of the undisturbed ones."""
+    calm, pushed = run(flat=(0, 0.0), push=(9, 0.1))
+    mine = dataclasses.replace(pushed.scenario, name="mine", severity=999.0, commands=CommandRanges(forward=(1.4, 1.5)))
+    (found,) = sensitivities([calm, pushed, dataclasses.replace(pushed, scenario=mine)])
+    assert found.scenario == "push"
+
+
+def test_an_open_loop_gait_cannot_feel_noise_and_a_learned_correction_can() -> None:
+    entrants = [Entrant(name, policies.resolve(name)) for name in ("trot", "residual")]
+    bench = Bench(2, lambda *_: None, steps=200)
+    done = list(cells(entrants, resolve(("flat", "noise:4")), evaluation_seeds(0, 6), bench))
+    found = {each.policy: each for each in sensitivities(done)}
+    assert not found["trot"].felt
+    assert found["residual"].felt
+    assert found["residual"].velocity_error > 0.0
+
+
+def test_the_report_has_a_row_for_each_axis(run) -> None:
+    made = run(flat=(0, 0.0), push=(9, 0.2), noise=(0, 0.0)) + run("stand", flat=(0, 0.0), push=(0, 0.0))
+    page = section(analyse(made, seed=0, episodes=COUNT, complete=True))
+    assert page.count("<tr>") == 3
+    assert UNFELT in page
+    assert "35\u00a0N·s" in page
+    assert section(analyse(run(flat=(0, 0.0)), seed=0, episodes=COUNT, complete=True)) == ""

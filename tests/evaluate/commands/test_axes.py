@@ -1,0 +1,154 @@
+"""Fall rates along the axes; the spread over training seeds; the time left."""
+
+import io
+import json
+import shutil
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import policies
+from evaluate.__main__ import main
+from evaluate.commands.outputs import analysed
+from evaluate.records.store import read_run
+from evaluate.report import seed_table
+from evaluate.report.plots import fall_curves
+from evaluate.rollouts.progress import Forecast, duration
+from policies import bundle
+from policies.network import Network
+from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
+from quad_env.scenarios.axes import AXES
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two training seeds and a policy that always falls, at all levels of one axis."""
+    place = tmp_path_factory.mktemp("axes")
+    for seed in (0, 1):
+        base = policies.Trot()
+        sizes = (feature_count(base), 4, 12)
+        weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
+        network = Network(weights, tuple(np.full(size, 0.2 * seed, np.float32) for size in sizes[1:]), "tanh")
+        bundle.save(place / f"seed-{seed}", ResidualPolicy(base, network, DEFAULT_AUTHORITY, "r"), {}, "0" * 40)
+    seeds = [str(place / f"seed-{seed}") for seed in (0, 1)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+        patch.setattr("evaluate.commands.outputs.write_report", lambda _, path, **_options: path.write_text("report"))
+        arguments = ["--policies", "document", *seeds, "--episodes", "2", "--out", str(place / "out")]
+        assert main(["axes", "push", *arguments]) == 0
+    return place
+
+
+def test_every_level_is_on_the_curve(folder) -> None:
+    results = analysed(read_run(folder / "out"))
+    found = fall_curves.curves(results)
+    assert list(found) == ["push"]
+    for curve in found["push"]:
+        assert tuple(scenario.severity for scenario in curve.scenarios) == AXES["push"].levels
+        assert curve.fall_rates == tuple(
+            results.summaries[scenario.name, curve.policy].fall_rate for scenario in curve.scenarios
+        )
+    assert found["push"][0].fall_rates == (1.0,) * len(AXES["push"].levels)
+
+
+def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -> None:
+    console = Console(file=io.StringIO(), width=80)
+    results = analysed(read_run(folder / "out"))
+    fall_curves.print_curves(results, console)
+    lines = console.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 80
+    (axis,) = (line for line in lines if "push, N·s" in line)
+    assert axis.split()[2:] == [f"{level:g}" for level in AXES["push"].levels]
+    assert next(line for line in lines if "document" in line).count("100") == len(AXES["push"].levels)
+
+
+def test_the_picture_is_there_and_the_same_each_time(folder, tmp_path) -> None:
+    drawn = (folder / "out" / "fall_rates.svg").read_bytes()
+    assert b"push" in drawn or b"<svg" in drawn
+    for name in ("curves.svg", "curves.png"):
+        fall_curves.write_picture(analysed(read_run(folder / "out")), tmp_path / name)
+    assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
+    assert b"<svg" in (tmp_path / "curves.svg").read_bytes()
+
+
+def test_an_axis_that_is_none_lists_them(capsys, tmp_path) -> None:
+    assert main(["axes", "ice", "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "slippery" in error
+
+
+def test_training_seeds_are_reported_apart(folder) -> None:
+    results = json.loads((folder / "out" / "results.json").read_text())
+    assert list(results["training_seeds"]) == [str(folder)]
+    group = results["training_seeds"][str(folder)]
+    assert group["policies"] == [str(folder / "seed-0"), str(folder / "seed-1")]
+    for scenario, metrics in group["scenarios"].items():
+        values = [results["policies"][policy]["scenarios"][scenario]["velocity_error"] for policy in group["policies"]]
+        found = metrics["velocity_error"]
+        assert found["seeds"] == 2
+        assert found["mean"] == pytest.approx(np.mean(values))
+        assert found["standard_deviation"] == pytest.approx(np.std(values, ddof=1))
+        assert (found["lowest"], found["highest"]) == pytest.approx((min(values), max(values)))
+    assert len(group["scenarios"]) == len(AXES["push"].levels)
+
+
+def test_the_spread_is_printed_once_a_run(folder) -> None:
+    console = Console(file=io.StringIO(), width=100)
+    seed_table.print_spread(analysed(read_run(folder / "out")), console)
+    printed = console.file.getvalue()
+    assert printed.count("2 training seeds") == 1
+    assert printed.count("±") == 1 + len(AXES["push"].levels) * 4
+
+
+def test_policies_may_be_named_first(folder, tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    seeds = [str(folder / f"seed-{seed}") for seed in (0, 1)]
+    assert main([*seeds, "--scenarios", "flat", "--episodes", "1", "--no-film", "--out", str(tmp_path)]) == 0
+    assert "2 training seeds" in capsys.readouterr().out
+    assert main(["repaly", "--out", str(tmp_path)]) == 2
+    assert "the commands are report, replay" in capsys.readouterr().err
+
+
+def test_a_report_of_measures_that_are_no_more_is_refused(folder, tmp_path, capsys) -> None:
+    from evaluate.records.episode_table import read_table, write_table
+    from evaluate.records.manifest import read
+
+    shutil.copytree(folder / "out", tmp_path, dirs_exist_ok=True)
+    path = tmp_path / "episodes.parquet"
+    write_table(read_table(path).drop_columns(["distance"]), path, read(tmp_path).fingerprint)
+    assert main(["report", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert (error.count("\n"), "it lacks the columns distance" in error) == (1, True)
+
+
+def test_the_rest_takes_as_long_as_the_policys_finished_cells_did() -> None:
+    """Two policies on three scenarios; the first takes 10 s a cell, the second 2 s."""
+    forecast = Forecast(("slow", "quick"), 3, now=0.0)
+    assert forecast.seconds is None
+    forecast.update("slow", "flat", 0.0, 0.0)
+    forecast.update("slow", "flat", 0.5, 5.0)
+    assert forecast.seconds == pytest.approx(5.5 * 10.0)  # as if all were slow
+    forecast.update("slow", "flat", 1.0, 10.0)
+    forecast.update("quick", "flat", 0.0, 10.0)
+    forecast.update("quick", "flat", 1.0, 12.0)
+    assert forecast.seconds == pytest.approx(2 * 10.0 + 2 * 2.0)
+
+
+def test_what_was_done_before_counts_for_no_time() -> None:
+    forecast = Forecast(("slow",), 4, now=0.0)
+    forecast.update("slow", "a", 1.0, 0.0)  # kept whole
+    forecast.update("slow", "b", 0.5, 0.0)  # kept by half
+    assert forecast.seconds is None
+    forecast.update("slow", "b", 1.0, 5.0)
+    assert forecast.seconds == pytest.approx(2 * 10.0)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.4, "0 s"), (59.4, "59 s"), (200.0, "3 min 20 s"), (7500.0, "2 h 5 min")]
+)
+def test_durations_read_as_people_say_them(seconds, words) -> None:
+    assert duration(seconds) == words

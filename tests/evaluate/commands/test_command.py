@@ -1,0 +1,376 @@
+"""The command: mistakes are one line and exit code 2 before anything runs; Ctrl-C keeps what was done."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.__main__ import main
+from evaluate.records.store import FILES
+from policies import bundle
+from policies.network import Network
+from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
+
+PYTHON = (sys.executable, "-W", "error")
+LAUNCHERS = pytest.mark.parametrize("launcher", [("-m", "evaluate"), ("evaluate.py",)], ids=" ".join)
+
+
+@pytest.fixture
+def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mistake must be found before anything is simulated."""
+
+    def simulated(*_args, **_options):
+        raise AssertionError("an episode was simulated")
+
+    monkeypatch.setattr("evaluate.rollouts.rollout.run", simulated)
+
+
+@pytest.fixture
+def bundle_folder(tmp_path: Path) -> Path:
+    """A trained residual on disk, though its network says nothing."""
+    base = policies.Trot()
+    sizes = (feature_count(base), 4, 12)
+    weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
+    network = Network(weights, tuple(np.zeros(size, np.float32) for size in sizes[1:]), "tanh")
+    folder = tmp_path / "trained"
+    bundle.save(folder, ResidualPolicy(base, network, DEFAULT_AUTHORITY, "residual"), {}, "0" * 40)
+    return folder
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """The one line that these arguments are refused with."""
+    assert main([str(argument) for argument in arguments]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    lines = printed.err.splitlines()
+    assert len(lines) == 1, printed.err
+    assert lines[0].startswith("error: ")
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--policies", "trott"], ["trott", "document_repaired", "stand", "trot"]),
+        (["--policies"], ["--policies", "trot"]),
+        (["--policies", "trot", "stand", "trot"], ["trot", "more than once"]),
+        (["--scenarios", "ice"], ["ice", "flat", "push", "rough"]),
+        (["--scenarios"], ["scenario", "flat", "push", "rough"]),
+        (["--scenarios", "flat", "flat"], ["twice"]),
+        (["--episodes", "0"], ["--episodes", "0"]),
+        (["--episodes", "-3"], ["--episodes", "-3"]),
+        (["--episodes", "many"], ["--episodes", "many", "--help"]),
+        (["--episodes", "999999999999"], ["--episodes"]),
+        (["--threads", "0"], ["--threads"]),
+        (["--seed", "-1"], ["--seed"]),
+        (["--actuator", "moter"], ["actuator", "moter", "ideal, torque_speed, motor"]),
+        (["--sensors", "eyes"], ["sensors", "eyes", "truth, ideal, typical"]),
+        (["--nonsense"], ["--nonsense", "--help"]),
+    ],
+    ids=" ".join,
+)
+@pytest.mark.usefixtures("no_simulation")
+def test_a_mistake_is_one_line_that_names_the_remedy(capsys, tmp_path, arguments, words) -> None:
+    defaults = [] if "--policies" in arguments else ["--policies", "trot"]
+    line = refused(capsys, *defaults, *arguments, "--out", tmp_path)
+    for word in words:
+        assert word in line
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.usefixtures("no_simulation")
+def test_an_out_folder_that_cannot_be_written_is_refused(capsys, tmp_path) -> None:
+    tmp_path.joinpath("file").write_text("not a folder")
+    line = refused(capsys, "--policies", "trot", "--out", tmp_path / "file")
+    assert "--out" in line
+    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path / "file" / "below")
+
+
+@pytest.mark.parametrize("name", ["results.json", "episodes.parquet", "report.html"])
+@pytest.mark.usefixtures("no_simulation")
+def test_a_folder_in_the_place_of_a_file_is_refused(capsys, tmp_path, name) -> None:
+    tmp_path.joinpath(name).mkdir()
+    line = refused(capsys, "--policies", "trot", "--out", tmp_path)
+    assert str(tmp_path / name) in line
+    assert "--out" in line
+
+
+QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1", "--no-film")
+
+
+@pytest.mark.parametrize("failing", ["results.json", "episodes.parquet", "report.md", "report.html"])
+def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_path, monkeypatch, failing) -> None:
+    """As the write of one file fails after everything has been simulated."""
+
+    def write(path: Path, content: bytes) -> None:
+        if path.name == failing:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        path.write_bytes(content)
+
+    for module in ("results", "episode_table", "markdown", "report.page"):
+        monkeypatch.setattr(f"evaluate.{module}.write_atomically", write)
+    assert main([*QUICK, "--out", str(tmp_path)]) == 2
+    printed = capsys.readouterr()
+    assert "2.000" in printed.out
+    line = printed.err.splitlines()[-1]
+    assert line.startswith(f"error: cannot write {tmp_path / failing} ({os.strerror(errno.ENOSPC)})")
+    assert line.endswith(f"python -m evaluate report {tmp_path}")
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES, "parts"} - {failing}
+    monkeypatch.undo()
+    assert main(["report", str(tmp_path), "--no-film"]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES}
+
+
+def test_one_episode_is_called_one(capsys, tmp_path) -> None:
+    assert main([*QUICK, "--out", str(tmp_path)]) == 0
+    assert "1 episode each" in capsys.readouterr().out
+    assert "1 episode of each policy" in (tmp_path / "report.html").read_text()
+
+
+GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
+
+
+def test_a_gate_that_does_not_hold_sets_the_exit_code(capsys, tmp_path) -> None:
+    """The document's controller always falls, a standing robot hardly ever."""
+    out = ("--out", str(tmp_path))
+    assert main([*GATED, "--gate", "stand falls <= document", "document falls < 50 %", *out]) == 1
+    said = capsys.readouterr().out
+    assert said.count("does not hold") == 1
+    assert "gate 'document falls < 50 %' does not hold on flat" in said
+    junit = (tmp_path / "junit.xml").read_text()
+    assert 'tests="2" failures="1"' in junit
+    assert main(["report", str(tmp_path), "--no-film", "--gate", "stand falls <= document"]) == 0
+    assert "every gate holds, on 1 scenario" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("gate", "words"), [("stand falls", "cannot be read"), ("trot falls <= stand", "trot"), ("stand joy <= 1", "joy")]
+)
+@pytest.mark.usefixtures("no_simulation")
+def test_a_gate_that_cannot_be_judged_is_refused(capsys, tmp_path, gate, words) -> None:
+    line = refused(capsys, *GATED, "--gate", gate, "--out", tmp_path / "out")
+    assert line.startswith("error: --gate: ")
+    assert words in line
+
+
+def test_a_trace_can_be_scored_again(capsys, tmp_path) -> None:
+    assert main([*GATED, "--trace", "compact", "--at-once", "1", "--out", str(tmp_path)]) == 0
+    assert len(list(tmp_path.glob("traces/*.parquet"))) == 4
+    assert main([*GATED, "--trace", "compact", "--out", str(tmp_path)]) == 0
+    assert len(list(tmp_path.glob("traces/*.parquet"))) == 2
+    assert main(["rescore", str(tmp_path)]) == 0
+    assert "document" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="permissions do not bind the superuser")
+@pytest.mark.usefixtures("no_simulation")
+def test_a_read_only_out_folder_is_refused(capsys, tmp_path) -> None:
+    tmp_path.chmod(0o500)
+    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path)
+
+
+@pytest.mark.usefixtures("no_simulation")
+def test_a_missing_bundle_is_refused(capsys, tmp_path) -> None:
+    assert "nowhere" in refused(capsys, "--policies", tmp_path / "nowhere", "--out", tmp_path)
+
+
+@pytest.mark.usefixtures("no_simulation")
+def test_a_corrupt_bundle_is_refused(capsys, tmp_path, bundle_folder) -> None:
+    weights = bundle_folder / "policy.safetensors"
+    weights.write_bytes(weights.read_bytes()[:-8])
+    assert str(bundle_folder) in refused(capsys, "--policies", bundle_folder, "--out", tmp_path)
+
+
+@pytest.mark.usefixtures("no_simulation")
+def test_one_bundle_by_two_paths_is_refused(capsys, tmp_path, bundle_folder) -> None:
+    other = bundle_folder.parent / "." / "trained"
+    assert "more than once" in refused(capsys, "--policies", bundle_folder, f"{other}/", "--out", tmp_path)
+
+
+@pytest.mark.usefixtures("no_simulation")
+def test_a_residual_that_is_not_shipped_is_said_to_be_missing(capsys, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(policies, "MODELS", tmp_path / "models")
+    line = refused(capsys, "--out", tmp_path / "out")
+    assert "python -m train" in line
+
+
+def test_a_bundle_is_compared_under_the_path_it_was_called_by(tmp_path, bundle_folder) -> None:
+    out = tmp_path / "out"
+    arguments = ["--policies", "trot", f"{bundle_folder}/", "--scenarios", "flat", "--episodes", "2", "--no-film"]
+    assert main([*arguments, "--out", str(out)]) == 0
+    results = json.loads((out / "results.json").read_text())
+    assert list(results["policies"]) == ["trot", str(bundle_folder)]
+    # A network of zeros corrects nothing: the same episodes to the last bit.
+    assert {c["difference"] for c in results["comparisons"]} == {0.0}
+    assert {c["p_value"] for c in results["comparisons"]} == {1.0}
+
+
+def test_a_single_episode_has_means_but_no_intervals(tmp_path) -> None:
+    arguments = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "1", "--no-film")
+    assert main([*arguments, "--out", str(tmp_path)]) == 0
+    cell = json.loads((tmp_path / "results.json").read_text())["policies"]["document"]["scenarios"]["flat"]
+    assert cell["velocity_error"] == 2.0
+    assert cell["velocity_error_ci"] == [None, None]
+    assert cell["time_to_fall"] > 0.0
+
+
+def test_help_is_quick_and_explains_every_option() -> None:
+    """Quick because nothing heavy is loaded for it."""
+    code = (
+        "import sys\nfrom evaluate.__main__ import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit as end:\n    code = end.code\n"
+        "heavy = {'scipy', 'matplotlib', 'pyarrow', 'mujoco', 'torch', 'gymnasium', 'pandas'} & set(sys.modules)\n"
+        "print('loaded:', sorted(heavy), code)\n"
+    )
+    printed = subprocess.run([*PYTHON, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "loaded: [] 0" in printed
+    for option in ("--policies", "--scenarios", "--episodes", "--seed", "--out", "--threads"):
+        assert option in printed
+    assert "default: 64" in printed
+
+
+@LAUNCHERS
+def test_both_launchers_are_the_same_command(repository, launcher) -> None:
+    command = [*PYTHON, *launcher, "--policies", "nobody"]
+    finished = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
+    assert finished.returncode == 2
+    assert finished.stderr.startswith("error: --policies: ")
+    assert finished.stderr.count("\n") == 1
+
+
+@LAUNCHERS
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+def test_a_reader_that_leaves_early_is_no_failure(repository, launcher) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [*PYTHON, *launcher, "--help"]
+    finished = subprocess.run(command, cwd=repository, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert (finished.returncode, finished.stderr) == (0, "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+def test_a_reader_that_leaves_early_loses_no_file(repository, tmp_path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [*PYTHON, "-m", "evaluate", *QUICK, "--out", str(tmp_path)]
+    finished = subprocess.run(command, cwd=repository, stdout=writing, stderr=writing, check=False)
+    os.close(writing)
+    assert finished.returncode == 0
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES}
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_output_that_cannot_be_written_is_one_line(repository, tmp_path) -> None:
+    with Path("/dev/full").open("w") as full:
+        options = {"cwd": repository, "stdout": full, "stderr": subprocess.PIPE, "text": True, "check": False}
+        shown = subprocess.run([*PYTHON, "-m", "evaluate", "--help"], **options)
+        run = subprocess.run([*PYTHON, "-m", "evaluate", *QUICK, "--out", str(tmp_path)], **options)
+    assert (shown.returncode, shown.stderr.count("\n")) == (2, 1)
+    assert run.returncode == 2
+    assert "Traceback" not in run.stderr
+    assert run.stderr.splitlines()[-1].startswith("error: cannot write the table")
+    assert (tmp_path / "results.json").is_file()
+
+
+def test_a_terminal_without_unicode_gets_the_same_answers(repository, tmp_path) -> None:
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    command = [*PYTHON, "-m", "evaluate", "--out", str(tmp_path)]
+    options = {"cwd": repository, "env": environment, "capture_output": True, "text": True, "check": False}
+    wrong = subprocess.run([*command, "--episodes", "many"], **options)
+    assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
+    assert "--episodes" in wrong.stderr
+    shown = subprocess.run(
+        [*command, "--policies", "document", "--scenarios", "flat", "--episodes", "2", "--no-film"], **options
+    )
+    assert shown.returncode == 0, shown.stderr
+    assert "2.000 ? 0.000" in shown.stdout
+
+
+def start(repository: Path, *arguments: str, options: tuple[str, ...] = ()) -> subprocess.Popen[str]:
+    """The command as a user runs it: Ctrl-C reaches it even if the tests run in the background."""
+    return subprocess.Popen(
+        [*PYTHON, *options, "-m", "evaluate", *arguments],
+        cwd=repository,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
+def test_ctrl_c_keeps_what_was_done(repository, tmp_path) -> None:
+    arguments = ("--policies", "document", "trot", "--scenarios", "flat", "--episodes", "512")
+    process = start(repository, *arguments, "--out", str(tmp_path))
+    assert process.stderr is not None
+    assert process.stderr.readline().startswith("[1/2] flat: document")
+    time.sleep(0.5)  # well into the next cell, which takes many seconds
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "Traceback" not in error
+    assert "interrupted" in error.splitlines()[-1]
+    assert error.splitlines()[-1].endswith(f"python -m evaluate --resume --out {tmp_path}")
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["complete"] is False
+    assert list(results["policies"]) == ["document"]
+    assert results["policies"]["document"]["scenarios"]["flat"]["episodes"] == 512
+    assert "Interrupted" in (tmp_path / "report.html").read_text()
+    assert {path.name for path in tmp_path.iterdir()} == {*FILES, "parts"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
+@pytest.mark.parametrize("delay", [0.0, 0.3, 0.7, 1.2, 2.0])
+def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay) -> None:
+    """While modules are loaded, too, where a KeyboardInterrupt could come out as any error."""
+    arguments = ("--policies", "trot", "--scenarios", "flat", "--episodes", "512")
+    process = start(repository, *arguments, "--out", str(tmp_path), options=("-X", "importtime"))
+    assert process.stderr is not None
+    while not process.stderr.readline().endswith(
+        "evaluate.terminal.command_line\n"
+    ):  # before that it is Python starting up
+        assert process.poll() is None
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    output, error = process.communicate(timeout=120)
+    assert (process.returncode, output) == (130, "")
+    said = [line for line in error.splitlines() if not line.startswith("import time:")]
+    assert said == ["interrupted: no further file was written"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_launcher_leaves_at_once_until_the_program_can_be_interrupted() -> None:
+    code = (
+        "import signal\nfrom evaluate import launcher\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # deaf where the tests are a background job
+        "launcher.leave_on_interrupt()\n{}"
+        "try:\n    signal.raise_signal(signal.SIGINT)\n    for _ in range(1000): pass\n"
+        "except KeyboardInterrupt:\n    print('caught')\n"
+    )
+    loading = subprocess.run([*PYTHON, "-c", code.format("")], capture_output=True, text=True, check=False)
+    assert (loading.returncode, loading.stdout) == (130, "")
+    raising = code.format("launcher.raise_on_interrupt()\n")
+    loaded = subprocess.run([*PYTHON, "-c", raising], capture_output=True, text=True, check=False)
+    assert (loaded.returncode, loaded.stdout) == (0, "caught\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
+def test_ctrl_c_before_anything_is_done_leaves_an_earlier_outcome_alone(tmp_path, monkeypatch, capsys) -> None:
+    def interrupted(*_args, **_options):
+        raise KeyboardInterrupt
+
+    tmp_path.joinpath("results.json").write_text("earlier")
+    monkeypatch.setattr("evaluate.rollouts.rollout.run", interrupted)
+    assert main(["--policies", "trot", "--threads", "1", "--out", str(tmp_path)]) == 130
+    assert "no further file was written" in capsys.readouterr().err
+    assert tmp_path.joinpath("results.json").read_text() == "earlier"

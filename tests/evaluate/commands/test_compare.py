@@ -1,0 +1,155 @@
+"""Two results folders: paired where they ran the same episodes, and said to be unpaired where not."""
+
+import dataclasses
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from scipy import stats
+
+import quad_env
+from evaluate.__main__ import main
+from evaluate.analysis.run_comparison import Sample, contrasts, newcombe_interval, two_sample_interval
+from evaluate.records import manifest
+from evaluate.records.episode_table import read_table, write_table
+
+
+def compare(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
+    code = main(["compare", *map(str, arguments)])
+    printed = capsys.readouterr()
+    return code, printed.out + printed.err
+
+
+def other(run, folder: Path, change=lambda rows: rows, **fields) -> Path:
+    """A copy of the run with other rows, and another manifest."""
+    shutil.copytree(run.folder, folder, dirs_exist_ok=True)
+    found = dataclasses.replace(manifest.read(folder), **fields).begun()
+    found.write(folder)
+    write_table(change(read_table(folder / "episodes.parquet")), folder / "episodes.parquet", found.fingerprint)
+    return folder
+
+
+def column(rows: pa.Table, name: str, values: object) -> pa.Table:
+    place = rows.schema.get_field_index(name)
+    return rows.set_column(place, rows.schema.field(name), pa.array(values, rows.schema.field(name).type))
+
+
+def test_a_run_and_itself_are_the_same_to_the_bit(run, capsys) -> None:
+    code, said = compare(capsys, run.folder, run.folder / "results.json")
+    assert code == 0
+    assert "6 of 6" in said
+    assert "paired by episode" in said
+    assert "unpaired" not in said
+    assert "differ in: nothing that is known" in said
+
+
+def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> None:
+    def worse(rows: pa.Table) -> pa.Table:
+        trot = np.array(rows.column("policy").to_pylist()) == "trot"
+        return column(rows, "velocity_error", rows.column("velocity_error").to_numpy() + 0.125 * trot)
+
+    b = other(run, tmp_path / "b", worse, versions=manifest.versions() | {"mujoco": "9.9"}, cpu="an abacus")
+    code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
+    assert code == 0
+    assert "4 of 6" in said
+    assert "mujoco was" in said
+    assert "an abacus" in said
+    found = json.loads((tmp_path / "found.json").read_text())
+    for match in found["comparisons"]:
+        falls, velocity = match["contrasts"][:2]
+        assert (match["paired"], match["identical"]) == (True, match["a"] != "trot")
+        assert (falls["metric"], falls["test"], falls["p_value"]) == ("fall_rate", "exact McNemar", 1.0)
+        expected = 0.125 if match["a"] == "trot" else 0.0
+        assert velocity["difference"] == pytest.approx(velocity["b"] - velocity["a"], abs=1e-12)
+        assert velocity["difference"] == pytest.approx(expected)
+        assert velocity["ci"] == pytest.approx([expected, expected])
+        # Five differences of one sign: 2 of 2^5 sign flips are as large.
+        assert velocity["p_value"] == (pytest.approx(2 / 32) if expected else 1.0)
+
+
+def test_other_seeds_are_compared_unpaired(run, tmp_path, capsys) -> None:
+    b = other(run, tmp_path / "b", lambda rows: column(rows, "seed", np.arange(rows.num_rows)))
+    code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
+    assert code == 0
+    assert "unpaired, since their episodes have different seeds" in said
+    assert "(=)" not in said
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert {c["test"] for match in found["comparisons"] for c in match["contrasts"]} == {"Barnard", "permutation"}
+
+
+def test_another_definition_of_a_scenario_is_compared_unpaired(run, tmp_path, capsys) -> None:
+    softer = dataclasses.replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(impulse=5.0))
+    b = other(run, tmp_path / "b", scenarios=(quad_env.SCENARIOS["flat"], softer))
+    code, said = compare(capsys, run.folder, b)
+    assert code == 0
+    assert "push is not the same scenario in both" in said
+    assert "3 of 6" in said
+
+
+def test_a_column_that_one_of_them_lacks_is_left_out(run, tmp_path, capsys) -> None:
+    """As an older version's folder may."""
+    b = other(run, tmp_path / "b", lambda rows: rows.drop_columns(["mean_velocity_error", "overspeed"]))
+    code, said = compare(capsys, run.folder, b)
+    assert (code, "6 of 6" in said, "–" in said) == (0, True, True)
+
+
+def test_policies_of_different_names(run, capsys) -> None:
+    code, said = compare(capsys, run.folder, run.folder, "--policies", "document", "trot")
+    assert (code, "document →" in said) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--policies", "trott", "trot"), ("trott", "document, stand, trot")),
+        (("--policies", "trot"), ("--policies",)),
+        (("--json", "nowhere/found.json"), ("--json", "nowhere/found.json")),
+    ],
+    ids=lambda value: " ".join(value),
+)
+def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
+    code, said = compare(capsys, run.folder, run.folder, *arguments)
+    error = [line for line in said.splitlines() if line.startswith("error: ")]
+    assert (code, len(error)) == (2, 1)
+    for word in words:
+        assert word in error[0]
+
+
+def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
+    def renamed(rows: pa.Table) -> pa.Table:
+        return column(rows, "policy", [f"old {policy}" for policy in rows.column("policy").to_pylist()])
+
+    b = other(run, tmp_path / "b", renamed, policies={"old trot": "", "old stand": ""})
+    code, said = compare(capsys, run.folder, b)
+    assert (code, "--policies ONE_OF_A ONE_OF_B" in said) == (2, True)
+    code, said = compare(capsys, run.folder, tmp_path / "nothing")
+    assert (code, said.count("\n")) == (2, 1)
+
+
+def test_newcombes_interval_as_published() -> None:
+    # Newcombe 1998, Statistics in Medicine 17, Table II, method 10: 56/70 against 48/80, and 0/20 against 0/10.
+    def share(fallen: int, count: int) -> np.ndarray:
+        return np.arange(count) < fallen
+
+    assert newcombe_interval(share(48, 80), share(56, 70)) == pytest.approx((0.0524, 0.3339), abs=5e-5)
+    assert newcombe_interval(share(0, 10), share(0, 20)) == pytest.approx((-0.2775, 0.1611), abs=5e-5)
+
+
+def test_two_samples_interval_is_as_wide_as_welchs_for_many_values() -> None:
+    generator = np.random.default_rng(0)
+    a, b = generator.normal(1.0, 0.5, 300), generator.normal(1.2, 1.0, 200)
+    expected = stats.ttest_ind(b, a, equal_var=False).confidence_interval()
+    assert two_sample_interval(a, b) == pytest.approx(tuple(expected), abs=0.02)
+    assert np.isnan(two_sample_interval(a[:1], b)).all()
+
+
+def test_unpaired_samples_may_differ_in_size() -> None:
+    a = Sample(np.arange(4), np.array([True] * 4), {"velocity_error": np.ones(4)})
+    b = Sample(np.arange(9), np.array([False] * 9), {"velocity_error": np.zeros(9)})
+    falls, velocity = contrasts(a, b, paired=False)
+    assert (falls.difference, velocity.difference) == (-1.0, -1.0)
+    assert falls.p_value < 0.01
+    assert velocity.p_value < 0.01

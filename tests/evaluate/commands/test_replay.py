@@ -1,0 +1,193 @@
+"""Any row of a results folder can be run again; what differs is named, and why."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from PIL import Image, ImageSequence
+
+import policies
+from evaluate.__main__ import main
+from evaluate.records import manifest
+from evaluate.records.episode_table import read_table, write_table
+from evaluate.report import film
+from evaluate.terminal.command_line import UsageError
+from quad_env import SCENARIOS, Pushes
+
+PUSHED = next(iter(SCENARIOS.values())).__class__("pushed", pushes=Pushes(count=1, window=(0.1, 0.3), impulse=60.0))
+
+
+def replay(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
+    code = main(["replay", *map(str, arguments)])
+    printed = capsys.readouterr()
+    return code, printed.out + printed.err
+
+
+def test_a_row_is_found_by_its_place_in_the_file(run, capsys) -> None:
+    rows = pq.read_table(run.folder / "episodes.parquet").to_pylist()
+    for number in (0, 13, len(rows) - 1):
+        row = rows[number]
+        code, said = replay(capsys, run.folder, number)
+        assert code == 0
+        assert said == (
+            f"episode {row['episode']} of {row['policy']} on {row['scenario']}, seed {row['seed']}: "
+            "identical to the bit\n"
+        )
+
+
+def test_a_row_is_found_by_policy_scenario_and_number(run, capsys) -> None:
+    code, said = replay(capsys, run.folder, 4, "--policy", "stand", "--scenario", "push")
+    assert (code, said.startswith("episode 4 of stand on push, ")) == (0, True)
+
+
+def altered(run, tmp_path: Path, column: str, value: float, row: int = 10) -> Path:
+    """The folder with another value in one row; row 10 is an episode of the trot on flat ground."""
+    shutil.copytree(run.folder, tmp_path, dirs_exist_ok=True)
+    path = tmp_path / "episodes.parquet"
+    rows = read_table(path)
+    values = rows.column(column).to_pylist()
+    values[row] = value
+    changed = rows.set_column(rows.schema.get_field_index(column), rows.schema.field(column), pa.array(values))
+    write_table(changed, path, manifest.read(tmp_path).fingerprint)
+    return tmp_path
+
+
+def test_a_value_that_differs_in_its_last_bit_is_named(run, tmp_path, capsys) -> None:
+    stored = pq.read_table(run.folder / "episodes.parquet").column("energy")[10].as_py()
+    wrong = float(np.nextafter(stored, np.inf))
+    code, said = replay(capsys, altered(run, tmp_path, "energy", wrong), 10)
+    assert code == 1
+    assert f"energy: {wrong} then, {stored} now" in said
+    assert said.count(" then, ") == 1
+    assert "leaves no trace" in said
+
+
+def test_the_sign_of_zero_is_a_bit_too(run, tmp_path, capsys) -> None:
+    """The document's controller falls before energy is counted."""
+    code, said = replay(capsys, altered(run, tmp_path, "energy", -0.0, row=0), 0)
+    assert (code, "energy: -0.0 then, 0.0 now" in said) == (1, True)
+
+
+def test_what_may_have_caused_a_difference_is_said(run, tmp_path, capsys, monkeypatch) -> None:
+    now = manifest.versions() | {"mujoco": "9.9"}
+    monkeypatch.setattr(manifest, "versions", lambda: now)
+    monkeypatch.setattr(manifest, "cpu_model", lambda: "an abacus")
+    monkeypatch.setattr(manifest, "policy_digest", lambda _: "f" * 64)
+    code, said = replay(capsys, run.folder, 10)
+    assert (code, "because" in said) == (0, False)
+    code, said = replay(capsys, altered(run, tmp_path, "energy", 1.0), 10)
+    assert code == 1
+    for words in ("mujoco was ", "and is 9.9", "an abacus", "the policy trot has changed"):
+        assert words in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("30",), ("rows 0 to 29", "30")),
+        (("-1",), ("-1",)),
+        (("many",), ("many", "--help")),
+        (("1", "--policy", "trott"), ("trott", "document, stand, trot")),
+        (("1", "--scenario", "ice"), ("ice", "flat, push")),
+        (("1", "--policy", "trot"), ("--scenario",)),
+        (("1", "--scenario", "push"), ("--policy",)),
+        (("5", "--policy", "trot", "--scenario", "push"), ("0 to 4",)),
+        (("1", "--video", "film.avi"), (".mp4", ".webp", "film.avi")),
+    ],
+    ids=lambda value: " ".join(value),
+)
+def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
+    code, said = replay(capsys, run.folder, *arguments)
+    assert (code, said.count("\n")) == (2, 1)
+    assert said.startswith("error: ")
+    for word in words:
+        assert word in said
+
+
+def test_an_episode_is_run_again_with_the_sensors_that_it_was_run_with(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    errors = []
+    for name in ("truth", "typical"):
+        arguments = ["--policies", "residual", "--scenarios", "flat", "--episodes", "2", "--no-film", "--sensors", name]
+        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+        assert replay(capsys, tmp_path / name, 1)[0] == 0
+        errors.append(pq.read_table(tmp_path / name / "episodes.parquet").column("velocity_error")[1].as_py())
+    assert errors[0] != errors[1]
+    truth, typical = (manifest.read(tmp_path / name) for name in ("truth", "typical"))
+    assert manifest.differences(truth, typical) == ["sensors was truth and is typical"]
+
+
+def test_an_episode_is_run_again_with_the_motors_that_it_was_run_with(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    energies = {}
+    for name in ("ideal", "motor"):
+        arguments = ["--policies", "trot", "--scenarios", "flat", "--episodes", "2", "--no-film", "--actuator", name]
+        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+        assert replay(capsys, tmp_path / name, 1)[0] == 0
+        energies[name] = pq.read_table(tmp_path / name / "episodes.parquet").column("energy")[1].as_py()
+    assert energies["ideal"] != energies["motor"]
+    ideal, motor = (manifest.read(tmp_path / name) for name in energies)
+    assert manifest.differences(ideal, motor) == ["actuator was ideal and is motor"]
+    assert ideal.fingerprint != motor.fingerprint
+
+
+def test_a_folder_without_results_is_a_mistake(tmp_path, capsys) -> None:
+    code, said = replay(capsys, tmp_path / "nothing", 0)
+    assert (code, said.count("\n"), "manifest.json" in said) == (2, 1, True)
+
+
+def test_a_policy_that_is_gone_is_a_mistake(run, tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(policies, "_MAKERS", {"trot": policies.Trot})
+    code, said = replay(capsys, run.folder, 0)
+    assert (code, said.count("\n"), "'document'" in said) == (2, 1, True)
+
+
+def test_an_mp4_without_an_encoder_names_the_remedy(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    film.check_kind(Path("film.webp"))
+    with pytest.raises(UsageError, match="pip install imageio-ffmpeg"):
+        film.check_kind(Path("film.mp4"))
+
+
+def filmed(path: Path, policy: str = "trot", steps: int = 24) -> list[float]:
+    shares: list[float] = []
+    take = film.Take(policies.make(policy), PUSHED, 0, steps, "an episode")
+    film.write(take, path, shares.append)
+    return shares
+
+
+@pytest.mark.rendering
+@pytest.mark.parametrize("kind", ["webp", "gif"])
+def test_a_film_is_real_time_and_shows_movement(tmp_path, kind) -> None:
+    shares = filmed(tmp_path / f"film.{kind}")
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    with Image.open(tmp_path / f"film.{kind}") as image:
+        frames = [np.asarray(frame.convert("RGB")).astype(int) for frame in ImageSequence.Iterator(image)]
+        assert len(frames) == 6
+        assert image.info["duration"] == 40
+    assert np.abs(frames[-1][100:] - frames[0][100:]).max() > 40
+
+
+@pytest.mark.rendering
+def test_an_mp4_has_every_frame(tmp_path) -> None:
+    encoder = pytest.importorskip("imageio_ffmpeg")
+    filmed(tmp_path / "film.mp4")
+    facts, *frames = encoder.read_frames(str(tmp_path / "film.mp4"))
+    assert (facts["size"], facts["fps"], len(frames)) == ((640, 480), 25.0, 6)
+    assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
+
+
+@pytest.mark.rendering
+def test_a_strip_marks_the_push_and_the_fall(tmp_path) -> None:
+    """In red, below the dark band that holds the text."""
+    filmed(tmp_path / "film.png", "document", 100)
+    with Image.open(tmp_path / "film.png") as image:
+        sheet = np.asarray(image.convert("RGB")).astype(int)
+    red = (sheet[60::480, 600::640] == film._ALARM).all(axis=-1).ravel().tolist()
+    assert not red[0]
+    assert any(red)

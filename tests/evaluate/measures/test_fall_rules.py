@@ -1,0 +1,109 @@
+"""Fall rules by hand, and `rescore`: the falls of a traced evaluation under any of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from evaluate.commands import rescore
+from evaluate.measures import fall_rules
+from evaluate.measures.episodes import blank, uneventful
+from evaluate.records import trace
+from evaluate.statistics.intervals import wilson_interval
+from quad_env.config import FALL_RULE
+
+STEPS = 6
+UPRIGHT = {"height": 0.5, "tilt": 0.0, "trunk_contact": False, "leg_contact": False}
+FALLS = {
+    "sound": ({}, ()),
+    "low": ({"height": 0.1}, (FALL_RULE, "height-only")),
+    "crouching": ({"height": 0.13}, ("height-only",)),
+    "leaning": ({"tilt": np.deg2rad(71)}, (FALL_RULE, "tilt-70")),
+    "upside down": ({"tilt": np.deg2rad(91)}, (FALL_RULE, "tilt-70", "tilt-90")),
+    "on its belly": ({"trunk_contact": True}, (FALL_RULE, "trunk-contact", "non-foot-contact")),
+    "on its knees": ({"leg_contact": True}, ("non-foot-contact",)),
+}
+
+
+def episode(change: dict, **more):
+    """Upright for two steps, then as `change` says for one, then upright again."""
+    signals = {name: blank(name, STEPS, 1) for name in UPRIGHT}
+    for name, signal in signals.items():
+        signal[:] = UPRIGHT[name]
+    for name, value in change.items():
+        signals[name][2] = value
+    return uneventful(STEPS, after_falls=True, **signals | more)
+
+
+@pytest.mark.parametrize("name", FALLS)
+def test_each_rule_sees_the_step_that_it_is_about(name) -> None:
+    change, seen_by = FALLS[name]
+    for rule in fall_rules.RULES.values():
+        expected = 2 if rule.name in seen_by else STEPS
+        assert fall_rules.first_step(rule, episode(change)).tolist() == [expected], rule.name
+
+
+def test_a_divergence_is_a_fall_under_every_rule() -> None:
+    record = episode({}, fall_step=np.array([4]), divergence_step=np.array([4]))
+    assert {int(fall_rules.fall_step(rule, record)[0]) for rule in fall_rules.RULES.values()} == {4}
+
+
+def test_unknown_rules_are_refused_with_the_valid_ones() -> None:
+    assert [rule.name for rule in fall_rules.find(("all",))] == list(fall_rules.RULES)
+    with pytest.raises(ValueError, match="tilt-90"):
+        fall_rules.find(("tilt-91",))
+
+
+@pytest.fixture(scope="module")
+def traced(tmp_path_factory):
+    """A small evaluation with traces, as the command leaves it."""
+    import policies
+    import quad_env
+    from evaluate.analysis import results
+    from evaluate.rollouts.experiment import Bench, Entrant, cells, evaluation_seeds
+
+    folder = tmp_path_factory.mktemp("traced")
+    entrants = [Entrant(name, policies.make(name)) for name in ("document", "stand")]
+    write, seeds = trace.writer(folder / trace.FOLDER, "compact"), evaluation_seeds(0, 6)
+    done = list(cells(entrants, [quad_env.SCENARIOS["push"]], seeds, Bench(2, lambda *_: None, trace=write)))
+    results.write_json(results.analyse(done, seed=0, episodes=6, complete=True), folder / "results.json")
+    return folder
+
+
+def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys) -> None:
+    assert rescore.main([str(traced)]) == 0
+    run, again = (json.loads((traced / name).read_text()) for name in ("results.json", rescore.FILE))
+    for policy, contents in run["policies"].items():
+        cell, scores = contents["scenarios"]["push"], again["policies"][policy]["scenarios"]["push"]
+        for name in ("episodes", "falls", "fall_rate", "fall_rate_ci", "time_to_fall"):
+            assert scores[FALL_RULE][name] == cell[name], (policy, name)
+        assert list(scores) == list(again["rules"]) == list(fall_rules.RULES)
+        for score in scores.values():
+            assert score["fall_rate_ci"] == list(wilson_interval(score["falls"], 6))
+    assert run["policies"]["document"]["scenarios"]["push"]["falls"] > 0
+    printed = capsys.readouterr().out
+    assert all(word in printed for word in ("document", "stand", "push", "contact", "[61, 100]"))
+
+
+def test_rules_can_be_chosen(traced, capsys) -> None:
+    assert rescore.main([str(traced), "--rules", "tilt-90"]) == 0
+    assert list(json.loads((traced / rescore.FILE).read_text())["rules"]) == ["tilt-90"]
+    assert "height" not in capsys.readouterr().out
+
+
+def test_mistakes_are_one_line(traced, run, tmp_path, capsys) -> None:
+    assert rescore.main([str(traced), "--rules", "tilt-91"]) == 2
+    assert rescore.main([str(run.folder)]) == 2
+    other = tmp_path / "other"
+    (other / trace.FOLDER).mkdir(parents=True)
+    for path in (traced / trace.FOLDER).iterdir():
+        (other / trace.FOLDER / path.name).write_bytes(path.read_bytes())
+    changed = json.loads((traced / "results.json").read_text())
+    changed["policies"]["document"]["scenarios"]["push"]["falls"] += 1
+    (other / "results.json").write_text(json.dumps(changed))
+    assert rescore.main([str(other)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 3
+    assert "tilt-90" in lines[0]
+    assert "--trace" in lines[1]
+    assert "not of these results" in lines[2]

@@ -1,0 +1,67 @@
+"""What the figures were made with: digests that change with what they are of, and with nothing else."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.records import provenance
+from evaluate.records.provenance import code_digest, policy_digest
+
+
+def test_every_policy_has_a_digest_of_its_own() -> None:
+    digests = {name: policy_digest(policies.make(name)) for name in policies.names()}
+    assert len(set(digests.values())) == len(digests)
+    assert digests == {name: policy_digest(policies.make(name)) for name in policies.names()}
+
+
+def test_digests_are_the_same_in_another_process(repository) -> None:
+    code = (
+        "import policies\nfrom evaluate.records.provenance import policy_digest\n"
+        "print(*(policy_digest(policies.make(name)) for name in policies.names()))"
+    )
+    command = [sys.executable, "-c", code]
+    printed = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=True).stdout
+    assert printed.split() == [policy_digest(policies.make(name)) for name in policies.names()]
+
+
+def test_one_parameter_more_or_less_shows() -> None:
+    trot = policies.Trot()
+    other = replace(trot.parameters, duty=float(np.nextafter(trot.parameters.duty, 1.0)))
+    assert policy_digest(policies.Trot(other)) != policy_digest(trot)
+    assert policy_digest(policies.Trot(replace(other, duty=trot.parameters.duty))) == policy_digest(trot)
+
+
+@pytest.mark.parametrize("part", ["weights", "biases", "authority", "base"])
+def test_one_weight_more_or_less_shows(part) -> None:
+    before, changed = policies.make("residual"), policies.make("residual")
+    assert policy_digest(before) == policy_digest(changed)
+    if part == "authority":
+        changed.authority = changed.authority + np.float32(1e-6)
+    elif part == "base":
+        changed.base = policies.Stand()
+    else:
+        first, *rest = getattr(changed.network, part)
+        first = first.copy()
+        first.flat[0] = np.nextafter(first.flat[0], np.float32(1.0))
+        changed.network = replace(changed.network, **{part: (first, *rest)})
+    assert policy_digest(before) != policy_digest(changed)
+
+
+def test_the_codes_digest_is_of_names_and_contents(tmp_path, monkeypatch) -> None:
+    def digest() -> str:
+        code_digest.cache_clear()
+        return code_digest()
+
+    monkeypatch.setattr(provenance, "REPOSITORY", tmp_path)
+    found = [digest()]
+    for name, content in (("a.py", "1"), ("a.py", "2"), ("b.json", "2"), ("c.txt", "no code")):
+        (tmp_path / "policies").mkdir(exist_ok=True)
+        (tmp_path / "policies" / name).write_text(content)
+        found.append(digest())
+    code_digest.cache_clear()
+    assert len(set(found)) == 4
+    assert found[3] == found[4]

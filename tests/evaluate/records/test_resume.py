@@ -1,0 +1,413 @@
+"""A run that is killed, or stopped by a mistake, goes on with --resume and ends as one that never stopped."""
+
+import contextlib
+import dataclasses
+import io
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.__main__ import main
+from evaluate.analysis.results import Results, as_json
+from evaluate.records import manifest, store, trace
+from evaluate.records.episode_table import read_table, write_parquet, write_table
+from evaluate.records.store import FILES
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import Bench, Cell, Entrant, Part, evaluation_seeds, run_cell
+from policies import bundle
+from policies.files import write_atomically
+from policies.network import Network
+from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
+from quad_env import SCENARIOS, StartNoise
+
+STEPS = 150
+RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "push:4", "--episodes", "5", "--seed", "2")
+PARTS = 2 * 2 * 3
+"""With two episodes at once."""
+OUTCOME = ("results.json", "episodes.parquet", "report.html", "manifest.json")
+
+SHORT = """
+import os, signal, sys
+from evaluate.rollouts import rollout
+from evaluate.__main__ import main
+from evaluate.records.episode_table import read_table, write_parquet, write_table
+from policies import files
+from evaluate.commands import outputs as ending
+from evaluate.analysis import results
+rollout.STEPS = int(sys.argv[1])
+ending.write_report = lambda found, path, **_: files.write_atomically(path, repr(results.as_json(found)).encode())
+left = int(sys.argv[2])
+class Dying(type(files.Path())):
+    def replace(self, target):
+        global left
+        left -= 1
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().replace(target)
+files.Path = Dying
+raise SystemExit(main(sys.argv[3:]))
+"""
+"""The command with short episodes, which is killed just before its file of that number would be in its place."""
+
+
+def a_page(results: Results, path: Path, **_options) -> None:
+    """Instead of the report, whose plots take a second."""
+    write_atomically(path, repr(as_json(results)).encode())
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rollout, "STEPS", STEPS)
+    monkeypatch.setattr("evaluate.commands.outputs.write_report", a_page)
+
+
+def evaluate(*arguments: object) -> tuple[int, str]:
+    """Exit code and stderr."""
+    error = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(error):
+        code = main([str(argument) for argument in arguments])
+    return code, error.getvalue()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run in one go."""
+    folder = tmp_path_factory.mktemp("whole")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rollout, "STEPS", STEPS)
+        patch.setattr("evaluate.commands.outputs.write_report", a_page)
+        assert evaluate(*RUN, "--out", folder)[0] == 0
+    return folder
+
+
+def assert_same(folder: Path, whole: Path) -> None:
+    assert {path.name for path in folder.iterdir()} == {*FILES}
+    for name in OUTCOME:
+        assert (folder / name).read_bytes() == (whole / name).read_bytes(), name
+
+
+def killed(repository: Path, folder: Path, write: int) -> None:
+    command = [sys.executable, "-c", SHORT, str(STEPS), str(write), *RUN, "--at-once", "2", "--out", str(folder)]
+    finished = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
+    assert finished.returncode == -signal.SIGKILL, finished.stderr
+
+
+# The first write is the manifest, then come the parts, then results.json, episodes.parquet and report.html.
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
+@pytest.mark.parametrize("write", [2, 5, PARTS + 1, PARTS + 2, PARTS + 4])
+def test_a_killed_run_goes_on_to_the_same_files(repository, tmp_path, whole, write) -> None:
+    killed(repository, tmp_path, write)
+    temporaries = [path for path in tmp_path.rglob(".*") if path.is_file()]
+    assert temporaries, "it was not killed in the middle of a write"
+    code, error = evaluate("--resume", "--out", tmp_path)
+    assert code == 0, error
+    assert_same(tmp_path, whole)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
+def test_a_run_that_was_killed_before_its_first_episode_has_nothing_to_resume(repository, tmp_path, whole) -> None:
+    killed(repository, tmp_path, 1)
+    code, error = evaluate("--resume", "--out", tmp_path)
+    assert (code, error.count("\n")) == (2, 1)
+    assert "leave --resume out" in error
+    assert evaluate(*RUN, "--out", tmp_path)[0] == 0
+    assert_same(tmp_path, whole)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
+def test_a_run_that_is_killed_from_outside_goes_on(repository, tmp_path, whole) -> None:
+    """At whatever moment: here as soon as the third part is seen."""
+    command = [sys.executable, "-c", SHORT, str(STEPS), "0", *RUN, "--at-once", "1", "--out", str(tmp_path)]
+    process = subprocess.Popen(command, cwd=repository, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    while len(list(tmp_path.glob("parts/*.parquet"))) < 3:
+        assert process.poll() is None
+        time.sleep(0.002)
+    process.kill()
+    process.wait()
+    assert not (tmp_path / "results.json").exists()
+    simulated: list[int] = []
+    run = rollout.run
+
+    def counted(policy, scenario, seeds, **options):
+        simulated.append(len(seeds))
+        return run(policy, scenario, seeds, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rollout, "run", counted)
+        assert evaluate("--resume", "--threads", "1", "--out", tmp_path)[0] == 0
+    assert sum(simulated) <= 20 - 3, "what was kept was simulated again"
+    assert_same(tmp_path, whole)
+
+
+def some(cell: Cell, numbers: np.ndarray) -> Cell:
+    """Those episodes of a cell."""
+    measures = {field.name: getattr(cell.measures, field.name)[numbers] for field in dataclasses.fields(cell.measures)}
+    return dataclasses.replace(
+        cell,
+        seeds=cell.seeds[numbers],
+        fall_reason=cell.fall_reason[numbers],
+        measures=type(cell.measures)(**measures),
+    )
+
+
+def unfinished(whole: Path, folder: Path) -> Path:
+    """A folder as a killed run leaves it: two of four cells done, one of them in two parts."""
+    shutil.copytree(whole, folder, dirs_exist_ok=True)
+    run = store.read_run(folder)
+    remove = [folder / name for name in OUTCOME[:3]]
+    keeper = store.Store(folder, run.manifest)
+    for cell, numbers in ((run.cells[0], range(5)), (run.cells[1], (0, 1)), (run.cells[1], (4,)), (run.cells[3], (2,))):
+        keeper.keep(Part(np.array(numbers), some(cell, np.array(numbers))))
+    for path in remove:
+        path.unlink()
+    return folder
+
+
+def test_parts_of_any_size_are_filled_up(tmp_path, whole) -> None:
+    assert evaluate("--resume", "--out", unfinished(whole, tmp_path))[0] == 0
+    assert_same(tmp_path, whole)
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "another run's"])
+def test_a_damaged_part_is_done_again(tmp_path, whole, damage) -> None:
+    path = sorted(unfinished(whole, tmp_path).glob("parts/*.parquet"))[0]
+    content = path.read_bytes()
+    flipped = bytearray(content)
+    flipped[len(flipped) // 3] ^= 1
+    path.write_bytes({"cut": content[:-9], "flipped": bytes(flipped), "empty": b""}.get(damage, content))
+    if damage == "another run's":
+        write_table(read_table(path), path, "another")
+    code, error = evaluate("--resume", "--out", tmp_path)
+    assert code == 0, error
+    assert_same(tmp_path, whole)
+
+
+def test_a_finished_run_is_finished(tmp_path, whole, monkeypatch) -> None:
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+
+    def simulated(*_args, **_options):
+        raise AssertionError("an episode was simulated")
+
+    monkeypatch.setattr(rollout, "run", simulated)
+    code, error = evaluate("--resume", "--out", tmp_path)
+    assert (code, "nothing is left" in error) == (0, True)
+    assert_same(tmp_path, whole)
+
+
+def test_the_report_is_made_again_without_simulating(tmp_path, whole, monkeypatch) -> None:
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    for name in ("results.json", "report.html"):
+        (tmp_path / name).unlink()
+    monkeypatch.setattr("evaluate.rollouts.rollout.run", None)
+    assert evaluate("report", tmp_path)[0] == 0
+    assert_same(tmp_path, whole)
+
+
+def test_a_report_of_an_unfinished_run_shows_its_finished_cells(tmp_path, whole) -> None:
+    assert evaluate("report", unfinished(whole, tmp_path))[0] == 0
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["complete"] is False
+    assert {p: list(entry["scenarios"]) for p, entry in results["policies"].items()} == {"stand": ["flat"]}
+    assert evaluate("--resume", "--out", tmp_path)[0] == 0
+    assert_same(tmp_path, whole)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--episodes", "6"], ["--episodes was 5, not 6"]),
+        (["--seed", "3"], ["--seed was 2, not 3"]),
+        (["--policies", "trot"], ["--policies was stand trot, not trot"]),
+        (["--scenarios", "flat", "push:5"], ["--scenarios was flat push:4, not flat push:5"]),
+        (["--quick", "--scenarios", "default"], ["--quick was False, not True", "--scenarios"]),
+    ],
+    ids=lambda value: " ".join(value),
+)
+def test_other_options_are_refused_by_name(tmp_path, whole, arguments, words) -> None:
+    folder = unfinished(whole, tmp_path)
+    before = sorted(path.name for path in folder.rglob("*"))
+    code, error = evaluate(*arguments, "--resume", "--out", folder)
+    assert (code, error.count("\n")) == (2, 1), error
+    for word in words:
+        assert word in error
+    assert sorted(path.name for path in folder.rglob("*")) == before
+
+
+def test_the_same_options_again_are_accepted(tmp_path, whole) -> None:
+    assert evaluate(*RUN, "--at-once", "1", "--resume", "--out", unfinished(whole, tmp_path))[0] == 0
+    assert_same(tmp_path, whole)
+
+
+@pytest.mark.parametrize(
+    ("what", "now", "words"),
+    [
+        ("versions", lambda: {"mujoco": "9.9"}, "mujoco was .* and is 9.9"),
+        ("code_digest", lambda: "f" * 64, "the code of quad_env, policies or evaluate has changed"),
+        ("cpu_model", lambda: "an abacus", "the processor was .* and is an abacus"),
+    ],
+)
+def test_another_machine_or_version_is_refused(tmp_path, whole, monkeypatch, what, now, words) -> None:
+    real = getattr(manifest, what)()
+    monkeypatch.setattr(manifest, what, lambda: real | now() if isinstance(real, dict) else now())
+    code, error = evaluate("--resume", "--out", unfinished(whole, tmp_path))
+    assert (code, error.count("\n")) == (2, 1)
+    assert re.search(words, error)
+
+
+def test_another_commit_with_the_same_code_is_no_hindrance(tmp_path, whole, monkeypatch) -> None:
+    later = manifest.versions() | {"git_revision": "0" * 40}
+    monkeypatch.setattr(manifest, "versions", lambda: later)
+    assert evaluate("--resume", "--out", unfinished(whole, tmp_path))[0] == 0
+    assert_same(tmp_path, whole)
+
+
+def trained(folder: Path, bias: float) -> Path:
+    base = policies.Trot()
+    sizes = (feature_count(base), 4, 12)
+    weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
+    network = Network(weights, tuple(np.full(size, bias, np.float32) for size in sizes[1:]), "tanh")
+    bundle.save(folder, ResidualPolicy(base, network, DEFAULT_AUTHORITY, "residual"), {}, "0" * 40)
+    return folder
+
+
+def test_a_policy_that_has_been_trained_on_is_refused(tmp_path) -> None:
+    policy, out = trained(tmp_path / "policy", 0.0), tmp_path / "out"
+    assert evaluate("--policies", policy, "--scenarios", "flat", "--episodes", "2", "--out", out)[0] == 0
+    assert evaluate("--resume", "--out", out)[0] == 0
+    trained(policy, 0.1)
+    code, error = evaluate("--resume", "--out", out)
+    assert code == 2
+    assert f"the policy {policy} has changed" in error
+
+
+def test_a_new_run_in_the_folder_of_an_unfinished_one_replaces_it_and_says_so(tmp_path, whole) -> None:
+    code, error = evaluate(*RUN, "--out", unfinished(whole, tmp_path))
+    assert code == 0
+    assert "--resume" in error.splitlines()[0]
+    assert_same(tmp_path, whole)
+
+
+def test_a_foreign_file_among_the_parts_stays(tmp_path, whole) -> None:
+    note = unfinished(whole, tmp_path) / "parts" / "note.txt"
+    note.write_text("mine")
+    assert evaluate(*RUN, "--out", tmp_path)[0] == 0
+    assert note.read_text() == "mine"
+    assert [path.name for path in note.parent.iterdir()] == ["note.txt"]
+
+
+def test_a_file_in_the_place_of_the_parts_is_refused(tmp_path) -> None:
+    (tmp_path / "parts").write_text("not a folder")
+    code, error = evaluate(*RUN, "--out", tmp_path)
+    assert (code, error.count("\n"), "--out" in error) == (2, 1, True)
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "null", '{"schema": 1}', '{"schema": 9}'])
+def test_a_manifest_that_is_none_is_refused(tmp_path, content) -> None:
+    (tmp_path / "manifest.json").write_text(content)
+    for arguments in (("--resume", "--out", tmp_path), ("report", tmp_path)):
+        code, error = evaluate(*arguments)
+        assert (code, error.count("\n")) == (2, 1)
+        assert "manifest.json" in error
+
+
+def test_a_manifest_that_was_edited_is_refused(tmp_path, whole) -> None:
+    unfinished(whole, tmp_path)
+    path = tmp_path / "manifest.json"
+    path.write_text(path.read_text().replace('"severity": 65.0', '"severity": 66.0'))
+    code, error = evaluate("--resume", "--out", tmp_path)
+    assert code == 2
+    assert "push:4" in error
+
+
+def test_a_disk_that_is_full_keeps_what_was_done(tmp_path, whole, monkeypatch) -> None:
+    write, left = store.write_table, 3
+
+    def filling(rows, path, run):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise OSError(28, os.strerror(28))
+        write(rows, path, run)
+
+    monkeypatch.setattr(store, "write_table", filling)
+    code, error = evaluate(*RUN, "--at-once", "2", "--out", tmp_path)
+    assert code == 2
+    assert error.splitlines()[-1].endswith(f"python -m evaluate --resume --out {tmp_path}")
+    monkeypatch.setattr(store, "write_table", write)
+    assert evaluate("--resume", "--out", tmp_path)[0] == 0
+    assert_same(tmp_path, whole)
+
+
+@pytest.mark.parametrize("arguments", [("--threads", "1"), ("--threads", "2", "--at-once", "3")])
+def test_threads_and_company_change_no_bit(tmp_path, whole, arguments) -> None:
+    assert evaluate(*RUN, *arguments, "--out", tmp_path)[0] == 0
+    for name in ("results.json", "episodes.parquet"):
+        ours, theirs = ((folder / name).read_bytes() for folder in (tmp_path, whole))
+        assert ours.replace(b'"threads": 1', b'"threads": 2') == theirs.replace(b'"threads": 1', b'"threads": 2'), name
+
+
+def test_64_and_1024_side_by_side_give_the_same_episodes(monkeypatch, tmp_path) -> None:
+    """The first 128 of 1024, to keep it short; many start so tilted that they fall."""
+    monkeypatch.setattr(rollout, "STEPS", 110)
+    entrant, seeds = Entrant("stand", policies.make("stand")), evaluation_seeds(0, 1024)
+    tilted = dataclasses.replace(SCENARIOS["flat"], start=StartNoise(tilt=0.6))
+    together = run_cell(entrant, tilted, seeds, Bench(2, lambda *_: None, at_once=1024))
+    apart = run_cell(entrant, tilted, seeds[:128], Bench(1, lambda *_: None, at_once=64))
+    for name, cell in (("together", some(together, np.arange(128))), ("apart", apart)):
+        write_parquet([cell], tmp_path / name)
+    assert (tmp_path / "together").read_bytes() == (tmp_path / "apart").read_bytes()
+    assert 0 < apart.measures.fell.sum() < 128
+
+
+def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
+    """A worker writes a trace before its part is kept; another number of processes cuts the cells differently."""
+    traced = (*RUN, "--trace", "compact", "--no-film", "--out", tmp_path)
+    assert evaluate(*traced)[0] == 0
+    names = {path.name for path in (tmp_path / "traces").iterdir()}
+    run = store.read_run(tmp_path)
+    store.Store(tmp_path, run.manifest).keep(Part(np.arange(5), run.cells[0]))
+    for name in OUTCOME[:3]:
+        (tmp_path / name).unlink()
+    whole_trace = tmp_path / "traces" / trace.name_of("trot", "push:4", 0)
+    (tmp_path / "traces" / trace.name_of("trot", "push:4", 3)).write_bytes(whole_trace.read_bytes())
+    (tmp_path / "traces" / f".{whole_trace.name}.abcdefgh").write_bytes(b"half")
+    assert evaluate("--resume", "--threads", "1", "--out", tmp_path)[0] == 0
+    assert {path.name for path in (tmp_path / "traces").iterdir()} == names
+    assert evaluate("rescore", tmp_path)[0] == 0
+
+
+@pytest.mark.parametrize("begun", [True, False])
+def test_a_full_disk_says_what_may_be_done_then(tmp_path, monkeypatch, begun) -> None:
+    write_table_there = store.write_table
+
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    def once(*arguments):
+        monkeypatch.setattr(store, "write_table", full)
+        write_table_there(*arguments)
+
+    monkeypatch.setattr(store, "write_table", once)
+    if not begun:
+        monkeypatch.setattr(manifest.Manifest, "write", full)
+    code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
+    assert code == 2
+    line = error.splitlines()[-1]
+    assert "(No space left on device); make room, then " in line
+    assert line.endswith(f"--resume --out {tmp_path}" if begun else "begin again, for nothing was done yet")
+    monkeypatch.undo()
+    if begun:
+        monkeypatch.setattr(rollout, "STEPS", STEPS)
+        monkeypatch.setattr("evaluate.commands.outputs.write_report", a_page)
+        assert evaluate("--resume", "--out", tmp_path)[0] == 0

@@ -1,0 +1,115 @@
+"""Traces: what is read is what was recorded, and going on after a fall changes nothing that came before."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import policies
+import quad_env
+from evaluate.measures import fall_rules
+from evaluate.measures.episodes import Episodes, uneventful
+from evaluate.measures.metrics import measure
+from evaluate.records import trace
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import Bench, Entrant, evaluation_seeds, run_cell
+from quad_env.config import FALL_RULE
+
+STEPS = 250
+HARD = replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(count=2, impulse=70.0, window=(0.5, 1.9)))
+
+
+def run(policy: str, after_falls: bool) -> Episodes:
+    return rollout.run(policies.make(policy), HARD, evaluation_seeds(0, 12), steps=STEPS, after_falls=after_falls)
+
+
+@pytest.fixture(scope="module")
+def traced() -> Episodes:
+    return run("residual", True)
+
+
+def assert_same(one: object, other: object) -> None:
+    for field in fields(one):
+        np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name), err_msg=field.name)
+
+
+def test_going_on_after_a_fall_changes_no_measure(traced) -> None:
+    stopped = run("residual", False)
+    fell = traced.fall_step < STEPS
+    assert 0 < fell.sum() < 12, "some must fall and some not for this to show anything"
+    assert not np.array_equal(traced.position, stopped.position)
+    np.testing.assert_array_equal(traced.fall_step, stopped.fall_step)
+    assert traced.fall_reason.tolist() == stopped.fall_reason.tolist()
+    assert_same(measure(traced), measure(stopped))
+
+
+def test_a_full_trace_gives_back_every_bit(traced, tmp_path) -> None:
+    header = trace.Header("residual", "hard", 7, "full")
+    trace.write(traced, header, tmp_path / "trace.parquet")
+    read, episodes = trace.read(tmp_path / "trace.parquet")
+    assert read == header
+    assert_same(episodes, traced)
+    for field in fields(traced):
+        if isinstance(value := getattr(traced, field.name), np.ndarray):
+            assert getattr(episodes, field.name).dtype == value.dtype, field.name
+    assert_same(measure(episodes), measure(traced))
+
+
+def test_a_compact_trace_is_a_tenth_of_a_full_one_and_keeps_what_rules_look_at(traced, tmp_path) -> None:
+    for kind in ("full", "compact"):
+        trace.write(traced, trace.Header("residual", "hard", 0, kind), tmp_path / kind)
+    assert (tmp_path / "compact").stat().st_size < 0.12 * (tmp_path / "full").stat().st_size
+    _, episodes = trace.read(tmp_path / "compact", "compact")
+    for name in trace.COMPACT:
+        np.testing.assert_array_equal(getattr(episodes, name), getattr(traced, name))
+    for rule in fall_rules.RULES.values():
+        np.testing.assert_array_equal(fall_rules.fall_step(rule, episodes), fall_rules.fall_step(rule, traced))
+    with pytest.raises(ValueError, match="compact"):
+        trace.read(tmp_path / "compact")
+
+
+def test_a_policy_without_a_clock_and_a_scenario_without_pushes_can_be_traced(tmp_path) -> None:
+    episodes = rollout.run(policies.make("stand"), "flat", evaluation_seeds(0, 2), steps=20, after_falls=True)
+    trace.write(episodes, trace.Header("stand", "flat", 0, "full"), tmp_path / "trace")
+    assert_same(trace.read(tmp_path / "trace")[1], episodes)
+
+
+def test_episodes_that_stopped_at_their_falls_are_refused(tmp_path) -> None:
+    with pytest.raises(ValueError, match="after_falls"):
+        trace.write(uneventful(10), trace.Header("stand", "flat", 0, "full"), tmp_path / "trace")
+
+
+def test_a_file_that_is_no_trace_is_refused(run, tmp_path) -> None:
+    with pytest.raises(ValueError, match="no trace"):
+        trace.read(run.folder / "episodes.parquet")
+
+
+def test_a_cell_is_traced_part_by_part_under_names_that_no_two_cells_share(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(
+        "evaluate.rollouts.rollout.run", lambda *args, **kwargs: short(*args, **{**kwargs, "steps": 120})
+    )
+    entrants = [Entrant(label, policies.make("stand")) for label in ("runs/a", "runs%2Fa")]
+    write, seeds = trace.writer(tmp_path, "compact"), evaluation_seeds(0, 3)
+    for entrant in entrants:
+        run_cell(entrant, quad_env.SCENARIOS["flat"], seeds, Bench(1, lambda *_: None, at_once=2, trace=write))
+    read = [trace.read(path, "compact") for path in sorted(tmp_path.iterdir())]
+    assert sorted((header.policy, header.first, len(episodes.seeds)) for header, episodes in read) == [
+        (label, first, count) for label in ("runs%2Fa", "runs/a") for first, count in ((0, 2), (2, 1))
+    ]
+
+
+short = rollout.run
+
+
+def test_the_environments_own_rule_is_the_one_of_that_name_here(traced) -> None:
+    """What the environment called a fall in double precision, worked out again from the record."""
+    np.testing.assert_array_equal(fall_rules.first_step(fall_rules.RULES[FALL_RULE], traced), traced.fall_step)
+
+
+def test_a_stricter_rule_never_sees_a_fall_later(traced) -> None:
+    step = {name: fall_rules.fall_step(rule, traced) for name, rule in fall_rules.RULES.items()}
+    assert (step["non-foot-contact"] <= step["trunk-contact"]).all()
+    assert (step["tilt-70"] <= step["tilt-90"]).all()
+    assert (step[FALL_RULE] <= step["tilt-70"]).all()
+    assert (step[FALL_RULE] <= step["trunk-contact"]).all()
+    assert (step["tilt-90"] < STEPS).any(), "some must be laid over for this to show anything"

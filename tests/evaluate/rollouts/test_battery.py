@@ -1,0 +1,153 @@
+"""What a name on the command line stands for; scenarios in a user's file."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import quad_env
+from evaluate.__main__ import main
+from evaluate.rollouts import battery
+from quad_env.scenarios.axes import AXES
+from quad_env.serialisation import from_plain, to_plain
+
+WRITTEN = """
+import quad_env
+
+GUST = quad_env.Scenario("gust", pushes=quad_env.Pushes(count=1, impulse=12.0), severity=12.0, severity_unit="N·s")
+SEVERAL = [quad_env.Scenario(f"gust {i}", pushes=quad_env.Pushes(impulse=float(i))) for i in (1, 2)]
+NUMBER = 3
+NAMESAKE = quad_env.SCENARIOS["push"]
+class Ice(quad_env.Flat):
+    pass
+ICY = quad_env.Scenario("icy", terrain=Ice())
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "my_file.py"
+    path.write_text(WRITTEN)
+    return path
+
+
+def names(*given: str) -> list[str]:
+    return [scenario.name for scenario in battery.resolve(given)]
+
+
+def test_a_level_and_all_levels_of_an_axis() -> None:
+    assert names("push:3", "rough") == ["push:3", "rough"]
+    assert names("push:all") == [f"push:{level}" for level in range(1, 1 + len(AXES["push"].levels))]
+    assert battery.resolve(("push:3",))[0].severity == AXES["push"].levels[2]
+
+
+def test_all_is_every_axis_at_its_nominal_severity() -> None:
+    assert names("all") == list(quad_env.SCENARIOS)
+
+
+@pytest.mark.parametrize("name", ["quick", "default", "full"])
+def test_a_battery_begins_with_the_nominal_three_and_has_no_scenario_twice(name) -> None:
+    scenarios = battery.resolve((name,))
+    assert [scenario.name for scenario in scenarios[:3]] == ["flat", "push", "rough"]
+    assert len({replace(scenario, name="") for scenario in scenarios}) == len(scenarios)
+
+
+def test_the_full_battery_has_every_severity_of_every_axis() -> None:
+    there = {(scenario.axis, scenario.severity) for scenario in battery.full()}
+    assert there >= {(axis.name, level) for axis in AXES.values() for level in axis.levels}
+
+
+def test_the_default_battery_has_every_axis() -> None:
+    assert {scenario.axis for scenario in battery.default()} == set(AXES)
+
+
+def test_levels_that_a_battery_names_exist() -> None:
+    for chosen in (battery.QUICK_LEVELS, battery.DEFAULT_LEVELS):
+        for axis, levels in chosen.items():
+            assert all(1 <= level <= len(AXES[axis].levels) for level in levels)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (("flatt",), "flat, push, rough.*quick, default, full, all.*push:3.*my_file.py:NAME"),
+        (("push:99",), f"levels 1 to {len(AXES['push'].levels)}, not 99"),
+        (("push:hard",), f"push:1 to push:{len(AXES['push'].levels)}, push:all"),
+        (("push:all", "push:2"), "twice: push:2"),
+        (("quick", "flat"), "twice: flat"),
+        ((), "no scenario"),
+    ],
+)
+def test_a_name_that_is_none_lists_the_valid_ones(given, words) -> None:
+    with pytest.raises(ValueError, match=words):
+        battery.resolve(given)
+
+
+def test_a_scenario_in_a_file(file) -> None:
+    (gust,) = battery.resolve((f"{file}:GUST",))
+    assert (gust.name, gust.pushes.impulse) == ("gust", 12.0)
+    assert names(f"{file}:SEVERAL", "flat") == ["gust 1", "gust 2", "flat"]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("gust", "has no 'gust'; its scenarios: GUST, SEVERAL"),
+        ("NUMBER", "must be a quad_env.Scenario or a tuple of them, not 3"),
+        ("NAMESAKE", "call it differently"),
+        ("ICY", "Ice is no part of quad_env"),
+    ],
+)
+def test_what_is_no_scenario_in_a_file_is_said(file, name, words) -> None:
+    with pytest.raises(ValueError, match=words):
+        battery.resolve((f"{file}:{name}",))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("1 / 0", "fails: ZeroDivisionError"),
+        ("import nothing_of_that_name", "fails: ModuleNotFoundError"),
+        ("raise SystemExit('no')", "fails: SystemExit: no"),
+        ("GUST =", "fails: SyntaxError"),
+        ("import quad_env\nGUST = quad_env.Scenario('x', pushes=quad_env.Pushes(count=-1))", "do not fit"),
+        ("GUST = ()", "must be a quad_env.Scenario"),
+        ("import quad_env\nGUST = quad_env.Scenario('')", "needs a name"),
+    ],
+)
+def test_a_file_that_fails_is_one_line(tmp_path, capsys, content, words) -> None:
+    file = tmp_path / "my_file.py"
+    file.write_text(content)
+    assert main(["--policies", "trot", "--scenarios", f"{file}:GUST", "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert words in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path) -> None:
+    with pytest.raises(ValueError, match=r"there is no file .*nowhere\.py"):
+        battery.resolve((f"{tmp_path / 'nowhere.py'}:GUST",))
+
+
+@pytest.mark.parametrize("scenario", battery.full(), ids=lambda scenario: scenario.name)
+def test_every_scenario_is_written_down_and_read_back(scenario) -> None:
+    assert from_plain(to_plain(scenario)) == scenario
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        {"type": "os.system", "command": "false"},
+        {"type": "quad_env.physics.simulation.mujoco"},
+        {"type": "quad_env.scenarios.named.scenario", "which": "flat"},
+        {"type": "quad_env.scenarios.named.Scenario", "name": "x", "unknown": 1},
+        {"type": "quad_env.nowhere.Scenario"},
+        {"type": None},
+        {},
+    ],
+    ids=str,
+)
+def test_nothing_but_settings_of_quad_env_is_made_from_a_file(value) -> None:
+    with pytest.raises(ValueError, match=r"of that kind|settings class"):
+        from_plain(value)

@@ -1,0 +1,124 @@
+"""Rollouts: one episode an env, the same starts for every policy, nothing after a fall."""
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import policies
+import quad_env
+from evaluate.measures.episodes import INFOS, READINGS, blank
+from evaluate.measures.metrics import measure
+from evaluate.rollouts import battery, rollout
+from evaluate.rollouts.experiment import EPISODES_AT_ONCE, Bench, Entrant, evaluation_seeds, run_cell
+from policies.base import Policy
+
+STEPS = 150
+PUSHED = replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(count=1, impulse=20.0, window=(0.1, 0.4)))
+"""A push early enough to fell a standing robot within a short test."""
+
+
+class Watcher(Policy):
+    """Stands, and keeps every observation it was shown."""
+
+    name = "watcher"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[np.ndarray] = []
+
+    def _act(self, observation: np.ndarray) -> np.ndarray:
+        self.seen.append(observation.copy())
+        return np.tile(quad_env.robots.robot.HOME_POSE.astype(np.float32), (len(observation), 1))
+
+
+def run(policy: str = "stand", scenario=PUSHED, count: int = 12, **options) -> rollout.Episodes:
+    return rollout.run(policies.make(policy), scenario, evaluation_seeds(0, count), steps=STEPS, **options)
+
+
+def test_there_is_one_episode_for_each_seed_however_many_fall() -> None:
+    episodes = run()
+    fell = episodes.fall_step < STEPS
+    assert 0 < fell.sum() < 12, "some must fall and some not for this to show anything"
+    assert episodes.command.shape == episodes.heading_velocity.shape == (STEPS, 12, 3)
+    assert episodes.joint_torque.shape == (STEPS, 12, 12)
+    np.testing.assert_array_equal(episodes.seeds, evaluation_seeds(0, 12))
+    assert [reason is not None for reason in episodes.fall_reason] == fell.tolist()
+
+
+def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:
+    together, threads = run(nthread=2), run(nthread=1)
+    alone = rollout.run(policies.make("stand"), PUSHED, evaluation_seeds(0, 12)[5:6], steps=STEPS, nthread=1)
+    fall = together.fall_step[5]
+    for name in (*INFOS, *READINGS):
+        np.testing.assert_array_equal(getattr(together, name)[:fall], getattr(threads, name)[:fall])
+        np.testing.assert_array_equal(getattr(together, name)[:fall, 5], getattr(alone, name)[:fall, 0])
+    assert alone.fall_step[0] == fall
+    one, many = measure(alone), measure(together)
+    for field in fields(one):
+        np.testing.assert_array_equal(getattr(one, field.name)[0], getattr(many, field.name)[5], err_msg=field.name)
+
+
+def test_the_policy_is_shown_the_latest_observation() -> None:
+    """Step k's observation holds the velocity that step k−1's info reported, and the target sent in step k−1."""
+    watcher = Watcher()
+    episodes = rollout.run(watcher, "flat", evaluation_seeds(0, 3), steps=20)
+    for step in range(1, 20):
+        lateral_and_forward = watcher.seen[step][:, quad_env.OBSERVATION["linear_velocity"]]
+        upright = np.abs(watcher.seen[step][:, 2] + 1.0) < 0.01
+        planar = np.linalg.norm(lateral_and_forward[:, :2], axis=1)
+        reported = np.linalg.norm(episodes.heading_velocity[step - 1, :, :2], axis=1)
+        np.testing.assert_allclose(planar[upright], reported[upright], atol=0.05)
+    assert len(watcher.seen) == 20
+
+
+def test_progress_rises_and_ends_with_one_exactly_once() -> None:
+    shares: list[float] = []
+    run("document", "flat", 2, progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares.count(1.0) == 1
+    assert shares[-1] == 1.0
+
+
+def infos(fall: list[str | None], diverged: list[bool]) -> dict[str, Any]:
+    """What an environment says after a step in which nothing else happened."""
+    nothing = {name: blank(name, 1, len(fall))[0] for name in (*INFOS, *READINGS)}
+    return nothing | {"readings": nothing, "fall": np.array(fall, dtype=object), "diverged": np.array(diverged)}
+
+
+def test_a_diverged_episode_is_a_fall_with_its_own_column() -> None:
+    recorder = rollout._Recorder(3, 2, policies.make("stand"))
+    recorder.record(0, np.array([True, False]), infos([None, None], [True, False]))
+    np.testing.assert_array_equal(recorder.fall_step, [0, 3])
+    np.testing.assert_array_equal(recorder.divergence_step, [0, 3])
+    assert recorder.fall_reason.tolist() == ["diverged", None]
+
+
+def test_the_first_fall_counts() -> None:
+    recorder = rollout._Recorder(5, 1, policies.make("stand"))
+    for step, reason in enumerate((None, "tilt", "height", "height")):
+        recorder.record(step, np.array([reason is not None]), infos([reason], [False]))
+    assert recorder.fall_step.tolist() == [1]
+    assert recorder.fall_reason.tolist() == ["tilt"]
+
+
+def test_many_episodes_run_in_parts_with_the_same_outcome() -> None:
+    assert EPISODES_AT_ONCE >= 128
+    entrant, seeds = Entrant("document", policies.make("document")), evaluation_seeds(0, 5)
+    whole = run_cell(entrant, quad_env.SCENARIOS["flat"], seeds, Bench(2, lambda *_: None))
+    shares: list[float] = []
+    bench = Bench(2, lambda _, __, share: shares.append(share), at_once=2)
+    parts = run_cell(entrant, quad_env.SCENARIOS["flat"], seeds, bench)
+    np.testing.assert_array_equal(parts.seeds, seeds)
+    np.testing.assert_array_equal(parts.measures.fall_time, whole.measures.fall_time)
+    assert shares.count(1.0) == 1
+
+
+def test_the_battery_lists_its_scenarios_when_asked_for_another() -> None:
+    with pytest.raises(ValueError, match="flat, push, rough"):
+        battery.resolve(("flatt",))
+    with pytest.raises(ValueError, match="twice"):
+        battery.resolve(("flat", "flat"))
+    assert [s.name for s in battery.resolve(("all",))] == list(quad_env.SCENARIOS)
+    assert [s.name for s in battery.quick()[:3]] == list(battery.NOMINAL)

@@ -1,0 +1,163 @@
+"""Workers: the same outcome as in one process, and nothing left running however the evaluation ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.__main__ import main
+from evaluate.measures.metrics import Measures
+from evaluate.rollouts import workers
+from evaluate.rollouts.experiment import Entrant, Job, evaluation_seeds, in_turn
+from evaluate.rollouts.hardware import IDEAL
+from quad_env import SCENARIOS
+
+STEPS = 110
+
+
+class Deadly(type(policies.make("stand"))):
+    """Kills the process that it is asked to act in."""
+
+    def act(self, observation):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Failing(type(policies.make("stand"))):
+    """Has a bug."""
+
+    def act(self, observation):
+        raise ZeroDivisionError("a bug")
+
+
+def jobs(*entrants: Entrant, scenario: str = "push") -> list[Job]:
+    seeds = evaluation_seeds(0, 6)
+    parts = (np.arange(4), np.arange(4, 6))
+    return [
+        Job(entrant, SCENARIOS[scenario], numbers, seeds[numbers], STEPS, None, IDEAL)
+        for entrant in entrants
+        for numbers in parts
+    ]
+
+
+def entrants(*names: str) -> list[Entrant]:
+    return [Entrant(name, policies.resolve(name)) for name in names]
+
+
+@pytest.fixture(autouse=True)
+def always(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers even for so little."""
+    monkeypatch.setattr(workers, "WORTHWHILE", 0)
+
+
+def test_workers_give_the_same_bits_as_one_process_and_tell_how_far_they_are() -> None:
+    every = jobs(*entrants("trot", "residual", "document"))
+    told: list[tuple[int, float]] = []
+    apart = dict(workers.side_by_side(2)(every, lambda place, share: told.append((place, share))))
+    alone = dict(in_turn(1)(every, lambda *_: None))
+    assert set(apart) == set(alone) == set(range(len(every)))
+    for place, part in alone.items():
+        other = apart[place]
+        np.testing.assert_array_equal(other.numbers, part.numbers)
+        np.testing.assert_array_equal(other.cell.fall_reason, part.cell.fall_reason)
+        for field in fields(Measures):
+            ours, theirs = getattr(part.cell.measures, field.name), getattr(other.cell.measures, field.name)
+            assert ours.tobytes() == theirs.tobytes(), field.name
+    assert {place for place, _ in told} == set(alone)
+    assert all(0.0 <= share < 1.0 for _, share in told)
+
+
+def test_they_are_processes_of_their_own() -> None:
+    with pytest.raises(workers.WorkerLost, match="was killed"):
+        list(workers.side_by_side(2)(jobs(Entrant("deadly", Deadly())), lambda *_: None))
+
+
+def test_an_error_in_a_worker_is_raised_here() -> None:
+    with pytest.raises(ZeroDivisionError, match="a bug"):
+        list(workers.side_by_side(2)(jobs(Entrant("failing", Failing())), lambda *_: None))
+
+
+def test_little_work_is_done_here(monkeypatch) -> None:
+    monkeypatch.setattr(workers, "WORTHWHILE", 6 * STEPS + 1)
+    monkeypatch.setattr(workers, "ProcessPoolExecutor", None)
+    assert len(list(workers.side_by_side(2)(jobs(*entrants("stand")), lambda *_: None))) == 2
+
+
+def test_a_lost_worker_is_one_line(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", STEPS)
+    run = ["--policies", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "4", "--no-film"]
+    resolve = policies.resolve
+    monkeypatch.setattr("policies.resolve", lambda name: Deadly() if name == "trot" else resolve(name))
+    assert main([*run, "--threads", "2", "--out", str(tmp_path)]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith("error: a worker process was killed")
+    assert error.endswith(f"--resume --out {tmp_path}" if (tmp_path / "parts").exists() else "nothing was done yet")
+
+
+def test_a_worker_that_cannot_be_begun_is_said_so(monkeypatch) -> None:
+    def full(*_args):
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(workers.ProcessPoolExecutor, "submit", full)
+    with pytest.raises(workers.WorkerLost, match="cannot be started \\(Resource temporarily unavailable"):
+        list(workers.side_by_side(2)(jobs(*entrants("stand")), lambda *_: None))
+
+
+def test_the_environment_is_as_it_was_after_workers_began(monkeypatch) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    monkeypatch.delenv("PYTHONWARNINGS", raising=False)
+    list(workers.side_by_side(2)(jobs(*entrants("stand")), lambda *_: None))
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
+    assert "PYTHONWARNINGS" not in os.environ
+
+
+def test_an_evaluation_with_more_processes_than_cells_writes_the_same_episodes(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", STEPS)
+    run = ["--policies", "trot", "--scenarios", "flat", "--episodes", "5", "--no-film"]
+    assert main([*run, "--threads", "3", "--out", str(tmp_path / "three")]) == 0
+    assert main([*run, "--threads", "1", "--out", str(tmp_path / "one")]) == 0
+    three, one = (tmp_path / name / "episodes.parquet" for name in ("three", "one"))
+    assert three.read_bytes() == one.read_bytes()
+
+
+def children(process: int) -> set[int]:
+    """Processes whose parent it is."""
+    found = set()
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            if int(stat.read_text().rpartition(")")[2].split()[1]) == process:
+                found.add(int(stat.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+def runs(process: int) -> bool:
+    """Whether it is there, and no zombie that waits to be looked after."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
+def test_workers_leave_when_the_evaluation_is_killed(repository, tmp_path) -> None:
+    command = [sys.executable, "-m", "evaluate", "--policies", "trot", "stand", "--scenarios", "flat", "push"]
+    command += ["--episodes", "256", "--threads", "2", "--out", str(tmp_path)]
+    process = subprocess.Popen(command, cwd=repository, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while len(workforce := children(process.pid)) < 3:  # two workers and Python's resource tracker
+        assert process.poll() is None
+        time.sleep(0.01)
+    time.sleep(0.5)
+    process.kill()
+    process.wait()
+    patience = time.monotonic() + 10.0
+    while any(map(runs, workforce)):
+        assert time.monotonic() < patience, "orphans are left"
+        time.sleep(0.05)

@@ -1,0 +1,117 @@
+import math
+
+import numpy as np
+import pytest
+
+import policies
+from policies.article.printed import Document, PrintedGait, printed_joint_angles
+from quad_env import OBSERVATION_SIZE
+from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
+
+# φ -> fl, fr, hl, hr, each hip, thigh, calf: the reference values that the project goes by.
+REFERENCE = {
+    0.0: [
+        (0.531808096948, -2.900116590832, -2.263849408375),
+        (-0.540419500271, -2.711817222285, -2.282041790981),
+        (0.540419500271, -2.711817222285, -2.282041790981),
+        (-0.531808096948, -2.900116590832, -2.263849408375),
+    ],
+    math.pi / 2: [
+        (0.982793723247, -2.974144574370, -2.806696495150),
+        (-0.531808096948, -2.900116590832, -2.263849408375),
+        (0.531808096948, -2.900116590832, -2.263849408375),
+        (-0.982793723247, -2.974144574370, -2.806696495150),
+    ],
+    1.0: [
+        (0.875642249590, -3.077286593868, -2.721491158340),
+        (-0.536878867807, -2.834756305549, -2.274634882332),
+        (0.536878867807, -2.834756305549, -2.274634882332),
+        (-0.875642249590, -3.077286593868, -2.721491158340),
+    ],
+    4.0: [
+        (0.537803729154, -2.817949723929, -2.276579373741),
+        (-0.825776293121, -3.073560097421, -2.676236307504),
+        (0.825776293121, -3.073560097421, -2.676236307504),
+        (-0.537803729154, -2.817949723929, -2.276579373741),
+    ],
+}
+
+
+def solved_by_hand(x: float, y: float, z: float) -> tuple[float, float, float]:
+    """The printed triangle, worked with the half-angle formulas instead of the cosine rule."""
+    distance = math.hypot(x, z)
+    half_knee = math.asin(distance / 0.6)  # both links 0.3 m: the leg is the base of an isosceles triangle
+    pitch = math.atan2(z, x) - (math.pi / 2 - half_knee)
+    return math.atan(y / distance), pitch, 2 * half_knee - math.pi
+
+
+@pytest.mark.parametrize("phase", REFERENCE)
+def test_targets_equal_the_reference_table(phase):
+    targets = policies.make("document").targets(phase)
+    np.testing.assert_allclose(targets, np.ravel(REFERENCE[phase]), atol=1e-9, rtol=0.0)
+
+
+def test_targets_at_a_quarter_turn_by_hand():
+    # fl and hr at mid-swing: x = 0, z = -0.25 + 0.15; fr and hl halfway through their stance: x = -0.05, z = -0.25.
+    expected = [
+        *solved_by_hand(0.0, 0.15, -0.10),
+        *solved_by_hand(-0.05, -0.15, -0.25),
+        *solved_by_hand(-0.05, 0.15, -0.25),
+        *solved_by_hand(0.0, -0.15, -0.10),
+    ]
+    np.testing.assert_allclose(Document().targets(math.pi / 2), expected, atol=1e-12, rtol=0.0)
+
+
+def test_targets_at_one_radian_by_hand():
+    swing = (-0.05 + 0.1 / math.pi, -0.25 + 0.15 * math.sin(1.0))
+    stance = (-0.1 / math.pi, -0.25)
+    expected = [
+        *solved_by_hand(swing[0], 0.15, swing[1]),
+        *solved_by_hand(stance[0], -0.15, stance[1]),
+        *solved_by_hand(stance[0], 0.15, stance[1]),
+        *solved_by_hand(swing[0], -0.15, swing[1]),
+    ]
+    np.testing.assert_allclose(Document().targets(1.0), expected, atol=1e-12, rtol=0.0)
+
+
+def test_array_of_phases_gives_the_scalar_answers():
+    phases = np.linspace(0.0, 6.2, 24).reshape(2, 3, 4)
+    targets = Document().targets(phases)
+    assert targets.shape == (2, 3, 4, 12)
+    assert targets.dtype == np.float64
+    for index in np.ndindex(phases.shape):
+        assert np.array_equal(targets[index], Document().targets(phases[index]))
+
+
+@pytest.mark.parametrize("foot", [(0.0, 0.15, -0.6000001), (0.5, 0.0, 0.5)])
+def test_unreachable_foot_is_answered_with_zeros(foot):
+    assert printed_joint_angles(np.array(foot)).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_unreachable_foot_leaves_the_other_legs_alone():
+    feet = PrintedGait().feet(1.0, stance_start=0.0)
+    solved = printed_joint_angles(feet)
+    feet[2, 2] = -0.7
+    assert np.array_equal(printed_joint_angles(feet)[[0, 1, 3]], solved[[0, 1, 3]])
+
+
+def test_limit_of_reach_and_a_foot_on_the_hip_are_finite():
+    assert np.isfinite(printed_joint_angles(np.array([[0.0, 0.15, -0.6], [0.0, 0.15, 0.0]]))).all()
+
+
+def test_first_action_is_that_of_one_tick_clipped_by_the_joint_limits():
+    policy = policies.make("document")
+    action = policy.act(np.zeros(OBSERVATION_SIZE, np.float32))
+    phase = 2.0 * math.pi * 2.0 * 0.01
+    assert policy.phase == pytest.approx([phase])
+    expected = np.clip(policy.targets(phase), JOINT_LOWER, JOINT_UPPER)
+    np.testing.assert_allclose(action, expected, atol=1e-6)
+    assert action[1] == np.float32(-1.5)  # printed pitch of -2.9 rad: the thigh sits at its stop
+
+
+def test_clock_runs_two_cycles_a_second():
+    policy = policies.make("document")
+    actions = [policy.act(np.zeros(OBSERVATION_SIZE, np.float32)) for _ in range(150)]
+    np.testing.assert_allclose(actions[49 + 50], actions[49], atol=1e-5)
+    np.testing.assert_allclose(actions[49 + 100], actions[49], atol=1e-5)
+    assert np.abs(actions[49 + 25] - actions[49]).max() > 0.01

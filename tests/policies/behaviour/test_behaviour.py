@@ -1,0 +1,299 @@
+import itertools
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import policies
+from policies.behaviour import REQUESTS, TRANSITIONS, Behaviour, BehaviourMachine, RequestRefused, State
+from policies.behaviour import diagram as behaviour_diagram
+from policies.behaviour.event_log import Ring
+from policies.behaviour.guards import conditions, leg_height
+from policies.behaviour.machine import refusal_reason
+from policies.behaviour.transitions import GUARDS, TIME_LIMIT, valid_requests
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.robots.robot import HOME_HEIGHT, HOME_POSE
+
+RESTING = {State.PASSIVE, State.STAND, State.WALK, State.RUN, State.EMERGENCY_STOP}
+
+
+def reading(n=1, up=1.0, turning=0.0, speed=0.0, joints=0.0, command=(0.0, 0.0, 0.0)):
+    """Observation (n, k) of a robot leaning sideways, `up` its tilt's cosine."""
+    row = np.zeros((n, OBSERVATION_SIZE), np.float32)
+    row[:, OBSERVATION["projected_gravity"]] = (0.0, np.sqrt(1.0 - up * up), -up)
+    row[:, OBSERVATION["angular_velocity"]] = turning
+    row[:, OBSERVATION["linear_velocity"]] = speed
+    row[:, OBSERVATION["joint_position"]] = joints
+    row[:, OBSERVATION["command"]] = command
+    return row
+
+
+WITH = {  # a reading under which a guard holds, and steps to wait for it
+    "still": (reading(), 1),
+    "upright": (reading(), 1),
+    "tilted": (reading(up=0.0), 1),
+    "standing": (reading(), 12),
+    "fallen": (reading(up=0.2, turning=9.0), 1),
+    "landed": (reading(), 95),
+    "settled": (reading(up=0.2), 12),
+    "late": (reading(up=0.9, turning=9.0), 900),
+    "": (reading(up=0.9, turning=9.0), 1),
+}
+WITHOUT = {  # a reading under which it does not
+    "still": reading(speed=1.0),
+    "upright": reading(up=0.5),
+    "tilted": reading(),
+    "standing": reading(joints=0.5),
+    "fallen": reading(),
+    "landed": reading(speed=1.0),
+    "settled": reading(up=0.2, turning=9.0),
+}
+
+
+def machine_in(state, n=1):
+    machine = BehaviourMachine(n, start=state)
+    machine.take_changes()
+    return machine
+
+
+@pytest.mark.parametrize(
+    "row", TRANSITIONS, ids=lambda row: f"{row.request or 'by itself'}-{row.guard}-{row.target.label}"
+)
+def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_reason(row):
+    for source in row.sources:
+        machine = machine_in(source)
+        observation, steps = WITH[row.guard]
+        if not row.request:
+            for _ in range(steps):
+                if machine.state[0] != source:
+                    break
+                machine.observe(observation)
+        else:
+            for _ in range(min(steps, 12)):
+                machine._conditions = conditions(observation, machine._state, np.full(1, steps))
+            machine.request(row.request)
+        assert machine.state[0] == row.target
+        change = machine.changes()[-1]
+        assert (change.robot, change.source, change.target, change.reason) == (0, source, row.target, row.reason)
+        assert change.step == machine.step
+
+
+@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("request_name", REQUESTS)
+def test_every_request_that_the_table_lacks_is_refused_by_name_with_the_valid_ones(state, request_name):
+    if request_name in valid_requests(state):
+        return
+    machine = machine_in(state)
+    machine.observe(reading())
+    state_before = State(machine.state[0])
+    if request_name in valid_requests(state_before):  # it has moved on by itself
+        machine = machine_in(state)
+        state_before = state
+    with pytest.raises(RequestRefused, match=request_name) as refusal:
+        machine.request(request_name)
+    for valid in valid_requests(state_before):
+        assert valid in str(refusal.value)
+    assert machine.state[0] == state_before
+    assert machine.refusals()[-1].request == request_name
+
+
+@pytest.mark.parametrize(
+    "row", [row for row in TRANSITIONS if row.guard and row.guard != "late"], ids=lambda row: row.guard
+)
+def test_no_transition_happens_while_its_guard_does_not_hold(row):
+    for source in row.sources:
+        machine = machine_in(source)
+        for _ in range(20):
+            machine.observe(WITHOUT[row.guard])
+            if machine.state[0] != source:
+                break
+        taken = {(change.source, change.reason) for change in machine.changes()}
+        if row.request and machine.state[0] == source and machine.request(row.request, np.ones(1, bool)).any():
+            assert row.guard in machine.refusals()[-1].reason
+        taken |= {(change.source, change.reason) for change in machine.changes()}
+        assert (source, row.reason) not in taken
+
+
+def test_batch_request_moves_those_that_may_and_gives_the_mask_of_those_that_refuse():
+    machine = BehaviourMachine(3, start=State.STAND)
+    machine.observe(reading(3))
+    assert not machine.request("walk", np.array([True, False, False])).any()
+    refused = machine.request("run", np.ones(3, bool))
+    assert refused.tolist() == [False, True, True]
+    assert machine.state.tolist() == [State.RUN, State.STAND, State.STAND]
+    assert [refusal.robot for refusal in machine.refusals()] == [1, 2]
+
+
+def test_request_of_all_is_refused_as_a_whole():
+    machine = BehaviourMachine(2, start=State.STAND)
+    machine.request("walk", np.array([True, False]))
+    with pytest.raises(RequestRefused, match="robot 1"):
+        machine.request("run")
+    assert machine.state.tolist() == [State.WALK, State.STAND]
+
+
+@pytest.mark.parametrize("name", ["gallop", "", "stand_up"])
+def test_request_that_does_not_exist_is_answered_with_those_that_do(name):
+    with pytest.raises(ValueError, match="emergency_stop, passive, stand"):
+        BehaviourMachine(1).request(name)
+
+
+@pytest.mark.parametrize("mask", [[True], [1, 0, 0], [[True, False, False]]])
+def test_wrong_mask_is_refused(mask):
+    with pytest.raises(ValueError, match="mask"):
+        BehaviourMachine(3).request("stand", np.array(mask))
+
+
+def test_every_state_leads_to_standing_and_every_state_but_a_stop_can_be_left_without_waiting_for_a_person():
+    ahead = {state: {row.target for row in TRANSITIONS if state in row.sources} for state in State}
+    for state in State:
+        reached, frontier = {state}, {state}
+        while frontier:
+            frontier = {target for each in frontier for target in ahead[each]} - reached
+            reached |= frontier
+        assert reached == set(State)
+    for state in set(State) - RESTING:
+        assert state in TIME_LIMIT
+        assert any(state in row.sources and row.guard == "late" and not row.request for row in TRANSITIONS)
+
+
+events = st.one_of(
+    st.tuples(st.just("ask"), st.sampled_from(REQUESTS), st.integers(0, 15)),
+    st.tuples(
+        st.just("see"),
+        st.sampled_from(
+            [reading(4), reading(4, up=-0.9), reading(4, up=0.1, turning=9.0), reading(4, joints=0.6, speed=1.0)]
+        ),
+        st.integers(1, 40),
+    ),
+)
+
+
+@settings(max_examples=80)
+@given(st.lists(events, max_size=25), st.sampled_from(State), st.integers(0, 3))
+def test_random_commands_never_break_the_machine(script, start, robot):
+    """Never in two states, never stuck, every change in the table, an emergency stop obeyed at once and kept."""
+    machine = BehaviourMachine(4, start=start)
+    legal = {(source, row.target) for row in TRANSITIONS for source in row.sources}
+    stopped = np.zeros(4, bool)
+    for kind, what, number in script:
+        before = machine.state
+        if kind == "ask":
+            mask = np.array([bool(number >> bit & 1) for bit in range(4)])
+            refused = machine.request(what, mask)
+            assert not (refused & ~mask).any()
+            assert (machine.state[~mask | refused] == before[~mask | refused]).all()
+            if what == "emergency_stop":
+                assert not refused.any()
+                assert (machine.state[mask] == State.EMERGENCY_STOP).all()
+                stopped |= mask
+            elif what == "passive":
+                stopped &= ~(mask & ~refused)
+        else:
+            for _ in range(number):
+                machine.observe(what)
+        assert machine.state.shape == (4,)
+        assert set(machine.state.tolist()) <= set(State)
+        assert (machine.state[stopped] == State.EMERGENCY_STOP).all()
+    assert all((change.source, change.target) in legal for change in machine.changes())
+    path = [change for change in machine.changes() if change.robot == robot]
+    assert all(a.target == b.source for a, b in itertools.pairwise(path))
+    patience = sum(round(limit / 0.01) for limit in TIME_LIMIT.values())
+    while not set(machine.state.tolist()) <= RESTING:
+        machine.observe(reading(4))
+        assert (patience := patience - 1) > 0
+
+
+def test_a_robot_that_never_gets_up_goes_on_trying():
+    machine = machine_in(State.FALL)
+    for _ in range(3000):
+        machine.observe(reading(up=-1.0))
+    counts = Counter(change.target for change in machine.changes())
+    assert counts[State.RECOVER] >= 3
+    assert counts[State.FALL] >= 2
+
+
+def test_logs_are_bounded_and_keep_the_latest():
+    machine = BehaviourMachine(2, start=State.STAND, capacity=10)
+    for _ in range(20):
+        machine.request("walk", np.ones(2, bool))
+        machine.request("jump", np.ones(2, bool))
+        machine.request("stand", np.ones(2, bool))
+    assert len(machine.changes()) == 10
+    assert len(machine.refusals()) == 10
+    assert machine.changes()[-1].target == State.STAND
+
+
+def test_ring_keeps_order_over_its_end_and_takes_more_than_it_holds():
+    ring = Ring(2, 4)
+    ring.write([1, 2, 3], 7)
+    ring.write([4, 5, 6], 8)
+    assert ring.read().tolist() == [[3, 7], [4, 8], [5, 8], [6, 8]]
+    ring.write(np.arange(9), 0)
+    assert ring.read()[:, 0].tolist() == [5, 6, 7, 8]
+    assert ring.total == 15
+
+
+def test_leg_height_of_the_home_pose_is_that_of_the_robot():
+    gravity = np.array([[0.0, 0.0, -1.0]])
+    np.testing.assert_allclose(leg_height(gravity, HOME_POSE[None]), HOME_HEIGHT, atol=1e-9)
+    # Upside down the lowest foot is that far above the trunk's centre, less the foot itself.
+    np.testing.assert_allclose(leg_height(-gravity, HOME_POSE[None]), -HOME_HEIGHT + 0.04, atol=1e-9)
+
+
+def test_every_guard_of_the_table_is_a_condition():
+    assert set(GUARDS) <= set(conditions(reading(), np.zeros(1, np.int8), np.zeros(1, np.int64)))
+
+
+def test_committed_diagram_is_the_generated_one():
+    assert behaviour_diagram.FILE.read_text() == behaviour_diagram.diagram()
+
+
+def test_diagram_shows_every_state_and_every_reason():
+    page = behaviour_diagram.diagram()
+    assert all(f"    {state.label}\n" in page for state in State)
+    assert all(row.reason in page for row in TRANSITIONS)
+
+
+def test_refusal_for_a_condition_names_it():
+    assert "standing" in refusal_reason(State.STAND, "jump")
+
+
+def test_policy_that_follows_walks_runs_and_stands_by_the_command():
+    policy = policies.make("behaviour")
+    policy.reset(2)
+    for command, expected in (((0.0, 0, 0), State.STAND), ((0.4, 0, 0), State.WALK), ((1.2, 0, 0), State.RUN)):
+        for _ in range(30):
+            policy.act(reading(2, command=command))
+        assert policy.state.tolist() == [expected] * 2
+    for _ in range(30):
+        policy.act(reading(2))
+    assert policy.state.tolist() == [State.STAND] * 2
+
+
+def test_emergency_stop_leaves_only_damping_from_the_next_action_on():
+    policy = Behaviour()
+    policy.reset(2)
+    joints = np.linspace(-0.3, 0.3, 12).astype(np.float32)
+    for _ in range(40):
+        policy.act(reading(2, command=(1.0, 0, 0)))
+    policy.request("emergency_stop", np.array([True, False]))
+    action = policy.act(reading(2, joints=joints, command=(1.0, 0, 0)))
+    np.testing.assert_allclose(action[0], np.clip(HOME_POSE + joints, -2.5, 1.5), atol=1e-6)
+    assert np.abs(action[1] - action[0]).max() > 0.1
+    assert policy.state.tolist() == [State.EMERGENCY_STOP, State.RUN]
+
+
+def test_changing_behaviour_makes_no_target_jump():
+    policy = Behaviour(follow=False)
+    policy.reset(1)
+    last, largest = None, 0.0
+    for step in range(400):
+        if step in (100, 200, 300):
+            policy.request({100: "walk", 200: "stand", 300: "walk"}[step])
+        action = policy.act(reading(command=(0.5, 0.0, 0.0)))
+        largest = max(largest, 0.0 if last is None else float(np.abs(action - last).max()))
+        last = action
+    assert largest < 0.4  # 40 rad/s

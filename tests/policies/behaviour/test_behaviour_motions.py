@@ -1,0 +1,150 @@
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluate.studies.jump import jumped
+from evaluate.studies.jump import report as jump_report
+from evaluate.studies.recovery import recover, report
+from policies.behaviour import Behaviour
+from policies.behaviour.jump import JUMP, Jump
+from policies.behaviour.recovery import Phase, Recovery, key_poses, searched_parameters
+from quad_env import OBSERVATION, OBSERVATION_SIZE, SCENARIOS, AnyPose
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE, TORQUE_LIMIT
+from quad_env.seeding import episode_seeds
+from train.search.recovery import bounds, decoded, encoded
+
+FALLEN = replace(SCENARIOS["flat"], start=AnyPose())
+
+
+def jump(keyframes=JUMP, count=16):
+    """Outcome and policy of jumps through those keyframes."""
+    policy = Behaviour(follow=False)
+    policy._motions = tuple((s, Jump(keyframes) if isinstance(m, Jump) else m) for s, m in policy._motions)
+    return jumped(policy, episode_seeds("search", 9, count)), policy
+
+
+def test_jump_rises_and_lands_standing():
+    outcome, policy = jump()
+    assert outcome.rise.min() >= 0.15
+    assert outcome.peak_torque <= TORQUE_LIMIT
+    assert outcome.stands.all()
+    assert {change.reason for change in policy.machine.changes()} == {"jump requested", "landed"}
+    assert "landed standing: 16 of 16" in jump_report(outcome)
+
+
+def test_a_jump_without_a_thrust_does_not_rise():
+    outcome, _ = jump((JUMP[0], JUMP[3]), count=2)
+    assert outcome.rise.max() < 0.05
+    assert "landed standing: 0 of 2" in jump_report(outcome)
+
+
+def test_nearly_every_robot_gets_up_from_any_pose():
+    outcome = recover(episode_seeds("search", 3, 24))
+    assert (outcome.standing_since <= 5.0).sum() >= 23
+    assert outcome.peak_torque <= TORQUE_LIMIT + 1e-9
+    assert "of 24" in report(outcome)
+
+
+def test_key_poses_of_a_robot_lying_on_its_other_side_are_mirrored():
+    poses = key_poses(searched_parameters()).reshape(len(Phase), 2, 4, 3)
+    mirrored = poses[:, :, [1, 0, 3, 2]] * (-1.0, 1.0, 1.0)
+    np.testing.assert_allclose(poses[1:, 1], mirrored[1:, 0])
+    np.testing.assert_allclose(poses[Phase.STAND].reshape(2, 12), np.tile(HOME_POSE, (2, 1)))
+
+
+def lying(up, sideways=0.0, turning=0.0, joints=0.0):
+    """Observation (1, k)."""
+    row = np.zeros((1, OBSERVATION_SIZE))
+    row[:, OBSERVATION["projected_gravity"]] = (0.0, sideways, -up)
+    row[:, OBSERVATION["angular_velocity"]] = turning
+    row[:, OBSERVATION["joint_position"]] = joints
+    return row
+
+
+def phases(*scenes):
+    """Phases and targets of one robot that sees each of the scenes (observation, control steps) in turn."""
+    motion, found, targets = Recovery(), [], []
+    motion.reset(1)
+    motion.start(np.ones(1, bool), HOME_POSE[None])
+    for observation, steps in scenes:
+        for _ in range(steps):
+            targets.append(motion.targets(np.zeros(1, int), observation, HOME_POSE[None])[0])
+            found.append(Phase(motion.phase[0]))
+    return [phase for phase, _ in itertools.groupby(found)], np.array(targets)
+
+
+def test_a_kick_begins_on_the_back_only():
+    rolling = lying(up=-0.5, sideways=0.87, turning=4.0)
+    path, _ = phases((rolling, 300))
+    assert Phase.KICK not in path
+    path, _ = phases((rolling, 300), (lying(up=-1.0), 100))
+    assert Phase.KICK in path
+
+
+def test_a_robot_at_rest_on_its_side_gathers_its_legs_the_other_way_round():
+    path, targets = phases((lying(up=0.0, sideways=1.0), 65))
+    assert path == [Phase.SETTLE, Phase.GATHER, Phase.ROCK]
+    poses = key_poses(searched_parameters())[Phase.GATHER]
+    np.testing.assert_allclose(targets[36], poses[1])
+    np.testing.assert_allclose(targets[-1], poses[0])
+
+
+def test_a_failed_kick_is_repeated_over_the_other_side():
+    back = lying(up=-1.0, sideways=0.1)
+    _, targets = phases((back, 300))
+    poses = key_poses(searched_parameters())[Phase.KICK]
+    first, second = (np.flatnonzero(np.isclose(targets, pose).all(axis=1)) for pose in poses[[1, 0]])
+    assert first[0] < second[0]
+
+
+@pytest.mark.parametrize(
+    ("up", "joints", "expected"), [(1.0, 0.4, Phase.TUCK), (0.6, 0.0, Phase.GATHER), (0.95, 0.0, Phase.STAND)]
+)
+def test_legs_out_of_place_are_tucked_again_and_a_robot_that_leans_begins_again(up, joints, expected):
+    path, _ = phases((lying(up=up, joints=joints), 130))
+    assert path[:3] == [Phase.SETTLE, Phase.TUCK, Phase.STAND]
+    assert path[-1] == expected
+
+
+def test_parameters_must_be_finite():
+    with pytest.raises(ValueError, match="tuck_time"):
+        replace(searched_parameters(), tuck_time=np.nan)
+
+
+def test_robots_started_one_after_another_keep_their_own_time():
+    rng = np.random.default_rng(0)
+    observations = rng.normal(size=(80, 2, 48))
+    together, alone = Recovery(), Recovery()
+    together.reset(2), alone.reset(1)
+    joints = rng.normal(size=(80, 2, 12))
+    for step in range(80):
+        rows = np.array([0]) if step < 30 else np.array([0, 1])
+        got = together.targets(rows, observations[step, rows], joints[step, rows])
+        if step >= 30:
+            expected = alone.targets(np.array([0]), observations[step, 1:], joints[step, 1:])
+            assert got[1].tobytes() == expected[0].tobytes()
+
+
+def test_starts_in_any_pose_have_every_orientation_alike_and_touch_the_ground():
+    env = SimpleQuadVectorEnv(600, FALLEN, nthread=1, terminate_on_fall=False)
+    observation, _ = env.reset(seed=episode_seeds("search", 4, 600).tolist())
+    gravity = observation[:, :3].astype(np.float64)
+    # Uniform on the sphere: mean 0, covariance 1/3; six standard errors.
+    assert np.abs(gravity.mean(axis=0)).max() < 6 * np.sqrt(1 / 3 / 600)
+    np.testing.assert_allclose(np.cov(gravity.T), np.eye(3) / 3, atol=6 * 0.3 / np.sqrt(600))
+    for robot in range(0, 600, 30):
+        data = env.simulation.snapshot(robot)
+        depth = [contact.dist for contact in data.contact if 0 in (contact.geom1, contact.geom2)]
+        assert min(depth, default=0.0) > -0.005
+    env.close()
+
+
+def test_search_encodes_and_decodes_the_parameters():
+    found = searched_parameters()
+    assert decoded(encoded(found)) == found
+    low, high = bounds()
+    assert len(low) == len(high) == len(encoded(found))
+    assert (np.array(low) < np.array(high)).all()

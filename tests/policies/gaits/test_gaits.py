@@ -1,0 +1,288 @@
+import itertools
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.rollouts import rollout
+from evaluate.studies.strides import Strides, walked
+from policies.gaits.change import CHANGE_TIME
+from policies.gaits.parameters import (
+    GAITS,
+    LIMITS,
+    OFFSETS,
+    STAND_PARAMETERS,
+    GaitParameters,
+    chosen,
+    froude,
+    row,
+    searched_parameters,
+    slowed,
+)
+from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
+from policies.legs.kinematics import foot_positions
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE
+from quad_env.seeding import episode_seeds
+
+LEGS = ("fl", "fr", "hl", "hr")
+# The bare path: nothing made up for, no feedback, an identity for the command map, 40 ticks a cycle.
+BARE = GaitParameters(
+    frequency=2.5, frequency_rise=0.0, duty=0.6, duty_fall=0.0, body_height=0.4, stance_load=0.0, servo_lead=0.0
+)
+
+
+def observe(command, count=1):
+    observation = np.zeros((count, OBSERVATION_SIZE), np.float32)
+    observation[:, OBSERVATION["command"]] = command
+    return observation
+
+
+def bare(gait, **changes):
+    """A policy with the same bare numbers for all gaits that step."""
+    parameters = dict.fromkeys(OFFSETS, replace(BARE, **changes)) | {"stand": STAND_PARAMETERS}
+    return Gaits(gait, parameters=parameters)
+
+
+def steps(policy, command, count):
+    """Actions (count, n, 12) and swings (count, n, 4) at a held command."""
+    rows = [(policy.act(observe(command, policy.num_envs)), policy.swing) for _ in range(count)]
+    return np.array([action for action, _ in rows], np.float64), np.array([swing for _, swing in rows])
+
+
+def feet(actions):
+    """Feet in the base frame, (steps, 4, 3), of the first robot."""
+    return foot_positions(actions[:, 0].reshape(-1, 4, 3)) + HIP_POSITIONS
+
+
+def touch_downs(swing):
+    """Control steps at which each leg of the first robot lands."""
+    landed = swing[:-1, 0] & ~swing[1:, 0]
+    return {leg: np.flatnonzero(landed[:, i]) for i, leg in enumerate(LEGS)}
+
+
+@pytest.mark.parametrize(
+    ("gait", "behind"),
+    [
+        # Control steps after fl's landing, of a cycle of 40.
+        ("trot", {"fr": 20, "hl": 20, "hr": 0}),
+        ("pace", {"fr": 20, "hl": 0, "hr": 20}),
+        ("bound", {"fr": 0, "hl": 20, "hr": 20}),
+        ("pronk", {"fr": 0, "hl": 0, "hr": 0}),
+        ("walk", {"fr": 20, "hl": 30, "hr": 10}),  # hl, fl, hr, fr: a quarter of a cycle apart
+    ],
+)
+def test_feet_land_in_the_order_that_the_gait_is_named_for(gait, behind):
+    policy = bare(gait)
+    steps(policy, (0.3, 0.0, 0.0), 150)
+    landed = touch_downs(steps(policy, (0.3, 0.0, 0.0), 121)[1])
+    for leg, expected in behind.items():
+        late = (landed[leg][0] - landed["fl"][0]) % 40
+        assert min(abs(late - expected), 40 - abs(late - expected)) <= 1, leg
+
+
+@pytest.mark.parametrize("duty", [0.5, 0.6, 0.8])
+def test_feet_are_commanded_down_for_the_duty_factor(duty):
+    policy = bare("walk", duty=duty)
+    steps(policy, (0.3, 0.0, 0.0), 150)
+    np.testing.assert_allclose(1.0 - steps(policy, (0.3, 0.0, 0.0), 400)[1].mean(axis=(0, 1)), duty, atol=0.026)
+
+
+@pytest.mark.parametrize("path", ["cycloid", "half-sine"])
+@pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (0.0, -0.3, 0.0), (-0.3, 0.2, 0.6)])
+def test_standing_feet_move_against_the_commanded_velocity_at_their_place(command, path):
+    policy = bare("trot")
+    policy.path = path
+    steps(policy, command, 200)
+    actions, swing = steps(policy, command, 80)
+    where = feet(actions)
+    velocity = np.diff(where, axis=0) / 0.01
+    standing = ~swing[:-1, 0] & ~swing[1:, 0]
+    vx, vy, yaw_rate = command
+    expected = np.stack(
+        [-(vx - yaw_rate * where[:-1, :, 1]), -(vy + yaw_rate * where[:-1, :, 0]), np.zeros((79, 4))], axis=-1
+    )
+    np.testing.assert_allclose(velocity[standing], expected[standing], atol=2e-3)
+
+
+def test_a_held_command_gives_strides_about_the_middle_of_speed_times_stance_time():
+    policy = bare("trot", stance_shift=-0.05)
+    steps(policy, (0.5, 0.0, 0.0), 200)
+    where = feet(steps(policy, (0.5, 0.0, 0.0), 80)[0])[:, :, 0] - HIP_POSITIONS[:, 0]
+    # 0.5 m/s for 0.6 of 0.4 s; the cycloid overshoots both ends a little.
+    np.testing.assert_allclose(np.ptp(where, axis=0), 0.12, rtol=0.2)
+    np.testing.assert_allclose(where.max(axis=0) + where.min(axis=0), -0.1, atol=0.01)
+
+
+def test_froude_number_by_hand():
+    # 0.5 m/s on 0.4 m; sqrt(0.3² + 0.4²) = 0.5 too; 1 rad/s about a hip at sqrt(0.25² + 0.15²) m.
+    command = np.array([[0.5, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(froude(command, np.full(3, 0.4)), [0.06371, 0.06371, 0.021662], rtol=1e-4)
+
+
+def test_frequency_rises_and_duty_falls_with_the_root_of_the_froude_number_up_to_one():
+    values = np.tile(row(replace(BARE, frequency_rise=1.0, duty_fall=0.1)), (3, 1))
+    one = np.sqrt(9.81 * 0.4)
+    frequency, duty = chosen(values, np.array([[0.0, 0.0, 0.0], [0.5 * one, 0.0, 0.0], [2.0 * one, 0.0, 0.0]]))
+    np.testing.assert_allclose(frequency, [2.5, 3.0, 3.5])
+    np.testing.assert_allclose(duty, [0.6, 0.55, 0.5])
+
+
+def test_frequency_and_duty_asked_for_hold_at_every_speed():
+    policy = bare("trot", frequency_rise=1.0, duty_fall=0.1)
+    policy.reset(2)
+    policy.request("walk", np.array([True, False]), frequency=2.0, duty=0.8)
+    for command in ((0.0, 0.0, 0.0), (0.8, 0.0, 0.0)):
+        steps(policy, command, 150)
+        assert policy.clock_rate[0] == pytest.approx(2.0)
+        assert policy.duty[0] == pytest.approx(0.8)
+    assert policy.clock_rate[1] > 2.6
+    assert policy.gait.tolist() == ["walk", "trot"]
+
+
+PAIRS = list(itertools.permutations(GAITS, 2))
+
+
+@pytest.mark.parametrize("first", GAITS)
+def test_no_target_jumps_in_a_change_of_gait_at_any_time_of_the_cycle(first):
+    others = [gait for gait in GAITS if gait != first]
+    policy = Gaits(first)
+    policy.reset(40 * len(others))
+    target = np.arange(policy.num_envs) // 40
+    begin = 200 + np.arange(policy.num_envs) % 40
+    actions = []
+    for step in range(500):
+        for number, other in enumerate(others):
+            if (asked := (begin == step) & (target == number)).any():
+                policy.request(other, asked)
+        actions.append(policy.act(observe((0.4, 0.0, 0.0), policy.num_envs)))
+    rate = np.abs(np.diff(np.array(actions, np.float64), axis=0)) / 0.01
+    assert rate.max() < TARGET_RATE_LIMIT
+    assert policy.settled.all() or not policy.settled[target == others.index("stand")].all()
+
+
+@pytest.mark.parametrize("first", OFFSETS)
+def test_standing_comes_to_rest_in_the_home_pose_with_every_swing_finished(first):
+    policy = Gaits(first)
+    policy.reset(16)
+    swings, lag = [], 120 + 2 * np.arange(16)
+    for step in range(600):
+        if (asked := lag == step).any():
+            policy.request("stand", asked)
+        action = policy.act(observe((0.4, 0.1, 0.2), 16))
+        swings.append(policy.swing)
+    assert policy.settled.all()
+    np.testing.assert_allclose(action, np.tile(HOME_POSE, (16, 1)), atol=0.03)
+    still = steps(policy, (0.4, 0.1, 0.2), 5)[0]
+    assert (np.abs(still - still[0]) < 1e-6).all()
+    # A swing lasts its time: (1 - duty)/rate is 0.1 s in the stand's own steps and more in some gaits; none is cut off.
+    padded = np.concatenate([np.array(swings), np.zeros((1, 16, 4), bool)])[100:]
+    for robot, leg in np.ndindex(16, 4):
+        edges = np.flatnonzero(np.diff(padded[:, robot, leg].astype(int)))
+        lengths = np.diff(edges)[int(padded[0, robot, leg]) :: 2]
+        assert lengths.min() >= 7
+
+
+def test_a_request_changes_the_masked_robots_and_no_bit_of_the_others():
+    policy, undisturbed = Gaits("trot"), Gaits("trot")
+    policy.reset(4), undisturbed.reset(4)
+    steps(policy, (0.4, 0.0, 0.0), 90), steps(undisturbed, (0.4, 0.0, 0.0), 90)
+    mask = np.array([True, False, True, False])
+    policy.request("bound", mask)
+    changed, kept = steps(policy, (0.4, 0.0, 0.0), 150)[0], steps(undisturbed, (0.4, 0.0, 0.0), 150)[0]
+    assert changed[:, ~mask].tobytes() == kept[:, ~mask].tobytes()
+    assert (changed[-1, mask] != kept[-1, mask]).any(axis=1).all()
+    assert policy.gait.tolist() == ["bound", "trot", "bound", "trot"]
+
+
+def test_offsets_go_the_shorter_way_and_arrive():
+    policy = bare("walk")
+    steps(policy, (0.0, 0.0, 0.0), 110)
+    policy.request("trot")
+    seen = []
+    for _ in range(round(CHANGE_TIME / 0.01)):
+        policy.act(observe((0.0, 0.0, 0.0)))
+        seen.append(policy.offsets[0])
+    # hl from a quarter of a cycle to half of one, hr from three quarters to a whole one.
+    np.testing.assert_allclose(np.ptp(seen, axis=0), [0.0, 0.0, np.pi / 2, np.pi / 2], atol=0.01)
+    np.testing.assert_allclose(np.exp(1j * seen[-1]), np.exp(1j * np.array(OFFSETS["trot"])), atol=1e-6)
+
+
+@pytest.mark.parametrize("make", [lambda: Gaits("gallop"), lambda: Gaits().request("gallop")])
+def test_an_unknown_gait_is_answered_with_the_valid_ones(make):
+    with pytest.raises(ValueError, match=r"gallop.*bound, pace, pronk, trot, walk, stand"):
+        make()
+
+
+def test_an_unknown_foot_path_is_refused():
+    with pytest.raises(ValueError, match="cycloid, half-sine"):
+        Gaits(path="square")
+
+
+def test_a_request_for_an_impossible_duty_is_refused_and_changes_nothing():
+    policy = Gaits("trot")
+    with pytest.raises(ValueError, match="duty"):
+        policy.request("walk", duty=1.0)
+    assert policy.gait.tolist() == ["trot"]
+
+
+@pytest.mark.parametrize("content", [None, "{", "[]", '{"walk": {}}', '{"walk": {"gallop": 1}}'])
+def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatch, content):
+    file = tmp_path / "gaits.json"
+    if content is not None:
+        file.write_text(content)
+    monkeypatch.setattr("policies.gaits.parameters.PARAMETERS_FILE", file)
+    searched_parameters.cache_clear()
+    with pytest.raises(policies.PolicyError, match=r"train\.tune_gait"):
+        policies.make("walk")
+    searched_parameters.cache_clear()
+
+
+def test_the_file_holds_every_gait_within_the_limits_and_a_walk_of_at_least_three_quarters():
+    found = searched_parameters()
+    assert set(found) == set(GAITS)
+    assert found["walk"].duty - found["walk"].duty_fall >= 0.75
+    assert set(LIMITS) == set(json.loads(json.dumps(vars(BARE))))
+
+
+def test_beyond_its_limits_a_gait_goes_the_same_way_on_the_ellipsoid():
+    values = row(replace(BARE, forward_limit=0.8, backward_limit=0.2, lateral_limit=0.3, yaw_limit=0.6))
+    command = np.array([[0.4, 0.1, 0.2], [1.6, 0.0, 0.0], [-0.4, 0.0, 0.0], [0.8, -0.3, 0.0], [0.0, 0.0, -1.2]])
+    half = np.sqrt(0.5)
+    expected = [[0.4, 0.1, 0.2], [0.8, 0, 0], [-0.2, 0, 0], [0.8 * half, -0.3 * half, 0], [0, 0, -0.6]]
+    np.testing.assert_allclose(slowed(np.tile(values, (5, 1)), command), expected)
+
+
+def test_without_limits_every_command_is_followed_to_the_bit():
+    command = np.random.default_rng(0).uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (50, 3))
+    np.testing.assert_array_equal(slowed(np.tile(row(BARE), (50, 1)), command), command)
+
+
+ROBOTS = 32
+SPEEDS = {"walk": 0.3}
+
+
+def walk(gait) -> Strides:
+    command = np.array([SPEEDS.get(gait, 0.5), 0.0, 0.0])
+    return walked(Gaits(gait), command, episode_seeds("search", 7, ROBOTS), steps=600)
+
+
+@pytest.mark.parametrize("gait", OFFSETS)
+def test_it_walks_as_commanded_on_flat_ground(gait):
+    found = walk(gait)
+    late = found.since(200)
+    assert not found.fell.any()
+    assert np.abs(late.duty_errors()).max() < 0.05
+    assert np.abs(late.offset_errors()).max() < 0.05
+    assert late.heading_velocity[..., 0].mean() == pytest.approx(SPEEDS.get(gait, 0.5), abs=0.1)
+    assert found.target_rate.max() < TARGET_RATE_LIMIT
+
+
+@pytest.mark.parametrize("gait", OFFSETS)
+def test_it_keeps_its_feet_whatever_it_is_commanded(gait):
+    episodes = rollout.run(
+        policies.make("gaits" if gait == "trot" else gait), "flat", episode_seeds("search", 8, ROBOTS)
+    )
+    assert (episodes.fall_step == episodes.steps).all()

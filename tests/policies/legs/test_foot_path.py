@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+
+from policies.gait import Gait, LegCycle
+from policies.legs.foot_path import SWING_PATHS, hip_height, lift, load, stride, swing_path
+
+LEG = (0.0, 0.0, 0.0, 0.0)
+
+
+def path(fraction, duty):
+    """Stride and lift of one leg at a fraction of its cycle."""
+    cycle = Gait(LEG, duty).legs(2.0 * np.pi * fraction)
+    return np.stack([stride(cycle, duty)[..., 0], lift(cycle)[..., 0]], axis=-1)
+
+
+def test_landmarks_of_the_cycle_by_hand():
+    swing = LegCycle(np.array([True, True, True, False, False]), np.array([0.0, 0.5, 0.75, 0.0, 0.25]))
+    # Duty 0.5, so slope -1 at both ends. At 3/4 of the swing: 27/16 - 27/32 - 1/2 = 11/32, plus 3/32 = 7/16.
+    np.testing.assert_allclose(stride(swing, 0.5), [-0.5, 0.0, 0.4375, 0.5, 0.25])
+    np.testing.assert_allclose(lift(swing), [0.0, 1.0, 0.5625, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("duty", [0.4, 0.5, 0.7])
+@pytest.mark.parametrize("seam", ["touch-down", "lift-off"])
+def test_position_and_velocity_are_continuous(duty, seam):
+    at = 1.0 - duty if seam == "touch-down" else 1.0
+    h = 1e-6
+    before, left, right, after = (path((at + k) % 1.0, duty) for k in (-2 * h, -h, h, 2 * h))
+    np.testing.assert_allclose(left, right, atol=1e-4)
+    np.testing.assert_allclose((left - before) / h, (after - right) / h, atol=1e-3)
+
+
+@pytest.mark.parametrize("duty", [0.4, 0.5, 0.7])
+def test_stance_moves_at_constant_speed_on_the_ground(duty):
+    stance = path(np.linspace(1.0 - duty + 1e-9, 1.0 - 1e-9, 50), duty)
+    np.testing.assert_allclose(np.diff(stance[:, 0]), -1.0 / 49.0, atol=1e-6)
+    assert (stance[:, 1] == 0.0).all()
+
+
+def test_swing_clears_the_ground_all_the_way():
+    swing = path(np.linspace(0.01, 0.49, 50), 0.5)
+    assert (swing[:, 1] > 0.0).all()
+    assert swing[:, 1].max() <= 1.0
+
+
+def test_swing_overshoots_its_ends_by_less_than_a_tenth_of_the_stride():
+    assert np.abs(path(np.linspace(0.0, 0.5, 500), 0.5)[:, 0]).max() < 0.6
+
+
+def test_load_is_taken_up_and_given_back_without_a_step_by_hand():
+    cycle = LegCycle(np.array([True, False, False, False, False]), np.array([0.5, 0.0, 0.25, 0.5, 1.0]))
+    np.testing.assert_allclose(load(cycle), [0.0, 0.0, 0.9375, 1.0, 0.0])  # 1 - (2·0.25 - 1)⁴ = 15/16
+
+
+@pytest.mark.parametrize("path", SWING_PATHS)
+def test_swing_paths_go_all_the_way_over_the_full_step_height(path):
+    share, up = swing_path(np.array([0.0, 0.5, 1.0]), path)
+    np.testing.assert_allclose(share, [0.0, 0.5, 1.0], atol=1e-12)
+    np.testing.assert_allclose(up, [0.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_half_sine_is_the_documents_and_the_cycloid_a_rolling_circles_point_by_hand():
+    quarter = np.array([0.25])
+    np.testing.assert_allclose(swing_path(quarter, "half-sine"), [[0.25], [np.sqrt(0.5)]])
+    np.testing.assert_allclose(swing_path(quarter, "cycloid"), [[0.25 - 0.5 / np.pi], [0.5]])
+
+
+def test_the_cycloid_leaves_and_meets_the_ground_at_rest_where_the_half_sine_does_not():
+    h = 1e-4
+    for end in (np.array([0.0, h]), np.array([1.0 - h, 1.0])):
+        assert np.abs(np.diff(swing_path(end, "cycloid")) / h).max() < 1e-3
+        # 1 along and ±π up, per swing.
+        np.testing.assert_allclose(np.abs(np.diff(swing_path(end, "half-sine")) / h), [[1.0], [np.pi]], rtol=1e-6)
+
+
+def test_unknown_swing_path_is_answered_with_the_valid_ones():
+    with pytest.raises(ValueError, match=r"square.*cycloid, half-sine"):
+        swing_path(np.zeros(1), "square")
+
+
+def thrown(fraction, bounce=1.0):
+    """Hip height over a cycle of 0.5 s with a swing of 0.2 s."""
+    cycle = Gait(LEG, 0.6).legs(2.0 * np.pi * fraction)
+    return hip_height(cycle, np.array(0.2), np.array(0.3), np.array(bounce))[..., 0]
+
+
+def test_a_thrown_hip_flies_freely_and_rises_as_high_as_its_time_allows():
+    t = np.linspace(0.0, 0.2, 21)[1:-1]
+    height = thrown(t / 0.5)
+    np.testing.assert_allclose(np.diff(height, 2) / 0.01**2, -9.81, rtol=1e-6)
+    assert height.max() == pytest.approx(9.81 * 0.2**2 / 8.0)
+    np.testing.assert_allclose(thrown(t / 0.5, 0.5), height / 2.0)
+
+
+def test_a_thrown_hip_has_no_jump_and_no_kink():
+    h = 1e-6
+    for at in (0.4, 1.0):  # touch-down, lift-off
+        before, left, right, after = (thrown((at + k) % 1.0) for k in (-2 * h, -h, h, 2 * h))
+        np.testing.assert_allclose(left, right, atol=1e-5)
+        np.testing.assert_allclose((left - before) / h, (after - right) / h, atol=1e-3)

@@ -1,0 +1,312 @@
+import functools
+import os
+import signal
+import sys
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import policies
+from evaluate.measures.controlled_stop import Trace, controlled_stops
+from policies.base import Policy
+from policies.safety import DeadlineMissed, Mode, PolicyProcessError, Safe, SafetyLimits, Watched
+from policies.safety.target_limits import SERVO_DAMPING, SERVO_STIFFNESS, limited
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.columns import of_robots
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, TORQUE_LIMIT
+
+
+class Breaking(Policy):
+    """The trot until a step, then something else."""
+
+    name = "breaking"
+
+    def __init__(self, broken, after=100):
+        super().__init__()
+        self._trot, self._broken, self._after = policies.make("trot"), broken, after
+
+    def _allocate(self, num_envs):
+        self.calls = 0
+        self._trot.reset(num_envs)
+
+    def _restart(self, mask):
+        self._trot.reset_where(mask)
+
+    def _act(self, observation):
+        self.calls += 1
+        action = self._trot.act(observation)
+        return action if self.calls < self._after else self._broken(action)
+
+
+def raising(_):
+    raise ZeroDivisionError("planted")
+
+
+def all_nan(action):
+    return np.full_like(action, np.nan)
+
+
+def nan_of_the_second(action):
+    action[1, 3] = np.inf
+    return action
+
+
+def misshapen(action):
+    return action[:, :6]
+
+
+def drive(policy, steps=350, count=3, before_step=None):
+    """Walk on flat ground; what the trunk and the joints did, and the largest torque."""
+    env = SimpleQuadVectorEnv(count, nthread=1, autoreset_mode="DISABLED", terminate_on_fall=False)
+    observation, _ = env.reset(seed=0, options={"command": (0.5, 0.0, 0.0)})
+    policy.reset(count)
+    rows, torque = [], 0.0
+    for step in range(steps):
+        if before_step is not None:
+            before_step(step)
+        observation, *_ = env.step(policy.act(observation))
+        state = env.simulation.state(of_robots(np.zeros((count, 3))))
+        torque = max(torque, np.abs(state.joint_torque).max())
+        speed = np.abs(observation[:, OBSERVATION["joint_velocity"]]).max(axis=1)
+        up = -observation[:, OBSERVATION["projected_gravity"]][:, 2]
+        rows.append((np.asarray(state.height), up, np.asarray(state.vertical_velocity), speed))
+    env.close()
+    return Trace(*np.moveaxis(np.array(rows, dtype=np.float64), 1, 0)), torque
+
+
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        (raising, "policy raised an exception"),
+        (all_nan, "policy returned non-finite targets"),
+        (misshapen, "policy returned targets of a wrong shape or type"),
+    ],
+)
+def test_failing_policy_ends_in_a_controlled_stop_with_its_reason_in_the_log(broken, reason):
+    policy = Safe(Breaking(broken))
+    trace, torque = drive(policy)
+    assert controlled_stops(trace, np.full(3, 350)).all()
+    assert torque <= TORQUE_LIMIT
+    assert policy.mode.tolist() == [Mode.STOP] * 3
+    events = policy.events()
+    assert [(event.step, event.robot, event.mode, event.reason) for event in events] == [
+        (100, robot, Mode.STOP, reason) for robot in range(3)
+    ]
+    assert ("planted" in "".join(policy.failures())) == (broken is raising)
+
+
+def test_only_the_robot_whose_targets_are_not_finite_stops():
+    policy = Safe(Breaking(nan_of_the_second))
+    drive(policy, steps=130)
+    assert policy.mode.tolist() == [Mode.FOLLOW, Mode.STOP, Mode.FOLLOW]
+
+
+def test_the_same_faults_without_the_layer_reach_the_robot():
+    with pytest.raises(ZeroDivisionError):
+        drive(Breaking(raising))
+    with pytest.raises(ValueError, match="finite"):
+        drive(Breaking(all_nan))
+
+
+def test_failing_policy_may_be_followed_by_the_trot_or_by_damping():
+    walking = Safe(Breaking(raising), on_failure="fallback", fallback=policies.make("trot"))
+    trace, _ = drive(walking)
+    assert (trace.upright[-1] > 0.9).all()
+    assert walking.mode.tolist() == [Mode.FALLBACK] * 3
+    damped = Safe(Breaking(raising), on_failure="damp")
+    trace, torque = drive(damped)
+    assert torque <= TORQUE_LIMIT
+    assert (trace.joint_speed[-1] < 0.5).all()
+    with pytest.raises(ValueError, match="fallback"):
+        Safe(policies.make("trot"), on_failure="fallback")
+
+
+def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped():
+    watched = Watched(functools.partial(policies.make, "trot"), deadline=0.5)
+    policy = Safe(watched)
+
+    def hang(step):
+        if step == 100:
+            os.kill(watched.process_id, signal.SIGSTOP)
+
+    try:
+        trace, torque = drive(policy, before_step=hang)
+    finally:
+        watched.close()
+    assert policy.events()[0].step == 101
+    assert "DeadlineMissed" in policy.failures()[0]
+    assert controlled_stops(trace, np.full(3, 350)).all()
+    assert torque <= TORQUE_LIMIT
+
+
+@pytest.mark.parametrize("robots", [1, 1024])  # the second's observations are more than a pipe holds
+def test_deadline_is_kept_whatever_the_size_of_the_question(robots):
+    with_deadline = Watched(functools.partial(policies.make, "stand"), deadline=0.3)
+    with_deadline.reset(robots)
+    try:
+        observation = np.zeros((robots, OBSERVATION_SIZE), np.float32)
+        assert with_deadline.act(observation).shape == (robots, 12)
+        os.kill(with_deadline.process_id, signal.SIGSTOP)
+        began = time.perf_counter()
+        with pytest.raises(DeadlineMissed, match="300 ms"):
+            with_deadline.act(observation)
+        assert 0.3 <= time.perf_counter() - began < 2.0  # the upper bound is for a busy machine
+        with pytest.raises(PolicyProcessError, match="reset"):
+            with_deadline.act(observation)
+        with_deadline.reset(robots)
+        assert with_deadline.act(observation).shape == (robots, 12)
+    finally:
+        with_deadline.close()
+
+
+def test_watched_policy_gives_the_bits_of_the_policy_and_its_exceptions_by_name():
+    watched, plain = Watched(functools.partial(policies.make, "trot"), deadline=30.0), policies.make("trot")
+    watched.reset(2), plain.reset(2)
+    try:
+        rows = np.random.default_rng(0).normal(size=(30, 2, OBSERVATION_SIZE)).astype(np.float32)
+        for number, row in enumerate(rows):
+            if number == 10:
+                watched.reset_where(np.array([True, False])), plain.reset_where(np.array([True, False]))
+            assert watched.act(row).tobytes() == plain.act(row).tobytes()
+        with pytest.raises(PolicyProcessError, match="ValueError: observation must"):
+            watched._ask(("act", np.zeros(3, np.float32)), 30.0)
+    finally:
+        watched.close()
+
+
+def test_watched_process_that_dies_is_an_error_and_no_missed_deadline():
+    watched = Watched(functools.partial(sys.exit, 3), deadline=30.0)
+    with pytest.raises(PolicyProcessError, match="ended"):
+        watched.reset(1)
+    watched.close()
+
+
+def test_emergency_stop_is_obeyed_by_the_next_action_and_until_a_reset():
+    policy = Safe(policies.make("trot"))
+    policy.reset(2)
+    observation = np.zeros((2, OBSERVATION_SIZE), np.float32)
+    observation[:, OBSERVATION["projected_gravity"]] = (0, 0, -1)
+    for _ in range(20):
+        policy.act(observation)
+    policy.emergency_stop(np.array([True, False]), damp=True)
+    action = policy.act(observation)
+    np.testing.assert_allclose(action[0], HOME_POSE, atol=1e-6)
+    assert np.abs(action[1] - HOME_POSE).max() > 0.01
+    assert policy.events()[-1].reason == "emergency stop requested"
+    for _ in range(5):
+        policy.act(observation)
+    assert policy.mode.tolist() == [Mode.DAMP, Mode.FOLLOW]
+    policy.reset_where(np.array([True, False]))
+    assert policy.mode.tolist() == [Mode.FOLLOW, Mode.FOLLOW]
+
+
+def test_emergency_stop_of_a_walking_robot_is_a_controlled_stop():
+    policy = Safe(policies.make("trot"))
+
+    def stop(step):
+        if step == 150:
+            policy.emergency_stop()
+
+    trace, _ = drive(policy, before_step=stop)
+    assert controlled_stops(trace, np.full(3, 350)).all()
+
+
+def test_stale_command_counts_as_zero_until_a_fresh_one_comes():
+    seen = []
+    spy = Breaking(lambda action: action, after=0)
+    spy._trot.act = lambda observation: (
+        seen.append(observation[:, OBSERVATION["command"]].copy()) or np.zeros((2, 12), np.float32)
+    )
+    policy = Safe(spy, alarm_above=100.0, command_timeout=0.1)
+    policy.reset(2)
+    observation = np.zeros((2, OBSERVATION_SIZE), np.float32)
+    observation[:, OBSERVATION["command"]] = 1.0
+    for step in range(15):
+        policy.command_received(np.array([True, False]))
+        policy.act(observation)
+        assert seen[-1].any(axis=1).tolist() == [True, step < 10]
+    assert [(event.robot, event.step) for event in policy.events() if event.reason == "command timed out"] == [(1, 11)]
+    policy.command_received()
+    policy.act(observation)
+    assert seen[-1].all()
+
+
+joint_rows = st.lists(st.floats(-3.0, 3.0), min_size=12, max_size=12)
+
+
+@given(joint_rows, joint_rows, st.lists(st.floats(-15.0, 15.0), min_size=12, max_size=12), st.floats(20.0, 100.0))
+def test_limited_targets_ask_for_no_torque_above_the_limit_and_stay_in_range(target, previous, speed, torque):
+    joints = np.clip(np.array([previous]) * 0.3, JOINT_LOWER, JOINT_UPPER)
+    speeds = np.array([speed])
+    result = limited(np.array([target]), joints, joints, speeds, SafetyLimits(torque=torque))
+    asked = SERVO_STIFFNESS * (result - joints) - SERVO_DAMPING * speeds
+    inside = (result > JOINT_LOWER) & (result < JOINT_UPPER)  # at a joint's end the range counts
+    assert (np.abs(asked[inside]) <= torque + 1e-9).all()
+    assert ((result >= JOINT_LOWER) & (result <= JOINT_UPPER)).all()
+
+
+def test_targets_change_no_faster_than_the_limit_and_not_further_along_a_joint_that_is_too_fast():
+    previous = joints = np.tile(HOME_POSE, (1, 1))
+    far, still = joints + 0.25, np.zeros((1, 12))
+    limits = SafetyLimits(torque=1e6, target_rate=10.0, joint_speed=5.0)
+    np.testing.assert_allclose(limited(far, previous, joints, still, limits) - joints, 0.1)
+    fast = np.full((1, 12), 6.0)
+    np.testing.assert_allclose(limited(far, previous, joints, fast, limits), joints)
+    np.testing.assert_allclose(limited(far, previous, joints, -fast, limits) - joints, 0.1)
+
+
+def test_undisturbed_trot_passes_the_layer_unchanged():
+    plain, safe = policies.make("trot"), policies.make("safe:trot")
+    env = SimpleQuadVectorEnv(4, nthread=1)
+    observation, _ = env.reset(seed=3)
+    plain.reset(4), safe.reset(4)
+    for _ in range(300):
+        action = safe.act(observation)
+        np.testing.assert_allclose(action, plain.act(observation), atol=1e-6)
+        observation, *_ = env.step(action)
+    env.close()
+    assert not safe.events()
+
+
+def traced(height, upright=1.0, vertical=0.0, speed=0.0, steps=200):
+    ones = np.ones((steps, 1))
+    return Trace(height * ones, upright * ones, vertical * ones, speed * ones)
+
+
+@pytest.mark.parametrize(
+    ("trace", "fall_step", "expected"),
+    [
+        (traced(0.22), 200, True),
+        (traced(0.55), 200, False),  # stands
+        (traced(0.22, speed=3.0), 200, False),  # walks low
+        (traced(0.22, upright=0.5), 200, False),  # leans
+        (traced(0.22, vertical=-0.5), 200, False),  # drops
+        (traced(0.1, vertical=-0.2, speed=2.0), 150, True),  # touches down slowly
+        (traced(0.1, vertical=-0.4, speed=2.0), 150, False),  # comes down too fast
+    ],
+)
+def test_controlled_stop_is_low_upright_and_slow(trace, fall_step, expected):
+    assert controlled_stops(trace, np.array([fall_step])).tolist() == [expected]
+
+
+def test_what_happened_long_before_or_after_the_end_does_not_count():
+    trace = traced(0.22)
+    trace.vertical_velocity[:50] = -1.0
+    trace.upright[180:] = 0.0
+    assert controlled_stops(trace, np.array([170])).tolist() == [True]
+
+
+def test_wrong_masks_and_settings_are_refused():
+    policy = Safe(policies.make("trot"))
+    policy.reset(2)
+    with pytest.raises(ValueError, match="mask"):
+        policy.emergency_stop(np.array([True]))
+    with pytest.raises(ValueError, match="positive"):
+        SafetyLimits(torque=0.0)
+    with pytest.raises(policies.PolicyError, match="gallop"):
+        policies.make("safe:gallop")
+    assert policies.resolve("safe:stand").name == "safe:stand"

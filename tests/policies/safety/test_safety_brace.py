@@ -1,0 +1,180 @@
+import numpy as np
+import pytest
+
+import policies
+from evaluate.studies.safety import run
+from policies.base import CONTROL_PERIOD, Policy
+from policies.legs.kinematics import foot_positions
+from policies.safety import Mode, Safe, SafetyLimits
+from policies.safety.brace import CALM_TIME, RELEASE_TIME, braced
+from policies.safety.fall_prediction import RECENT_TIME, next_recent, next_reference, surprise
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
+from quad_env.scenarios.axes import AXES
+from quad_env.seeding import episode_seeds
+
+
+class Told(Policy):
+    """Legs straight down; notes the commands that it is told."""
+
+    name = "told"
+
+    def _allocate(self, num_envs):
+        self.notes = []
+
+    def _act(self, observation):
+        self.notes.append(observation[:, OBSERVATION["command"]].copy())
+        return np.zeros((len(observation), 12), np.float32)
+
+
+def moving(velocity, robots=1, command=(0.0, 0.0, 0.0), up=(0, 0, 1), turning=(0.0, 0.0, 0.0)):
+    observation = np.zeros((robots, OBSERVATION_SIZE), np.float32)
+    observation[:, OBSERVATION["projected_gravity"]] = np.negative(up)
+    observation[:, OBSERVATION["linear_velocity"]] = velocity
+    observation[:, OBSERVATION["angular_velocity"]] = turning
+    observation[:, OBSERVATION["command"]] = command
+    return observation
+
+
+PUSHED = (0.0, 2.0, 0.0)
+
+
+def test_predicted_fall_is_braced_for_until_the_robot_is_calm_and_then_blended_back_to_the_policy():
+    told = Told()
+    policy = Safe(told, SafetyLimits(torque=1e6, target_rate=1e6, joint_speed=1e6), alarm_above=1.0)
+    policy.reset(1)
+    policy.act(moving((0.0, 0.0, 0.0), command=(0.5, 0.0, 1.0)))
+    wide = policy.act(moving(PUSHED, command=(0.5, 0.0, 1.0)))
+    np.testing.assert_allclose(wide, braced(moving(PUSHED)), atol=1e-6)
+    assert policy.mode[0] == Mode.CATCH
+    assert not told.notes[-1].any()
+    for _ in range(50):
+        action = policy.act(moving(PUSHED, command=(0.5, 0.0, 1.0)))
+    np.testing.assert_array_equal(action, wide)
+    distance, told_of = [], []
+    while policy.mode[0] == Mode.CATCH:
+        action = policy.act(moving((0.0, 0.0, 0.0), command=(0.5, 0.0, 1.0)))
+        distance.append(np.abs(action - wide).max())
+        told_of.append(told.notes[-1][0, 0])
+    assert len(distance) * CONTROL_PERIOD == pytest.approx(CALM_TIME + RELEASE_TIME, abs=CONTROL_PERIOD)
+    assert (np.diff(distance) >= 0.0).all()
+    assert (np.diff(told_of) >= 0.0).all()
+    assert distance[0] < 1e-6 < distance[-1]
+    np.testing.assert_array_equal(action, 0.0)
+    assert [event.reason for event in policy.events()] == ["fall predicted", "calm again"]
+
+
+def test_push_while_getting_up_is_braced_for_again():
+    policy = Safe(Told(), alarm_above=1.0)
+    policy.reset(1)
+    policy.act(moving(PUSHED))
+    for _ in range(round((CALM_TIME + RELEASE_TIME / 2.0) / CONTROL_PERIOD)):
+        policy.act(moving((0.0, 0.0, 0.0)))
+    assert 0.0 < policy._brace.share[0] < 1.0
+    policy.act(moving(PUSHED))
+    assert policy._brace.share[0] == 1.0
+    assert policy.mode[0] == Mode.CATCH
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        {"velocity": (0.7, 0.0, 0.0)},
+        {"velocity": (0.0, 0.0, 0.0), "turning": (0.0, 2.0, 0.0)},
+        {"velocity": (0.0, 0.0, 0.0), "up": (0.6, 0.0, 0.8)},
+    ],
+)
+def test_robot_that_moves_turns_or_leans_stays_braced(state):
+    policy = Safe(Told(), alarm_above=1.0)
+    policy.reset(1)
+    policy.act(moving(PUSHED))
+    for _ in range(100):
+        policy.act(moving(**state))
+    assert policy.mode[0] == Mode.CATCH
+
+
+def test_fallen_robot_is_the_policys_again():
+    policy = Safe(Told(), alarm_above=1.0)
+    policy.reset(1)
+    for up in ((0, 0, 1), (1, 0, 0), (1, 0, 0)):
+        policy.act(moving(PUSHED, up=up))
+    assert policy.mode[0] == Mode.FOLLOW
+    assert [event.reason for event in policy.events()] == ["fall predicted", "fallen"]
+    policy.act(moving(np.negative(PUSHED), up=(1, 0, 0)))
+    assert policy.mode[0] == Mode.FOLLOW
+
+
+def test_second_brace_starts_afresh():
+    policy = Safe(Told(), alarm_above=1.0)
+    policy.reset(1)
+    for _ in range(2):
+        policy.act(moving(PUSHED))
+        assert policy.mode[0] == Mode.CATCH
+        assert policy._brace.share[0] == 1.0
+        for _ in range(40):
+            policy.act(moving((0.0, 0.0, 0.0)))
+        assert policy.mode[0] == Mode.FOLLOW
+
+
+def test_brace_is_wide_and_low_and_lets_the_side_down_that_rises():
+    level = foot_positions(braced(moving((0.0, 0.0, 0.0))).reshape(4, 3)) + HIP_POSITIONS
+    home = foot_positions(HOME_POSE.reshape(4, 3)) + HIP_POSITIONS
+    assert (np.abs(level[:, 1]) > np.abs(home[:, 1])).all()
+    assert (level[:, 2] > home[:, 2]).all()
+    rolling = foot_positions(braced(moving((0.0, 0.0, 0.0), turning=(0.5, 0.0, 0.0))).reshape(4, 3)) + HIP_POSITIONS
+    pitching = foot_positions(braced(moving((0.0, 0.0, 0.0), turning=(0.0, 0.5, 0.0))).reshape(4, 3)) + HIP_POSITIONS
+    assert (np.sign(rolling - level)[:, 2] == SIDE).all()  # +x turns the left side up
+    assert (np.sign(pitching - level)[:, 2] == -np.sign(HIP_POSITIONS[:, 0])).all()  # +y turns the nose down
+
+
+def test_pushed_robots_that_fall_alone_recover_with_the_layer_and_each_has_the_bits_of_a_batch():
+    where, seeds = AXES["push"].scenario(65.0, "push"), episode_seeds("search", 0, 8)
+    assert run(policies.make("trot"), where, seeds).fell.sum() >= 3
+    env = SimpleQuadVectorEnv(8, where, nthread=1, autoreset_mode="DISABLED")
+    together, alone = policies.make("safe:trot"), [policies.make("safe:trot") for _ in range(8)]
+    observation, _ = env.reset(seed=seeds.tolist())
+    together.reset(8)
+    fell = np.zeros(8, bool)
+    for _ in range(1000):
+        action = together.act(observation)
+        rows = [policy.act(row) for policy, row in zip(alone, observation, strict=True)]
+        assert action.tobytes() == np.stack(rows).tobytes()
+        observation, _, terminated, *_ = env.step(action)
+        fell |= terminated
+    env.close()
+    assert fell.sum() <= 1
+    assert sum(event.reason == "calm again" for event in together.events()) >= 8
+
+
+def test_surprise_is_the_lesser_of_the_speeds_off_the_reference_and_off_the_velocity_of_late():
+    observation = moving((4.0, 5.0, 9.0))
+    near, far = np.array([[1.0, 1.0]]), np.array([[-50.0, 0.0]])
+    np.testing.assert_allclose(surprise(observation, near, far), [5.0])
+    np.testing.assert_allclose(surprise(observation, far, near), [5.0])
+
+
+def test_velocity_of_late_lags_by_its_time():
+    recent = np.zeros((1, 2))
+    for _ in range(round(RECENT_TIME / CONTROL_PERIOD)):
+        recent = next_recent(recent, moving((1.0, -2.0, 0.0)))
+    np.testing.assert_allclose(recent, [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.05)
+
+
+def test_slow_change_or_change_of_command_is_no_alarm():
+    policy = Safe(Told(), alarm_above=1.0)
+    policy.reset(1)
+    for step in range(100):
+        policy.act(moving((0.02 * step, 0.0, 0.0)))
+    for _ in range(50):
+        policy.act(moving((2.0, 0.0, 0.0), command=(-1.0, 0.0, 0.0)))
+    assert policy.mode[0] == Mode.FOLLOW
+
+
+def test_reference_lags_the_command_by_its_response_time():
+    observation = np.zeros((1, OBSERVATION_SIZE), np.float32)
+    observation[:, OBSERVATION["command"]] = (1.0, -2.0, 0.0)
+    reference = np.zeros((1, 2))
+    for _ in range(25):
+        reference = next_reference(reference, observation)
+    np.testing.assert_allclose(reference, [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.03)

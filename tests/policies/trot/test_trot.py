@@ -1,0 +1,282 @@
+import hashlib
+import itertools
+from dataclasses import asdict, fields, replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import policies
+from evaluate.measures.metrics import measure
+from evaluate.rollouts import rollout
+from policies.gait import TROT_OFFSETS, Gait
+from policies.legs.foot_path import lift
+from policies.legs.kinematics import foot_positions
+from policies.legs.stance_load import SERVO_STIFFNESS
+from policies.trot.open_loop import (
+    LIMITS,
+    SEARCH_RANGES,
+    Trot,
+    TrotParameters,
+    held_up,
+    searched_parameters,
+)
+from quad_env import OBSERVATION, OBSERVATION_SIZE, SCENARIOS, CommandRanges
+from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.seeding import episode_seeds
+
+# The bare path: nothing made up for, an identity for the command map, and no waiting for the command.
+BARE = TrotParameters(
+    frequency=2.5,
+    duty=0.5,
+    body_height=0.4,
+    step_height=0.08,
+    stance_width=0.42,
+    stance_shift=-0.02,
+    servo_lead=0.0,
+    stance_load=0.0,
+    blend_time=0.3,
+    linear_acceleration=1e6,
+    yaw_acceleration=1e6,
+    turn_lead=0.0,
+    forward_gain=1.0,
+    forward_bias=0.0,
+    lateral_gain=1.0,
+    yaw_gain=1.0,
+    yaw_per_lateral=0.0,
+)
+
+
+def observe(command):
+    observation = np.zeros((*np.shape(command)[:-1], OBSERVATION_SIZE), np.float32)
+    observation[..., OBSERVATION["command"]] = command
+    return observation
+
+
+def steady(parameters, command, steps=80, settle=40):
+    """Actions (steps, 12) and phases (steps,) at a held command, once blended in."""
+    policy = Trot(parameters)
+    for _ in range(settle):
+        policy.act(observe(command))
+    rows = [(policy.act(observe(command)), policy.phase[0]) for _ in range(steps)]
+    return np.array([action for action, _ in rows], dtype=np.float64), np.array([phase for _, phase in rows])
+
+
+def feet(actions):
+    """Feet in the base frame, (steps, 4, 3)."""
+    return foot_positions(actions.reshape(-1, 4, 3)) + HIP_POSITIONS
+
+
+@pytest.mark.parametrize("command", [(1.0, 0.0, 0.0), (0.0, -0.5, 0.0), (0.0, 0.0, 1.0), (-0.6, 0.4, -0.8)])
+def test_standing_feet_move_against_the_commanded_velocity_at_their_place(command):
+    actions, phases = steady(BARE, command)
+    path, swing = feet(actions), Gait(TROT_OFFSETS).legs(phases).swing
+    velocity = np.diff(path, axis=0) / 0.01
+    standing = ~swing[:-1] & ~swing[1:]
+    vx, vy, yaw_rate = command
+    for leg in range(4):
+        # r is the middle of the stride: hips at x = ±0.25, shifted by -0.02, feet 0.21 m to the side.
+        x, y = (0.23, 0.23, -0.27, -0.27)[leg], (0.21, -0.21, 0.21, -0.21)[leg]
+        expected = [-(vx - yaw_rate * y), -(vy + yaw_rate * x), 0.0]
+        np.testing.assert_allclose(
+            velocity[standing[:, leg], leg], np.tile(expected, (standing[:, leg].sum(), 1)), atol=1e-3
+        )
+
+
+def test_zero_command_steps_in_place_to_the_step_height():
+    path = feet(steady(BARE, (0.0, 0.0, 0.0))[0])
+    np.testing.assert_allclose(path[:, :, 0], np.tile([0.23, 0.23, -0.27, -0.27], (80, 1)), atol=1e-6)
+    np.testing.assert_allclose(path[:, :, 1], np.tile([0.21, -0.21, 0.21, -0.21], (80, 1)), atol=1e-6)
+    np.testing.assert_allclose(path[:, :, 2].min(axis=0), -0.4, atol=1e-6)
+    np.testing.assert_allclose(path[:, :, 2].max(axis=0), -0.32, atol=1e-4)
+
+
+def test_mirrored_command_half_a_cycle_later_gives_the_mirrored_action():
+    parameters = searched_parameters()
+    parameters = replace(parameters, frequency=2.5)  # half a cycle is 20 whole ticks
+    left, _ = steady(parameters, (0.7, 0.4, -0.9))
+    right, _ = steady(parameters, (0.7, -0.4, 0.9))
+    mirror = left.reshape(-1, 4, 3)[:, [1, 0, 3, 2]] * [-1.0, 1.0, 1.0]
+    np.testing.assert_allclose(right.reshape(-1, 4, 3)[20:], mirror[:-20], atol=1e-5)
+
+
+def test_gait_repeats_itself_every_cycle():
+    actions, _ = steady(replace(searched_parameters(), frequency=2.5), (0.5, 0.2, 0.3))
+    np.testing.assert_allclose(actions[40:], actions[:40], atol=1e-5)
+
+
+def test_command_is_followed_no_faster_than_the_acceleration_limits():
+    # 4 m/s² and 6 rad/s²: after 10 ticks 0.4 m/s of the 1 m/s, 0.4 m/s of the -0.5, and 0.6 rad/s of the 1.2.
+    slow = Trot(replace(BARE, linear_acceleration=4.0, yaw_acceleration=6.0))
+    settled = Trot(BARE)
+    for _ in range(60):
+        slow.act(observe((0.0, 0.0, 0.0))), settled.act(observe((0.0, 0.0, 0.0)))
+    for _ in range(10):
+        late = slow.act(observe((1.0, -0.5, 1.2)))
+        expected = settled.act(observe((0.4, -0.4, 0.6)))
+    np.testing.assert_allclose(late, expected, atol=1e-6)
+    for _ in range(20):
+        late = slow.act(observe((1.0, -0.5, 1.2)))
+        expected = settled.act(observe((1.0, -0.5, 1.2)))
+    np.testing.assert_allclose(late, expected, atol=1e-6)
+
+
+def test_command_map_by_hand():
+    mapped = Trot(
+        replace(BARE, forward_gain=1.2, forward_bias=0.1, lateral_gain=0.9, yaw_gain=1.5, yaw_per_lateral=-0.2)
+    )
+    plain = Trot(BARE)
+    for _ in range(50):
+        asked = mapped.act(observe((0.5, 0.4, -0.6)))
+        expected = plain.act(observe((0.7, 0.36, -0.98)))  # 1.2·0.5 + 0.1; 0.9·0.4; 1.5·(-0.6) - 0.2·0.4
+    np.testing.assert_allclose(asked, expected, atol=1e-6)
+
+
+def test_turn_lead_turns_the_velocity_into_the_curve_by_hand():
+    led, plain = Trot(replace(BARE, turn_lead=0.1)), Trot(BARE)
+    for _ in range(50):
+        asked = led.act(observe((1.0, 0.5, 0.8)))
+        expected = plain.act(observe((0.96, 0.58, 0.8)))  # 1 - 0.1·0.8·0.5; 0.5 + 0.1·0.8·1
+    np.testing.assert_allclose(asked, expected, atol=1e-6)
+
+
+def test_it_sets_out_from_the_home_pose():
+    policy = Trot(BARE)
+    actions = np.array([policy.act(observe((1.5, 0.8, 1.2))) for _ in range(30)])
+    assert np.abs(actions[0] - HOME_POSE).max() < 0.01
+    assert np.abs(np.diff(actions, axis=0)).max() < 0.2
+    settled, _ = steady(BARE, (1.5, 0.8, 1.2), settle=29, steps=1)
+    np.testing.assert_array_equal(actions[29], settled[0])
+
+
+def test_servo_lead_runs_ahead_along_the_tangent():
+    bare, _ = steady(BARE, (0.6, 0.2, 0.4))
+    led, _ = steady(replace(BARE, servo_lead=0.02), (0.6, 0.2, 0.4))
+    np.testing.assert_allclose(
+        led[1:], np.clip(bare[1:] + 2.0 * np.diff(bare, axis=0), JOINT_LOWER, JOINT_UPPER), atol=1e-5
+    )
+
+
+def test_targets_of_a_loaded_leg_differ_by_the_work_of_the_force():
+    # Virtual work: torque on joint i = F ∂z/∂q_i, here by central differences of the forward kinematics.
+    joints, force, h = np.array([[0.1, 0.7, -1.3], [-0.2, 0.4, -0.9], [0.3, 0.2, -0.8], [0.0, 0.9, -1.6]]), 70.0, 1e-6
+    foot = foot_positions(joints)
+    targets = np.stack(held_up(*joints.T, foot[:, 0], foot[:, 1], np.full(4, force)), axis=-1)
+    for joint in range(3):
+        step = h * np.eye(3)[joint]
+        slope = (foot_positions(joints + step)[:, 2] - foot_positions(joints - step)[:, 2]) / (2 * h)
+        np.testing.assert_allclose(targets[:, joint] - joints[:, joint], -force * slope / SERVO_STIFFNESS, atol=1e-8)
+
+
+def test_servo_stiffness_is_the_models():
+    env = gym.make("SimpleQuad-v0")
+    gains = env.unwrapped.model.actuator_gainprm[:, 0]
+    env.close()
+    assert (gains == SERVO_STIFFNESS).all()
+
+
+def limited(parameters, command):
+    """Shares of the standing and of the swinging legs that have a joint at its limit, at a held command."""
+    actions, phases = steady(parameters, command, settle=100)
+    legs = actions.reshape(-1, 4, 3).astype(np.float32)
+    lower, upper = (limit.astype(np.float32).reshape(4, 3) for limit in (JOINT_LOWER, JOINT_UPPER))
+    at_limit = ((legs == lower) | (legs == upper)).any(axis=-1)
+    swing = Gait(TROT_OFFSETS, parameters.duty).legs(phases).swing
+    return at_limit[~swing].mean(), at_limit[swing].mean()
+
+
+@pytest.mark.parametrize("parameters", [TrotParameters(), searched_parameters()], ids=["default", "searched"])
+def test_joint_limits_cut_the_top_off_a_swing_before_they_touch_a_stance(parameters):
+    assert limited(parameters, (0.0, 0.0, 0.0))[0] == 0.0
+    for corner in itertools.product((-1.0, 1.5), (-0.8, 0.8), (-1.2, 1.2)):
+        standing, swinging = limited(parameters, corner)
+        assert standing < 0.35
+        assert standing < swinging
+
+
+def test_search_ranges_are_of_the_parameters_and_hold_the_defaults():
+    defaults = asdict(TrotParameters())
+    for name, (low, high) in SEARCH_RANGES.items():
+        assert low <= defaults[name] <= high, name
+    assert all(isinstance(value, float) for value in defaults.values())
+    assert {field.name for field in fields(TrotParameters)} == set(asdict(searched_parameters()))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"frequency": 0.0}, {"body_height": -0.1}, {"duty": 1.0}, {"step_height": float("nan")}, {"yaw_gain": 1e9}],
+)
+def test_impossible_parameters_are_refused(change):
+    with pytest.raises(ValueError, match=f"{next(iter(change))} must be finite, from "):
+        Trot(replace(BARE, **change))
+
+
+@pytest.mark.parametrize("content", [None, "{", '{"gallop": 1}', '{"frequency": "fast"}'])
+def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatch, content):
+    file = tmp_path / "trot.json"
+    if content is not None:
+        file.write_text(content)
+    monkeypatch.setattr("policies.trot.open_loop.PARAMETERS_FILE", file)
+    searched_parameters.cache_clear()
+    with pytest.raises(policies.PolicyError, match=r"train\.tune_trot"):
+        policies.make("trot")
+
+
+def test_lifted_feet_are_the_swinging_ones():
+    actions, phases = steady(BARE, (0.3, 0.0, 0.0))
+    np.testing.assert_allclose(feet(actions)[:, :, 2] + 0.4, 0.08 * lift(Gait(TROT_OFFSETS).legs(phases)), atol=1e-6)
+
+
+def walk(seeds, scenario):
+    """What 10 s of the shipped trot measured."""
+    return measure(rollout.run(policies.make("trot"), scenario, seeds))
+
+
+def test_it_follows_commands_over_the_whole_range_without_falling():
+    measures = walk(episode_seeds("search", 1, 64), "flat")
+    assert not measures.fell.any()
+    assert np.ptp(measures.commands, axis=(0, 1)) == pytest.approx([2.5, 1.6, 2.4], rel=0.1)  # of the whole range
+    assert measures.velocity_error.mean() <= 0.20
+    assert measures.mean_velocity_error.mean() <= 0.12
+    assert measures.yaw_rate_error.mean() <= 0.35
+
+
+def test_stepping_in_place_drifts_little():
+    still = CommandRanges(forward=(0.0, 0.0), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0))
+    measures = walk(episode_seeds("search", 2, 16), replace(SCENARIOS["flat"], commands=still))
+    assert not measures.fell.any()
+    assert (measures.commands == 0.0).all()
+    assert np.linalg.norm(measures.mean_velocities[..., :2], axis=-1).max() <= 0.05
+    assert np.abs(measures.mean_velocities[..., 2]).max() <= 0.05
+
+
+def test_limits_hold_the_search_ranges_and_leave_no_parameter_out():
+    assert set(LIMITS) == {field.name for field in fields(TrotParameters)}
+    for name, (low, high) in SEARCH_RANGES.items():
+        assert LIMITS[name][0] <= low < high <= LIMITS[name][1], name
+
+
+@settings(max_examples=100)
+@given(st.data())
+def test_within_the_limits_every_action_is_finite(data):
+    drawn = {
+        name: data.draw(st.floats(low, high) | st.sampled_from((low, high))) for name, (low, high) in LIMITS.items()
+    }
+    policy = Trot(TrotParameters(**drawn))
+    for _ in range(5):
+        action = policy.act(observe(data.draw(st.sampled_from([(1.5, 0.8, 1.2), (-1.0, -0.8, -1.2), (0.0, 0.0, 0.0)]))))
+        assert np.isfinite(action).all()
+
+
+def test_shipped_trot_gives_the_bits_that_the_shipped_residual_stands_on():
+    rng = np.random.default_rng(11)
+    policy = policies.make("trot")
+    policy.reset(16)
+    digest = hashlib.sha256()
+    for _ in range(20):
+        command = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (16, 3))
+        for _ in range(25):
+            digest.update(policy.act(observe(command)).tobytes())
+    assert digest.hexdigest() == "4bc32ac6b959ffc44b79d4495e939b64859ee820d533038c700cad5dc877b5a9"

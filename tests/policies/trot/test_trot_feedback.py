@@ -1,0 +1,400 @@
+"""The trot with feedback: the sign and size of each feedback, its frames, and that it walks."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import policies
+from evaluate.measures.metrics import measure
+from evaluate.rollouts import rollout
+from policies.base import CONTROL_PERIOD
+from policies.legs.kinematics import foot_positions, joint_angles
+from policies.trot.feedback import BRACE_RANGE, BRACE_TIME, LARGEST_CORRECTION, TrotFeedback
+from policies.trot.feedback_parameters import (
+    LIMITS,
+    PARAMETERS_FILE,
+    SEARCH_RANGES,
+    FeedbackParameters,
+    read_parameters,
+    searched_parameters,
+)
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
+from quad_env.scenarios.axes import AXES
+from quad_env.seeding import episode_seeds
+from quad_env.task.observations import BOUND, observe
+from train.scenarios import practice
+
+FRONT, HIND = slice(0, 2), slice(2, 4)
+LEFT, RIGHT = slice(0, None, 2), slice(1, None, 2)
+OFF = {
+    "forward_bias": 0.0,
+    "integral_gain": 0.0,
+    "yaw_integral_gain": 0.0,
+    "stance_push": 0.0,
+    "yaw_push": 0.0,
+    "stance_yield": 0.0,
+    "raibert_gain": 0.0,
+    "raibert_lateral": 0.0,
+    "yaw_step": 0.0,
+    "capture_gain": 0.0,
+    "hurry": 0.0,
+    "tilt_gain": 0.0,
+    "tilt_damping": 0.0,
+    "height_gain": 0.0,
+    "height_damping": 0.0,
+    "slope_share": 0.0,
+    "slope_shift": 0.0,
+    "slope_height": 0.0,
+    "conform": 0.0,
+    "rough_height": 0.0,
+    "rough_step": 0.0,
+    "caution": 0.0,
+    "slope_caution": 0.0,
+    "stance_load": 0.0,
+    "servo_lead": 0.0,
+    "brace_error": 100.0,
+    "slope_brace": 100.0,
+    "rough_brace": 100.0,
+    "blend_time": CONTROL_PERIOD,
+    "velocity_filter": 1e-3,
+}
+"""Every feedback off."""
+GAIT = {
+    "frequency": 6.0,
+    "duty": 0.5,
+    "body_height": 0.28,
+    "stance_width": 0.48,
+    "stance_shift": -0.08,
+    "plane_filter": 0.2,
+}
+BARE = FeedbackParameters(**OFF | GAIT)
+ROUNDING = 1e-6
+"""m: actions are float32."""
+
+
+def observation(**readings):
+    """Of a level robot at rest in the home pose, but for these readings."""
+    row = np.zeros(OBSERVATION_SIZE, np.float32)
+    row[OBSERVATION["projected_gravity"]] = (0.0, 0.0, -1.0)
+    for name, values in readings.items():
+        row[OBSERVATION[name]] = values
+    return row
+
+
+def feet(action):
+    """Feet in the base frame that the targets are for, (4, 3), m."""
+    return foot_positions(action.astype(np.float64).reshape(4, 3)) + HIP_POSITIONS
+
+
+def answer(changes, steps=3, **readings):
+    """How far the targets of the feet move for those readings, (4, 3) m, with only some feedback on, and who stands."""
+    parameters = dataclasses.replace(BARE, **changes)
+    felt, calm = TrotFeedback(parameters), TrotFeedback(parameters)
+    for _ in range(steps):
+        moved, usual = felt.act(observation(**readings)), calm.act(observation())
+    standing = ~felt._gait.legs(felt.phase).swing[0]
+    assert standing.sum() == 2
+    return feet(moved) - feet(usual), standing
+
+
+def test_a_nose_down_trunk_has_its_standing_front_legs_lengthened_and_the_hind_ones_shortened():
+    nose_down = (np.sin(0.1), 0.0, -np.cos(0.1))  # gravity leans to the front
+    turned, _ = answer({"tilt_gain": 1.0}, projected_gravity=nose_down)
+    kept, standing = answer({}, projected_gravity=nose_down)
+    difference = (turned - kept)[:, 2]
+    assert (difference[FRONT][standing[FRONT]] < -0.01).all()
+    assert (difference[HIND][standing[HIND]] > 0.01).all()
+    assert np.abs(difference[~standing]).max() < ROUNDING
+
+
+def test_a_trunk_with_its_left_side_up_has_its_standing_left_legs_shortened():
+    left_up = (0.0, -np.sin(0.1), -np.cos(0.1))
+    difference = (answer({"tilt_gain": 1.0}, projected_gravity=left_up)[0] - answer({}, projected_gravity=left_up)[0])[
+        :, 2
+    ]
+    assert difference[LEFT].max() > 0.01
+    assert difference[RIGHT].min() < -0.01
+
+
+def test_pitching_forward_lengthens_the_front_legs_by_damping_times_rate_times_arm():
+    moved, standing = answer({"tilt_damping": 0.1}, angular_velocity=(0.0, 0.5, 0.0))
+    arm = (feet(TrotFeedback(BARE).act(observation())) * standing[:, None])[:, 0]
+    loaded = np.abs(moved[:, 2]) > ROUNDING
+    np.testing.assert_array_equal(loaded, standing)
+    # The turn is gain × rate at full load; early in the stance it is a share of that, the same for both legs.
+    share = -moved[standing, 2] / (0.1 * 0.5 * arm[standing])
+    assert share[0] == pytest.approx(share[1], rel=0.05)
+    assert 0.0 < share[0] <= 1.0
+
+
+def test_a_robot_that_is_too_low_stands_taller():
+    crouched = np.tile([0.0, 0.4, -0.8], 4)  # added to the home pose
+    low, standing = answer({"height_gain": 0.5}, joint_position=crouched)
+    calm, _ = answer({}, joint_position=crouched)
+    assert ((low - calm)[standing, 2] < -0.001).all()
+
+
+def test_rising_shortens_the_standing_legs():
+    moved, standing = answer({"height_damping": 0.02}, linear_velocity=(0.0, 0.0, 0.5))
+    assert (moved[standing, 2] > 0.001).all()
+
+
+@pytest.mark.parametrize(("axis", "gain"), [(0, "raibert_gain"), (1, "raibert_lateral")])
+def test_pushed_one_way_the_swinging_feet_go_that_way_and_the_standing_ones_stay(axis, gain):
+    push = [0.0, 0.0, 0.0]
+    push[axis] = 0.4
+    moved, standing = answer({gain: 0.1}, steps=6, linear_velocity=push)
+    assert (moved[~standing, axis] > 0.005).all()
+    assert np.abs(moved[standing]).max() < ROUNDING
+
+
+def test_a_push_beyond_the_threshold_is_caught_by_a_step_to_its_side():
+    moved, standing = answer({"capture_gain": 0.1, "capture_threshold": 0.5}, steps=6, linear_velocity=(0.0, -1.0, 0.0))
+    assert (moved[~standing, 1] < -0.005).all()
+    small, _ = answer({"capture_gain": 0.1, "capture_threshold": 0.5}, steps=6, linear_velocity=(0.0, -0.4, 0.0))
+    assert np.abs(small).max() < ROUNDING
+
+
+def test_while_a_push_is_caught_the_clock_runs_faster():
+    hurried, calm = (
+        TrotFeedback(dataclasses.replace(BARE, hurry=share, capture_threshold=0.5)) for share in (0.4, 0.0)
+    )
+    for policy in (hurried, calm):
+        policy.act(observation(linear_velocity=(1.0, 0.0, 0.0)))
+    assert hurried.phase[0] == pytest.approx(calm.phase[0] * (1.0 + 0.4 * 0.5))
+
+
+def test_turning_too_fast_turns_the_swinging_feet_about_the_trunk():
+    moved, standing = answer({"yaw_step": 0.1}, steps=6, angular_velocity=(0.0, 0.0, 0.5))
+    torque = HIP_POSITIONS[:, 0] * moved[:, 1] - HIP_POSITIONS[:, 1] * moved[:, 0]
+    assert (torque[~standing] > 0.001).all()
+
+
+def test_standing_feet_push_along_with_a_velocity_error_so_that_the_trunk_is_held_back():
+    moved, standing = answer({"stance_push": 0.05}, linear_velocity=(0.4, 0.0, 0.0))
+    assert (moved[standing, 0] > 0.001).all()
+    assert moved[standing, 0].max() <= 0.05 * 0.4 + ROUNDING
+    assert np.abs(moved[~standing]).max() < ROUNDING
+
+
+def test_standing_feet_that_push_against_a_yaw_error_make_a_couple():
+    moved, standing = answer({"yaw_push": 0.05}, angular_velocity=(0.0, 0.0, 0.5))
+    torque = HIP_POSITIONS[:, 0] * moved[:, 1] - HIP_POSITIONS[:, 1] * moved[:, 0]
+    assert (torque[standing] > 0.0005).all()
+
+
+def test_the_integral_of_a_steady_velocity_error_grows_against_it_up_to_its_limit():
+    policy = TrotFeedback(dataclasses.replace(BARE, integral_gain=2.0))
+    slow = observation(linear_velocity=(-0.1, 0.0, 0.0))
+    for _ in range(50):
+        policy.act(slow)
+    assert policy._memory["correction"][:, 0].tolist() == pytest.approx([2.0 * 0.1 * 0.5, 0.0, 0.0])
+    for _ in range(500):
+        policy.act(slow)
+    assert policy._memory["correction"][0, 0] == LARGEST_CORRECTION
+
+
+def test_a_push_is_no_bias_the_integral_waits():
+    policy = TrotFeedback(dataclasses.replace(BARE, integral_gain=2.0))
+    for _ in range(50):
+        policy.act(observation(linear_velocity=(1.0, 0.0, 0.0)))
+    assert not policy._memory["correction"].any()
+
+
+def test_far_too_fast_for_any_foothold_all_feet_come_down_wide_and_low_and_the_clock_stops():
+    parameters = dataclasses.replace(BARE, brace_error=1.0, brace_width=0.66, brace_length=0.6, brace_height=0.18)
+    policy = TrotFeedback(dataclasses.replace(parameters, brace_lead=0.0, brace_tilt_gain=0.0, brace_tilt_damping=0.0))
+    fast = observation(linear_velocity=(0.0, 1.5 + BRACE_RANGE, 0.0))
+    for _ in range(round(BRACE_TIME / CONTROL_PERIOD) + 1):
+        action, phase = policy.act(fast), policy.phase[0]
+    braced = feet(policy.act(fast))
+    assert policy.phase[0] == phase
+    np.testing.assert_allclose(np.abs(braced), np.tile([0.3, 0.33, 0.18], (4, 1)), atol=1e-5)
+    assert action.shape == (12,)
+
+
+def test_bracing_ends_slowly_and_the_trot_goes_on():
+    policy = TrotFeedback(dataclasses.replace(BARE, brace_error=1.0, brace_release=0.2))
+    for _ in range(10):
+        policy.act(observation(linear_velocity=(3.0, 0.0, 0.0)))
+    assert policy._memory["brace"].item() == 1.0
+    for _ in range(10):
+        policy.act(observation())
+    assert policy._memory["brace"].item() == pytest.approx(0.5)
+    phase = policy.phase[0]
+    policy.act(observation())
+    assert policy.phase[0] > phase
+
+
+def on_slope(forward, lateral):
+    """Reading of a level trunk whose feet stand on that slope, found by the inverse kinematics."""
+    x, y = HIP_POSITIONS[:, 0], HIP_POSITIONS[:, 1] + 0.1 * SIDE
+    z = -0.35 + forward * x + lateral * y
+    joints = joint_angles(np.stack([x, y, z], axis=-1) - HIP_POSITIONS).ravel() - HOME_POSE
+    return observation(joint_position=joints)
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.3, 0.0), (0.0, -0.2), (-0.2, 0.15)])
+def test_the_slope_under_the_feet_is_felt_and_the_swinging_feet_follow_it(slope):
+    policy, level = (TrotFeedback(dataclasses.replace(BARE, body_height=0.38)) for _ in range(2))
+    for _ in range(200):
+        action, usual = policy.act(on_slope(*slope)), level.act(on_slope(0.0, 0.0))
+    np.testing.assert_allclose(np.ravel(policy.ground.slope), slope, atol=2e-3)
+    target, plain = feet(action), feet(usual)
+    np.testing.assert_allclose(target[:, 2] - plain[:, 2], target[:, :2] @ slope, atol=2e-3)
+
+
+def test_on_a_slope_the_legs_hang_along_gravity_and_the_trunk_leans_with_it():
+    """Trunk parallel to a slope of 0.3: seen from the trunk gravity leans back, and so do the feet."""
+    pitch = np.arctan(0.3)
+    uphill = (-np.sin(pitch), 0.0, -np.cos(pitch))
+    policy = TrotFeedback(dataclasses.replace(BARE, tilt_gain=1.0, slope_share=1.0))
+    level = TrotFeedback(dataclasses.replace(BARE, tilt_gain=1.0, slope_share=1.0))
+    for _ in range(300):
+        action, usual = policy.act(observation(projected_gravity=uphill)), level.act(observation())
+    shift = feet(action) - feet(usual)
+    np.testing.assert_allclose(policy.ground.slope[0].item(), 0.3, atol=2e-3)
+    assert (shift[:, 0] < -0.05).all()
+
+
+def on_a_stone(height):
+    """Reading of a level trunk one of whose feet stands that much higher than the others, m."""
+    x, y = HIP_POSITIONS[:, 0], HIP_POSITIONS[:, 1] + 0.1 * SIDE
+    z = -0.35 + height * np.array([1.0, 0.0, 0.0, 0.0])
+    return observation(joint_position=joint_angles(np.stack([x, y, z], axis=-1) - HIP_POSITIONS).ravel() - HOME_POSE)
+
+
+def test_on_ground_too_rough_to_walk_on_it_stands_still_on_all_feet_and_remembers():
+    bare = dataclasses.replace(BARE, hold_width=0.56, hold_length=0.6, hold_height=0.34)
+    policy = TrotFeedback(dataclasses.replace(bare, rough_brace=0.02))
+    for _ in range(200):
+        policy.act(on_a_stone(0.2))
+    phase = policy.phase[0]
+    for _ in range(100):
+        action = policy.act(on_slope(0.0, 0.0))
+    assert policy.phase[0] == phase
+    assert not policy._memory["wanted"].any()
+    # The slope that the stone seemed to be is forgotten by now.
+    np.testing.assert_allclose(np.abs(feet(action)), np.tile([0.3, 0.28, 0.34], (4, 1)), atol=2e-3)
+
+
+def test_even_ground_is_walked_on():
+    policy = TrotFeedback(dataclasses.replace(BARE, rough_brace=0.02))
+    for _ in range(200):
+        policy.act(on_a_stone(0.02))
+    assert policy._memory["brace"].item() == 0.0
+
+
+def test_steep_ground_and_rough_ground_slow_the_robot_down():
+    policy = TrotFeedback(dataclasses.replace(BARE, slope_caution=2.0, plane_filter=0.05))
+    row = on_slope(0.3, 0.0)
+    row[OBSERVATION["command"]] = (1.0, 0.0, 0.0)
+    for _ in range(200):
+        policy.act(row)
+    assert policy._memory["wanted"][0, 0] == pytest.approx(1.0 / (1.0 + (2.0 * 0.3) ** 2), rel=0.02)
+
+
+def test_the_same_actions_whatever_the_heading():
+    """Two robots of one seed, one turned by 90° about the vertical with all its motion: the same actions."""
+    env = SimpleQuadVectorEnv(2)
+    env.reset(seed=[3, 3])
+    qpos, qvel = env.simulation._qpos, env.simulation._qvel
+    (w, x, y, z), (speed_x, speed_y) = qpos[0, 3:7].copy(), (0.2, 0.9)
+    quarter = np.sqrt(0.5)
+    qpos[1, 3:7] = quarter * np.array([w - z, x - y, y + x, z + w])
+    qvel[0, :2], qvel[1, :2] = (speed_x, speed_y), (-speed_y, speed_x)
+    command = tuple(np.full(2, value) for value in (0.5, 0.2, -0.3))
+    reading = observe(env.simulation.state(command), command)
+    env.close()
+    policy = policies.make("trot_feedback")
+    policy.reset(2)
+    for _ in range(20):
+        straight, turned = policy.act(reading)
+        np.testing.assert_allclose(turned, straight, atol=1e-5)
+
+
+def test_it_mirrors_left_and_right():
+    """Pushed to the right it does what it does when pushed to the left, mirrored and half a cycle later."""
+    mirror = [1, 0, 3, 2]
+
+    def reading(side):
+        return observation(
+            projected_gravity=(0.05, 0.04 * side, -np.sqrt(1 - 0.05**2 - 0.04**2)),
+            linear_velocity=(0.3, 0.5 * side, 0.1),
+            angular_velocity=(0.3 * side, 0.2, 0.4 * side),
+            command=(0.6, 0.2 * side, 0.5 * side),
+        )
+
+    # A frequency at which no step of the clock meets the end of a swing: rounding would decide who lands first.
+    left, right = (TrotFeedback(dataclasses.replace(searched_parameters(), frequency=5.37)) for _ in range(2))
+    right._phase = right._phase + np.pi
+    for _ in range(40):
+        one, other = left.act(reading(1.0)).reshape(4, 3), right.act(reading(-1.0)).reshape(4, 3)
+        np.testing.assert_allclose(other[mirror] * [-1, 1, 1], one, atol=1e-5)
+
+
+def walk(axis, severity, count, seed=3):
+    scenario = practice(AXES[axis].scenario(severity, axis), "search")
+    return measure(rollout.run(policies.make("trot_feedback"), scenario, episode_seeds("search", seed, count)))
+
+
+def test_on_flat_ground_it_follows_commands_without_falling_and_without_a_steady_error():
+    measures = walk("flat", 1.5, 24)
+    assert not measures.fell.any()
+    assert measures.velocity_error.mean() <= 0.08
+    assert measures.mean_velocity_error.mean() <= 0.03
+    assert measures.yaw_rate_error.mean() <= 0.15
+
+
+@pytest.mark.parametrize(("axis", "severity", "most"), [("push", 80.0, 0.4), ("slope", 25.0, 0.2), ("rough", 0.2, 0.3)])
+def test_it_mostly_keeps_its_feet_where_the_trot_falls(axis, severity, most):
+    assert walk(axis, severity, 16).fell.mean() <= most
+
+
+def test_limits_hold_the_search_ranges_and_leave_no_parameter_out():
+    names = {field.name for field in dataclasses.fields(FeedbackParameters)}
+    assert set(LIMITS) == names
+    assert set(dataclasses.asdict(searched_parameters())) == names
+    for name, (low, high) in SEARCH_RANGES.items():
+        assert LIMITS[name][0] <= low < high <= LIMITS[name][1], name
+        assert low <= getattr(searched_parameters(), name) <= high, name
+
+
+@pytest.mark.parametrize(
+    "change", [{"frequency": 0.0}, {"duty": 1.0}, {"tilt_gain": float("nan")}, {"velocity_filter": 0.0}]
+)
+def test_impossible_parameters_are_refused(change):
+    with pytest.raises(ValueError, match=f"{next(iter(change))} must be finite, from "):
+        dataclasses.replace(BARE, **change)
+
+
+@pytest.mark.parametrize("content", [None, "{", '{"gallop": 1}', '{"frequency": "fast"}'])
+def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, content):
+    file = tmp_path / "trot_feedback.json"
+    if content is not None:
+        file.write_text(content)
+    with pytest.raises(policies.PolicyError, match=r"train\.tune_feedback"):
+        read_parameters(file)
+
+
+def test_the_shipped_parameters_can_be_read():
+    assert read_parameters(PARAMETERS_FILE) == searched_parameters()
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data())
+def test_within_the_limits_every_action_is_finite_whatever_is_read(data):
+    drawn = {
+        name: data.draw(st.floats(low, high) | st.sampled_from((low, high))) for name, (low, high) in LIMITS.items()
+    }
+    policy = TrotFeedback(FeedbackParameters(**drawn))
+    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
+    for scale in itertools.chain((0.01, 1.0), (1.0,) * 3):
+        row = (scale * rng.uniform(-BOUND, BOUND)).astype(np.float32)
+        assert np.isfinite(policy.act(row)).all()

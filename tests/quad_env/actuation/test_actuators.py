@@ -1,0 +1,271 @@
+"""Actuators by name and value, measured on the whole robot: curve, gear, lag, delay, heat."""
+
+import math
+from dataclasses import replace
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+import policies
+from quad_env.actuation.models import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
+from quad_env.physics.simulation import Simulation
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.scenarios.disturbances import Motors
+from quad_env.scenarios.terrain import Flat
+
+SUBSTEP = 0.002
+EVERY_SUBSTEP, EVERY_CONTROL_STEP = 500.0, 100.0
+CURVE = TorqueSpeed(100.0, 10.0)
+HOT = Thermal(resistance=2.0, time_constant=2.0, derated=0.25)
+"""Heats up by 2 K a physics step at standstill."""
+
+
+def simulate(actuator: Actuator, rate: float = EVERY_SUBSTEP, motors: Motors | None = None, robots: int = 1):
+    simulation = Simulation(Flat(), robots, 1, rate, motors=motors, actuator=actuator)
+    simulation.reset(np.arange(robots), np.zeros((robots, 35)))
+    return simulation
+
+
+def wild(steps: int) -> np.ndarray:
+    """Targets anywhere within the joint limits, (steps, 1, 12), rad."""
+    return np.random.default_rng(0).uniform(JOINT_LOWER, JOINT_UPPER, (steps, 1, 12))
+
+
+def motion(simulation: Simulation) -> np.ndarray:
+    return np.concatenate([simulation._qpos[0], simulation._qvel[0]])
+
+
+def torque_at(speed: float, target: np.ndarray, actuator: Actuator, motors: Motors | None = None) -> np.ndarray:
+    """Torques of a robot with its joints at their middle, turning at that speed, at the first physics step."""
+    simulation = simulate(actuator, motors=motors)
+    simulation._qpos[0, 7:] = (JOINT_LOWER + JOINT_UPPER) / 2
+    simulation._qvel[0, 6:] = speed
+    simulation.step(target[None], None)
+    return simulation._torque[0]
+
+
+@pytest.mark.parametrize(
+    ("speed", "torque"),
+    [(0.0, 100.0), (2.5, 75.0), (9.0, 10.0), (10.0, 0.0), (12.0, -20.0), (25.0, -100.0), (-0.5, 100.0), (-8.0, 100.0)],
+)
+def test_the_largest_torque_lies_on_the_curve_and_braking_is_held_to_the_current_limit(
+    speed: float, torque: float
+) -> None:
+    """A positive speed with an upward target drives, a negative one brakes; above 10 rad/s only braking is left."""
+    stiff = Simulation(Flat(), 1, 1, EVERY_SUBSTEP).model.actuator_gainprm[0, 0]
+    assert stiff * 0.5 - 10 * 9 >= 10  # half a radian of error asks for more than the curve gives up to 9 rad/s
+    far = 100 * np.ones(12)
+    for sign in (1, -1):
+        found = torque_at(sign * speed, sign * far, Actuator(CURVE), None)
+        asked = np.clip(sign * far, JOINT_LOWER, JOINT_UPPER) - (JOINT_LOWER + JOINT_UPPER) / 2
+        servo = stiff * asked - 10 * sign * speed
+        expected = sign * np.minimum(torque, np.maximum(sign * servo, -100.0))
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_below_the_curve_the_motor_is_the_ideal_servo() -> None:
+    target = (JOINT_LOWER + JOINT_UPPER) / 2 + 0.05
+    for speed in (0.0, 1.0, -3.0):
+        np.testing.assert_allclose(torque_at(speed, target, Actuator(CURVE)), 15 - 10 * speed, atol=1e-9)
+
+
+def test_no_physics_step_of_a_control_step_leaves_the_curve() -> None:
+    """At 500 Hz every step is looked at; at 100 Hz, with the same targets, the motion is the same to the bit."""
+    fine, coarse = (simulate(Actuator(CURVE), rate) for rate in (EVERY_SUBSTEP, EVERY_CONTROL_STEP))
+    largest = 0.0
+    for target in wild(100):
+        for _ in range(5):
+            speed = fine._qvel[0, 6:].copy()
+            fine.step(target, None)
+            torque = fine._torque[0]
+            assert (torque <= np.clip(100 * (1 - speed / 10), -100, 100) + 1e-9).all()
+            assert (torque >= np.clip(-100 * (1 + speed / 10), -100, 100) - 1e-9).all()
+            largest = max(largest, float(np.abs(speed).max()))
+        coarse.step(target, None)
+        np.testing.assert_array_equal(motion(fine), motion(coarse))
+    assert largest > 5
+
+
+@pytest.mark.parametrize(("stall", "limit", "weaker"), [(100.0, 40.0, 40.0), (30.0, 100.0, 30.0)])
+def test_of_two_torque_limits_the_weaker_holds(stall: float, limit: float, weaker: float) -> None:
+    simulation = simulate(Actuator(TorqueSpeed(stall, 10.0)), motors=Motors(limit))
+    torques = []
+    for target in wild(50):
+        simulation.step(target, None)
+        torques.append(np.abs(simulation._torque).max())
+    assert max(torques) == weaker
+
+
+def test_the_joint_feels_the_rotor_times_the_ratio_squared() -> None:
+    def inertia(gear: Gear) -> np.ndarray:
+        data, full = simulate(Actuator(gear=gear)).snapshot(0), np.zeros((18, 18))
+        mujoco.mj_fullM(simulate(Actuator(gear=gear)).model, data, full)
+        return full
+
+    added = inertia(Gear(6.0, 3e-4)) - inertia(Gear(6.0, 0.0))
+    np.testing.assert_allclose(added, np.diag([0.0] * 6 + [3e-4 * 36] * 12), atol=1e-12)
+    assert Gear().reflected_inertia == pytest.approx(Simulation(Flat(), 1, 1, 100.0).model.dof_armature[6])
+
+
+@pytest.mark.parametrize("parts", [{}, {"curve": CURVE}, {"curve": CURVE, "bandwidth": 20.0, "thermal": Thermal()}])
+@pytest.mark.parametrize("steps", [1, 3, 7])
+def test_a_delay_is_exact_in_physics_steps(parts: dict, steps: int) -> None:
+    """A late robot moves as one that is told the same so many steps later, whose targets are home until then."""
+    late, told_late = (
+        simulate(Actuator(**parts, delay=steps * SUBSTEP), EVERY_CONTROL_STEP),
+        simulate(Actuator(**parts)),
+    )
+    targets = wild(12)
+    sequence = [HOME_POSE[None]] * steps + [target for target in targets for _ in range(5)]
+    for number, target in enumerate(targets):
+        late.step(target, None)
+        for told in sequence[5 * number : 5 * number + 5]:
+            told_late.step(told, None)
+        np.testing.assert_array_equal(motion(late), motion(told_late))
+
+
+def test_a_restarted_robot_with_a_delay_holds_its_home_pose_first() -> None:
+    simulation = simulate(ACTUATORS["motor"], EVERY_CONTROL_STEP, robots=2)
+    for target in wild(5):
+        simulation.step(np.repeat(target, 2, axis=0), None)
+    simulation.reset(np.array([1]), np.zeros((1, 35)))
+    fresh = simulate(ACTUATORS["motor"], EVERY_CONTROL_STEP)
+    for target in wild(5):
+        simulation.step(np.repeat(target, 2, axis=0), None)
+        fresh.step(target, None)
+        np.testing.assert_array_equal(simulation._qpos[1], fresh._qpos[0])
+
+
+def test_robots_that_rest_keep_the_state_of_their_motors() -> None:
+    """The middle one of three moves at every other step; each moves as it does alone."""
+    actuator = replace(ACTUATORS["motor"], thermal=HOT)
+    together = simulate(actuator, EVERY_CONTROL_STEP, robots=3)
+    alone = [simulate(actuator, EVERY_CONTROL_STEP) for _ in range(3)]
+    for step, targets in enumerate(wild(60).reshape(20, 3, 12)):
+        moving = np.array([0, 2]) if step % 2 else np.arange(3)
+        together.step(targets, None, moving)
+        for robot in moving:
+            alone[robot].step(targets[robot : robot + 1], None)
+    for robot in range(3):
+        np.testing.assert_array_equal(together._qpos[robot], alone[robot]._qpos[0])
+        np.testing.assert_array_equal(together.winding_temperature[robot], alone[robot].winding_temperature[0])
+
+
+def heard(simulation: Simulation, target: np.ndarray) -> np.ndarray:
+    """The target that the servos of the only robot go by in the next physics step, rad, which it takes."""
+    position, speed = simulation._qpos[0, 7:].copy(), simulation._qvel[0, 6:].copy()
+    simulation.step(target[None], None)
+    return (simulation._torque[0] + 10 * speed) / 300 + position
+
+
+@pytest.mark.parametrize("curve", [None, CURVE])
+@pytest.mark.parametrize(("own", "of_the_scenario"), [(8.0, None), (8.0, 30.0), (30.0, 8.0)])
+def test_at_the_bandwidth_a_sine_loses_3_decibels_and_45_degrees(
+    curve: TorqueSpeed | None, own: float, of_the_scenario: float | None
+) -> None:
+    """Of two bandwidths the weaker holds. The filter holds its target for a step, hence the phase of a step and a
+    half: (0 … 1) steps held and read at the start of the step."""
+    motors = None if of_the_scenario is None else Motors(bandwidth=of_the_scenario)
+    simulation = simulate(Actuator(curve, bandwidth=own), motors=motors)
+    angle = 2 * math.pi * 8.0 * SUBSTEP * np.arange(1250)  # 20 periods
+    found = np.array([heard(simulation, HOME_POSE + 0.02 * math.sin(a)) for a in angle]) - HOME_POSE
+    settled = slice(625, None)
+    transfer = 2 * np.mean(found[settled] * np.exp(-1j * angle[settled])[:, None], axis=0) / 0.02 * 1j
+    np.testing.assert_allclose(20 * np.log10(np.abs(transfer)), -3.01, atol=0.05)
+    np.testing.assert_allclose(np.degrees(np.angle(transfer)), -45 - 180 * 8.0 * SUBSTEP, atol=0.5)
+
+
+def test_windings_heat_at_every_physics_step_by_their_torque() -> None:
+    """First-order response to the recorded torques, summed in closed form; losses are torque² / slope."""
+    fine, coarse = (simulate(Actuator(CURVE, thermal=Thermal()), rate) for rate in (EVERY_SUBSTEP, EVERY_CONTROL_STEP))
+    torques = []
+    for target in wild(60):
+        for _ in range(5):
+            fine.step(target, None)
+            torques.append(fine._torque[0].copy())
+        coarse.step(target, None)
+    age = SUBSTEP * np.arange(len(torques))[::-1, None]
+    share = math.exp(-SUBSTEP / 17.4)
+    rise = np.sum(1.07 * np.square(torques) / 10 * (1 - share) * np.exp(-age / 17.4), axis=0)
+    np.testing.assert_allclose(fine.winding_temperature[0], 25 + rise, rtol=1e-12)
+    np.testing.assert_array_equal(coarse.winding_temperature, fine.winding_temperature)
+    assert rise.max() > 1
+
+
+def test_a_hot_motor_gives_less_then_nothing_until_the_next_episode() -> None:
+    """100 N·m to 100 °C, 25 N·m just below 115 °C, then none."""
+    simulation = simulate(Actuator(CURVE, thermal=HOT))
+    off, torques = np.zeros(12, bool), []
+    held = np.concatenate([[0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], JOINT_LOWER])
+    for step in range(2000):
+        temperature = simulation.winding_temperature[0]
+        off |= temperature >= 115
+        limit = np.where(off, 0.0, 25 + 75 * np.clip((115 - temperature) / 15, 0, 1))
+        simulation._qpos[0], simulation._qvel[0] = held, 0.0
+        simulation.step(JOINT_UPPER[None] if step < 1000 else JOINT_LOWER[None], None)
+        np.testing.assert_allclose(simulation._torque[0], limit if step < 1000 else 0.0, atol=1e-9)
+        torques.append(simulation._torque[0, 0])
+    assert sum(25 < torque < 99 for torque in torques) > 5
+    assert off.all()
+    assert (simulation.winding_temperature < 100).all()
+    simulation.step(JOINT_UPPER[None], None)
+    assert (simulation._torque == 0).all()
+    assert simulation.snapshot(0).actuator_force == pytest.approx(np.zeros(12))
+    simulation.reset(np.arange(1), np.zeros((1, 35)))
+    assert (simulation.winding_temperature == 25).all()
+    simulation.step(JOINT_UPPER[None], None)
+    assert (simulation._torque > 20).all()
+
+
+@pytest.mark.parametrize("name", ACTUATORS)
+def test_both_environments_take_an_actuator_by_name(name: str) -> None:
+    single = gym.make("quad_env:SimpleQuad-v0", actuator=name)
+    batch = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2, actuator=name, readings=True)
+    alone, _ = single.reset(seed=1)
+    together, infos = batch.reset(seed=1)
+    np.testing.assert_array_equal(alone, together[0])
+    assert ("winding_temperature" in infos["readings"]) == (name == "motor")
+    if name == "motor":
+        np.testing.assert_array_equal(infos["readings"]["winding_temperature"], np.full((2, 12), 25.0))
+
+
+def test_the_trot_walks_on_the_default_motor() -> None:
+    batch = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=16, actuator="motor", autoreset_mode="DISABLED")
+    policy = policies.make("trot")
+    policy.reset(16)
+    observation, _ = batch.reset(seed=2, options={"command": (0.8, 0.0, 0.0)})
+    speeds = []
+    for _ in range(400):
+        observation, _, terminated, _, infos = batch.step(policy.act(observation))
+        speeds.append(infos["heading_velocity"][:, 0])
+    assert not terminated.any()
+    np.testing.assert_allclose(np.mean(speeds[100:], axis=0), 0.8, atol=0.1)
+
+
+@pytest.mark.parametrize("make", [gym.make, lambda name, **options: gym.make_vec(name, num_envs=1, **options)])
+def test_an_unknown_actuator_is_refused_with_the_valid_ones(make) -> None:
+    with pytest.raises(ValueError, match="unknown actuator 'moter'; valid: ideal, torque_speed, motor"):
+        make("quad_env:SimpleQuad-v0", actuator="moter")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda: TorqueSpeed(0.0), "stall_torque must be finite and more than 0 N·m"),
+        (lambda: TorqueSpeed(no_load_speed=math.inf), "no_load_speed"),
+        (lambda: Gear(ratio=0.0), "ratio"),
+        (lambda: Gear(rotor_inertia=-1.0), "rotor_inertia"),
+        (lambda: Thermal(resistance=0.0), "resistance"),
+        (lambda: Thermal(time_constant=math.nan), "time_constant"),
+        (lambda: Thermal(derated=1.1), "derated must lie between 0 and 1"),
+        (lambda: Thermal(derating=120.0), "must rise from ambient to derating to shutdown"),
+        (lambda: Actuator(bandwidth=0.0), "bandwidth"),
+        (lambda: Actuator(delay=-0.1), "delay must lie between 0 s and 1 s"),
+        (lambda: Actuator(thermal=Thermal()), "needs a curve"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused(wrong, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        wrong()

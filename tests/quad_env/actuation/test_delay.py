@@ -1,0 +1,105 @@
+"""Late and lost targets: the robot moves, to the bit, as one whose policy asks for what arrives."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.scenarios.disturbances import Dropouts, Latency, SteadyForce
+from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.scenario import Scenario
+from quad_env.sensing.disturbance import SENSED
+from quad_env.task.observations import OBSERVATION
+
+ROBOTS, STEPS, FIRST_SEED = 4, 120, 5
+SHOWN = np.random.default_rng(0).normal(0, 0.1, (STEPS, ROBOTS, 12))
+ACTIONS = np.clip(HOME_POSE + SHOWN, JOINT_LOWER, JOINT_UPPER)
+
+
+def observations(scenario: Scenario, actions: np.ndarray = ACTIONS) -> np.ndarray:
+    """At the start and after every step, (steps + 1, robots, 63)."""
+    env = SimpleQuadVectorEnv(ROBOTS, scenario, terminate_on_fall=False)
+    first, _ = env.reset(seed=FIRST_SEED)
+    return np.array([first] + [env.step(action)[0] for action in actions])
+
+
+PLAIN = Scenario("plain")
+
+
+@pytest.mark.parametrize("late", [1, 3])
+def test_an_action_acts_exactly_so_many_steps_later(late: int) -> None:
+    arriving = np.concatenate((np.tile(HOME_POSE, (late, ROBOTS, 1)), ACTIONS[:-late]))
+    delayed = observations(Scenario("late", latency=Latency(action=0.01 * late, observation=0.0)))
+    np.testing.assert_array_equal(delayed[..., SENSED], observations(PLAIN, arriving)[..., SENSED])
+    asked = delayed[1:, :, OBSERVATION["previous_action"]]
+    np.testing.assert_array_equal(asked, (ACTIONS - HOME_POSE).astype(np.float32))
+
+
+@pytest.mark.parametrize("late", [1, 4])
+def test_a_reading_is_seen_exactly_so_many_steps_later_and_nothing_else_is_late(late: int) -> None:
+    true = observations(PLAIN)
+    seen = observations(Scenario("late", latency=Latency(action=0.0, observation=0.01 * late)))
+    np.testing.assert_array_equal(seen[late:, :, SENSED], true[:-late, :, SENSED])
+    np.testing.assert_array_equal(seen[:late, :, SENSED], np.broadcast_to(true[0], (late, *true[0].shape))[..., SENSED])
+    known = slice(SENSED.stop, None)
+    np.testing.assert_array_equal(seen[..., known], true[..., known])
+
+
+def test_a_joint_that_hears_nothing_holds_its_last_target() -> None:
+    dropouts = Dropouts(count=2, duration=0.2, window=(0.2, 1.1))
+    scenario = Scenario("lost", dropouts=dropouts)
+    heard = ACTIONS.copy()
+    for robot in range(ROBOTS):
+        plan = Episode(scenario, FIRST_SEED + robot, 0, 0.01).dropouts
+        assert plan is not None
+        for first, joint in zip(plan.first_step, plan.joint, strict=True):
+            heard[first : first + 20, robot, joint] = heard[first - 1, robot, joint]
+    assert (heard != ACTIONS).sum() == ROBOTS * 2 * 20
+    lost = observations(scenario)
+    np.testing.assert_array_equal(lost[..., SENSED], observations(PLAIN, heard)[..., SENSED])
+    assert (lost != observations(PLAIN)).any()
+
+
+def test_every_joint_drops_out_and_every_dropout_lies_in_its_window() -> None:
+    scenario = Scenario("lost", dropouts=Dropouts(count=4, duration=0.5, window=(1.0, 9.0)))
+    plans = [Episode(scenario, seed, 0, 0.01).dropouts for seed in range(100)]
+    assert {int(joint) for plan in plans if plan for joint in plan.joint} == set(range(12))
+    first = np.array([plan.first_step for plan in plans if plan])
+    assert first.shape == (100, 4)
+    assert ((first >= 100 + 200 * np.arange(4)) & (first + 50 <= 300 + 200 * np.arange(4))).all()
+
+
+def test_wires_and_sensors_start_afresh_with_the_episode() -> None:
+    scenario = Scenario("late", latency=Latency(0.05, 0.05))
+    env = SimpleQuadVectorEnv(1, scenario)
+    twice = [[env.reset(seed=3)[0]] + [env.step(action[:1])[0] for action in ACTIONS[:20]] for _ in range(2)]
+    np.testing.assert_array_equal(*twice)
+
+
+def test_a_steady_force_pushes_all_the_time_in_its_own_direction() -> None:
+    env = SimpleQuadVectorEnv(64, Scenario("wind", force=SteadyForce(30.0)))
+    env.reset(seed=0)
+    applied = np.array([env.simulation.snapshot(robot).xfrc_applied[1] for robot in range(64)])
+    np.testing.assert_allclose(np.hypot(applied[:, 0], applied[:, 1]), 30.0)
+    assert np.abs(applied[:, 2:]).max() == 0
+    assert np.hypot(*applied[:, :2].mean(axis=0)) < 10, "directions spread over the circle"
+    for _ in range(30):
+        env.step(np.tile(HOME_POSE, (64, 1)))
+    np.testing.assert_array_equal(applied, [env.simulation.snapshot(robot).xfrc_applied[1] for robot in range(64)])
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        (Latency, {"action": -0.01}),
+        (Latency, {"observation": np.nan}),
+        (Dropouts, {"duration": 3.0}),
+        (Dropouts, {"count": -1}),
+        (SteadyForce, {"force": np.inf}),
+    ],
+)
+def test_nonsense_is_refused(kind: type, wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"must|fit"):
+        kind(**wrong)

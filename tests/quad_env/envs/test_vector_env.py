@@ -1,0 +1,380 @@
+"""The batch keeps the contract: autoreset modes, seeds, commands, falls, divergence, errors."""
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+import quad_env
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE
+
+HOME = HOME_POSE.astype(np.float32)
+FOLDED = np.tile(np.array([0.0, 1.5, -2.5], np.float32), 4)
+CALM = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(0, 0, 0, 0, 0, 0))
+
+
+def make(num_envs: int = 3, **kwargs: Any) -> SimpleQuadVectorEnv:
+    return SimpleQuadVectorEnv(num_envs, **kwargs)
+
+
+def drop_robot(env: SimpleQuadVectorEnv, robot: int) -> None:
+    """Turn one robot on its back."""
+    env.simulation._batch.bind("qpos")[robot, 3:7] = (0, 1, 0, 0)
+
+
+def test_make_vec_gives_the_native_batch_with_its_time_limit() -> None:
+    env = gym.make_vec("SimpleQuad-v0", num_envs=2, max_episode_steps=7)
+    assert isinstance(env.unwrapped, SimpleQuadVectorEnv)
+    env.reset(seed=0)
+    truncations = [env.step(np.tile(HOME, (2, 1)))[3].tolist() for _ in range(8)]
+    assert truncations == [[False] * 2] * 6 + [[True] * 2] + [[False] * 2]
+
+
+def test_observations_are_in_the_space_and_never_share_memory() -> None:
+    env = make()
+    first, _ = env.reset(seed=0)
+    kept = first.copy()
+    second = env.step(np.tile(HOME, (3, 1)))[0]
+    assert env.observation_space.contains(second)
+    assert not np.shares_memory(first, second)
+    second[:] = 7
+    assert (first == kept).all()
+    assert (env.step(np.tile(HOME, (3, 1)))[0] != 7).all()
+
+
+def test_no_element_of_the_observation_is_constant() -> None:
+    env = make(8)
+    rows = [env.reset(seed=0)[0]]
+    rng = np.random.default_rng(0)
+    rows += [env.step(HOME + rng.normal(0, 0.2, (8, 12)))[0] for _ in range(50)]
+    assert (np.concatenate(rows).std(axis=0) > 0).all()
+
+
+def test_observation_slices_hold_what_they_are_called() -> None:
+    env = make(2, scenario=CALM)
+    env.reset(seed=0, options={"command": (0.5, -0.1, 0.2)})
+    target = HOME + np.float32(0.05)
+    observation, *_, info = env.step(np.tile(target, (2, 1)))
+    part = {name: observation[0, where] for name, where in quad_env.OBSERVATION.items()}
+    data = env.simulation.snapshot(0)
+    np.testing.assert_allclose(part["joint_position"], data.qpos[7:] - HOME_POSE, atol=1e-6)
+    np.testing.assert_allclose(part["joint_velocity"], data.qvel[6:], rtol=1e-6)
+    np.testing.assert_allclose(
+        part["previous_action"], np.minimum(target, 0.5 * np.tile([1, 3, 9], 4)) - HOME, atol=1e-6
+    )
+    np.testing.assert_allclose(part["command"], [0.5, -0.1, 0.2], rtol=1e-6)
+    np.testing.assert_allclose(part["angular_velocity"], data.sensor("imu_angular_velocity").data, rtol=1e-5)
+    assert part["projected_gravity"][2] == pytest.approx(-1.0, abs=1e-3)
+    assert info["command"][0].tolist() == [0.5, -0.1, 0.2]
+
+
+def test_targets_outside_the_limits_are_clipped() -> None:
+    a, b = make(1), make(1)
+    a.reset(seed=0), b.reset(seed=0)
+    wild = np.full((1, 12), 9.0, np.float32)
+    assert (a.step(wild)[0] == b.step(np.clip(wild, a.action_space.low, a.action_space.high))[0]).all()
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        np.zeros((3, 11)),
+        np.zeros(12),
+        np.full((3, 12), np.nan),
+        np.full((3, 12), np.inf),
+        np.zeros((3, 12), complex),
+        {},
+    ],
+)
+def test_a_bad_action_is_refused_and_nothing_moves(action: np.ndarray) -> None:
+    env, twin = make(), make()
+    env.reset(seed=0), twin.reset(seed=0)
+    with pytest.raises(ValueError, match="action"):
+        env.step(action)
+    good = np.tile(HOME, (3, 1))
+    assert (env.step(good)[0] == twin.step(good)[0]).all()
+
+
+def test_rewards_are_the_sum_of_their_terms() -> None:
+    env = make(16)
+    env.reset(seed=0)
+    for _ in range(30):
+        _, reward, *_, info = env.step(np.tile(FOLDED, (16, 1)))
+        np.testing.assert_allclose(reward, sum(info["reward_terms"].values()), atol=1e-12)
+        assert set(info["reward_terms"]) == {*vars(quad_env.RewardWeights())}
+
+
+def test_seed_s_gives_env_i_seed_s_plus_i_and_a_sequence_gives_each_its_own() -> None:
+    env = make(3)
+    by_number = env.reset(seed=5)[0]
+    assert (by_number == env.reset(seed=[5, 6, 7])[0]).all()
+    assert (by_number[2] == make(1).reset(seed=7)[0][0]).all()
+    with pytest.raises(ValueError, match="seeds"):
+        env.reset(seed=[1, 2])
+
+
+def test_episode_k_after_a_seed_does_not_depend_on_how_long_the_earlier_ones_were() -> None:
+    short, long = make(1, max_episode_steps=3), make(1, max_episode_steps=40)
+    starts = []
+    for env in (short, long):
+        env.reset(seed=9)
+        env.reset()
+        starts.append(env.reset()[0])
+        env.reset(seed=9)
+        for _ in range(2 * (env.max_episode_steps + 1)):
+            last = env.step(HOME[None])[0]
+        starts.append(last)
+    assert all((start == starts[0]).all() for start in starts)
+
+
+def test_commands_stay_in_range_are_redrawn_every_5_s_and_a_tenth_are_zero() -> None:
+    env = make(600, scenario=CALM, nthread=2)
+    env.reset(seed=0)
+    env.simulation.step = lambda *_: None  # type: ignore[method-assign]
+    first = env.step(np.tile(HOME, (600, 1)))[4]["command"]
+    for step in range(1, 500):
+        now = env.step(np.tile(HOME, (600, 1)))[4]["command"]
+        assert (now == first).all(), step
+    second = env.step(np.tile(HOME, (600, 1)))[4]["command"]
+    assert (first != second).any(axis=1).mean() > 0.9
+    both = np.concatenate((first, second))
+    assert (both >= [-1.0, -0.8, -1.2]).all()
+    assert (both <= [1.5, 0.8, 1.2]).all()
+    assert 0.07 < (both == 0).all(axis=1).mean() < 0.13
+
+
+def test_the_observation_shows_the_command_to_follow_next_and_info_the_one_of_the_step_taken() -> None:
+    env = make(4, scenario=CALM)
+    env.reset(seed=1)
+    where = quad_env.OBSERVATION["command"]
+    shown = None
+    for _ in range(502):
+        observation, *_, info = env.step(np.tile(HOME, (4, 1)))
+        if shown is not None:
+            np.testing.assert_array_equal(info["command"].astype(np.float32), shown)
+        shown = observation[:, where].copy()
+
+
+def test_a_given_command_holds_for_the_episode_and_the_next_one_draws_again() -> None:
+    env = make(2, scenario=CALM, max_episode_steps=600)
+    wanted = np.array([[0.3, 0.0, 0.1], [-0.2, 0.1, 0.0]])
+    env.reset(seed=0, options={"command": wanted})
+    for _ in range(600):
+        info = env.step(np.tile(HOME, (2, 1)))[4]
+        assert (info["command"] == wanted).all()
+    assert (env.step(np.tile(HOME, (2, 1)))[4]["command"] != wanted).any()
+    with pytest.raises(ValueError, match="command"):
+        env.reset(options={"command": (1.0, 2.0)})
+    for command in ((1.0, np.nan, 0.0), (1000.0, 0.0, 0.0)):
+        with pytest.raises(ValueError, match="finite"):
+            env.reset(options={"command": command})
+    with pytest.raises(ValueError, match="command, reset_mask"):
+        env.reset(options={"comand": wanted})
+
+
+def test_a_batch_wants_a_reset_before_its_first_step() -> None:
+    with pytest.raises(gym.error.ResetNeeded):
+        make().step(np.tile(HOME, (3, 1)))
+
+
+@pytest.mark.parametrize("seed", [-1, [0.5, 1, 2], [True, 1, 2], [1, 2, -3], ["a", 1, 2]])
+def test_bad_seeds_are_refused(seed: Any) -> None:
+    with pytest.raises(ValueError, match="seed"):
+        make().reset(seed=seed)
+
+
+def test_a_number_seeds_the_batchs_own_generator_too() -> None:
+    env = make()
+    env.reset(seed=1)
+    first = env.np_random.random()
+    env.reset(seed=1)
+    assert env.np_random.random() == first
+
+
+@pytest.mark.parametrize("mode", ["NEXT_STEP", "NextStep", AutoresetMode.NEXT_STEP])
+def test_autoreset_modes_go_by_either_name(mode: Any) -> None:
+    assert make(autoreset_mode=mode).autoreset_mode is AutoresetMode.NEXT_STEP
+
+
+@pytest.mark.parametrize(
+    ("make_it", "message"),
+    [
+        (lambda: quad_env.SmoothRandom(peak_to_valley=0.0), "positive"),
+        (lambda: quad_env.CommandRanges(interval=float("inf")), "interval"),
+        (lambda: quad_env.CommandRanges(forward=(1.0, -1.0)), "range"),
+        (lambda: quad_env.CommandRanges(zero_fraction=2.0), "zero_fraction"),
+    ],
+)
+def test_scenario_values_that_make_no_sense_are_refused(make_it: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_it()
+
+
+@pytest.mark.rendering
+def test_a_batch_renders_a_frame_of_each_robot() -> None:
+    env = gym.make_vec("SimpleQuad-v0", num_envs=2, render_mode="rgb_array")
+    env.reset(seed=0)
+    frames: Any = env.render()
+    assert [frame.shape for frame in frames] == [(480, 640, 3)] * 2
+    assert (frames[0] != frames[1]).any()
+    env.close()
+
+
+def test_next_step_mode_resets_on_the_step_after_the_last_and_ignores_its_action() -> None:
+    env = make(2, max_episode_steps=50)
+    env.reset(seed=0)
+    drop_robot(env, 1)
+    terminated = env.step(np.tile(HOME, (2, 1)))[2]
+    assert terminated.tolist() == [False, True]
+    observation, reward, terminated, truncated, info = env.step(np.tile(FOLDED, (2, 1)))
+    assert (reward[1], terminated[1], truncated[1], info["fall"][1]) == (0.0, False, False, None)
+    twin = make(2)
+    twin.reset(seed=0)
+    assert (observation[1] == twin.reset()[0][1]).all()
+
+
+def test_same_step_mode_gives_the_last_observation_apart_and_the_first_of_the_next_episode() -> None:
+    same, following = make(2, autoreset_mode="SameStep"), make(2)
+    same.reset(seed=0), following.reset(seed=0)
+    for env in (same, following):
+        drop_robot(env, 0)
+    action = np.tile(HOME, (2, 1))
+    observation, reward, terminated, _, info = same.step(action)
+    last, reward_next, terminated_next, _, info_next = following.step(action)
+    assert terminated.tolist() == terminated_next.tolist() == [True, False]
+    assert (reward == reward_next).all()
+    assert (info["final_obs"][0] == last[0]).all()
+    assert info["_final_obs"].tolist() == [True, False]
+    assert info["final_info"]["fall"][0] == info_next["fall"][0] is not None
+    assert (observation[0] == following.step(action)[0][0]).all()
+    assert (observation[1] == last[1]).all()
+    assert info["fall"][0] is None
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_a_restart_reads_the_restarted_robots_alone(mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = make(50, autoreset_mode=mode, max_episode_steps=100)
+    env.reset(seed=0)
+    rows, true_state = [], env.simulation.state
+
+    def counted(*args: Any) -> Any:
+        state = true_state(*args)
+        rows.append(len(state.height))
+        return state
+
+    monkeypatch.setattr(env.simulation, "state", counted)
+    env._schedule.clock[[7, 31]] = 99
+    truncated = env.step(np.tile(HOME, (50, 1)))[3]
+    if mode is AutoresetMode.NEXT_STEP:
+        env.step(np.tile(HOME, (50, 1)))
+    if mode is AutoresetMode.DISABLED:
+        env.reset(options={"reset_mask": truncated})
+    assert np.flatnonzero(truncated).tolist() == [7, 31]
+    assert rows == ([50, 48, 2] if mode is AutoresetMode.NEXT_STEP else [50, 2])
+
+
+def test_disabled_mode_freezes_a_finished_robot_until_it_is_reset_by_mask() -> None:
+    env = make(2, autoreset_mode=AutoresetMode.DISABLED)
+    env.reset(seed=0)
+    drop_robot(env, 0)
+    action = np.tile(HOME, (2, 1))
+    fallen, _, terminated, _, _ = env.step(action)
+    assert terminated.tolist() == [True, False]
+    again, reward, terminated, _, info = env.step(action)
+    assert (again[0] == fallen[0]).all()
+    assert (again[1] != fallen[1]).any()
+    assert (reward[0], terminated[0]) == (0.0, True)
+    assert info["fall"][0] is not None
+    before = env.step(action)[0]
+    fresh, _ = env.reset(options={"reset_mask": np.array([True, False])})
+    assert (fresh[1] == before[1]).all()
+    assert not env.step(action)[2].any()
+
+
+def test_a_fallen_robot_goes_on_when_asked_to_and_a_time_out_is_no_fall() -> None:
+    env = make(1, terminate_on_fall=False, max_episode_steps=5)
+    env.reset(seed=0)
+    drop_robot(env, 0)
+    results = [env.step(HOME[None]) for _ in range(5)]
+    assert not any(result[2][0] for result in results)
+    assert results[0][4]["fall"][0] is not None
+    assert [bool(result[3][0]) for result in results] == [False] * 4 + [True]
+    standing = make(1, max_episode_steps=1)
+    standing.reset(seed=0)
+    _, _, terminated, truncated, info = standing.step(HOME[None])
+    assert (bool(terminated[0]), bool(truncated[0]), info["fall"][0]) == (False, True, None)
+
+
+@pytest.mark.parametrize("poison", [1e12, np.nan])
+def test_divergence_ends_the_episode_with_finite_readings_and_leaves_the_others_alone(poison: float) -> None:
+    env, twin = make(2), make(2)
+    env.reset(seed=0), twin.reset(seed=0)
+    env.simulation._batch.bind("qvel")[0, 3] = poison
+    action = np.tile(HOME, (2, 1))
+    observation, reward, terminated, _, info = env.step(action)
+    expected = twin.step(action)
+    assert terminated.tolist() == [True, False]
+    assert info["diverged"].tolist() == [True, False]
+    assert np.isfinite(observation).all()
+    assert np.isfinite(reward).all()
+    assert np.isfinite(info["heading_velocity"]).all()
+    assert (observation[1] == expected[0][1]).all()
+    assert not env.step(action)[4]["diverged"].any()  # restarted
+    assert not env.step(action)[2].any()
+
+
+def test_pushes_bring_their_impulse_within_their_window() -> None:
+    env = make(200, scenario="push")
+    env.reset(seed=0)
+    env.simulation.step = lambda *_: None  # type: ignore[method-assign]
+    force = []
+    for _ in range(1000):
+        force.append(env._schedule.force())
+        env._schedule.clock += 1
+    applied = np.array(force)
+    acting = np.linalg.norm(applied, axis=2) > 0
+    np.testing.assert_allclose(np.linalg.norm(applied, axis=2)[acting], 350.0)
+    assert (acting.sum(axis=0) == 20).all()  # two pushes of 0.1 s at 100 Hz
+    assert not acting[:100].any()
+    assert not acting[900:].any()
+    direction = np.arctan2(applied[..., 1], applied[..., 0])[acting]
+    assert abs(np.exp(1j * direction).mean()) < 0.15  # from all sides
+
+
+def test_a_push_of_35_newton_seconds_moves_the_robot_as_it_should() -> None:
+    pushed = quad_env.Scenario("one", pushes=quad_env.Pushes(count=1, window=(0.0, 0.11)), start=CALM.start)
+    env = make(4, scenario=pushed, terminate_on_fall=False)
+    env.reset(seed=0)
+    for _ in range(12):
+        env.step(np.tile(HOME, (4, 1)))
+    momentum = []
+    for i in range(4):
+        import mujoco
+
+        data = env.simulation.snapshot(i)
+        mujoco.mj_subtreeVel(env.simulation.model, data)
+        momentum.append(14.2 * np.linalg.norm(data.subtree_linvel[0, :2]))
+    assert np.all(np.array(momentum) > 15.0)  # the feet take some of the 35 N·s
+    assert np.all(np.array(momentum) < 36.0)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"scenario": ["flat"]}, "flat, push, rough"),
+        ({"autoreset_mode": "sometimes"}, "NEXT_STEP, SAME_STEP, DISABLED"),
+        ({"config": quad_env.TaskConfig(control_rate=300.0)}, "300"),
+        ({"scenario": "moon"}, "flat, push, rough"),
+        ({"num_envs": 0}, "num_envs"),
+        ({"nthread": 0}, "nthread"),
+        ({"max_episode_steps": 0}, "max_episode_steps"),
+        ({"render_mode": "human"}, "render"),
+    ],
+)
+def test_bad_arguments_name_the_remedy(kwargs: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        SimpleQuadVectorEnv(**kwargs)

@@ -1,0 +1,51 @@
+"""Friction and softness, each measured on a robot that stands."""
+
+import numpy as np
+import pytest
+
+from quad_env.physics.simulation import Simulation
+from quad_env.robots.robot import FOOT_RADIUS, HOME_POSE, LEG_NAMES, MASS
+from quad_env.scenarios.disturbances import Ground
+from quad_env.scenarios.terrain import Flat, Stairs, Terrain
+
+WEIGHT = MASS * 9.81
+
+
+def stand(simulation: Simulation, steps: int, force: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """Feet of a robot that has stood in its home pose under a steady force on its trunk, (4, 3)."""
+    simulation.reset(np.arange(1), np.zeros((1, 35)), np.array([force]))
+    for _ in range(steps):
+        simulation.step(HOME_POSE[None], None)
+    data = simulation.snapshot(0)
+    return np.array([data.site(f"{leg}_foot").xpos for leg in LEG_NAMES])
+
+
+@pytest.mark.parametrize("depth", [0.005, 0.02, 0.08])
+@pytest.mark.parametrize("terrain", [Flat(), Stairs()])
+def test_standing_feet_sink_to_the_depth_that_was_asked_for(terrain: Terrain, depth: float) -> None:
+    feet = stand(Simulation(terrain, 1, 1, 100.0, ground=Ground(sink_depth=depth)), 300)
+    assert FOOT_RADIUS - feet[:, 2].mean() == pytest.approx(depth, rel=0.05)
+
+
+def test_hard_ground_hardly_yields() -> None:
+    assert FOOT_RADIUS - stand(Simulation(Flat(), 1, 1, 100.0), 300)[:, 2].mean() < 0.0005
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+@pytest.mark.parametrize("terrain", [Flat(), Stairs()])
+def test_a_robot_slides_where_the_side_force_exceeds_friction_times_weight(terrain: Terrain, friction: float) -> None:
+    def slid(share: float) -> float:
+        simulation = Simulation(terrain, 1, 1, 100.0, ground=Ground(friction=friction))
+        side = (0.0, share * friction * WEIGHT)
+        return float((stand(simulation, 150, side) - stand(simulation, 50, side))[:, 1].mean())
+
+    assert slid(0.8) < 0.01
+    assert slid(1.25) > 0.5 * 0.25 * friction * 9.81 * (1.5**2 - 0.5**2) / 2
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"friction": 0.0}, {"friction": np.nan}, {"sink_depth": -0.01}, {"sink_depth": 0.0001}, {"sink_depth": 2}]
+)
+def test_no_ground_is_like_that(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong)).split("_")[0]):
+        Ground(**wrong)

@@ -1,0 +1,101 @@
+"""Gains, contact and solver settings hold what the XML says of them."""
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from quad_env.robots.robot import HOME_POSE, LEG_NAMES, MODEL_PATH
+
+Trace = NDArray[np.float64]
+
+
+def load(**options: float) -> mujoco.MjModel:
+    model = mujoco.MjModel.from_xml_path(str(MODEL_PATH))
+    for name, value in options.items():
+        setattr(model.opt, name, value)
+    return model
+
+
+def at_home(model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+    return data
+
+
+def run(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
+    for _ in range(round(seconds / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+
+
+def stride(model: mujoco.MjModel) -> Trace:
+    """Trunk position and joint angles over one marching stride of 0.4 s, a row each 10 ms."""
+    data, rows = at_home(model), []
+    for tick in range(40):
+        swing = np.sin(2 * np.pi * 2.5 * tick * 0.01)
+        lift = np.maximum(0.0, np.array([swing, -swing, -swing, swing]))
+        data.ctrl[:] = (HOME_POSE.reshape(4, 3) + lift[:, None] * np.array([0.0, 0.3, -0.6])).ravel()
+        run(model, data, 0.01)
+        rows.append(np.concatenate((data.qpos[:3], data.qpos[7:])))
+    return np.array(rows)
+
+
+def test_physics_and_joint_servo_run_at_500_hz() -> None:
+    assert load().opt.timestep == 0.002
+
+
+def test_standing_settles_fast_and_holds_the_weight() -> None:
+    model = load()
+    data = at_home(model)
+    run(model, data, 0.1)
+    early = data.qpos[2]
+    run(model, data, 2.0)
+    assert abs(early - data.qpos[2]) < 0.001  # settled within a millimetre after 0.1 s
+    assert np.abs(data.qpos[7:] - HOME_POSE).max() < 0.02
+    assert np.abs(data.qvel).max() < 1e-3  # nothing chatters
+
+
+def test_a_standing_foot_neither_sinks_nor_creeps_under_a_side_load() -> None:
+    model = load()
+    data = at_home(model)
+    run(model, data, 1.0)
+    data.xfrc_applied[model.body("base_link").id, 1] = 20.0
+    run(model, data, 0.5)
+    sites = [model.site(f"{leg}_foot").id for leg in LEG_NAMES]
+    before = data.site_xpos[sites].copy()
+    run(model, data, 1.0)
+    after = data.site_xpos[sites]
+    assert np.linalg.norm((after - before)[:, :2], axis=1).max() < 0.001  # m in one second
+    assert 0.02 - after[:, 2].min() < 0.002
+
+
+def test_a_stride_agrees_with_a_four_times_finer_timestep() -> None:
+    coarse, fine = stride(load()), stride(load(timestep=0.0005, solver=2, iterations=100, tolerance=1e-10))
+    assert np.linalg.norm(coarse[:, :3] - fine[:, :3], axis=1).max() < 0.002
+    assert np.abs(coarse[:, 3:] - fine[:, 3:]).max() < 0.01
+
+
+def test_energy_drifts_under_two_percent_a_second_in_weightless_flight_without_servo_or_losses() -> None:
+    model = load(gravity=(0, 0, 0))
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    model.dof_damping[:] = 0.0
+    data = at_home(model)
+    data.qvel[6:] = np.random.default_rng(0).normal(0, 2.0, 12)
+    mujoco.mj_forward(model, data)
+    start = data.energy.sum()
+    run(model, data, 1.0)
+    assert abs(data.energy.sum() - start) < 0.02 * start
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_push_of_1_newton_second_changes_the_momentum_by_as_much(axis: int) -> None:
+    model = load(gravity=(0, 0, 0))
+    data = mujoco.MjData(model)
+    data.qpos[2] = 2.0
+    data.ctrl[:] = data.qpos[7:] = HOME_POSE
+    data.xfrc_applied[model.body("base_link").id, axis] = 10.0
+    run(model, data, 0.1)
+    mujoco.mj_subtreeVel(model, data)
+    assert data.subtree_linvel[0, axis] * 14.2 == pytest.approx(1.0, rel=0.02)

@@ -1,0 +1,133 @@
+"""A single env and env i of any batch, at any number of threads, give the same bits: observations, rewards, infos."""
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from quad_env.actuation.models import ACTUATORS, Thermal
+from quad_env.envs.env import SimpleQuadEnv
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.scenarios.axes import AXES
+
+STEPS = 1000
+TIME_LIMIT = 300
+FIRST_SEED = 11
+
+
+def random_actions(robot: int) -> np.ndarray:
+    """The same actions for a robot wherever it is; wild enough that some fall and others time out."""
+    rng = np.random.default_rng(robot)
+    wild = 0.15 + 0.25 * (robot % 3)
+    return np.clip(HOME_POSE + rng.normal(0, wild, (STEPS, 12)), JOINT_LOWER, JOINT_UPPER).astype(np.float32)
+
+
+def digest(observation: Any, reward: Any, terminated: Any, truncated: Any, info: dict[str, Any], row: int) -> bytes:
+    """Every number of one robot's step."""
+    arrays = [np.asarray(part)[row] for part in (observation, reward, terminated, truncated)]
+    arrays += [info[key][row] for key in ("command", "heading_velocity", "diverged", "mechanical_power", "overspeed")]
+    arrays += [value[row] for _, value in sorted(info["reward_terms"].items())]
+    return b"".join(np.asarray(array).tobytes() for array in arrays) + repr(info["fall"][row]).encode()
+
+
+def batch_digests(
+    scenario: str,
+    num_envs: int,
+    nthread: int,
+    rows: list[int],
+    steps: int = STEPS,
+    limit: int = TIME_LIMIT,
+    **options: Any,
+) -> list[list[bytes]]:
+    options |= {"scenario": scenario, "nthread": nthread, "max_episode_steps": limit}
+    env = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=num_envs, **options)
+    observation, info = env.reset(seed=FIRST_SEED)
+    actions = np.stack([random_actions(i % 3) for i in range(num_envs)], axis=1)
+    zeros = np.zeros(num_envs)
+    out = [[digest(observation, zeros, zeros, zeros, info, row)] for row in rows]
+    for step in range(steps):
+        result = env.step(actions[step])
+        for number, row in enumerate(rows):
+            out[number].append(digest(*result, row=row))
+    return out
+
+
+def batched(info: dict[str, Any]) -> dict[str, Any]:
+    """A single env's info as that of a batch of one."""
+    terms = {name: [value] for name, value in info["reward_terms"].items()}
+    return {key: [value] for key, value in info.items()} | {"reward_terms": terms}
+
+
+def single_digests(
+    scenario: str, robot: int, steps: int = STEPS, limit: int = TIME_LIMIT, **options: Any
+) -> list[bytes]:
+    env = gym.make("quad_env:SimpleQuad-v0", scenario=scenario, max_episode_steps=limit, **options)
+
+    observation, info = env.reset(seed=FIRST_SEED + robot)
+    out = [digest([observation], [0.0], [0.0], [0.0], batched(info), 0)]
+    done = False
+    for action in random_actions(robot % 3)[:steps]:
+        if done:
+            (observation, info), reward, terminated, truncated = env.reset(), 0.0, False, False
+        else:
+            observation, reward, terminated, truncated, info = env.step(action)
+        done = terminated or truncated
+        out.append(digest([observation], [reward], [terminated], [truncated], batched(info), 0))
+    return out
+
+
+@pytest.mark.parametrize("scenario", ["flat", "push", "rough"])
+def test_single_env_equals_its_row_in_batches_of_3_and_64_on_1_and_2_threads(scenario: str) -> None:
+    singles = [single_digests(scenario, robot) for robot in range(3)]
+    assert batch_digests(scenario, 3, 1, [0, 1, 2]) == singles
+    assert batch_digests(scenario, 64, 2, [0, 1, 2]) == singles
+
+
+@pytest.mark.parametrize("axis", sorted({*AXES} - {"flat", "push", "rough"}))
+def test_on_every_axis_a_single_env_equals_its_row_in_batches_on_1_and_2_threads(axis: str) -> None:
+    """Over four episodes, so that wires, sensors, payloads and filters start afresh at different times."""
+    short = {"steps": 260, "limit": 70}
+    singles = [single_digests(axis, robot, **short) for robot in range(3)]
+    assert batch_digests(axis, 3, 1, [0, 1, 2], **short) == singles
+    assert batch_digests(axis, 16, 2, [0, 1, 2], **short) == singles
+
+
+@pytest.mark.parametrize("scenario", ["payload", "slow_motors", "latency"])
+def test_motors_that_lag_and_heat_up_are_the_same_alone_and_in_batches(scenario: str) -> None:
+    """Of windings so small that motors are derated and switched off; robots fall at different times."""
+    actuator = replace(ACTUATORS["motor"], thermal=Thermal(4.0, 0.5))
+    short: dict[str, Any] = {"steps": 260, "limit": 150, "actuator": actuator}
+    singles = [single_digests(scenario, robot, **short) for robot in range(3)]
+    assert batch_digests(scenario, 3, 1, [0, 1, 2], **short) == singles
+    assert batch_digests(scenario, 16, 2, [0, 1, 2], **short) == singles
+    cold = single_digests(scenario, 2, **short | {"actuator": "motor"})
+    assert cold != singles[2]
+
+
+def test_single_env_equals_its_row_in_a_batch_of_1000() -> None:
+    rows = [0, 501, 998, 999]
+    assert batch_digests("push", 1000, 2, rows) == [single_digests("push", row) for row in rows]
+
+
+@pytest.mark.parametrize("terminate_on_fall", [True, False])
+@pytest.mark.parametrize("velocity", [0.0, 1e12, np.nan])
+def test_a_single_env_falls_diverges_and_stands_still_as_its_row_in_a_batch(
+    velocity: float, terminate_on_fall: bool
+) -> None:
+    options: dict[str, Any] = {"terminate_on_fall": terminate_on_fall, "max_episode_steps": None}
+    single = SimpleQuadEnv(terminate_on_fall=terminate_on_fall)
+    batch = SimpleQuadVectorEnv(3, autoreset_mode="DISABLED", **options)
+    single.reset(seed=FIRST_SEED + 1)
+    batch.reset(seed=FIRST_SEED)
+    for step, action in enumerate(random_actions(2)[:100]):
+        if step == 5:
+            for simulation, row in ((single._simulation, 0), (batch.simulation, 1)):
+                simulation._batch.bind("qpos")[row, 3:7] = (0.6, 0.8, 0, 0)
+                simulation._batch.bind("qvel")[row, 4] += velocity
+        *result, info = single.step(action)
+        row = digest(*batch.step(np.tile(action, (3, 1))), row=1)
+        assert digest(*([part] for part in result), batched(info), 0) == row, step
+    assert single._terminated == (terminate_on_fall or velocity != 0.0)

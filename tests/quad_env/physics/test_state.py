@@ -1,0 +1,130 @@
+"""Frames, quaternion order and freshness of the readings, each against MuJoCo's own or a number worked out by hand."""
+
+import math
+from functools import partial
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import Rotation, heading_velocity, rotation_matrix, to_body
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_NAMES, JOINT_UPPER
+from quad_env.scenarios.terrain import Flat, SmoothRandom, Terrain
+
+angle = st.floats(-3.0, 3.0)
+
+
+def yawed(yaw: float) -> Rotation[float]:
+    return rotation_matrix((math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
+
+
+def test_a_quaternion_is_w_x_y_z() -> None:
+    quarter_about_z = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    np.testing.assert_allclose(np.array(rotation_matrix(quarter_about_z)) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+
+
+@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1))
+def test_rotation_matrix_is_mujocos(quaternion: list[float]) -> None:
+    unit = np.array(quaternion) / np.linalg.norm(quaternion)
+    expected = np.empty(9)
+    mujoco.mju_quat2Mat(expected, unit)
+    np.testing.assert_allclose(np.ravel(rotation_matrix(quaternion)), expected, atol=1e-12)
+
+
+def test_a_robot_facing_left_that_moves_left_moves_forward() -> None:
+    forward, lateral, yaw_rate = heading_velocity(yawed(math.pi / 2), (0.0, 2.0, 0.0), (0.0, 0.0, 0.0))
+    assert (forward, lateral, yaw_rate) == pytest.approx((2.0, 0.0, 0.0))
+
+
+@given(angle, angle, angle)
+def test_heading_velocity_does_not_depend_on_where_north_is(yaw: float, forward: float, lateral: float) -> None:
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    world = (cos * forward - sin * lateral, sin * forward + cos * lateral, 0.0)
+    planar = heading_velocity(yawed(yaw), world, (0.0, 0.0, 0.0))[:2]
+    np.testing.assert_allclose(planar, [forward, lateral], atol=1e-9)
+
+
+def test_a_pitched_trunk_keeps_its_heading_and_yaw_rate_is_about_the_worlds_vertical() -> None:
+    pitch = rotation_matrix((math.cos(0.3), 0.0, math.sin(0.3), 0.0))  # 0.6 rad nose down
+    out = heading_velocity(pitch, (1.0, 0.0, 0.5), to_body(pitch, (0.0, 0.0, 1.0)))
+    np.testing.assert_allclose(out, [1.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_gravity_points_forward_in_the_body_of_a_robot_that_looks_down() -> None:
+    up = rotation_matrix((math.cos(0.25), 0.0, math.sin(0.25), 0.0))[2]
+    np.testing.assert_allclose(np.negative(up), [np.sin(0.5), 0.0, -np.cos(0.5)], atol=1e-12)
+
+
+@pytest.fixture
+def moving() -> Simulation:
+    simulation = Simulation(Flat(), 3, 1, 100.0)
+    rng = np.random.default_rng(0)
+    simulation.reset(np.arange(3), rng.uniform(-0.2, 0.2, (3, 35)))
+    for _ in range(20):
+        simulation.step(HOME_POSE + rng.normal(0, 0.2, (3, 12)), np.zeros((3, 2)))
+    return simulation
+
+
+def test_every_reading_is_of_the_current_state_not_of_a_substep_earlier(moving: Simulation) -> None:
+    state = moving.state(np.zeros((3, 3)))
+    for i in range(3):
+        robot = partial(np.take, indices=i, axis=-1)
+        data = moving.snapshot(i)  # mj_forward at the current state
+        np.testing.assert_allclose(np.ravel(robot(state.rotation)), data.body("base_link").xmat, atol=1e-12)
+        np.testing.assert_allclose(robot(state.position), data.body("base_link").xpos, atol=1e-12)
+        np.testing.assert_allclose(robot(state.angular_velocity), data.sensor("imu_angular_velocity").data, atol=1e-12)
+        velocity = np.empty(6)
+        mujoco.mj_objectVelocity(moving.model, data, mujoco.mjtObj.mjOBJ_SITE, moving.model.site("imu").id, velocity, 1)
+        np.testing.assert_allclose(robot(state.linear_velocity), velocity[3:], atol=1e-12)
+        joints = [data.joint(name) for name in JOINT_NAMES]
+        np.testing.assert_array_equal(robot(state.joint_position), [joint.qpos[0] for joint in joints])
+        np.testing.assert_array_equal(robot(state.joint_velocity), [joint.qvel[0] for joint in joints])
+
+
+@pytest.mark.parametrize("terrain", [Flat(), SmoothRandom(half_size=6.0)])
+def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(terrain: Terrain) -> None:
+    rng, touches = np.random.default_rng(0), 0
+    simulation = Simulation(terrain, 1, 1, 100.0)
+    start = np.zeros((1, 35))
+    start[0, 3] = 3.0  # rad of roll: it lies on its back
+    simulation.reset(np.arange(1), start)
+    data = simulation.snapshot(0)
+    data.qacc_warmstart[:] = 0.0
+    for _ in range(200):
+        action = np.clip(HOME_POSE + rng.normal(0, 0.6, 12), JOINT_LOWER, JOINT_UPPER)
+        simulation.step(action[None], None)
+        data.ctrl[:] = action
+        mujoco.mj_step(simulation.model, data, nstep=simulation.substeps)
+        state = simulation.state_of_one((0.0, 0.0, 0.0))
+        assert (state.joint_position, state.joint_velocity) == (tuple(data.qpos[7:]), tuple(data.qvel[6:]))
+        assert state.joint_torque == tuple(data.actuator_force)
+        assert state.trunk_contact == (data.sensor("trunk_ground").data[0] > 0)
+        touches += state.trunk_contact
+    assert 0 < touches < 200, "the trunk must have touched the ground for this to show anything"
+
+
+def test_heading_velocity_is_the_trunks_displacement_over_time(moving: Simulation) -> None:
+    before = moving.state(np.zeros((3, 3)))
+    moving.step(np.tile(HOME_POSE, (3, 1)), np.zeros((3, 2)))
+    after = moving.state(np.zeros((3, 3)))
+    displacement = np.subtract(after.position, before.position) / 0.01
+    mean_velocity = (
+        np.einsum("ijn,jn->in", before.rotation, before.linear_velocity)
+        + np.einsum("ijn,jn->in", after.rotation, after.linear_velocity)
+    ) / 2
+    np.testing.assert_allclose(displacement, mean_velocity, atol=0.1)
+
+
+def test_knee_torques_hold_the_weight() -> None:
+    simulation = Simulation(Flat(), 1, 1, 100.0)
+    simulation.reset(np.arange(1), np.zeros((1, 35)))
+    for _ in range(100):
+        simulation.step(HOME_POSE[None], np.zeros((1, 2)))
+    torque = np.reshape(simulation.state_of_one((0.0, 0.0, 0.0)).joint_torque, (4, 3))
+    # The ground's force F at the lever d = 0.3 sin(0.5) m ahead of the knee, less the calf's weight at d/2.
+    lever = 0.3 * np.sin(0.5)
+    expected = 14.2 * 9.81 / 4 * lever - 0.8 * 9.81 * lever / 2
+    assert torque[:, 2].mean() == pytest.approx(expected, rel=0.1)

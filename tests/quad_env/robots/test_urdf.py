@@ -1,0 +1,178 @@
+"""simple_quad.urdf is the robot of simple_quad.xml: both compiled by MuJoCo and compared figure by figure."""
+
+import xml.etree.ElementTree as ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from quad_env.robots.robot import (
+    CALF_LENGTH,
+    FOOT_RADIUS,
+    JOINT_LOWER,
+    JOINT_NAMES,
+    JOINT_UPPER,
+    LEG_NAMES,
+    MODEL_PATH,
+    TORQUE_LIMIT,
+    URDF_PATH,
+    VELOCITY_LIMIT,
+)
+
+LINKS = ("base_link", *(f"{leg}_{link}_link" for leg in LEG_NAMES for link in ("hip", "thigh", "calf")))
+
+
+@pytest.fixture(scope="module")
+def urdf() -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_path(str(URDF_PATH))
+
+
+@pytest.fixture(scope="module")
+def mjcf() -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_path(str(MODEL_PATH))
+
+
+def posed(model: mujoco.MjModel, angles: NDArray[np.float64]) -> mujoco.MjData:
+    """The robot at the given joint angles, base frame = world frame."""
+    data = mujoco.MjData(model)
+    if model.nq == 19:
+        data.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
+    data.qpos[-12:] = angles
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def foot_positions(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
+    """End points of the calves in the world frame, shape (4, 3), m."""
+    calves = [data.body(f"{leg}_calf_link") for leg in LEG_NAMES]
+    return np.array([calf.xpos + calf.xmat.reshape(3, 3) @ (0, 0, -CALF_LENGTH) for calf in calves])
+
+
+def inertia_in_link_frame(model: mujoco.MjModel, link: str) -> NDArray[np.float64]:
+    """Inertia tensor about the centre of mass in the link's axes, shape (3, 3), kg·m²."""
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, model.body(link).iquat)
+    axes = rotation.reshape(3, 3)
+    return axes @ np.diag(model.body(link).inertia) @ axes.T
+
+
+def random_angles(count: int) -> NDArray[np.float64]:
+    return np.random.default_rng(20).uniform(JOINT_LOWER, JOINT_UPPER, (count, 12))
+
+
+def test_has_the_thirteen_links_and_twelve_joints_in_order(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
+    assert [urdf.body(i).name for i in range(1, urdf.nbody)] == list(LINKS)
+    assert [mjcf.body(link).name for link in LINKS] == list(LINKS)
+    assert [urdf.joint(i).name for i in range(urdf.njnt)] == list(JOINT_NAMES)
+    assert [mjcf.joint(i).name for i in range(1, 13)] == list(JOINT_NAMES)
+
+
+def test_weighs_fourteen_point_two_kilograms(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
+    assert sum(urdf.body_mass) == pytest.approx(5.0 + 4 * (0.5 + 1.0 + 0.8), abs=1e-12)
+    assert mjcf.body("base_link").subtreemass == pytest.approx(14.2, abs=1e-12)
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_links_have_the_same_mass_and_inertia(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, link: str) -> None:
+    assert urdf.body(link).mass == mjcf.body(link).mass
+    np.testing.assert_allclose(urdf.body(link).ipos, mjcf.body(link).ipos, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(inertia_in_link_frame(urdf, link), inertia_in_link_frame(mjcf, link), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("part", "mass", "centre", "inertia"),
+    [
+        ("base_link", 5.0, (0, 0, 0), (0.1, 0.2, 0.1)),
+        ("fl_hip_link", 0.5, (0, 0, 0), (0.001, 0.001, 0.001)),
+        ("hr_thigh_link", 1.0, (0, 0, -0.15), (0.005, 0.005, 0.001)),
+        ("hl_calf_link", 0.8, (0, 0, -0.15), (0.003, 0.003, 0.001)),
+    ],
+)
+def test_inertias_are_the_printed_ones(
+    urdf: mujoco.MjModel, part: str, mass: float, centre: tuple[float, ...], inertia: tuple[float, ...]
+) -> None:
+    assert urdf.body(part).mass == mass
+    np.testing.assert_allclose(urdf.body(part).ipos, centre, atol=1e-12)
+    np.testing.assert_allclose(inertia_in_link_frame(urdf, part), np.diag(inertia), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", JOINT_NAMES)
+def test_joints_turn_about_the_same_axes_within_the_same_limits(
+    urdf: mujoco.MjModel, mjcf: mujoco.MjModel, name: str
+) -> None:
+    ours, reference = urdf.joint(name), mjcf.joint(name)
+    np.testing.assert_array_equal(ours.axis, reference.axis)
+    np.testing.assert_array_equal(ours.range, reference.range)
+    np.testing.assert_array_equal(ours.damping, reference.damping)
+    np.testing.assert_array_equal(ours.frictionloss, reference.frictionloss)
+    assert ours.limited
+    assert reference.limited
+
+
+@pytest.mark.parametrize("name", JOINT_NAMES)
+def test_effort_limits_agree(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, name: str) -> None:
+    limit = (-TORQUE_LIMIT, TORQUE_LIMIT)
+    np.testing.assert_array_equal(urdf.jnt_actfrcrange[urdf.joint(name).id], limit)
+    np.testing.assert_array_equal(mjcf.actuator(name).forcerange, limit)
+
+
+def test_velocity_limits_are_the_rated_speed() -> None:
+    """MuJoCo does not read them, ROS does."""
+    limits = ElementTree.parse(URDF_PATH).getroot().findall("joint/limit")
+    assert [float(limit.attrib["velocity"]) for limit in limits] == [VELOCITY_LIMIT] * 12
+
+
+def test_feet_are_in_the_same_places_at_any_joint_angles(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
+    for angles in random_angles(200):
+        ours = foot_positions(urdf, posed(urdf, angles))
+        np.testing.assert_allclose(ours, foot_positions(mjcf, posed(mjcf, angles)), rtol=0, atol=1e-9)
+
+
+def test_bent_leg_ends_where_trigonometry_puts_it(urdf: mujoco.MjModel) -> None:
+    """Hip 0, thigh 0.3, calf -1.2: from the thigh joint x = -0.3 (sin 0.3 + sin -0.9), z = -0.3 (cos 0.3 + cos 0.9)."""
+    feet = foot_positions(urdf, posed(urdf, np.tile((0.0, 0.3, -1.2), 4)))
+    np.testing.assert_allclose(feet[0], (0.25 + 0.1463420109, 0.25, -0.4730839372), atol=1e-9)
+
+
+def test_foot_spheres_collide_at_the_calf_ends(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
+    data = posed(urdf, random_angles(1)[0])
+    spheres = [i for i in range(urdf.ngeom) if urdf.geom_type[i] == mujoco.mjtGeom.mjGEOM_SPHERE]
+    colliding = [i for i in spheres if urdf.geom_contype[i] and urdf.geom_conaffinity[i]]
+    assert [urdf.body(urdf.geom_bodyid[i]).name for i in colliding] == [f"{leg}_calf_link" for leg in LEG_NAMES]
+    np.testing.assert_array_equal(urdf.geom_size[colliding, 0], FOOT_RADIUS)
+    np.testing.assert_allclose(data.geom_xpos[colliding], foot_positions(urdf, data), atol=1e-9)
+    np.testing.assert_array_equal([mjcf.geom(f"{leg}_foot").size[0] for leg in LEG_NAMES], FOOT_RADIUS)
+
+
+def test_hip_boxes_are_seen_but_do_not_collide(urdf: mujoco.MjModel) -> None:
+    for leg in LEG_NAMES:
+        (hip,) = np.flatnonzero(urdf.geom_bodyid == urdf.body(f"{leg}_hip_link").id)
+        assert urdf.geom_contype[hip] == urdf.geom_conaffinity[hip] == 0
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_links_look_and_collide_alike(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, link: str) -> None:
+    def shapes(model: mujoco.MjModel, *, colliding: bool) -> list[tuple[float, ...]]:
+        geoms = [model.geom(i) for i in np.flatnonzero(model.geom_bodyid == model.body(link).id)]
+        chosen = [g for g in geoms if bool(g.contype[0]) == colliding]
+        return sorted((float(g.type[0]), *np.round(g.size, 9), *np.round(g.pos, 9)) for g in chosen)
+
+    assert shapes(urdf, colliding=True) == shapes(mjcf, colliding=True)
+    assert {s[:7] for s in shapes(urdf, colliding=False)} >= set(shapes(mjcf, colliding=False))
+
+
+def test_mass_matrix_over_the_joints_is_the_same(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
+    """The joint block of the floating robot's mass matrix, less the rotor inertia, is that of the fixed one."""
+    for angles in random_angles(50):
+        ours, reference = (
+            _mass_matrix(model, posed(model, angles))[-12:, -12:] - np.diag(model.dof_armature[-12:])
+            for model in (urdf, mjcf)
+        )
+        np.testing.assert_allclose(ours, reference, rtol=0, atol=1e-9)
+
+
+def _mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    return matrix

@@ -1,0 +1,120 @@
+"""Axes: levels, names, draws that shift no others, starts that just touch the ground."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from quad_env.config import CommandRanges, StartNoise
+from quad_env.physics.simulation import Simulation
+from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.disturbances import Dropouts, Latency, Payload, Pushes, SensorNoise, SteadyForce
+from quad_env.scenarios.episode import Episode, at_reset
+from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
+
+ISSUE = (
+    "flat push rough force slope stairs gravel soft slippery payload weak_motors slow_motors latency noise dropout "
+    "surprise"
+)
+
+
+def test_each_axis_has_levels_in_order_and_a_nominal_scenario_within() -> None:
+    assert sorted(AXES) == sorted(SCENARIOS) == sorted(ISSUE.split())
+    for name, axis in AXES.items():
+        assert len(set(axis.levels)) >= 5
+        assert list(axis.levels) in (sorted(axis.levels), sorted(axis.levels, reverse=True))
+        assert min(axis.levels) <= axis.nominal <= max(axis.levels)
+        nominal = SCENARIOS[name]
+        assert (nominal.name, nominal.axis, nominal.severity) == (name, name, axis.nominal)
+        third = axis.level(3)
+        assert (third.name, third.severity, third.severity_unit) == (f"{name}:3", axis.levels[2], axis.unit)
+        with pytest.raises(ValueError, match=f"{name} has levels 1 to {len(axis.levels)}"):
+            axis.level(len(axis.levels) + 1)
+
+
+def test_no_two_severities_of_an_axis_are_the_same_scenario() -> None:
+    for axis in AXES.values():
+        bare = {axis.at(severity) for severity in axis.levels}
+        assert len(bare) == len(axis.levels)
+
+
+def test_the_first_three_scenarios_are_as_ever() -> None:
+    assert SCENARIOS["flat"].commands == CommandRanges()
+    assert SCENARIOS["push"].pushes == Pushes(2, 35.0, 0.1, (1.0, 9.0))
+    assert SCENARIOS["rough"].terrain == SmoothRandom(0.12, 0.3, 22.0, 4.0, 0.1, 0)
+
+
+def test_a_disturbance_shifts_no_other_draw() -> None:
+    plain = Scenario("plain", pushes=Pushes())
+    troubled = replace(
+        plain,
+        force=SteadyForce(),
+        payload=Payload(),
+        latency=Latency(),
+        noise=SensorNoise(),
+        dropouts=Dropouts(),
+    )
+    a, b = (Episode(scenario, 5, 2, 0.01) for scenario in (plain, troubled))
+    np.testing.assert_array_equal(a.start, b.start)
+    np.testing.assert_array_equal(a.pushes.force, b.pushes.force)
+    np.testing.assert_array_equal([a.next_command(), a.next_command()], [b.next_command(), b.next_command()])
+    alone = Episode(replace(plain, payload=Payload()), 5, 2, 0.01)
+    np.testing.assert_array_equal(alone.load, b.load)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) -> None:
+    scenario = AXES[name].level(4)
+    simulation = Simulation.of(scenario, 16, 1, 100.0)
+    simulation.reset(np.arange(16), *at_reset([Episode(scenario, seed, 0, 0.01) for seed in range(16)]))
+    for robot in range(16):
+        data = simulation.snapshot(robot)
+        depths = [-contact.dist for contact in data.contact]
+        assert max(depths, default=0.0) < 0.006
+        feet = np.array([data.site(f"{leg}_foot").xpos for leg in ("fl", "fr", "hl", "hr")])
+        above = feet[:, 2] - scenario.terrain.ball_height(feet[:, 0], feet[:, 1], 0.02)
+        assert above.min() == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("terrain", [Slope(), Slope(0.3)])
+def test_a_robot_starts_aligned_with_a_slope_and_stands_on_it(terrain: Slope) -> None:
+    scenario = Scenario("slope", terrain=terrain, start=replace(StartNoise(), tilt=0.0))
+    simulation = Simulation.of(scenario, 8, 1, 100.0)
+    simulation.reset(np.arange(8), *at_reset([Episode(scenario, seed, 0, 0.01) for seed in range(8)]))
+    up = np.array(simulation.state(np.zeros((3, 8))).rotation)[:, 2]
+    np.testing.assert_allclose(up.T, np.tile([-np.sin(terrain.angle), 0, np.cos(terrain.angle)], (8, 1)), atol=1e-12)
+    for _ in range(100):
+        simulation.step(np.tile(HOME_POSE, (8, 1)), None)
+    state = simulation.state(np.zeros((3, 8)))
+    np.testing.assert_allclose(state.height * np.cos(terrain.angle), 0.54, atol=0.05)
+
+
+def test_no_robot_leaves_its_field_within_ten_seconds() -> None:
+    reach = 10 * np.hypot(1.5, 0.8)
+    for axis in AXES.values():
+        for number in range(1, len(axis.levels) + 1):
+            terrain = axis.level(number).terrain
+            if isinstance(terrain, SmoothRandom):
+                assert terrain.half_size - terrain.spawn_radius > reach
+            if isinstance(terrain, Stairs):
+                assert terrain.landing + terrain.run * terrain.steps - terrain.spawn_radius > reach
+                assert terrain.half_width - terrain.spawn_radius > reach
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> None:
+    scenario, rng = SCENARIOS[name], np.random.default_rng(0)
+    simulation = Simulation.of(scenario, 2, 1, 100.0)
+    simulation.reset(np.arange(2), *at_reset([Episode(scenario, seed, 0, 0.01) for seed in range(2)]))
+    data = simulation.snapshot(1)
+    data.qacc_warmstart[:] = 0.0
+    for _ in range(60):
+        action = np.clip(HOME_POSE + rng.normal(0, 0.2, 12), JOINT_LOWER, JOINT_UPPER)
+        simulation.step(np.tile(action, (2, 1)), None)
+        data.ctrl[:] = action
+        mujoco.mj_step(simulation.model, data, nstep=simulation.substeps)
+    np.testing.assert_array_equal(simulation.snapshot(1).qpos, data.qpos)

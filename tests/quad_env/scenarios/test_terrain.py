@@ -1,0 +1,100 @@
+"""Height fields: their statistics, and that the height we compute is the one MuJoCo collides with."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from quad_env.physics.model import compile_model
+from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs, Terrain
+
+SMALL = SmoothRandom(half_size=6.0)
+
+
+def test_peak_to_valley_is_exact_and_reached_within_any_few_metres() -> None:
+    heights = SMALL.heights()
+    assert np.ptp(heights) == pytest.approx(0.12)
+    assert min(np.ptp(heights[i : i + 20, j : j + 20]) for i in range(0, 100, 20) for j in range(0, 100, 20)) > 0.08
+
+
+def test_autocorrelation_falls_to_1_over_e_at_the_correlation_length() -> None:
+    heights = SmoothRandom(correlation_length=0.5).heights()
+    heights = heights - heights.mean()
+    assert np.mean(heights[:, 5:] * heights[:, :-5]) / heights.var() == pytest.approx(np.exp(-1), abs=0.05)
+
+
+def test_a_seed_is_a_surface() -> None:
+    assert (SmoothRandom(half_size=6.0).heights() == SMALL.heights()).all()
+    assert (SmoothRandom(half_size=6.0, seed=1).heights() != SMALL.heights()).any()
+
+
+def ground_alone(terrain: Terrain) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = compile_model(terrain)
+    data = mujoco.MjData(model)
+    data.qpos[:2] = 100.0  # the robot is elsewhere
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def ray(model: mujoco.MjModel, data: mujoco.MjData, start: list[float], way: list[float]) -> float:
+    return float(mujoco.mj_ray(model, data, np.array(start), np.array(way), None, 1, -1, np.zeros(1, np.int32)))
+
+
+GRAVEL = replace(SCENARIOS["gravel"].terrain, half_size=6.0)
+STAIRS = Stairs(rise=0.12, steps=8)
+
+
+@pytest.mark.parametrize("terrain", [SMALL, GRAVEL, Slope(0.4), STAIRS])
+def test_height_is_what_a_ray_hits(terrain: Terrain) -> None:
+    ground = ground_alone(terrain)
+    points = np.random.default_rng(0).uniform(-5.9, 5.9, (100, 2))
+    hit = [5 - ray(*ground, [x, y, 5.0], [0, 0, -1.0]) for x, y in points]
+    np.testing.assert_allclose(terrain.height(points[:, 0], points[:, 1]), hit, atol=1e-6)
+
+
+def test_stairs_have_treads_of_the_stated_run_and_vertical_risers_of_the_stated_rise() -> None:
+    ground = ground_alone(STAIRS)
+    treads = np.arange(-9, 9) * 0.3 + np.where(np.arange(-9, 9) < 0, -0.75 + 0.15, 0.75 + 0.15)
+    heights = [5 - ray(*ground, [x, 1.0, 5.0], [0, 0, -1.0]) for x in treads]
+    steps = np.clip(np.where(treads > 0, np.arange(-9, 9) + 1, np.arange(-9, 9)), -8, 8)
+    np.testing.assert_allclose(heights, 0.12 * steps, atol=1e-9)
+    for step in range(8):
+        for share in (0.01, 0.5, 0.99):
+            up = ray(*ground, [0.0, 1.0, 0.12 * (step + share)], [1.0, 0, 0])
+            assert up == pytest.approx(0.75 + 0.3 * step)
+            down = ray(*ground, [-9.0, 1.0, -0.12 * (step + share)], [1.0, 0, 0])
+            assert 9.0 - down == pytest.approx(0.75 + 0.3 * step)
+
+
+def test_a_ball_on_gravel_touches_it_and_a_ball_on_a_slope_rests_on_its_normal() -> None:
+    assert Slope(0.4).ball_height(np.zeros(1), np.zeros(1), 0.02) == pytest.approx(0.02 / np.cos(0.4))
+    x, y = np.random.default_rng(0).uniform(-5, 5, (2, 200))
+    centre = GRAVEL.ball_height(x, y, 0.02)
+    angle = np.linspace(0, 2 * np.pi, 24)
+    for radius in np.linspace(0, 0.02, 9):
+        under = GRAVEL.height(x[:, None] + radius * np.cos(angle), y[:, None] + radius * np.sin(angle))
+        assert (under <= (centre - np.sqrt(0.02**2 - radius**2) + 0.002)[:, None]).all()
+    assert (centre >= GRAVEL.height(x, y) + 0.02).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        (Slope, {"angle": 1.6}),
+        (Slope, {"angle": float("nan")}),
+        (Stairs, {"rise": 0.0}),
+        (Stairs, {"steps": 0}),
+        (Stairs, {"landing": 0.5}),
+        (Stairs, {"spawn_radius": 0.2}),
+    ],
+)
+def test_no_terrain_is_like_that(kind: type, wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=r"angle|stairs|landing"):
+        kind(**wrong)
+
+
+def test_around_the_field_and_on_flat_ground_the_height_is_zero() -> None:
+    assert SMALL.height(np.array([6.1]), np.array([0.0])) == 0
+    assert (Flat().height(np.ones(3), np.ones(3)) == 0).all()

@@ -1,0 +1,73 @@
+"""Noise: its size, its independence, and that no policy can change it."""
+
+import numpy as np
+import pytest
+
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE
+from quad_env.scenarios.disturbances import SensorNoise
+from quad_env.scenarios.scenario import Scenario
+from quad_env.sensing.disturbance import SENSED
+from quad_env.sensing.noise import BLOCK
+from quad_env.task.observations import BOUND, OBSERVATION
+
+ROBOTS, STEPS = 6, 4 * BLOCK + 7
+GYRO = 0.1
+
+
+def observations(scenario: Scenario, wobble: float = 0.0) -> np.ndarray:
+    env = SimpleQuadVectorEnv(ROBOTS, scenario, terminate_on_fall=False)
+    rng = np.random.default_rng(1)
+    rows = [env.reset(seed=0)[0]]
+    rows += [env.step(HOME_POSE + rng.normal(0, wobble, (ROBOTS, 12)))[0] for _ in range(STEPS)]
+    return np.array(rows, np.float64)
+
+
+def noise(wobble: float = 0.0) -> np.ndarray:
+    """What the sensors add, (steps + 1, robots, 63)."""
+    noisy = Scenario("noisy", noise=SensorNoise(GYRO))
+    return observations(noisy, wobble) - observations(Scenario("plain"), wobble)
+
+
+@pytest.fixture(scope="module")
+def standing() -> np.ndarray:
+    return noise()
+
+
+@pytest.mark.parametrize(
+    ("term", "proportion"),
+    [("angular_velocity", 1.0), ("linear_velocity", 0.5), ("joint_position", 0.05), ("joint_velocity", 7.5)],
+)
+def test_each_term_has_the_stated_standard_deviation(standing: np.ndarray, term: str, proportion: float) -> None:
+    added = standing[..., OBSERVATION[term]]
+    assert added.std() == pytest.approx(proportion * GYRO, rel=0.04)
+    assert abs(added.mean()) < 4 * proportion * GYRO / np.sqrt(added.size)
+
+
+def test_gravity_is_noisy_within_the_observation_space(standing: np.ndarray) -> None:
+    x, y, _ = np.moveaxis(standing[..., OBSERVATION["projected_gravity"]], -1, 0)
+    assert (x.std(), y.std()) == pytest.approx((0.25 * GYRO, 0.25 * GYRO), rel=0.06)
+    seen = observations(Scenario("noisy", noise=SensorNoise(3.0)))
+    assert (np.abs(seen) <= BOUND).all()
+
+
+def test_what_needs_no_sensor_has_no_noise(standing: np.ndarray) -> None:
+    assert (standing[..., SENSED.stop :] == 0).all()
+    assert SENSED.stop == OBSERVATION["previous_action"].start == OBSERVATION["joint_velocity"].stop
+
+
+def test_noise_is_white_and_independent_between_robots_and_entries(standing: np.ndarray) -> None:
+    gyro = standing[..., OBSERVATION["angular_velocity"]].reshape(STEPS + 1, -1)
+    correlation = np.corrcoef(gyro.T) - np.eye(ROBOTS * 3)
+    assert np.abs(correlation).max() < 5 / np.sqrt(STEPS)
+    for lag in (1, 2, BLOCK):
+        assert abs(np.mean(gyro[lag:] * gyro[:-lag])) < 5 * GYRO**2 / np.sqrt(gyro.size)
+
+
+def test_noise_is_the_same_whatever_the_policy_does(standing: np.ndarray) -> None:
+    np.testing.assert_allclose(noise(0.1)[..., 3 : SENSED.stop], standing[..., 3 : SENSED.stop], atol=1e-4)
+
+
+def test_negative_noise_is_refused() -> None:
+    with pytest.raises(ValueError, match="noise"):
+        SensorNoise(-0.1)

@@ -1,0 +1,171 @@
+"""The observation that is built from sensors: from what it says it is, the same bits anywhere, close to the truth."""
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import policies
+from quad_env import OBSERVATION, SCENARIOS, SENSORS, CommandRanges, Latency, SensorNoise, SensorSuite
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE
+from quad_env.sensing.disturbance import SENSED
+
+IDEAL = SENSORS["ideal"]
+STEPS = 150
+Run = tuple[np.ndarray, list[dict[str, Any]], np.ndarray]
+
+
+def actions(robots: int, size: float = 0.15) -> np.ndarray:
+    """Of each robot its own, whatever the number of robots."""
+    each = [HOME_POSE + size * np.random.default_rng(i).normal(0, 1, (STEPS, 12)) for i in range(robots)]
+    return np.stack(each, axis=1).astype(np.float32)
+
+
+def run(sensors: str | SensorSuite | None, robots: int = 4, scenario: Any = "flat", **options: Any) -> Run:
+    """Observations, (steps + 1, robots, 63), infos and rewards of robots that wave their legs."""
+    options = {"terminate_on_fall": False} | options
+    env = SimpleQuadVectorEnv(robots, scenario, sensors=sensors, **options)
+    observation, info = env.reset(seed=7)
+    observations, infos, rewards = [observation], [info], [np.zeros(robots)]
+    for action in actions(robots):
+        observation, reward, _, _, info = env.step(action)
+        observations.append(observation)
+        infos.append(info)
+        rewards.append(reward)
+    return np.array(observations), infos, np.array(rewards)
+
+
+def test_what_the_sensors_read_is_what_the_observation_shows() -> None:
+    observations, infos, _ = run("typical")
+    read = {name: np.array([info["sensors"][name]["value"] for info in infos]) for name in infos[0]["sensors"]}
+    shown = {name: observations[..., where] for name, where in OBSERVATION.items()}
+    np.testing.assert_allclose(shown["angular_velocity"], read["gyro"], rtol=1e-6)
+    np.testing.assert_allclose(shown["joint_position"], read["joint_position"] - HOME_POSE, atol=1e-6)
+    speed = np.diff(read["joint_position"], axis=0, prepend=read["joint_position"][:1]) / 0.01
+    np.testing.assert_allclose(shown["joint_velocity"], speed, rtol=1e-5, atol=1e-4)
+
+
+def test_what_needs_no_sensor_is_as_ever() -> None:
+    np.testing.assert_array_equal(run("typical")[0][..., SENSED.stop :], run(None)[0][..., SENSED.stop :])
+
+
+@pytest.mark.parametrize("scenario", ["push", "rough", "payload"])
+def test_sensors_change_nothing_that_happens(scenario: str) -> None:
+    """Rewards rest on torques and contacts of the last substep, readings too."""
+    _, plain, rewards = run(None, scenario=scenario, readings=True)
+    _, sensed, paid = run("typical", scenario=scenario, readings=True)
+    np.testing.assert_array_equal(rewards, paid)
+    for one, other in zip(plain, sensed, strict=True):
+        np.testing.assert_array_equal(one["heading_velocity"], other["heading_velocity"])
+        for name, value in one["readings"].items():
+            np.testing.assert_array_equal(value, other["readings"][name], err_msg=name)
+
+
+def batch(robots: int, scenario: str, nthread: int) -> list[list[bytes]]:
+    observations, infos, _ = run(
+        "typical", robots, scenario, nthread=nthread, max_episode_steps=60, terminate_on_fall=True
+    )
+    return [[digest(row[i], info["sensors"], i) for row, info in zip(observations, infos, strict=True)] for i in (0, 2)]
+
+
+def digest(observation: np.ndarray, sensors: dict[str, Any], row: Any) -> bytes:
+    arrays = [observation, *(np.asarray(each[key][row]) for each in sensors.values() for key in ("value", "time"))]
+    return b"".join(array.tobytes() for array in arrays)
+
+
+def single(robot: int, scenario: str) -> list[bytes]:
+    env = gym.make("SimpleQuad-v0", scenario=scenario, sensors="typical", max_episode_steps=60)
+    observation, info = env.reset(seed=7 + robot)
+    out, done = [digest(observation, info["sensors"], ...)], False
+    for action in actions(robot + 1)[:, robot]:
+        if done:
+            (observation, info), done = env.reset(), False
+        else:
+            observation, _, terminated, truncated, info = env.step(action)
+            done = terminated or truncated
+        out.append(digest(observation, info["sensors"], ...))
+    return out
+
+
+@pytest.mark.parametrize("scenario", ["flat", "noise", "latency", "slope"])
+def test_a_single_env_equals_its_row_in_any_batch(scenario: str) -> None:
+    singles = [single(robot, scenario) for robot in (0, 2)]
+    assert batch(3, scenario, 1) == singles
+    assert batch(17, scenario, 2) == singles
+
+
+def test_a_robot_that_has_ended_keeps_its_observation() -> None:
+    env = gym.make("SimpleQuad-v0", sensors="typical").unwrapped
+    env.reset(seed=0)
+    ended, last = False, None
+    for _ in range(300):
+        observation, _, terminated, _, info = env.step(np.tile((0.0, -1.5, 0.0), 4))
+        shown = digest(observation, info["sensors"], ...)
+        assert not ended or shown == last
+        ended, last = terminated, shown
+    assert ended
+
+
+def test_noise_of_a_scenario_comes_on_top() -> None:
+    noisy = replace(SCENARIOS["flat"], noise=SensorNoise(0.1))
+    sensed = run("ideal", scenario=noisy)[0].astype(float) - run("ideal")[0]
+    plain = run(None, scenario=noisy)[0].astype(float) - run(None)[0]
+    for name in ("angular_velocity", "joint_position", "linear_velocity"):
+        np.testing.assert_allclose(sensed[..., OBSERVATION[name]], plain[..., OBSERVATION[name]], atol=1e-5)
+    assert plain[..., OBSERVATION["angular_velocity"]].std() == pytest.approx(0.1, rel=0.1)
+
+
+def test_latency_of_a_scenario_comes_on_top() -> None:
+    late = run("typical", scenario=replace(SCENARIOS["flat"], latency=Latency(0.0, 0.03)))[0]
+    np.testing.assert_array_equal(late[3:, :, SENSED], run("typical")[0][:-3, :, SENSED])
+
+
+def test_estimates_are_of_one_moment_that_of_the_slowest_sensor() -> None:
+    """Encoders and feet 20 and 30 ms late: the ideal suite's estimates of 30 ms ago."""
+    late = replace(IDEAL, encoders=replace(IDEAL.encoders, delay=0.02), feet=replace(IDEAL.feet, delay=0.03))
+    now, then = run(IDEAL)[0], run(late)[0]
+    for name in ("projected_gravity", "linear_velocity"):
+        np.testing.assert_array_equal(then[3:, :, OBSERVATION[name]], now[:-3, :, OBSERVATION[name]])
+    np.testing.assert_array_equal(then[..., OBSERVATION["angular_velocity"]], now[..., OBSERVATION["angular_velocity"]])
+
+
+def test_the_sensors_have_a_stream_of_their_own() -> None:
+    """The sensors' draws shift none of the episode's others: commands, start and pushes are the truth's."""
+    often = replace(SCENARIOS["push"], commands=CommandRanges(interval=0.2))
+    _, plain, _ = run(None, scenario=often, readings=True)
+    _, sensed, _ = run("typical", scenario=often, readings=True)
+    for one, other in zip(plain, sensed, strict=True):
+        np.testing.assert_array_equal(one["command"], other["command"])
+        np.testing.assert_array_equal(one["readings"]["push"], other["readings"]["push"])
+
+
+def walked(sensors: str, command: tuple[float, float, float]) -> np.ndarray:
+    """Error of the observation of 16 robots that trot by the truth, of the steps after the first second."""
+    true, sensed = (SimpleQuadVectorEnv(16, sensors=each) for each in (None, sensors))
+    policy = policies.make("trot")
+    policy.reset(16)
+    seen = [env.reset(seed=0, options={"command": command})[0] for env in (true, sensed)]
+    errors = []
+    for _ in range(400):
+        action = policy.act(seen[0])
+        seen = [env.step(action)[0] for env in (true, sensed)]
+        errors.append(seen[1].astype(float) - seen[0])
+    return np.array(errors[100:])
+
+
+def rms(errors: np.ndarray, name: str) -> float:
+    return float(np.sqrt((errors[..., OBSERVATION[name]] ** 2).sum(axis=-1).mean()))
+
+
+@pytest.mark.parametrize(("sensors", "gravity", "velocity"), [("ideal", 0.025, 0.06), ("typical", 0.035, 0.2)])
+@pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (1.0, 0.3, 1.0)])
+def test_of_a_trot_the_estimates_are_close(
+    sensors: str, gravity: float, velocity: float, command: tuple[float, float, float]
+) -> None:
+    errors = walked(sensors, command)
+    assert rms(errors, "projected_gravity") < gravity
+    assert rms(errors, "linear_velocity") < velocity
+    assert np.abs(errors[..., OBSERVATION["linear_velocity"]].mean(axis=(0, 1))).max() < 0.04

@@ -1,0 +1,140 @@
+"""Readings for measurement: what MuJoCo itself says of the same step, and no bit of anything else changes with them."""
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+import policies
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.simulation import Simulation, compile_model
+from quad_env.robots.robot import FOOT_RADIUS, HOME_POSE, LEG_NAMES, TORQUE_LIMIT
+from quad_env.scenarios.terrain import Flat
+
+SEED = 5
+WIDTHS = {
+    "position": (3,),
+    "quaternion": (4,),
+    "angular_velocity": (3,),
+    "height": (),
+    "tilt": (),
+    "joint_position": (12,),
+    "joint_velocity": (12,),
+    "joint_torque": (12,),
+    "action": (12,),
+    "foot_position": (4, 3),
+    "foot_height": (4,),
+    "foot_contact": (4,),
+    "leg_contact": (),
+    "trunk_contact": (),
+    "push": (2,),
+}
+
+
+def trot(num_envs: int, steps: int, *, scenario: str = "push", readings: bool = True, **options):
+    """Each step's result, of robots that go on after a fall; the env is the last entry."""
+    env = SimpleQuadVectorEnv(num_envs, scenario, readings=readings, terminate_on_fall=False, **options)
+    policy = policies.make("trot")
+    policy.reset(num_envs)
+    observation, _ = env.reset(seed=SEED)
+    for _ in range(steps):
+        result = env.step(policy.act(observation))
+        observation = result[0]
+        yield *result, env
+
+
+def test_every_reading_has_its_shape_and_a_copy_of_its_own() -> None:
+    env = gym.make_vec("SimpleQuad-v0", num_envs=3, readings=True)
+    _, infos = env.reset(seed=SEED)
+    assert {name: value.shape[1:] for name, value in infos["readings"].items()} == WIDTHS
+    before = {name: value.copy() for name, value in infos["readings"].items()}
+    env.step(np.tile(HOME_POSE.astype(np.float32), (3, 1)))
+    for name, value in infos["readings"].items():
+        assert value.shape[0] == 3
+        np.testing.assert_array_equal(value, before[name], err_msg=name)
+
+
+def test_without_readings_there_are_none() -> None:
+    _, infos = SimpleQuadVectorEnv(2).reset(seed=SEED)
+    assert "readings" not in infos
+
+
+@pytest.mark.parametrize("scenario", ["push", "rough"])
+def test_readings_change_no_other_bit(scenario: str) -> None:
+    runs = zip(trot(3, 150, scenario=scenario), trot(3, 150, scenario=scenario, readings=False), strict=True)
+    for (*looked, with_readings, _), (*blind, without, _) in runs:
+        for one, other in zip(looked, blind, strict=True):
+            np.testing.assert_array_equal(one, other)
+        np.testing.assert_array_equal(with_readings["heading_velocity"], without["heading_velocity"])
+        np.testing.assert_array_equal(with_readings["mechanical_power"], without["mechanical_power"])
+
+
+def test_a_robot_reads_the_same_bits_alone_and_in_a_batch() -> None:
+    alone, batch = trot(1, 150), trot(17, 150, nthread=1)
+    for (*_, one, _), (*_, many, _) in zip(alone, batch, strict=True):
+        for name, value in one["readings"].items():
+            np.testing.assert_array_equal(value[0], many["readings"][name][0], err_msg=name)
+
+
+@pytest.mark.parametrize("scenario", ["flat", "rough"])
+def test_readings_are_those_of_mujoco_after_the_same_step(scenario: str) -> None:
+    for step, (*_, infos, env) in enumerate(trot(2, 60, scenario=scenario)):
+        if step % 7:
+            continue
+        data, read = env.simulation.snapshot(1), {name: value[1] for name, value in infos["readings"].items()}
+        trunk = data.body("base_link")
+        feet = np.array([data.site(f"{leg}_foot").xpos for leg in LEG_NAMES])
+        np.testing.assert_allclose(read["position"], trunk.xpos, atol=1e-12)
+        np.testing.assert_allclose(read["quaternion"], trunk.xquat, atol=1e-12)
+        np.testing.assert_allclose(read["angular_velocity"], data.qvel[3:6], atol=1e-12)
+        np.testing.assert_allclose(np.cos(read["tilt"]), trunk.xmat[8], atol=1e-12)
+        np.testing.assert_allclose(read["joint_position"], data.qpos[7:], atol=1e-12)
+        np.testing.assert_allclose(read["joint_velocity"], data.qvel[6:], atol=1e-12)
+        np.testing.assert_allclose(read["action"], data.ctrl, atol=1e-12)
+        np.testing.assert_allclose(read["foot_position"], feet, atol=1e-12)
+        ground = env.scenario.terrain.height(feet[:, 0], feet[:, 1])
+        np.testing.assert_allclose(read["foot_height"], feet[:, 2] - FOOT_RADIUS - ground, atol=1e-12)
+        assert (np.abs(read["joint_torque"]) <= TORQUE_LIMIT).all()
+
+
+def test_contacts_are_those_of_the_last_substep() -> None:
+    """Single substeps make the state before the last one visible: MuJoCo's own contacts there are what is read."""
+    simulation = Simulation(Flat(), 1, 1, 500.0, contacts=True)
+    model = simulation.model
+    rng = np.random.default_rng(0)
+    simulation.reset(np.arange(1), np.zeros((1, 35)))
+    seen = set()
+    for step in range(600):
+        before = simulation.snapshot(0)
+        legs_folded = step > 300
+        simulation.step(HOME_POSE + (0.9 * legs_folded) * rng.normal(0, 1.0, (1, 12)), np.zeros((1, 2)))
+        ground = model.geom("ground").id
+        touching = {model.geom(int(geom)).name for pair in before.contact.geom if ground in pair for geom in pair}
+        feet, leg = simulation.ground_contacts()
+        assert feet[0].tolist() == [f"{name}_foot" in touching for name in LEG_NAMES]
+        assert leg[0] == any(name.endswith(("thigh", "calf")) for name in touching)
+        seen.add((*feet[0].tolist(), bool(leg[0])))
+    assert {leg for *_, leg in seen} == {False, True}
+    assert len(seen) > 4, "several footholds must occur for this to show anything"
+
+
+def test_the_push_is_the_force_of_the_step_just_taken() -> None:
+    env = SimpleQuadVectorEnv(4, "push", readings=True, autoreset_mode="DISABLED", terminate_on_fall=False)
+    env.reset(seed=SEED)
+    total, steps = np.zeros((4, 2)), 0
+    for _ in range(1000):
+        force = env._schedule.force().copy()
+        *_, infos = env.step(np.tile(HOME_POSE.astype(np.float32), (4, 1)))
+        np.testing.assert_array_equal(infos["readings"]["push"], force)
+        total, steps = total + np.abs(force), steps + force.any(axis=1)
+    assert steps.tolist() == [20] * 4
+
+
+def test_every_contact_sensor_watches_a_geom_against_the_world() -> None:
+    model = compile_model(Flat())
+    contact = [i for i in range(model.nsensor) if model.sensor_type[i] == mujoco.mjtSensor.mjSENS_CONTACT]
+    watched = {model.geom(model.sensor_objid[i]).name for i in contact}
+    legs = {f"{leg}_{part}" for leg in LEG_NAMES for part in ("thigh", "calf", "foot")}
+    assert watched == {"trunk", *legs}
+    for i in contact:
+        assert model.sensor(i).name == f"{model.geom(model.sensor_objid[i]).name}_ground"

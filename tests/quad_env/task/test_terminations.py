@@ -1,0 +1,65 @@
+"""The fall rule simple-quad/1, at its limits."""
+
+import math
+
+import numpy as np
+import pytest
+
+from quad_env.config import FallRule
+from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import QuadState, rotation_matrix
+from quad_env.scenarios.terrain import Flat
+from quad_env.task.terminations import fall_reason, fall_reasons
+
+
+@pytest.fixture(scope="module")
+def standing() -> QuadState[float]:
+    simulation = Simulation(Flat(), 1, 1, 100.0)
+    simulation.reset(np.arange(1), np.zeros((1, 35)))
+    simulation.step(np.zeros((1, 12)), np.zeros((1, 2)))
+    return simulation.state_of_one((0.0, 0.0, 0.0))
+
+
+def tilted(state: QuadState[float], degrees: float, axis: int) -> QuadState[float]:
+    quaternion = [math.cos(math.radians(degrees) / 2), 0.0, 0.0, 0.0]
+    quaternion[1 + axis] = math.sin(math.radians(degrees) / 2)
+    return state._replace(rotation=rotation_matrix(quaternion))
+
+
+def test_a_standing_robot_has_not_fallen(standing: QuadState) -> None:
+    assert fall_reason(standing, FallRule()) is None
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_tilt_counts_from_70_degrees_in_roll_and_pitch_alike(standing: QuadState, axis: int) -> None:
+    assert fall_reason(tilted(standing, 69.9, axis), FallRule()) is None
+    assert fall_reason(tilted(standing, 70.1, axis), FallRule()) == "tilt"
+
+
+def test_yaw_is_no_tilt(standing: QuadState) -> None:
+    assert fall_reason(tilted(standing, 179.0, 2), FallRule()) is None
+
+
+def test_height_counts_below_12_cm_above_the_terrain(standing: QuadState) -> None:
+    assert fall_reason(standing._replace(height=0.121), FallRule()) is None
+    assert fall_reason(standing._replace(height=0.119), FallRule()) == "height"
+
+
+def test_of_two_reasons_the_first_counts_for_one_robot_and_in_a_batch(standing: QuadState[float]) -> None:
+    low, tilted_and_low = standing._replace(height=0.1), tilted(standing, 80.0, 0)._replace(height=0.1)
+    states = (standing, low, tilted_and_low, tilted_and_low._replace(trunk_contact=True))
+    reasons = [fall_reason(state, FallRule()) for state in states]
+    assert reasons == [None, "height", "tilt", "trunk_contact"]
+    batch = QuadState(*(np.moveaxis(np.array(readings), 0, -1) for readings in zip(*states, strict=True)))
+    assert fall_reasons(batch, FallRule()).tolist() == reasons
+
+
+def test_a_dropped_trunk_touches_the_ground_in_the_simulation() -> None:
+    simulation = Simulation(Flat(), 1, 1, 100.0)
+    simulation.reset(np.arange(1), np.zeros((1, 35)))
+    reasons = set()
+    folded = np.tile([0.0, 1.5, -2.5], 4)[None]
+    for _ in range(200):
+        simulation.step(folded * [[0, -1, 1] * 4], np.zeros((1, 2)))
+        reasons.add(fall_reason(simulation.state_of_one((0.0, 0.0, 0.0)), FallRule()))
+    assert reasons - {None}

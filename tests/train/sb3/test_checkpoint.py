@@ -1,0 +1,159 @@
+"""Checkpoints: whole or not there, and all of the learner in them."""
+
+import dataclasses
+import json
+import random
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3.common.logger import configure
+
+from evaluate.terminal.command_line import UsageError
+from train.config import PpoConfig, TrainConfig
+from train.run import make_env
+from train.sb3 import checkpoint
+from train.sb3.callbacks import Memory, recall
+from train.sb3.ppo import build
+
+CONFIG = dataclasses.replace(
+    TrainConfig(),
+    base="stand",
+    mixture=(("flat", 1.0),),
+    threads=1,
+    ppo=PpoConfig(
+        envs=4, rollout_steps=4, minibatch=8, epochs=2, actor=(8,), critic=(8,), learning_rate_schedule="constant"
+    ),
+)
+
+
+def learner(steps=0, seed=0):
+    config = dataclasses.replace(CONFIG, seed=seed)
+    model = build(config, make_env(config))
+    model.set_logger(configure(None, []))
+    if steps:
+        model.learn(steps)
+    return model
+
+
+def draws():
+    return random.random(), np.random.random(), float(torch.rand(()))  # noqa: NPY002
+
+
+def update_on_the_same_data(model):
+    """One update of PPO on a rollout that depends on nothing but the learner."""
+    buffer = model.rollout_buffer
+    buffer.reset()
+    generator = np.random.default_rng(5)
+    for array in (buffer.observations, buffer.actions, buffer.advantages, buffer.returns, buffer.log_probs):
+        array[...] = generator.normal(size=array.shape)
+    buffer.full = True
+    model.train()
+    return {name: value.clone() for name, value in model.policy.state_dict().items()}
+
+
+def fill(folder, steps):
+    state = checkpoint.Checkpoint({"policy.x": torch.ones(3)}, {"steps": steps, "remembered": {}})
+    checkpoint.save(folder, state)
+
+
+def test_a_restored_learner_learns_on_bit_for_bit(tmp_path):
+    model = learner(steps=32)
+    checkpoint.save(tmp_path, checkpoint.capture(model, {"best_score": 0.5}))
+    drawn, expected = draws(), None
+    checkpoint.restore(model, checkpoint.load(tmp_path))
+    expected = update_on_the_same_data(model)
+
+    other = learner(seed=9)
+    found = checkpoint.load(tmp_path)
+    checkpoint.restore(other, found)
+    assert found.progress["remembered"] == {"best_score": 0.5}
+    assert (other.num_timesteps, other._n_updates) == (32, 4)
+    assert draws() == drawn
+    checkpoint.restore(other, found)
+    actual = update_on_the_same_data(other)
+    for name, value in expected.items():
+        assert torch.equal(actual[name], value), name
+
+
+def test_the_last_two_checkpoints_are_kept(tmp_path):
+    for steps in (10, 200, 3000):
+        fill(tmp_path, steps)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "000000000200.json",
+        "000000000200.safetensors",
+        "000000003000.json",
+        "000000003000.safetensors",
+    ]
+    assert checkpoint.load(tmp_path).progress["steps"] == 3000
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "gone", "no json", "other schema", "no memory", "no steps"])
+def test_a_damaged_checkpoint_is_passed_over_and_said_so(tmp_path, damage):
+    fill(tmp_path, 10)
+    fill(tmp_path, 20)
+    weights, record = tmp_path / "000000000020.safetensors", tmp_path / "000000000020.json"
+    content = weights.read_bytes()
+    if damage == "cut":
+        weights.write_bytes(content[:-4])
+    elif damage == "flipped":
+        weights.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    elif damage == "gone":
+        weights.unlink()
+    elif damage == "no json":
+        record.write_text(record.read_text()[:-5])
+    else:
+        missing = {"other schema": {"schema": 99}, "no memory": {"remembered": None}, "no steps": {"steps": "20"}}
+        record.write_text(json.dumps(json.loads(record.read_text()) | missing[damage]))
+    found = checkpoint.load(tmp_path)
+    assert found.progress["steps"] == 10
+    assert "000000000020" in found.damaged[0]
+
+
+def test_weights_without_their_record_are_no_checkpoint(tmp_path):
+    """What a run leaves that is killed between the two files."""
+    fill(tmp_path, 10)
+    fill(tmp_path, 20)
+    (tmp_path / "000000000020.json").unlink()
+    assert checkpoint.load(tmp_path).progress["steps"] == 10
+
+
+def test_no_checkpoint_and_no_whole_one_are_one_line_with_a_way_out(tmp_path):
+    with pytest.raises(UsageError, match="without --resume") as caught:
+        checkpoint.load(tmp_path)
+    assert "\n" not in str(caught.value)
+    fill(tmp_path, 10)
+    (tmp_path / "000000000010.json").write_text("{oops")
+    with pytest.raises(UsageError, match=r"no whole checkpoint .*another --out") as caught:
+        checkpoint.load(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_memory_survives_a_checkpoint_and_another_is_refused():
+    memory = Memory(resumed=1, seconds=2.5, best_score=0.25, validated=64, validations=[{"steps": 64}])
+    assert recall(json.loads(json.dumps(vars(memory)))) == memory
+    for remembered in ({"best_skore": 1}, {"seconds": "long"}, {"validations": 3}):
+        with pytest.raises(UsageError, match="does not fit this run"):
+            recall(remembered)
+
+
+def test_a_checkpoint_of_another_network_is_refused(tmp_path):
+    checkpoint.save(tmp_path, checkpoint.capture(learner(), {}))
+    config = dataclasses.replace(CONFIG, ppo=dataclasses.replace(CONFIG.ppo, actor=(9,)))
+    with pytest.raises(UsageError, match="does not fit") as caught:
+        checkpoint.restore(build(config, make_env(config)), checkpoint.load(tmp_path))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    checkpoint.write_atomically(path, b"old")
+
+    def fail(*_):
+        raise OSError("no space left")
+
+    monkeypatch.setattr("os.fsync", fail)
+    with pytest.raises(OSError, match="no space"):
+        checkpoint.write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]

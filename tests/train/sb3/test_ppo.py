@@ -1,0 +1,139 @@
+"""The learner starts as the base and leaves as the network that a bundle holds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+import policies
+from policies.bundle import load, save
+from policies.residual import ResidualPolicy
+from quad_env.scenarios.named import SCENARIOS
+from quad_env.seeding import PURPOSES, episode_seeds
+from train.config import PpoConfig, TrainConfig
+from train.run import make_env
+from train.sb3.callbacks import LowerNoise
+from train.sb3.ppo import AdaptiveRate, LinearRate, actor_network, build
+from train.scenarios import practice
+
+SMALL = PpoConfig(envs=4, rollout_steps=2, minibatch=8, actor=(8, 6), critic=(8,))
+
+
+def learner(**changes):
+    config = dataclasses.replace(TrainConfig(), threads=1, ppo=dataclasses.replace(SMALL, **changes))
+    return config, build(config, make_env(config))
+
+
+def shaken(model):
+    """Weights away from their start, so that every layer counts."""
+    generator = torch.Generator().manual_seed(3)
+    with torch.no_grad():
+        for parameter in model.policy.parameters():
+            parameter += 0.3 * torch.randn(parameter.shape, generator=generator)
+    return model
+
+
+def test_the_first_policy_corrects_nothing_anywhere():
+    _, model = learner()
+    inputs = np.random.default_rng(0).normal(size=(50, model.observation_space.shape[0])).astype(np.float32)
+    assert not model.predict(inputs, deterministic=True)[0].any()
+    assert not actor_network(model, "elu")(inputs).any()
+    np.testing.assert_allclose(model.policy.log_std.detach().numpy(), SMALL.log_std_init)
+
+
+def test_noise_falls_along_its_schedule_and_nothing_else_moves_it():
+    config, model = learner(log_std_init=-1.0, log_std_final=-3.0)
+    samples = config.ppo.envs * config.ppo.rollout_steps
+    seen = []
+    for rollouts in (1, 2, 4):  # the last begins at 0, 1/4 and 3/4 of the run
+        model.learn(rollouts * samples, LowerNoise(dataclasses.replace(config, steps=4 * samples)))
+        seen.append(model.policy.log_std.detach().numpy().copy())
+    np.testing.assert_allclose(seen, np.tile([[-1.0], [-1.5], [-2.5]], 12), rtol=1e-6)
+
+
+@pytest.mark.parametrize("activation", ["elu", "tanh"])
+def test_the_numpy_network_is_the_torch_actor(activation):
+    _, model = learner(activation=activation)
+    shaken(model)
+    inputs = np.random.default_rng(0).normal(size=(200, model.observation_space.shape[0])).astype(np.float32)
+    with torch.no_grad():
+        expected = model.policy.get_distribution(torch.from_numpy(inputs)).distribution.mean.numpy()
+    assert np.abs(expected).max() > 0.5
+    np.testing.assert_allclose(actor_network(model, activation)(inputs), expected, atol=1e-5)
+
+
+def test_the_exported_network_does_not_follow_the_learner():
+    _, model = learner()
+    network = actor_network(model, "elu")
+    before = [weight.copy() for weight in network.weights]
+    shaken(model)
+    for weight, old in zip(network.weights, before, strict=True):
+        np.testing.assert_array_equal(weight, old)
+
+
+def test_a_bundle_of_a_run_acts_as_the_learner_does(tmp_path):
+    config, model = learner()
+    shaken(model)
+    env = model.get_env()
+    network = actor_network(model, config.ppo.activation)
+    save(tmp_path, ResidualPolicy(policies.make("trot"), network, env.authority), {}, "unknown")
+    policy = load(tmp_path)
+    observation = np.concatenate([batch.reset(seed=0)[0] for batch in env.batches])
+    policy.reset(len(observation))
+    env.base.reset(len(observation))
+    base_action, inputs = env._look(env.base, observation)
+    with torch.no_grad():
+        mean = model.policy.get_distribution(torch.from_numpy(inputs)).distribution.mean.numpy()
+    expected = base_action + env.authority * mean.clip(-1, 1)
+    action = policy.act(observation)
+    inside = (action > policies.base.LOWER) & (action < policies.base.UPPER)
+    np.testing.assert_allclose(action[inside], expected[inside], atol=1e-5)
+    assert inside.mean() > 0.8
+
+
+def test_the_linear_rate_ends_at_zero():
+    rate = LinearRate(2e-3)
+    assert [rate(1.0), rate(0.5), rate(0.0)] == [2e-3, 1e-3, 0.0]
+
+
+def test_the_adaptive_rate_steers_towards_its_target():
+    rate = AdaptiveRate(1e-3, target_kl=0.02)
+    rate.update(0.02)
+    assert rate(0.3) == 1e-3
+    rate.update(0.05)
+    assert rate(0.3) == pytest.approx(1e-3 / 1.5)
+    rate.update(0.005)
+    assert rate(0.3) == pytest.approx(1e-3)
+    for _ in range(100):
+        rate.update(9.0)
+    assert rate(0.3) == rate.lowest
+
+
+def test_no_robot_trains_on_an_episode_that_it_is_judged_on():
+    config = dataclasses.replace(TrainConfig(), ppo=SMALL)
+    trained = {
+        seed for run in range(3) for env in [make_env(config, resumed=run)] for seed in env._robot_seeds.tolist()
+    }
+    assert len(trained) == 3 * SMALL.envs
+    for purpose in PURPOSES:
+        if purpose != "training":
+            assert not trained & set(episode_seeds(purpose, config.seed, 1000).tolist())
+
+
+def test_training_and_validation_walk_on_other_ground_than_the_evaluation():
+    grids = [practice("rough", purpose).terrain.heights() for purpose in ("training", "validation", "search")]
+    grids.append(SCENARIOS["rough"].terrain.heights())
+    for i, a in enumerate(grids):
+        for b in grids[i + 1 :]:
+            assert np.abs(a - b).mean() > 0.01
+    assert practice("flat", "training") == practice("flat", "validation")
+
+
+def test_robots_train_on_harder_ground_and_pushes_than_they_are_judged_on():
+    env = make_env(dataclasses.replace(TrainConfig(), hardness=2.0, pushes=3, ppo=dataclasses.replace(SMALL, envs=8)))
+    flat, push, rough = (batch.scenario for batch in env.batches)
+    assert flat == SCENARIOS["flat"]
+    assert (push.pushes.impulse, push.pushes.count) == (70.0, 3)
+    assert rough.terrain.peak_to_valley == pytest.approx(0.24)
+    assert practice("push", "validation") == SCENARIOS["push"]

@@ -1,0 +1,205 @@
+"""What happens between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
+
+SB3 calls `_on_rollout_start` once the update of the last rollout is done, which makes it the one place where learner,
+robots and random generators can be written down together.
+"""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+
+import policies
+from evaluate.records.provenance import REPOSITORY, git_revision
+from evaluate.terminal.command_line import UsageError
+from policies import ResidualPolicy
+from policies.bundle import save as save_bundle
+from train.config import TrainConfig, to_dict
+from train.display import Display
+from train.interrupt import Interrupt
+from train.run_folder import BEST, CHECKPOINTS, LAST
+from train.sb3 import checkpoint
+from train.sb3.ppo import AdaptiveRate, actor_network, lower_noise
+from train.sb3.vec_env import TrainingEnv
+from train.validation import score, validate
+
+CHECKPOINT_PERIOD = 30.0
+"""Between two checkpoints, s."""
+
+
+@dataclass
+class Memory:
+    """What the callbacks carry from one session of a run to the next, as JSON types."""
+
+    resumed: int = 0
+    """How often the run was carried on."""
+    seconds: float = 0.0
+    """Training time of earlier sessions, validation included, s."""
+    best_score: float | None = None
+    validated: int = 0
+    """Steps at the last validation."""
+    rate: float | None = None
+    """Learning rate of the adaptive schedule."""
+    validations: list[dict[str, Any]] = field(default_factory=list)
+    """{"steps", "score", "scenarios"} of each validation."""
+
+
+def recall(remembered: Mapping[str, Any]) -> Memory:
+    """The memory that a checkpoint holds. Raises UsageError on what is none."""
+    try:
+        memory = Memory(**remembered)
+        return Memory(
+            resumed=int(memory.resumed),
+            seconds=float(memory.seconds),
+            best_score=None if memory.best_score is None else float(memory.best_score),
+            validated=int(memory.validated),
+            rate=None if memory.rate is None else float(memory.rate),
+            validations=list(memory.validations),
+        )
+    except (TypeError, ValueError, OverflowError) as error:
+        raise UsageError(f"the checkpoint does not fit this run: {error}") from None
+
+
+class Progress(BaseCallback):
+    """Shows and logs the figures of each rollout."""
+
+    def __init__(self, env: TrainingEnv, display: Display) -> None:
+        super().__init__()
+        self._env = env
+        self._display = display
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_end(self) -> None:
+        figures = self._env.take_statistics().means()
+        for name, value in figures.items():
+            self.logger.record(name if "/" in name else f"rollout/{name}", value)
+        self._display.update(self.num_timesteps, figures)
+
+
+class AdaptRate(BaseCallback):
+    """Moves the adaptive learning rate after each update."""
+
+    def __init__(self, rate: AdaptiveRate, memory: Memory) -> None:
+        super().__init__()
+        self._rate = rate
+        self._memory = memory
+        if memory.rate is not None:
+            rate.rate = memory.rate
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        # What the last update logged; absent before the first.
+        kl = self.logger.name_to_value.get("train/approx_kl")
+        if kl is not None:
+            self._rate.update(float(kl))
+        self._memory.rate = self._rate.rate
+
+
+class LowerNoise(BaseCallback):
+    """Lowers the exploration noise on its schedule."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        super().__init__()
+        self._config = config
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        lower_noise(cast(PPO, self.model), self._config.ppo, self.num_timesteps / self._config.steps)
+
+
+def schedules(config: TrainConfig, model: PPO, memory: Memory) -> list[BaseCallback]:
+    """What changes the learner's settings under way; a run without them is another run."""
+    if isinstance(model.learning_rate, AdaptiveRate):
+        return [LowerNoise(config), AdaptRate(model.learning_rate, memory)]
+    return [LowerNoise(config)]
+
+
+def current_policy(config: TrainConfig, model: PPO, env: TrainingEnv) -> ResidualPolicy:
+    """The actor as it would be shipped: on a fresh base, without exploration noise."""
+    network = actor_network(model, config.ppo.activation)
+    return ResidualPolicy(policies.make(config.base), network, env.authority, config.policy)
+
+
+class Keeper(BaseCallback):
+    """Validates, keeps the best and the last bundle, writes checkpoints, and ends the run when asked to."""
+
+    def __init__(
+        self, config: TrainConfig, env: TrainingEnv, display: Display, memory: Memory, interrupt: Interrupt
+    ) -> None:
+        super().__init__()
+        self._config = config
+        self._env = env
+        self._display = display
+        self._memory = memory
+        self._interrupt = interrupt
+        self._written = time.monotonic()
+        self._earlier_seconds = memory.seconds
+        self._began = time.monotonic()
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        interval = self._config.validation.interval
+        due = interval > 0 and self.num_timesteps - self._memory.validated >= interval
+        # A new best bundle is not left without the checkpoint that knows its score.
+        improved = due and self._validate()
+        if improved or self._interrupt.asked or time.monotonic() - self._written > CHECKPOINT_PERIOD:
+            self._keep()
+        if self._interrupt.asked:
+            raise KeyboardInterrupt
+
+    def _on_training_end(self) -> None:
+        if self._memory.validated < self.num_timesteps:
+            self._validate()
+        self._keep()
+
+    def _policy(self) -> ResidualPolicy:
+        return current_policy(self._config, cast(PPO, self.model), self._env)
+
+    def _validate(self) -> bool:
+        """Judge the policy; whether it is the best so far, and is kept as that."""
+        policy, memory = self._policy(), self._memory
+        results = validate(policy, self._config.validation, self._config.threads)
+        total = score(results)
+        memory.validated = self.num_timesteps
+        memory.validations.append({"steps": self.num_timesteps, "score": total, "scenarios": results})
+        self.logger.record("validation/score", total)
+        for scenario, means in results.items():
+            for name, value in means.items():
+                self.logger.record(f"validation/{scenario}/{name}", value)
+        better = memory.best_score is None or total < memory.best_score
+        if better:
+            memory.best_score = total
+            self._save(policy, BEST)
+        self._display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
+        return better
+
+    def _keep(self) -> None:
+        self._memory.seconds = self._earlier_seconds + time.monotonic() - self._began
+        # The checkpoint first: a folder without one is taken to hold nothing that could be carried on.
+        state = checkpoint.capture(cast(PPO, self.model), vars(self._memory))
+        checkpoint.save(self._config.folder / CHECKPOINTS, state)
+        self._save(self._policy(), LAST)
+        self._written = time.monotonic()
+
+    def _save(self, policy: ResidualPolicy, name: str) -> None:
+        save_bundle(self._config.folder / name, policy, to_dict(self._config), git_revision(REPOSITORY) or "unknown")
+
+
+def _line(steps: int, results: dict[str, dict[str, float]]) -> str:
+    """One line that says how a validation went."""
+    cells = (
+        f"{name} {means['velocity_error']:.3f} m/s {means['yaw_rate_error']:.3f} rad/s {means['fall_rate']:.1%} falls"
+        for name, means in results.items()
+    )
+    return f"{steps:>10,} validation: " + " | ".join(cells)

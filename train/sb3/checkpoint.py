@@ -1,0 +1,131 @@
+"""Checkpoints of a run at a rollout boundary: safetensors for arrays, JSON for the rest, no pickle anywhere.
+
+Learner, schedules and random generators are restored exactly; the robots are not, a run that is carried on begins new
+episodes. A checkpoint is two files, STEPS.safetensors and then STEPS.json with the hash of the first: it exists once
+the second does, so that a run killed at any moment leaves the one before whole. The last two are kept.
+"""
+
+import hashlib
+import json
+import random
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+from stable_baselines3 import PPO
+
+from evaluate.terminal.command_line import UsageError
+from policies.files import write_atomically
+
+SCHEMA = 1
+KEPT = 2
+_POLICY = "policy."
+_OPTIMISER = "optimiser."
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A run's state between two rollouts."""
+
+    tensors: dict[str, torch.Tensor]
+    """Weights, optimiser moments and random states, each under its prefix."""
+    progress: dict[str, Any]
+    """JSON types: counters, random states, and under "remembered" what the callbacks carry over."""
+    damaged: tuple[str, ...] = ()
+    """Newer checkpoints that could not be read, one line each."""
+
+
+def capture(model: PPO, remembered: dict[str, Any]) -> Checkpoint:
+    """The run's state now; call it between an update and the next rollout."""
+    tensors = {_POLICY + name: value for name, value in model.policy.state_dict().items()}
+    for index, moments in model.policy.optimizer.state_dict()["state"].items():
+        tensors |= {f"{_OPTIMISER}{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
+    tensors["random.torch"] = torch.get_rng_state()
+    numpy_state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - SB3 shuffles with the global generator
+    tensors["random.numpy"] = torch.from_numpy(numpy_state["key"].astype(np.int64))
+    progress = {
+        "steps": model.num_timesteps,
+        "updates": model._n_updates,
+        "python_random": random.getstate(),
+        "numpy_random_position": int(numpy_state["pos"]),
+        "remembered": remembered,
+    }
+    return Checkpoint({name: value.detach().clone().contiguous() for name, value in tensors.items()}, progress)
+
+
+def restore(model: PPO, checkpoint: Checkpoint) -> None:
+    """Put the learner and all random generators back to `checkpoint`."""
+    tensors, progress = checkpoint.tensors, checkpoint.progress
+    try:
+        model.policy.load_state_dict(_under(tensors, _POLICY))
+        _restore_optimiser(model.policy.optimizer, _under(tensors, _OPTIMISER))
+        model.num_timesteps = int(progress["steps"])
+        model._n_updates = int(progress["updates"])
+        version, words, gauss = progress["python_random"]
+        random.setstate((version, tuple(words), gauss))
+        key = tensors["random.numpy"].numpy().astype(np.uint32)
+        np.random.set_state(("MT19937", key, int(progress["numpy_random_position"]), 0, 0.0))  # noqa: NPY002
+        torch.set_rng_state(tensors["random.torch"])
+    except (KeyError, RuntimeError, TypeError, ValueError) as error:
+        raise UsageError(f"the checkpoint does not fit this run: {str(error).splitlines()[0]}") from None
+
+
+def _under(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
+def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torch.Tensor]) -> None:
+    state: dict[int, dict[str, torch.Tensor]] = {}
+    for name, value in moments.items():
+        index, moment = name.split(".")
+        state.setdefault(int(index), {})[moment] = value
+    optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
+
+
+def save(folder: Path, checkpoint: Checkpoint) -> None:
+    """Add a checkpoint to `folder` and forget all but the last two."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stem = f"{checkpoint.progress['steps']:012d}"
+    tensors = save_tensors(checkpoint.tensors)
+    write_atomically(folder / f"{stem}.safetensors", tensors)
+    record = {"schema": SCHEMA, "sha256": hashlib.sha256(tensors).hexdigest(), **checkpoint.progress}
+    write_atomically(folder / f"{stem}.json", json.dumps(record).encode())
+    for record_path in sorted(folder.glob("*.json"))[:-KEPT]:
+        record_path.unlink()
+        record_path.with_suffix(".safetensors").unlink(missing_ok=True)
+
+
+def load(folder: Path) -> Checkpoint:
+    """The newest whole checkpoint of `folder`. Raises UsageError where there is none."""
+    problems: list[str] = []
+    for record_path in sorted(folder.glob("*.json"), reverse=True):
+        try:
+            return replace(_read(record_path), damaged=tuple(problems))
+        except UsageError as error:
+            problems.append(str(error))
+    if not problems:
+        raise UsageError(f"no checkpoint in {folder} to carry on from: begin the run anew, without --resume")
+    raise UsageError(f"no whole checkpoint in {folder} ({problems[0]}); begin anew with another --out")
+
+
+def _read(record_path: Path) -> Checkpoint:
+    try:
+        record = json.loads(record_path.read_bytes())
+        content = record_path.with_suffix(".safetensors").read_bytes()
+    except (OSError, ValueError, RecursionError) as error:
+        raise UsageError(f"{record_path.name} cannot be read: {error}") from None
+    if not isinstance(record, dict) or record.pop("schema", None) != SCHEMA:
+        raise UsageError(f"{record_path.name} is no checkpoint of schema {SCHEMA}")
+    if record.pop("sha256", None) != hashlib.sha256(content).hexdigest():
+        raise UsageError(f"{record_path.stem}.safetensors is damaged")
+    if type(record.get("steps")) is not int or not isinstance(record.get("remembered"), dict):
+        raise UsageError(f"{record_path.name} does not say how far the run had come")
+    try:
+        return Checkpoint(load_tensors(content), record)
+    except SafetensorError as error:
+        raise UsageError(f"{record_path.stem}.safetensors is damaged: {error}") from None

@@ -1,0 +1,113 @@
+"""The learner: Stable-Baselines3's PPO, started so that the first policy is the base, and its actor as our network."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+from torch import nn
+
+from policies.network import Network
+from train.config import PpoConfig, TrainConfig
+from train.sb3.vec_env import TrainingEnv
+
+ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "elu": nn.ELU}
+
+
+@dataclasses.dataclass
+class AdaptiveRate:
+    """Learning rate that keeps the KL divergence of an update near a target, as in rsl_rl; an SB3 schedule."""
+
+    rate: float
+    target_kl: float
+    lowest: float = 1e-5
+    highest: float = 1e-2
+
+    def __call__(self, progress_remaining: float) -> float:
+        """The rate now, whatever the progress."""
+        return self.rate
+
+    def update(self, kl: float) -> None:
+        """Lower the rate after a step of more than twice the target, raise it after one of less than half."""
+        if kl > 2.0 * self.target_kl:
+            self.rate = max(self.rate / 1.5, self.lowest)
+        elif kl < 0.5 * self.target_kl:
+            self.rate = min(self.rate * 1.5, self.highest)
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearRate:
+    """Learning rate that falls to zero at the last step; an SB3 schedule."""
+
+    rate: float
+
+    def __call__(self, progress_remaining: float) -> float:
+        """The rate where this share of the run, 1 … 0, remains."""
+        return self.rate * progress_remaining
+
+
+def learning_rate(config: PpoConfig) -> AdaptiveRate | LinearRate | float:
+    """The schedule that the settings name."""
+    if config.learning_rate_schedule == "adaptive":
+        return AdaptiveRate(config.learning_rate, config.target_kl)
+    if config.learning_rate_schedule == "linear":
+        return LinearRate(config.learning_rate)
+    return config.learning_rate
+
+
+def build(config: TrainConfig, env: TrainingEnv) -> PPO:
+    """A fresh learner whose mean correction is zero everywhere."""
+    # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
+    torch.set_num_threads(1)
+    ppo = config.ppo
+    model = PPO(
+        "MlpPolicy",
+        env,
+        learning_rate=learning_rate(ppo),
+        n_steps=ppo.rollout_steps,
+        batch_size=ppo.minibatch,
+        n_epochs=ppo.epochs,
+        gamma=ppo.gamma,
+        gae_lambda=ppo.gae_lambda,
+        clip_range=ppo.clip_range,
+        ent_coef=ppo.entropy,
+        vf_coef=ppo.value_weight,
+        max_grad_norm=ppo.max_gradient,
+        policy_kwargs={
+            "net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)},
+            "activation_fn": ACTIVATIONS[ppo.activation],
+            "log_std_init": ppo.log_std_init,
+            "ortho_init": True,
+        },
+        seed=config.seed,
+        device="cpu",
+    )
+    for parameter in model.policy.action_net.parameters():
+        nn.init.zeros_(parameter)
+    model.policy.log_std.requires_grad_(ppo.log_std_final is None)
+    return model
+
+
+def lower_noise(model: PPO, config: PpoConfig, progress: float) -> None:
+    """Set the exploration noise to what its schedule, if there is one, gives at this share of the run, 0 … 1."""
+    if config.log_std_final is not None:
+        fall = (config.log_std_final - config.log_std_init) * min(progress, 1.0)
+        model.policy.log_std.data.fill_(config.log_std_init + fall)
+
+
+def actor_network(model: PPO, activation: str) -> Network:
+    """The mean of the policy as the NumPy network that a bundle holds."""
+    layers = [layer for layer in _actor_layers(model) if isinstance(layer, nn.Linear)]
+    weights = tuple(_array(layer.weight.T) for layer in layers)
+    return Network(weights, tuple(_array(layer.bias) for layer in layers), activation)
+
+
+def _actor_layers(model: PPO) -> list[Any]:
+    return [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
+
+
+def _array(tensor: torch.Tensor) -> NDArray[np.float32]:
+    # A copy: the learner goes on changing its own.
+    return np.ascontiguousarray(tensor.detach().cpu().numpy().astype(np.float32, copy=True))

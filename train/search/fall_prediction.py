@@ -1,0 +1,80 @@
+"""Fit of the fall predictor: `python -m train search fall-prediction` writes policies/safety/prediction.json.
+
+The threshold is what undisturbed walking stays below, by a margin. All episodes are of the "search" family of seeds.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import policies
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse
+from policies.base import CONTROL_PERIOD, Policy
+from policies.files import write_atomically
+from policies.safety.fall_prediction import THRESHOLD_FILE, next_recent, next_reference, surprise
+from quad_env.seeding import episode_seeds
+
+MARGIN = 0.2
+"""Between the threshold and the largest surprise that undisturbed walking gave, m/s."""
+STEPS = 1000
+AT_ONCE = 512
+"""Episodes simulated side by side."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Fit the fall predictor."""
+
+    policies: tuple[str, ...] = ("trot",)
+    """Names of the policies that must not cause alarms."""
+    hours: float = 1.0
+    """Undisturbed walking of each policy."""
+    seed: int = 0
+    """Of the episodes."""
+    out: Path = THRESHOLD_FILE
+    """JSON to write."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Fit and write; the exit code."""
+    try:
+        options = parse(Options, arguments, program="python -m train search fall-prediction", description=__doc__ or "")
+        if not options.hours > 0 or options.seed < 0 or not options.policies:
+            raise UsageError("--hours must be positive, --seed not negative, and --policies name at least one")
+        seeds = episode_seeds("search", options.seed * 100 + 50, max(1, round(options.hours * 360)))
+        largest = max(undisturbed(policies.resolve(name), seeds) for name in options.policies)
+        values = {"surprise": round(largest + MARGIN, 4)}
+        write_atomically(options.out, (json.dumps(values, indent=2) + "\n").encode())
+    except (UsageError, ValueError, OSError) as error:
+        return fail(str(error))
+    print(f"largest in {len(seeds) * STEPS * CONTROL_PERIOD / 3600:.2f} h: {largest:.3f} m/s; {options.out}")
+    return 0
+
+
+def undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
+    """The largest surprise in undisturbed walking on flat ground, m/s."""
+    return max(_undisturbed(policy, chunk) for chunk in np.array_split(seeds, -(-len(seeds) // AT_ONCE)))
+
+
+def _undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
+    from quad_env.envs.vector_env import SimpleQuadVectorEnv
+
+    env = SimpleQuadVectorEnv(len(seeds), "flat", nthread=1, autoreset_mode="DISABLED", max_episode_steps=STEPS)
+    observation, _ = env.reset(seed=seeds.tolist())
+    policy.reset(len(seeds), seed=0)
+    reference, recent, largest = np.zeros((len(seeds), 2)), np.zeros((len(seeds), 2)), 0.0
+    for _ in range(STEPS):
+        observation, *_ = env.step(policy.act(observation))
+        reference = next_reference(reference, observation)
+        largest = max(largest, float(surprise(observation, reference, recent).max()))
+        recent = next_recent(recent, observation)
+    env.close()
+    return largest
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

@@ -1,0 +1,153 @@
+"""Search of a gait's numbers: `python -m train search gait --gait bound` writes its part of policies/gaits/gaits.json.
+
+CMA-ES over the gait's ranges, from the numbers in force. A generation's candidates walk the same episodes side by side,
+and every generation gets new ones, all from the "search" family of seeds, which neither training nor evaluation draws.
+"""
+
+import json
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from policies.base import PolicyError
+from policies.files import write_atomically
+from policies.gaits.parameters import OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
+from quad_env.seeding import episode_seeds
+from train.search.evolution import Ranges, evolve
+from train.search.gait_cost import FEWEST, SETTLING, commands, cost, mapped, response, shared_walk
+
+_COMMON = {
+    "frequency": (2.0, 3.6),
+    "frequency_rise": (0.0, 1.5),
+    "duty": (0.5, 0.65),
+    "duty_fall": (0.0, 0.1),
+    "body_height": (0.24, 0.44),
+    "step_height": (0.04, 0.14),
+    "stance_width": (0.4, 0.6),
+    "stance_shift": (-0.15, 0.05),
+    "servo_lead": (0.0, 0.04),
+    "stance_load": (0.0, 1.5),
+}
+RANGES: dict[str, Ranges] = {
+    "trot": _COMMON,
+    "walk": _COMMON
+    | {
+        "frequency": (1.0, 2.2),
+        "duty": (0.76, 0.82),
+        "duty_fall": (0.0, 0.005),
+        "stance_width": (0.4, 0.7),
+        "sway": (0.0, 0.08),
+    },
+    "pace": _COMMON | {"sway": (0.0, 0.05), "frequency": (2.2, 3.6), "stance_width": (0.3, 0.6), "bounce": (0.0, 1.2)},
+    "bound": _COMMON | {"frequency": (2.0, 3.2), "duty": (0.42, 0.52), "bounce": (0.0, 1.5)},
+    "pronk": _COMMON | {"frequency": (1.8, 3.2), "duty": (0.45, 0.65), "bounce": (0.3, 1.4)},
+}
+"""Bounds of each gait's search by field name."""
+MAP_ROUNDS = 3
+"""How often the command map is fitted again with the one before in force."""
+MAP_EPISODES = 64
+LIMITS: dict[str, tuple[float, float]] = {
+    "generations": (0, 10_000),
+    "spread": (0.001, 0.5),
+    "candidates": (4, 1000),
+    "episodes": (FEWEST, 10_000),
+    "steps": (SETTLING + 100, 100_000),
+    "seed": (0, 2**31),
+    "threads": (1, 256),
+}
+"""Smallest and largest value of each number of the options."""
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Search a gait's numbers."""
+
+    gait: str
+    """Gait to search: bound, pace, pronk, trot or walk."""
+    generations: int = 20
+    """Rounds of the search; 0 fits the command map alone."""
+    spread: float = 0.15
+    """Standard deviation of the first candidates, in widths of the ranges."""
+    candidates: int = 10
+    """Parameter sets tried in a round."""
+    episodes: int = 10
+    """Episodes a candidate."""
+    steps: int = 400
+    """Length of an episode, control steps of 10 ms."""
+    seed: int = 0
+    """Seed of the search."""
+    threads: int = 1
+    """Threads of the simulation."""
+    out: Path = PARAMETERS_FILE
+    """File of all gaits' parameters, JSON, in which this gait's are replaced."""
+
+
+def search(options: SearchOptions, start: GaitParameters) -> GaitParameters:
+    """The mean of the search distribution after the last generation."""
+    rng = np.random.default_rng((0, options.seed))
+
+    def costs(candidates: list[GaitParameters], seeds: NDArray[np.int64]) -> list[float]:
+        command = commands(options.gait, options.episodes, rng)
+        walks = shared_walk(options.gait, candidates, command, seeds, options.steps, options.threads)
+        return [cost(walk, command) for walk in walks]
+
+    ranges = RANGES[options.gait]
+    *_, found = evolve(options, start, ranges, costs, spread=options.spread, description=options.gait)
+    return found
+
+
+def fitted(options: SearchOptions, found: GaitParameters) -> GaitParameters:
+    """The parameters with a command map fitted on fresh episodes, to four digits."""
+    rng = np.random.default_rng((1, options.seed))
+    for number in range(MAP_ROUNDS):
+        command = commands(options.gait, MAP_EPISODES, rng)
+        seeds = episode_seeds("search", options.seed + 1_000_000 + number, MAP_EPISODES)
+        (walk,) = shared_walk(options.gait, [found], command, seeds, 2 * options.steps, options.threads)
+        upright = ~walk.fell
+        if upright.sum() < FEWEST:
+            raise UsageError(f"the {options.gait} falls: {int(walk.fell.sum())} of {MAP_EPISODES}; search on")
+        found = mapped(found, response(command[upright], walk.heading_velocity.mean(axis=0)[upright]))
+    return GaitParameters(**{name: round(float(value), 4) for name, value in asdict(found).items()})
+
+
+def check(options: SearchOptions) -> None:
+    """Raise UsageError, one line, on options that no search can be made with."""
+    if options.gait not in OFFSETS:
+        raise UsageError(f"--gait must be one of {', '.join(OFFSETS)}, got {options.gait}")
+    for name, (low, high) in LIMITS.items():
+        if not low <= getattr(options, name) <= high:
+            raise UsageError(f"--{name} must be from {low:g} to {high:g}, got {getattr(options, name)}")
+    if options.out.is_dir() or not options.out.parent.is_dir():
+        raise UsageError(f"--out must be a file in a folder that is there, got {options.out}")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Search and write; the exit code: 0, 2 on bad input or an outcome that cannot be written, 130 after Ctrl-C."""
+    survive_narrow_encodings()
+    try:
+        options = parse(SearchOptions, arguments, program="python -m train search gait", description="Search a gait.")
+        check(options)
+        start = searched_parameters()[options.gait]
+        found = fitted(options, search(options, start) if options.generations else start)
+        searched_parameters.cache_clear()  # another gait's search may have ended in the meantime
+        gaits = searched_parameters() | {options.gait: found}
+        text = json.dumps({name: asdict(gaits[name]) for name in sorted(OFFSETS)}, indent=2) + "\n"
+        write_atomically(options.out, text.encode())
+        print(json.dumps(asdict(found), indent=2))
+    except (UsageError, PolicyError) as error:
+        return fail(str(error))
+    except OSError as error:
+        return fail(f"cannot write the parameters ({error.strerror})")
+    except KeyboardInterrupt:
+        print("stopped before the search was done", file=sys.stderr)
+        return launcher.INTERRUPTED
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

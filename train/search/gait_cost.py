@@ -1,0 +1,113 @@
+"""What a gait's numbers are worth in their search: does the robot step as the gait says, and go where it is sent."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.studies.strides import Strides, walked
+from policies.base import Floats
+from policies.gaits.parameters import NO_LIMITS, GaitParameters
+from policies.gaits.policy import Gaits
+
+TOP_SPEED = {"walk": 0.4}
+"""Fastest forward command of the search, m/s, by gait; OTHER_TOP_SPEED for those not named."""
+OTHER_TOP_SPEED = 0.8
+SETTLING = 150
+"""Control steps that are not judged."""
+DUTY_SCALE, OFFSET_SCALE = 0.05, 0.05
+"""What counts as one unit of the worst foot's error of duty factor and of phase, cycles."""
+TILT_SCALE = 0.24
+"""What counts as one unit of the largest tilt, rad."""
+TARGET_RATE_SCALE = 15.0
+"""What counts as one unit of the fastest target, rad/s."""
+OVERSPEED_SCALE = 0.03
+"""What counts as one unit of the share of joint readings above the rated speed."""
+VELOCITY_SCALES = np.array([0.05, 0.05, 0.1])
+"""What counts as one unit of the mean velocity beside the robot's own linear response, m/s, m/s, rad/s."""
+LARGEST_UNITS = 6.0
+"""Most that one error of an episode is billed."""
+FALL_COST = 40.0
+WEAKEST_RESPONSE = 0.7
+"""Achieved per commanded velocity below which a candidate is billed; standing still must not pay."""
+WEAKNESS_WEIGHT = 10.0
+FEWEST = 8
+"""Episodes without a fall that a response can be fitted to."""
+
+
+def commands(gait: str, count: int, rng: np.random.Generator) -> Floats:
+    """Commands of `count` episodes, (count, 3): half straight ahead, half all over the gait's range."""
+    top = TOP_SPEED.get(gait, OTHER_TOP_SPEED)
+    straight = count // 2
+    drawn: Floats = rng.uniform([-0.3 * top, -0.3, -0.6], [top, 0.3, 0.6], (count, 3))
+    drawn[:straight] = 0.0
+    drawn[:straight, 0] = top * np.linspace(0.3, 1.0, straight)
+    return drawn
+
+
+def response(command: Floats, velocity: Floats) -> Floats:
+    """Least-squares map (4, 3) from commands (n, 3) and 1 to mean velocities (n, 3)."""
+    inputs = np.column_stack((command, np.ones(len(command))))
+    solution: Floats = np.linalg.lstsq(inputs, velocity, rcond=None)[0].astype(np.float64)
+    return solution
+
+
+def shared_walk(
+    gait: str, candidates: list[GaitParameters], command: Floats, seeds: NDArray[np.int64], steps: int, threads: int
+) -> list[Strides]:
+    """The settled part of the same episodes, commands (n, 3) and seeds (n,), walked by each candidate side by side.
+
+    They follow every command, whatever their limits: a response to slower commands than asked for would be another's.
+    """
+    members, unlimited = len(candidates), [replace(candidate, **NO_LIMITS) for candidate in candidates]
+    member = np.repeat(np.arange(members), len(seeds))
+
+    def begin(step: int, policy: Gaits) -> None:
+        if step == 0:
+            for number, candidate in enumerate(unlimited):
+                policy.request(gait, member == number, parameters=candidate)
+
+    found = walked(
+        Gaits(gait, parameters=dict.fromkeys(("stand", gait), unlimited[0])),
+        np.tile(command, (members, 1)),
+        np.tile(seeds, members),
+        steps=steps,
+        nthread=threads,
+        before=begin,
+    ).since(SETTLING)
+    return [found.of(member == number) for number in range(members)]
+
+
+def cost(strides: Strides, command: Floats) -> float:
+    """Mean over the episodes of the scaled errors, plus what the response to the commands (n, 3) lacks."""
+    units = (
+        np.minimum(np.abs(strides.duty_errors()).max(axis=1) / DUTY_SCALE, LARGEST_UNITS)
+        + np.minimum(np.nan_to_num(np.abs(strides.offset_errors()).max(axis=1), nan=1.0) / OFFSET_SCALE, LARGEST_UNITS)
+        + np.minimum(strides.tilt.max(axis=0) / TILT_SCALE, LARGEST_UNITS)
+        + strides.target_rate / TARGET_RATE_SCALE
+        + strides.overspeed.mean(axis=0) / OVERSPEED_SCALE
+    )
+    total = float(np.where(strides.fell, FALL_COST, units).mean())
+    upright = ~strides.fell
+    if upright.sum() < FEWEST:
+        return total + FALL_COST
+    velocity = strides.heading_velocity.mean(axis=0)
+    found = response(command[upright], velocity[upright])
+    beside = np.abs(velocity[upright] - command[upright] @ found[:3] - found[3]).mean(axis=0)
+    weak = np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0.0, None).sum()
+    return total + float((beside / VELOCITY_SCALES).sum() + WEAKNESS_WEIGHT * weak)
+
+
+def mapped(parameters: GaitParameters, found: Floats) -> GaitParameters:
+    """The same gait with the command map that undoes the response `found`, (4, 3), to the map in force.
+
+    With u asked of the gait and v achieved: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
+    """
+    return replace(
+        parameters,
+        forward_gain=parameters.forward_gain / found[0, 0],
+        forward_bias=parameters.forward_bias - parameters.forward_gain * found[3, 0] / found[0, 0],
+        lateral_gain=parameters.lateral_gain / found[1, 1],
+        yaw_gain=parameters.yaw_gain / found[2, 2],
+        yaw_per_lateral=(parameters.yaw_per_lateral - parameters.yaw_gain * found[1, 2] / found[2, 2]) / found[1, 1],
+    )

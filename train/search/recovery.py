@@ -1,0 +1,150 @@
+"""Search of the poses and times of getting up: `python -m train search recovery` writes recovery.json of the behaviour.
+
+CMA-ES from the present parameters. A generation's candidates start in the same random poses side by side in one batch,
+and every generation gets new ones, all of the "search" family of seeds.
+"""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.studies.recovery import TIME_ALLOWED, recover_with
+from evaluate.terminal import launcher
+from evaluate.terminal.command_line import UsageError, fail, parse
+from policies.base import Floats
+from policies.behaviour import Behaviour
+from policies.behaviour.recovery import PARAMETERS_FILE, RecoveryParameters, searched_parameters
+from policies.behaviour.transitions import State
+from policies.files import write_atomically
+from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
+from quad_env.seeding import episode_seeds
+from train.search.trot_cost import Panel
+
+LATE_COST = 2.0
+"""What a robot that does not stand in time costs, in seconds of standing up late."""
+TIMES = (0.05, 1.5)
+"""Bounds of every blend and time, s; searched as their logarithms."""
+THRESHOLDS = {
+    "righted": (0.2, 0.8),
+    "lost": (-0.2, 0.4),
+    "caught": (1.0, 10.0),
+    "kick_minimum": (0.05, 0.5),
+    "upright": (0.2, 0.9),
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Search the recovery's parameters."""
+
+    generations: int = 30
+    """Rounds of the search."""
+    candidates: int = 24
+    """Parameter sets tried in a round."""
+    starts: int = 12
+    """Random starts of each candidate in a round."""
+    step: float = 0.07
+    """First step size, rad and likewise in the other units."""
+    seed: int = 0
+    """Of the search."""
+    out: Path = PARAMETERS_FILE
+    """JSON to write."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Search and write; the exit code."""
+    try:
+        options = parse(Options, arguments, program="python -m train search recovery", description=__doc__ or "")
+        if min(options.generations, options.starts) < 1 or options.candidates < 4 or not options.step > 0.0:
+            raise UsageError("--generations and --starts must be at least 1, --candidates 4, --step positive")
+        if options.seed < 0:
+            raise UsageError("--seed must not be negative")
+        found = search(options)
+        write_atomically(options.out, (json.dumps(asdict(found), indent=2) + "\n").encode())
+    except (UsageError, ValueError, OSError) as error:
+        return fail(str(error))
+    print(options.out)
+    return 0
+
+
+def search(options: Options) -> RecoveryParameters:
+    """The mean of the last generation."""
+    import cma
+
+    low, high = bounds()
+    start = np.clip(encoded(searched_parameters()), low, high)
+    settings = {
+        "bounds": [low, high],
+        "popsize": options.candidates,
+        "seed": options.seed + 1,
+        "verbose": -9,
+        "CMA_diagonal": True,
+    }
+    strategy = cma.CMAEvolutionStrategy(start, options.step, settings)
+    for generation in range(options.generations):
+        candidates = strategy.ask()
+        seeds = episode_seeds("search", 10_000 * (options.seed + 1) + generation, options.starts)
+        costs = judge([decoded(candidate) for candidate in candidates], seeds)
+        strategy.tell(candidates, costs.tolist())
+        print(f"generation {generation + 1}: cost {np.median(costs):.3f}, best {costs.min():.3f}", flush=True)
+    return decoded(np.clip(strategy.result.xfavorite, low, high))
+
+
+def judge(candidates: list[RecoveryParameters], seeds: NDArray[np.int64]) -> Floats:
+    """Mean cost of each candidate, (candidates,): s until it stands, and more if that is late."""
+    members = [Behaviour(start=State.RECOVER, follow=False, recovery=each) for each in candidates]
+    outcome = recover_with(Panel(list(members)), np.tile(seeds, len(candidates)))
+    time = np.minimum(outcome.standing_since, TIME_ALLOWED + 1.0)
+    costs: Floats = (time + LATE_COST * (time > TIME_ALLOWED)).reshape(len(candidates), -1).mean(axis=1)
+    return costs
+
+
+def _is_time(name: str) -> bool:
+    return name.endswith(("_blend", "_time"))
+
+
+def encoded(parameters: RecoveryParameters) -> Floats:
+    """The parameters as one vector: times as logarithms, the turning speed by tens."""
+    parts = []
+    for name, value in asdict(parameters).items():
+        values = np.atleast_1d(np.array(value, dtype=np.float64))
+        parts.append(np.log(values) if _is_time(name) else values / 10.0 if name == "caught" else values)
+    return np.concatenate(parts)
+
+
+def decoded(vector: Floats) -> RecoveryParameters:
+    """The parameters of a vector of `encoded`."""
+    values: dict[str, object] = {}
+    place = 0
+    for name, like in asdict(searched_parameters()).items():
+        width = len(like) if isinstance(like, tuple) else 1
+        part = vector[place : place + width]
+        part = np.exp(part) if _is_time(name) else part * 10.0 if name == "caught" else part
+        rounded = tuple(round(float(value), 4) for value in part)
+        values[name] = rounded if width > 1 else rounded[0]
+        place += width
+    return RecoveryParameters(**values)  # type: ignore[arg-type]
+
+
+def bounds() -> tuple[list[float], list[float]]:
+    """Smallest and largest value of every entry of `encoded`."""
+    low, high = [], []
+    for name, like in asdict(searched_parameters()).items():
+        if isinstance(like, tuple):
+            low += [*JOINT_LOWER[:3], *JOINT_LOWER[:3]]
+            high += [*JOINT_UPPER[:3], *JOINT_UPPER[:3]]
+        elif _is_time(name):
+            low.append(float(np.log(TIMES[0])))
+            high.append(float(np.log(TIMES[1])))
+        else:
+            scale = 10.0 if name == "caught" else 1.0
+            low.append(THRESHOLDS[name][0] / scale)
+            high.append(THRESHOLDS[name][1] / scale)
+    return low, high
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

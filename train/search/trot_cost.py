@@ -1,0 +1,125 @@
+"""What a trot is worth in the search of its parameters, and the command map that undoes its response."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.measures.metrics import Measures, measure
+from evaluate.rollouts.rollout import run
+from policies.base import Actions, Policy
+from policies.trot.open_loop import Trot, TrotParameters
+from train.scenarios import practice
+
+Floats = NDArray[np.float64]
+
+SCENARIO_WEIGHTS = {"flat": 0.5, "push": 0.25, "rough": 0.25}
+ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_error": 0.35, "overspeed": 0.02}
+"""What counts as one unit of each error, m/s, m/s, rad/s, and of the share of joint readings above the rated speed.
+
+Without the last the search leaves the robot behind that the motors could move: it stamps at 5 Hz in a deep crouch."""
+WEAKEST_RESPONSE = 0.7
+"""Achieved per commanded velocity below which a candidate is billed; standing still must not pay."""
+WEAKNESS_WEIGHT = 10.0
+WEAKEST_MAPPED = 0.1
+"""Achieved per commanded velocity below which a response is not undone: the map would ask for leaps."""
+MINIMUM_INTERVALS = 8
+"""Command intervals needed to fit a response."""
+
+
+class Panel(Policy):
+    """Several policies side by side, each on its own equal share of the rows."""
+
+    name = "panel"
+
+    def __init__(self, members: list[Policy]) -> None:
+        super().__init__()
+        self._members = members
+
+    def _allocate(self, num_envs: int) -> None:
+        for member in self._members:
+            member.reset(num_envs // len(self._members))
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        shares = np.split(observation, len(self._members))
+        return np.concatenate([member.act(share) for member, share in zip(self._members, shares, strict=True)])
+
+
+def cost(measures: Measures, members: int) -> Floats:
+    """Mean over a member's episodes of the scaled errors, (members,); falls are billed within the errors."""
+    total = np.zeros(len(measures.velocity_error))
+    for name, scale in ERROR_SCALES.items():
+        # A robot that fell within the first second has no overspeed: it is billed for all joints all the time.
+        total += np.nan_to_num(getattr(measures, name), nan=1.0) / scale
+    mean: Floats = total.reshape(members, -1).mean(axis=1)
+    return mean
+
+
+def response(measures: Measures) -> Floats:
+    """Least-squares map from commanded (and 1) to achieved velocity, (4, 3), over the intervals walked to their end."""
+    command, achieved = measures.commands.reshape(-1, 3), measures.mean_velocities.reshape(-1, 3)
+    upright = np.isfinite(achieved).all(axis=1)
+    if upright.sum() < MINIMUM_INTERVALS:
+        return np.zeros((4, 3))
+    inputs = np.column_stack((command[upright], np.ones(upright.sum())))
+    solution: Floats = np.linalg.lstsq(inputs, achieved[upright], rcond=None)[0]
+    return solution
+
+
+def judge(candidates: list[TrotParameters], seeds: NDArray[np.int64], steps: int, threads: int) -> Floats:
+    """Weighted cost of each candidate on all scenarios, (candidates,).
+
+    A candidate is judged against its own linear response on flat ground, as if its command map were fitted already,
+    and billed for a response that is too weak to be mapped.
+    """
+    members = len(candidates)
+    runs = {
+        name: run(
+            Panel([Trot(candidate) for candidate in candidates]),
+            practice(name, "search"),
+            np.tile(seeds, members),
+            nthread=threads,
+            steps=steps,
+        )
+        for name in SCENARIO_WEIGHTS
+    }
+    flat = measure(runs["flat"])
+    rows = np.split(np.arange(len(seeds) * members), members)
+    maps = [response(replace(flat, commands=flat.commands[r], mean_velocities=flat.mean_velocities[r])) for r in rows]
+    weak = np.array([np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0, None).sum() for found in maps])
+    total = WEAKNESS_WEIGHT * weak
+    for name, weight in SCENARIO_WEIGHTS.items():
+        target = np.concatenate([runs[name].command[:, r] @ m[:3] + m[3] for r, m in zip(rows, maps, strict=True)], 1)
+        total += weight * cost(measure(replace(runs[name], command=target)), members)
+    return total
+
+
+def mapped(parameters: TrotParameters, seeds: NDArray[np.int64], threads: int) -> TrotParameters:
+    """The same gait with the command map that undoes its response on flat ground.
+
+    With u asked of the gait and v achieved: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
+    """
+    return undone(
+        parameters, response(measure(run(Trot(parameters), practice("flat", "search"), seeds, nthread=threads)))
+    )
+
+
+def undone(parameters: TrotParameters, found: Floats) -> TrotParameters:
+    """The parameters whose command map undoes the response `found`, (4, 3); unchanged where it is too weak for that."""
+    try:
+        if np.diag(found[:3]).min() < WEAKEST_MAPPED:
+            raise ValueError("the response is too weak")
+        return replace(
+            parameters,
+            forward_gain=parameters.forward_gain / found[0, 0],
+            forward_bias=parameters.forward_bias - parameters.forward_gain * found[3, 0] / found[0, 0],
+            lateral_gain=parameters.lateral_gain / found[1, 1],
+            yaw_gain=parameters.yaw_gain / found[2, 2],
+            yaw_per_lateral=(parameters.yaw_per_lateral - parameters.yaw_gain * found[1, 2] / found[2, 2])
+            / found[1, 1],
+        )
+    except ValueError as error:
+        # Not worth the loss of a long search.
+        print(f"the command map stays as it is: {error}", file=sys.stderr)
+        return parameters
