@@ -2,8 +2,8 @@
 
 CMA-ES over `policies.trot.feedback_parameters.SEARCH_RANGES` from the defaults of `FeedbackParameters`; the account of
 the search goes beside its outcome. A generation's candidates walk the same episodes side by side, and every
-generation gets new ones, all from the "search" family of seeds. Ctrl-C keeps what has been found so far, and another search can go on
-from it.
+generation gets new ones, all from the "search" family of seeds. Ctrl-C keeps what has been found so far, and another
+search can go on from it.
 """
 
 import json
