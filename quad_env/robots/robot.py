@@ -1,25 +1,120 @@
-"""Constants of the SimpleQuad robot: names, order, geometry and limits, each tested against the compiled model.
+"""A robot with four legs of three joints each, as a value; what its model can tell is read from its compiled MJCF.
 
 Frames: base frame x forward, y left, z up, origin at the trunk's centre. Joint angles are zero with the legs hanging
 straight down; hips turn about +x (abduction), thighs and calves about +y. Lengths in m, angles in rad, masses in kg.
 """
 
+from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-LEG_NAMES = ("fl", "fr", "hl", "hr")
-LINK_NAMES = ("hip", "thigh", "calf")
-JOINT_NAMES = tuple(f"{leg}_{link}_joint" for leg in LEG_NAMES for link in LINK_NAMES)
-NUM_JOINTS = len(JOINT_NAMES)
+if TYPE_CHECKING:
+    from quad_env.robots.compiled import Figures
+
+Floats = NDArray[np.float64]
 
 
-def _constant(values: object) -> NDArray[np.float64]:
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot; legs are in the order of `leg_names`, joints in that of `joint_names`, three a leg."""
+
+    name: str
+    mjcf: Path
+    urdf: Path
+    leg_names: tuple[str, ...]
+    """Front before hind, left before right."""
+    joint_names: tuple[str, ...]
+    """Hip, thigh and calf of each leg, as in the MJCF."""
+    home_pose: Floats
+    """Standing pose, shape (12,), rad."""
+    hip_positions: Floats
+    """Hip joints in the base frame, shape (4, 3), m."""
+    hip_offset: float
+    """From the hip joint outboard to the thigh joint, m."""
+    thigh_length: float
+    """From the thigh joint to the calf joint, m."""
+    calf_length: float
+    """From the calf joint to the centre of the foot, m."""
+    foot_radius: float
+    """Radius of the sphere that is the foot, m."""
+    trunk_size: Floats
+    """Full lengths of the trunk's box along x, y, z, shape (3,), m."""
+    servo_stiffness: float
+    """Gain of the joint servos on the angle, N·m/rad."""
+    servo_damping: float
+    """Gain of the joint servos on the speed, N·m·s/rad."""
+    rated_torque: float
+    """Largest joint torque, N·m."""
+    rated_speed: float
+    """Rated joint speed, rad/s; reported, not enforced, with the ideal actuator."""
+    knee_direction: float = -1.0
+    """Sign of the calf's angle when the knee is bent."""
+
+    def __post_init__(self) -> None:
+        for name in ("home_pose", "hip_positions", "trunk_size"):
+            object.__setattr__(self, name, _constant(getattr(self, name)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Robot) and all(
+            np.array_equal(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.mjcf))
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @cached_property
+    def side(self) -> Floats:
+        """+1 for left legs, -1 for right legs, shape (4,)."""
+        return _constant(np.sign(self.hip_positions[:, 1]))
+
+    @cached_property
+    def home_height(self) -> float:
+        """Trunk's centre above flat ground in the home pose with the feet just touching, m."""
+        _, thigh, calf = self.home_pose[:3]
+        return float(self.thigh_length * np.cos(thigh) + self.calf_length * np.cos(thigh + calf) + self.foot_radius)
+
+    @property
+    def joint_lower(self) -> Floats:
+        """Lower joint limits of the model, shape (12,), rad."""
+        return self._compiled.joint_lower
+
+    @property
+    def joint_upper(self) -> Floats:
+        """Upper joint limits of the model, shape (12,), rad."""
+        return self._compiled.joint_upper
+
+    @property
+    def mass(self) -> float:
+        """Mass of the model, kg."""
+        return self._compiled.mass
+
+    @cached_property
+    def _compiled(self) -> "Figures":
+        from quad_env.robots.compiled import figures  # MuJoCo takes long to import, and most figures need none
+
+        return figures(self.mjcf, self.joint_names)
+
+
+def _constant(values: ArrayLike) -> Floats:
     array = np.array(values, dtype=np.float64)
     array.flags.writeable = False
     return array
 
+
+# Constants of SimpleQuad, until every module takes a Robot instead.
+LEG_NAMES = ("fl", "fr", "hl", "hr")
+LINK_NAMES = ("hip", "thigh", "calf")
+JOINT_NAMES = tuple(f"{leg}_{link}_joint" for leg in LEG_NAMES for link in LINK_NAMES)
+NUM_JOINTS = len(JOINT_NAMES)
 
 HOME_POSE = _constant((0.0, 0.5, -1.0) * 4)
 """Standing pose, shape (12,), rad."""
