@@ -1,4 +1,4 @@
-"""Limits: the breaking points of a run's policies on its axes, and their ratios to the baseline's."""
+"""Breaking points of a run's policies on its axes, and their ratios to the baseline's."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from quad_env.scenarios.axes import AXES
 
 
 @dataclass(frozen=True)
-class Limit:
+class AxisBreakingPoint:
     """Breaking point of one policy on one axis. The fields are the keys of results.json."""
 
     axis: str
@@ -33,7 +33,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class LimitRatio:
+class BreakingPointRatio:
     """Breaking point of policy a over policy b's, where both have one; paired by episode. Keys of results.json."""
 
     axis: str
@@ -44,29 +44,29 @@ class LimitRatio:
     """95 %; an infinite end could be anything beyond."""
 
 
-def limits(cells: Sequence[Cell]) -> tuple[list[Limit], list[LimitRatio]]:
+def breaking_points(cells: Sequence[Cell]) -> tuple[list[AxisBreakingPoint], list[BreakingPointRatio]]:
     """Of every policy on every axis with three or more severities, and of every two policies; baselines are b."""
-    found: list[Limit] = []
-    ratios: list[LimitRatio] = []
+    found: list[AxisBreakingPoint] = []
+    ratios: list[BreakingPointRatio] = []
     for axis in dict.fromkeys(cell.scenario.axis for cell in cells if cell.scenario.axis):
-        runs = _runs([cell for cell in cells if cell.scenario.axis == axis])
-        points = {run[0].policy: _point(run) for run in runs}
-        found += [_limit(run, points[run[0].policy]) for run in runs]
-        for a, b in pairs([run[0] for run in runs]):
+        series = _series([cell for cell in cells if cell.scenario.axis == axis])
+        points = {levels[0].policy: _breaking_point(levels) for levels in series}
+        found += [_on_axis(levels, points[levels[0].policy]) for levels in series]
+        for a, b in pairs([levels[0] for levels in series]):
             ratio, interval = breaking_ratio(points[a.policy], points[b.policy])
             if np.isfinite(ratio):
-                ratios.append(LimitRatio(axis, a.policy, b.policy, ratio, interval))
+                ratios.append(BreakingPointRatio(axis, a.policy, b.policy, ratio, interval))
     return found, ratios
 
 
-def _runs(cells: Sequence[Cell]) -> list[list[Cell]]:
+def _series(cells: Sequence[Cell]) -> list[list[Cell]]:
     """Cells of each policy on one axis, a cell a severity, the mildest first, where there are severities enough."""
     policies = dict.fromkeys(cell.policy for cell in cells)
-    runs = [_graded(cell for cell in cells if cell.policy == policy) for policy in policies]
-    return [run for run in runs if len(run) >= LEAST_LEVELS]
+    series = [_levels(cell for cell in cells if cell.policy == policy) for policy in policies]
+    return [levels for levels in series if len(levels) >= LEAST_LEVELS]
 
 
-def _graded(cells: Iterable[Cell]) -> list[Cell]:
+def _levels(cells: Iterable[Cell]) -> list[Cell]:
     """One cell of each severity, the mildest first; an axis that is not of `AXES` hardens as it is run."""
     first: dict[float, Cell] = {}
     for cell in cells:
@@ -77,18 +77,19 @@ def _graded(cells: Iterable[Cell]) -> list[Cell]:
     return [first[severity] for severity in sorted(severities, reverse=levels[0] > levels[-1])]
 
 
-def _point(run: Sequence[Cell]) -> BreakingPoint:
-    if any(not np.array_equal(cell.seeds, run[0].seeds) for cell in run):
-        raise ValueError(f"{run[0].policy} ran different episodes on the levels of {run[0].scenario.axis}: not paired")
-    severities = np.array([cell.scenario.severity for cell in run])
-    return breaking_point(severities, np.array([cell.measures.fell for cell in run]))
+def _breaking_point(levels: Sequence[Cell]) -> BreakingPoint:
+    first = levels[0]
+    if any(not np.array_equal(cell.seeds, first.seeds) for cell in levels):
+        raise ValueError(f"{first.policy} ran different episodes on the levels of {first.scenario.axis}: not paired")
+    severities = np.array([cell.scenario.severity for cell in levels])
+    return breaking_point(severities, np.array([cell.measures.fell for cell in levels]))
 
 
-def _limit(run: Sequence[Cell], point: BreakingPoint) -> Limit:
-    mildest, hardest = run[0].scenario, run[-1].scenario
-    return Limit(
+def _on_axis(levels: Sequence[Cell], point: BreakingPoint) -> AxisBreakingPoint:
+    mildest, hardest = levels[0].scenario, levels[-1].scenario
+    return AxisBreakingPoint(
         axis=mildest.axis,
-        policy=run[0].policy,
+        policy=levels[0].policy,
         unit=mildest.severity_unit,
         severity50=point.severity50,
         ci=point.ci,

@@ -4,15 +4,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from evaluate.analysis.breaking_point_text import times, words
+from evaluate.analysis.breaking_point_text import breaking_point_text, ratio_text
 from evaluate.analysis.comparison import FALL_RATE, Comparison
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import Ladder, ladders, place
+from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
 from evaluate.terminal.format import listed, number, share
 
 BETTER, WORSE, UNSHOWN = "better", "worse", "unshown"
 BREAKING_POINT = "breaking_point"
-WORDS = {
+PHRASES = {
     FALL_RATE: {BETTER: "fewer falls", WORSE: "more falls", UNSHOWN: "no difference in falls shown"},
     BREAKING_POINT: {
         BETTER: "breaks later",
@@ -50,7 +50,7 @@ def headline(results: Results) -> list[list[str]]:
     return paragraphs or [_absolute(results, results.baseline)]
 
 
-def verdict(results: Results) -> list[tuple[str, list[Finding]]]:
+def findings_by_policy(results: Results) -> list[tuple[str, list[Finding]]]:
     """(policy, what is to be said of it against the baseline), the smallest velocity error first."""
     return [(policy, findings(results, policy)) for policy in _others(results)]
 
@@ -60,18 +60,18 @@ def findings(results: Results, policy: str) -> list[Finding]:
     comparisons = [c for c in results.against_baseline if c.a == policy]
     found = [
         finding
-        for metric in WORDS
-        for ladder in ladders(results)
-        for finding in _on(results, ladder, [c for c in comparisons if c.metric == metric])
+        for metric in PHRASES
+        for axis in severity_axes(results)
+        for finding in _on(results, axis, [c for c in comparisons if c.metric == metric])
     ]
     return [*found, *_breaking(results, policy)]
 
 
 def summary(found: Sequence[Finding], metric: str) -> str:
     """`fewer falls on push and rough; more falls on slope; no difference in falls shown on flat`."""
-    places = {kind: [f.axis for f in found if (f.metric, f.kind) == (metric, kind)] for kind in WORDS[metric]}
+    places = {kind: [f.axis for f in found if (f.metric, f.kind) == (metric, kind)] for kind in PHRASES[metric]}
     count = len({finding.axis for finding in found if finding.metric == metric})
-    return "; ".join(f"{WORDS[metric][kind]} on {_named(axes, count)}" for kind, axes in places.items() if axes)
+    return "; ".join(f"{PHRASES[metric][kind]} on {_named(axes, count)}" for kind, axes in places.items() if axes)
 
 
 def _named(axes: Sequence[str], count: int) -> str:
@@ -102,10 +102,10 @@ def _lead(results: Results, policy: str) -> Iterator[str]:
 def _absolute(results: Results, policy: str) -> list[str]:
     """What a policy did, without comparing it."""
     found = []
-    for ladder in ladders(results):
+    for axis in severity_axes(results):
         shares = [
             f"{share(summary.fall_rate, summary.fall_rate_ci)} on {place(level)}"
-            for level in dict.fromkeys((ladder.levels[0], ladder.levels[-1]))
+            for level in dict.fromkeys((axis.levels[0], axis.levels[-1]))
             if (summary := results.summaries.get((level.name, policy)))
         ]
         found.append(f"{policy} falls in {listed(shares)}.")
@@ -114,25 +114,25 @@ def _absolute(results: Results, policy: str) -> list[str]:
 
 def _breaking(results: Results, policy: str) -> Iterator[Finding]:
     """What is known of the ratios of its breaking points to the baseline's; nothing where either has none."""
-    limits = {(limit.axis, limit.policy): limit for limit in results.breaking_points}
+    breaking_points = {(point.axis, point.policy): point for point in results.breaking_points}
     for ratio in results.breaking_point_ratios:
         if (ratio.a, ratio.b) != (policy, results.baseline):
             continue
-        mine, other = limits[ratio.axis, ratio.a], limits[ratio.axis, ratio.b]
+        mine, other = breaking_points[ratio.axis, ratio.a], breaking_points[ratio.axis, ratio.b]
         rising = mine.hardest == mine.highest
         larger, smaller = ratio.ci[0] > 1.0, ratio.ci[1] < 1.0
         kind = UNSHOWN if not (larger or smaller) else BETTER if larger == rising else WORSE
         text = (
-            f"{ratio.a} breaks on {ratio.axis} at {words(mine)}, {ratio.b} at {words(other)}: "
-            f"{times(ratio.ratio, ratio.ci)}"
+            f"{ratio.a} breaks on {ratio.axis} at {breaking_point_text(mine)}, "
+            f"{ratio.b} at {breaking_point_text(other)}: {ratio_text(ratio.ratio, ratio.ci)}"
         )
         yield Finding(BREAKING_POINT, kind, ratio.axis, text, abs(math.log(ratio.ratio)))
 
 
-def _on(results: Results, ladder: Ladder, comparisons: Sequence[Comparison]) -> Iterator[Finding]:
+def _on(results: Results, axis: SeverityAxis, comparisons: Sequence[Comparison]) -> Iterator[Finding]:
     """What the comparisons of one metric show on one axis; better on some levels and worse on others gives two."""
     by_scenario = {c.scenario: c for c in comparisons}
-    levels = [by_scenario[level.name] for level in ladder.levels if level.name in by_scenario]
+    levels = [by_scenario[level.name] for level in axis.levels if level.name in by_scenario]
     if not levels:
         return
     metric = levels[0].metric
@@ -143,17 +143,17 @@ def _on(results: Results, ladder: Ladder, comparisons: Sequence[Comparison]) -> 
     for kind, claimed in claims.items():
         if claimed:
             largest = max(claimed, key=lambda c: abs(c.difference))
-            among = f"; {WORDS[metric][kind]} at {len(claimed)} of {len(levels)} levels" if len(levels) > 1 else ""
-            text = f"{_figures(results, ladder, largest)}{among}"
-            yield Finding(metric, kind, ladder.name, text, abs(largest.difference))
+            among = f"; {PHRASES[metric][kind]} at {len(claimed)} of {len(levels)} levels" if len(levels) > 1 else ""
+            text = f"{_figures(results, axis, largest)}{among}"
+            yield Finding(metric, kind, axis.name, text, abs(largest.difference))
     if not any(claims.values()):
-        yield Finding(metric, UNSHOWN, ladder.name, "", 0.0)
+        yield Finding(metric, UNSHOWN, axis.name, "", 0.0)
 
 
-def _figures(results: Results, ladder: Ladder, c: Comparison) -> str:
+def _figures(results: Results, axis: SeverityAxis, c: Comparison) -> str:
     """`residual falls in 3 % [1, 6] of episodes on push at 50 N·s, where trot falls in 41 % [36, 47]`."""
     a, b = (results.summaries[c.scenario, policy] for policy in (c.a, c.b))
-    level = next(level for level in ladder.levels if level.name == c.scenario)
+    level = next(level for level in axis.levels if level.name == c.scenario)
     if c.metric == FALL_RATE:
         mine, other = share(a.fall_rate, a.fall_rate_ci), share(b.fall_rate, b.fall_rate_ci)
         return f"{c.a} falls in {mine} of episodes on {place(level)}, where {c.b} falls in {other}"

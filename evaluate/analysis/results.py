@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from evaluate.analysis.breaking_points import Limit, LimitRatio, limits
+from evaluate.analysis.breaking_points import AxisBreakingPoint, BreakingPointRatio, breaking_points
 from evaluate.analysis.comparison import Comparison, baseline, compare
 from evaluate.analysis.sensitivity import Sensitivity, sensitivities
 from evaluate.analysis.summary import Summary, summarise
@@ -33,8 +33,8 @@ class Results:
     summaries: dict[tuple[str, str], Summary]
     """By (scenario, policy), in the order of the run."""
     comparisons: tuple[Comparison, ...]
-    breaking_points: tuple[Limit, ...]
-    breaking_point_ratios: tuple[LimitRatio, ...]
+    breaking_points: tuple[AxisBreakingPoint, ...]
+    breaking_point_ratios: tuple[BreakingPointRatio, ...]
     sensitivities: tuple[Sensitivity, ...]
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -71,7 +71,7 @@ def analyse(
 ) -> Results:
     """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
     made_with = dict(provenance or {"versions": versions()})
-    breaking_points, ratios = limits(cells)
+    points, ratios = breaking_points(cells)
     return Results(
         seed=seed,
         episodes=episodes,
@@ -79,7 +79,7 @@ def analyse(
         cells=tuple(cells),
         summaries={(cell.scenario.name, cell.policy): summarise(cell) for cell in cells},
         comparisons=tuple(compare(cells)),
-        breaking_points=tuple(breaking_points),
+        breaking_points=tuple(points),
         breaking_point_ratios=tuple(ratios),
         sensitivities=tuple(sensitivities(cells)),
         versions=made_with.pop("versions"),
@@ -102,7 +102,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "policies": policies,
         "training_seeds": spreads_as_json(results.cells),
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
-        "breaking_points": [asdict(limit) for limit in results.breaking_points],
+        "breaking_points": [asdict(point) for point in results.breaking_points],
         "breaking_point_ratios": [asdict(ratio) for ratio in results.breaking_point_ratios],
         "sensitivities": [asdict(each) for each in results.sensitivities],
     }

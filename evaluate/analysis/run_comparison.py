@@ -32,7 +32,7 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Contrast:
+class MetricDifference:
     """One metric of b minus that of a; below zero b is better. The fields are keys of the JSON file."""
 
     metric: str
@@ -45,24 +45,24 @@ class Contrast:
     test: str
 
 
-def contrasts(a: Sample, b: Sample, *, paired: bool) -> Iterator[Contrast]:
+def compare_samples(a: Sample, b: Sample, *, paired: bool) -> Iterator[MetricDifference]:
     """Falls, and every error that both have."""
     shares = float(a.fell.mean()), float(b.fell.mean())
     interval = _paired_shares(a.fell, b.fell) if paired else newcombe_interval(a.fell, b.fell)
     test, p_value = ("exact McNemar", mcnemar) if paired else ("Barnard", fall_rates_test)
-    yield Contrast(FALL_RATE, *shares, shares[1] - shares[0], interval, p_value(a.fell, b.fell), test)
+    yield MetricDifference(FALL_RATE, *shares, shares[1] - shares[0], interval, p_value(a.fell, b.fell), test)
     for metric in ERRORS:
         if metric in a.errors and metric in b.errors:
             yield _of_means(metric, a.errors[metric], b.errors[metric], paired=paired)
 
 
-def _of_means(metric: str, a: Floats, b: Floats, *, paired: bool) -> Contrast:
+def _of_means(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDifference:
     means = float(a.mean()), float(b.mean())
     if paired:
         interval, p_value, test = bootstrap_interval(b - a), sign_flip_test(b - a), "paired sign-flip permutation"
-        return Contrast(metric, *means, float((b - a).mean()), interval, p_value, test)
+        return MetricDifference(metric, *means, float((b - a).mean()), interval, p_value, test)
     p_value = relabelling_test(b, a)
-    return Contrast(metric, *means, means[1] - means[0], two_sample_interval(a, b), p_value, "permutation")
+    return MetricDifference(metric, *means, means[1] - means[0], two_sample_interval(a, b), p_value, "permutation")
 
 
 def _paired_shares(a: Bools, b: Bools) -> Interval:

@@ -18,10 +18,10 @@ from evaluate.terminal.format import NO_BREAK, signed
 from quad_env.scenarios.axes import AXES, Axis
 from quad_env.scenarios.named import SCENARIOS, Scenario
 
-CALM = "flat"
+UNDISTURBED = "flat"
 """The undisturbed scenario."""
-UNFELT = "the same to the bit"
-FALLEN = "falls without it"
+UNCHANGED = "the same to the bit"
+FALLS_WITHOUT = "falls without it"
 LEAD = (
     "What the hardest level of each axis in this run adds to the falls, in percentage points of the episodes, and to "
     "the velocity error of the same episodes undisturbed. In brackets: not significantly worse, p-values corrected by "
@@ -79,10 +79,10 @@ def sensitivities(cells: Sequence[Cell]) -> list[Sensitivity]:
 
 
 def _of_policy(cells: Sequence[Cell]) -> list[Sensitivity]:
-    calm = next((cell for cell in cells if cell.scenario == SCENARIOS[CALM]), None)
-    if calm is None:
+    undisturbed = next((cell for cell in cells if cell.scenario == SCENARIOS[UNDISTURBED]), None)
+    if undisturbed is None:
         return []
-    found = [_sensitivity(cell, calm) for cell in _hardest(cells)]
+    found = [_sensitivity(cell, undisturbed) for cell in _hardest(cells)]
     corrected = iter(holm([p for each in found for p in (each.falls_p_value, each.velocity_error_p_value)]))
     return [replace(each, falls_p_value=next(corrected), velocity_error_p_value=next(corrected)) for each in found]
 
@@ -91,7 +91,7 @@ def _hardest(cells: Sequence[Cell]) -> Iterator[Cell]:
     """The cell of the hardest severity of each axis but the undisturbed one; no scenario of a user's counts, whose
     commands and starts may be others."""
     for axis in AXES.values():
-        of_axis = [cell for cell in cells if axis.name != CALM and _is_of(axis, cell.scenario)]
+        of_axis = [cell for cell in cells if axis.name != UNDISTURBED and _is_of(axis, cell.scenario)]
         if of_axis:
             yield (min if axis.falling else max)(of_axis, key=lambda cell: cell.scenario.severity)
 
@@ -100,23 +100,25 @@ def _is_of(axis: Axis, scenario: Scenario) -> bool:
     return scenario.axis == axis.name and scenario == axis.scenario(scenario.severity, scenario.name)
 
 
-def _sensitivity(cell: Cell, calm: Cell) -> Sensitivity:
-    if not np.array_equal(cell.seeds, calm.seeds):
-        raise ValueError(f"{cell.scenario.name} and {calm.scenario.name} ran different episodes: nothing to pair")
-    fell, fell_calm = cell.measures.fell, calm.measures.fell
-    more, less = int((fell & ~fell_calm).sum()), int((fell_calm & ~fell).sum())
-    differences = cell.measures.velocity_error - calm.measures.velocity_error
+def _sensitivity(cell: Cell, undisturbed: Cell) -> Sensitivity:
+    if not np.array_equal(cell.seeds, undisturbed.seeds):
+        raise ValueError(
+            f"{cell.scenario.name} and {undisturbed.scenario.name} ran different episodes: nothing to pair"
+        )
+    fell, fell_undisturbed = cell.measures.fell, undisturbed.measures.fell
+    more, less = int((fell & ~fell_undisturbed).sum()), int((fell_undisturbed & ~fell).sum())
+    differences = cell.measures.velocity_error - undisturbed.measures.velocity_error
     return Sensitivity(
         axis=cell.scenario.axis,
         scenario=cell.scenario.name,
         severity=cell.scenario.severity,
         unit=cell.scenario.severity_unit,
         policy=cell.policy,
-        felt=not _same(cell, calm),
-        undisturbed_fall_rate=float(fell_calm.mean()),
+        felt=not _same(cell, undisturbed),
+        undisturbed_fall_rate=float(fell_undisturbed.mean()),
         falls=(more - less) / cell.episodes,
         falls_ci=share_difference_interval(more, less, cell.episodes),
-        falls_p_value=mcnemar(fell, fell_calm),
+        falls_p_value=mcnemar(fell, fell_undisturbed),
         velocity_error=float(differences.mean()),
         velocity_error_ci=difference_interval(differences),
         velocity_error_p_value=sign_flip_test(differences),
@@ -130,12 +132,12 @@ def _same(a: Cell, b: Cell) -> bool:
     )
 
 
-def words(found: Sensitivity) -> str:
+def effect_text(found: Sensitivity) -> str:
     """`+12 points, +0.31 m/s`: falls, if they differ, and velocity error; in brackets what is not significant."""
     if found.undisturbed_fall_rate == 1.0:
-        return FALLEN
+        return FALLS_WITHOUT
     if not found.felt:
-        return UNFELT
+        return UNCHANGED
     falls = f"{signed(100.0 * found.falls, 0)}{NO_BREAK}points"
     error = f"{signed(found.velocity_error, 2)}{NO_BREAK}m/s"
     figures = ((falls, found.more_falls), (error, found.more_error))

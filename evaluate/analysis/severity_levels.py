@@ -1,4 +1,4 @@
-"""Ladders: the scenarios of a run, grouped by the axis that they are levels of."""
+"""The axes of a run: its scenarios, grouped by what they are levels of."""
 
 from dataclasses import dataclass
 
@@ -9,28 +9,28 @@ from quad_env.scenarios.named import Scenario
 
 
 @dataclass(frozen=True)
-class Ladder:
+class SeverityAxis:
     """Scenarios of one axis, from the mildest to the hardest; a scenario without an axis stands alone."""
 
     name: str
     unit: str
-    rungs: tuple[Scenario, ...]
+    scenarios: tuple[Scenario, ...]
 
     @property
-    def scenarios(self) -> tuple[str, ...]:
-        """Names of the rungs."""
-        return tuple(rung.name for rung in self.rungs)
+    def scenario_names(self) -> tuple[str, ...]:
+        """Names of the scenarios."""
+        return tuple(scenario.name for scenario in self.scenarios)
 
     @property
     def levels(self) -> tuple[Scenario, ...]:
-        """The rungs, one of each severity: the nominal scenario may repeat a level."""
-        return tuple({rung.severity: rung for rung in reversed(self.rungs)}.values())[::-1]
+        """One scenario of each severity: the nominal one may repeat a level."""
+        return tuple({scenario.severity: scenario for scenario in reversed(self.scenarios)}.values())[::-1]
 
     @property
     def nominal(self) -> Scenario:
-        """The rung of the axis's nominal severity, else the mildest."""
-        wanted = AXES[self.name].nominal if self.name in AXES else self.rungs[0].severity
-        return next((rung for rung in self.rungs if rung.severity == wanted), self.rungs[0])
+        """The scenario of the axis's nominal severity, else the mildest."""
+        wanted = AXES[self.name].nominal if self.name in AXES else self.scenarios[0].severity
+        return next((scenario for scenario in self.scenarios if scenario.severity == wanted), self.scenarios[0])
 
     @property
     def quantity(self) -> str:
@@ -44,15 +44,15 @@ class Ladder:
         return falling(self.name)
 
 
-def ladders(results: Results) -> tuple[Ladder, ...]:
+def severity_axes(results: Results) -> tuple[SeverityAxis, ...]:
     """Every axis of the run, in its order."""
     groups: dict[str, list[Scenario]] = {}
     scenarios = {cell.scenario.name: cell.scenario for cell in results.cells}
     for scenario in scenarios.values():
         groups.setdefault(scenario.axis or scenario.name, []).append(scenario)
     return tuple(
-        Ladder(name, rungs[0].severity_unit, tuple(sorted(rungs, key=lambda rung: _hardness(name, rung))))
-        for name, rungs in groups.items()
+        SeverityAxis(name, group[0].severity_unit, tuple(sorted(group, key=lambda each: _hardness(name, each))))
+        for name, group in groups.items()
     )
 
 

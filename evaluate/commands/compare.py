@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from rich.table import Table
 
-    from evaluate.analysis.run_comparison import Contrast, Sample
+    from evaluate.analysis.run_comparison import MetricDifference, Sample
     from evaluate.records.manifest import Manifest
 
 PROGRAM = "python -m evaluate compare"
@@ -47,7 +47,7 @@ class Match:
     """What keeps the episodes from being paired; empty if they are."""
     identical: bool
     """Every column of every episode is the same to the bit."""
-    contrasts: "tuple[Contrast, ...]" = field(default=())
+    contrasts: "tuple[MetricDifference, ...]" = field(default=())
 
 
 def main(arguments: list[str]) -> int:
@@ -127,7 +127,7 @@ def _match(
 ) -> Match:
     import numpy as np
 
-    from evaluate.analysis.run_comparison import contrasts
+    from evaluate.analysis.run_comparison import compare_samples
 
     rows = [_select(table, policy, scenario) for (_, table), policy in zip((a, b), pair, strict=True)]
     first, second = map(_sample, rows)
@@ -139,7 +139,7 @@ def _match(
         why_not = "their episodes are not of the same length"
     elif not np.array_equal(first.seeds, second.seeds):
         why_not = "their episodes have different seeds"
-    found = tuple(contrasts(first, second, paired=not why_not))
+    found = tuple(compare_samples(first, second, paired=not why_not))
     return Match(*pair, scenario, not why_not, why_not, not why_not and _identical(*rows), found)
 
 
@@ -179,19 +179,19 @@ def _table(options: Options, matches: list[Match]) -> "Table":
         table.add_row(f"[bold]{escape(scenario)}[/bold]")
         for match in (match for match in matches if match.scenario == scenario):
             name = match.a if match.a == match.b else f"{match.a} → {match.b}"
-            shown = {contrast.metric: _shown(contrast) for contrast in match.contrasts}
+            shown = {found.metric: _shown(found) for found in match.contrasts}
             mark = " (=)" if match.identical else "" if match.paired else " (unpaired)"
             table.add_row(f" {escape(name)}{mark}", *(shown.get(metric, "–") for metric in (FALL_RATE, *ERRORS)))
     return table
 
 
-def _shown(contrast: "Contrast") -> str:
+def _shown(found: "MetricDifference") -> str:
     from evaluate.analysis.comparison import FALL_RATE
     from evaluate.terminal.format import interval, number, p_value, points, points_interval
 
-    falls = contrast.metric == FALL_RATE
+    falls = found.metric == FALL_RATE
     value, ends = (points, points_interval) if falls else (number, interval)
-    return f"{value(contrast.difference)}\n{ends(contrast.ci)}\n{p_value(contrast.p_value)}"
+    return f"{value(found.difference)}\n{ends(found.ci)}\n{p_value(found.p_value)}"
 
 
 def _notes(matches: list[Match]) -> Iterator[str]:

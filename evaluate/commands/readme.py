@@ -8,10 +8,9 @@ from typing import Annotated, Any
 
 import tyro
 
-from evaluate.analysis.breaking_point_text import words
-from evaluate.analysis.breaking_points import Limit
-from evaluate.analysis.sensitivity import LEAD, Sensitivity
-from evaluate.analysis.sensitivity import words as words_of
+from evaluate.analysis.breaking_point_text import breaking_point_text
+from evaluate.analysis.breaking_points import AxisBreakingPoint
+from evaluate.analysis.sensitivity import LEAD, Sensitivity, effect_text
 from evaluate.analysis.severity_levels import amount
 from evaluate.commands.options import Options as Evaluation
 from evaluate.rollouts.battery import BATTERIES
@@ -106,14 +105,16 @@ def _command(found: dict[str, Any], scenarios: list[str]) -> str:
 def effects(found: list[dict[str, Any]], names: list[str]) -> list[str]:
     """What each disturbance does: an axis a row, a policy a column."""
     each = [Sensitivity(**_without_null(entry)) for entry in found]
-    cells = {(one.axis, one.policy): words_of(one) for one in each}
+    cells = {(one.axis, one.policy): effect_text(one) for one in each}
     axes = {one.axis: f"{one.axis}, {amount(one.severity, one.unit)}" for one in each}
     return _by_axis("disturbance", axes, cells, names)
 
 
 def breaking_points(points: list[dict[str, Any]], names: list[str]) -> list[str]:
     """Severity at which half of the episodes end in a fall: an axis a row, a policy a column."""
-    cells = {(point["axis"], point["policy"]): words(Limit(**_limit(point))) for point in points}
+    cells = {
+        (point["axis"], point["policy"]): breaking_point_text(AxisBreakingPoint(**_fields(point))) for point in points
+    }
     axes = {point["axis"]: ", ".join(filter(None, (point["axis"], point["unit"]))) for point in points}
     return _by_axis("half of the episodes fall at", axes, cells, names)
 
@@ -126,8 +127,8 @@ def _by_axis(head: str, axes: dict[str, str], cells: dict[tuple[str, str], str],
     return [f"| {head} | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}", *rows]
 
 
-def _limit(point: dict[str, Any]) -> dict[str, Any]:
-    """Fields of a Limit; an end that JSON cannot hold is beyond the severities tried."""
+def _fields(point: dict[str, Any]) -> dict[str, Any]:
+    """Fields of an AxisBreakingPoint; an end that JSON cannot hold is beyond the severities tried."""
     fields: dict[str, Any] = _without_null(point)
     return fields | {"ci": tuple(fields["ci"])}
 

@@ -16,7 +16,7 @@ from evaluate.analysis.severity_levels import place
 from evaluate.report.camera import FRAMES, STEPS_PER_FRAME, Shot
 from evaluate.report.html import image, note, section
 from evaluate.report.plots.drawing import cell_of
-from evaluate.report.sections.figures import named
+from evaluate.report.sections.figures import policy_label
 from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.format import counted
 from quad_env.config import TaskConfig
@@ -61,7 +61,7 @@ def footage(results: Results) -> str:
     except NoFilm as reason:
         return section("The same episode", note(f"No film: {reason}."))
     tiles = (
-        f"<figure>{_screen(strip, policy)}<figcaption>{named(results, policy)}</figcaption></figure>"
+        f"<figure>{_screen(strip, policy)}<figcaption>{policy_label(results, policy)}</figcaption></figure>"
         for policy, strip in zip(results.policies, strips, strict=True)
     )
     timing = f"--frames: {FRAMES}; --length: {FRAMES * STEPS_PER_FRAME * DT:g}s"

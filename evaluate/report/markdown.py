@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from evaluate.analysis.findings import UNSHOWN, WORDS, headline, summary, verdict
+from evaluate.analysis.findings import PHRASES, UNSHOWN, findings_by_policy, headline, summary
 from evaluate.analysis.gate_verdicts import Verdict
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import Ladder, ladders, severity
+from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
 from evaluate.rollouts.hardware import words
 from evaluate.terminal.format import counted, interval, number, share
 from policies.files import write_atomically
@@ -20,7 +20,7 @@ def write(results: Results, path: Path, verdicts: Sequence[Verdict] = ()) -> Non
 def render(results: Results, verdicts: Sequence[Verdict] = ()) -> str:
     """The whole text."""
     parts = [_head(results), *_gates(verdicts), *_findings(results)]
-    parts += [_folded(results, ladder) for ladder in ladders(results)]
+    parts += [_folded(results, axis) for axis in severity_axes(results)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -55,22 +55,22 @@ def _gate(gate: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
 
 
 def _findings(results: Results) -> Iterator[str]:
-    for policy, found in verdict(results):
+    for policy, found in findings_by_policy(results):
         if found:
-            lines = [f"- {text}" for metric in WORDS if (text := summary(found, metric))]
+            lines = [f"- {text}" for metric in PHRASES if (text := summary(found, metric))]
             lines += [f"- {finding.kind}: {finding.text}" for finding in found if finding.kind != UNSHOWN]
             yield _details(f"{policy} in words", "\n".join(lines))
 
 
-def _folded(results: Results, ladder: Ladder) -> str:
+def _folded(results: Results, axis: SeverityAxis) -> str:
     rows = [
         [severity(level), f"`{policy}`", *_figures(results, level.name, policy)]
-        for level in ladder.levels
+        for level in axis.levels
         for policy in results.policies
         if (level.name, policy) in results.summaries
     ]
-    heads = (ladder.name, "policy", "falls", "velocity error, m/s", "yaw-rate error, rad/s")
-    return _details(f"{ladder.name}: figures", table(heads, rows))
+    heads = (axis.name, "policy", "falls", "velocity error, m/s", "yaw-rate error, rad/s")
+    return _details(f"{axis.name}: figures", table(heads, rows))
 
 
 def _figures(results: Results, scenario: str, policy: str) -> tuple[str, str, str]:

@@ -5,16 +5,16 @@ from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 
-from evaluate.analysis.findings import UNSHOWN, WORDS, Finding, headline, summary, verdict
+from evaluate.analysis.findings import PHRASES, UNSHOWN, Finding, findings_by_policy, headline, summary
 from evaluate.analysis.gate_verdicts import Verdict
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import ladders
+from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.footage import footage
 from evaluate.report.html import fold, note, section
 from evaluate.report.notes import NOTES
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
-from evaluate.report.sections.figures import named
+from evaluate.report.sections.figures import policy_label
 from evaluate.report.sections.gait_section import gaits
 from evaluate.report.sections.gate_section import gates
 from evaluate.report.sections.measures_section import definitions
@@ -71,8 +71,8 @@ def _head(results: Results) -> str:
         if results.complete
         else '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     )
-    axes = listed([escape(ladder.name) for ladder in ladders(results)])
-    legend = "".join(f"<li>{named(results, policy)}{_role(results, policy)}</li>" for policy in results.policies)
+    axes = listed([escape(axis.name) for axis in severity_axes(results)])
+    legend = "".join(f"<li>{policy_label(results, policy)}{_role(results, policy)}</li>" for policy in results.policies)
     return (
         f"<h1>{escape(listed(results.policies))}</h1>"
         f'<p class="soft">{counted(results.episodes, "episode")} of each policy on each of '
@@ -93,16 +93,16 @@ def _outcome(results: Results) -> str:
     return section(
         "Outcome",
         first,
-        *(_findings(results, policy, found) for policy, found in verdict(results)),
+        *(_findings(results, policy, found) for policy, found in findings_by_policy(results)),
     )
 
 
 def _findings(results: Results, policy: str, found: list[Finding]) -> str:
-    summaries = [f"<li>{escape(text[0].upper() + text[1:])}.</li>" for m in WORDS if (text := summary(found, m))]
+    summaries = [f"<li>{escape(text[0].upper() + text[1:])}.</li>" for m in PHRASES if (text := summary(found, m))]
     claims = [f'<li class="{f.kind}">{escape(f.text)}.</li>' for f in found if f.kind != UNSHOWN]
-    title = f"{named(results, policy)} against {escape(results.baseline)}"
+    title = f"{policy_label(results, policy)} against {escape(results.baseline)}"
     body = f"<ul>{''.join(summaries)}</ul>" + (f"<ul>{''.join(claims)}</ul>" if claims else "")
-    return fold(title, body, opened=len(ladders(results)) <= FEW_AXES, printed=True) if found else ""
+    return fold(title, body, opened=len(severity_axes(results)) <= FEW_AXES, printed=True) if found else ""
 
 
 def _notes(results: Results) -> str:

@@ -7,10 +7,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.analysis.breaking_point_text import words
+from evaluate.analysis.breaking_point_text import breaking_point_text
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, Comparison
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import Ladder, ladders, place
+from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.terminal.format import counted, number, p_value, percent, points
 
@@ -24,10 +24,10 @@ def print_results(results: Results, console: Console) -> None:
     Of more scenarios than a screen holds, the share of falls on each and the breaking points.
     """
     if len(results.scenarios) > MOST_SCENARIOS:
-        graded = [ladder for ladder in ladders(results) if len(ladder.levels) > 1]
-        for ladder in graded:
-            console.print(falls_table(results, ladder))
-        if single := [ladder for ladder in ladders(results) if len(ladder.levels) == 1]:
+        graded = [axis for axis in severity_axes(results) if len(axis.levels) > 1]
+        for axis in graded:
+            console.print(falls_table(results, axis))
+        if single := [axis for axis in severity_axes(results) if len(axis.levels) == 1]:
             console.print(single_table(results, single))
         console.print()
         return
@@ -38,31 +38,31 @@ def print_results(results: Results, console: Console) -> None:
     console.print()
 
 
-def falls_table(results: Results, ladder: Ladder) -> Table:
+def falls_table(results: Results, axis: SeverityAxis) -> Table:
     """Falls in per cent on each level of an axis, and the breaking point."""
-    limits = {limit.policy: limit for limit in results.breaking_points if limit.axis == ladder.name}
-    table = _table(f"[bold]{escape(ladder.name)}[/bold]: falls in % at {escape(ladder.quantity)}")
-    for level in ladder.levels:
+    breaking_points = {point.policy: point for point in results.breaking_points if point.axis == axis.name}
+    table = _table(f"[bold]{escape(axis.name)}[/bold]: falls in % at {escape(axis.quantity)}")
+    for level in axis.levels:
         table.add_column(f"{level.severity:g}", justify="right")
-    if limits:
+    if breaking_points:
         table.add_column("half fall at")
     for policy in results.policies:
-        found = [results.summaries.get((level.name, policy)) for level in ladder.levels]
+        found = [results.summaries.get((level.name, policy)) for level in axis.levels]
         shares = ["" if summary is None else number(100.0 * summary.fall_rate, 0) for summary in found]
-        where = [words(limits[policy])] if policy in limits else []
+        where = [breaking_point_text(breaking_points[policy])] if policy in breaking_points else []
         table.add_row(f" {escape(policy)}", *shares, *where)
     return table
 
 
-def single_table(results: Results, single: Sequence[Ladder]) -> Table:
+def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
     """Falls in per cent: a scenario a row, a policy a column."""
     table = _table("falls in %", "scenario")
     for policy in results.policies:
         table.add_column(escape(policy), justify="right", overflow="fold")
-    for ladder in single:
-        found = [results.summaries.get((ladder.scenarios[0], policy)) for policy in results.policies]
+    for axis in single:
+        found = [results.summaries.get((axis.scenario_names[0], policy)) for policy in results.policies]
         shares = ["" if summary is None else number(100.0 * summary.fall_rate, 0) for summary in found]
-        table.add_row(f" {escape(place(ladder.rungs[0]))}", *shares)
+        table.add_row(f" {escape(place(axis.scenarios[0]))}", *shares)
     return table
 
 

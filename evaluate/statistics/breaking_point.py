@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.statistics.intervals import CONFIDENCE, Bools, Floats, Interval, resamples
-from evaluate.statistics.psychometric import fit, middle
+from evaluate.statistics.psychometric import fit, median_hardness
 
 LEAST_LEVELS = 3
 """Severities below which no curve is fitted."""
@@ -86,10 +86,10 @@ def _crossing(hardness: Floats, fell: Bools, seed: int) -> tuple[float, Floats]:
     centre, half, episodes = (known[0] + known[-1]) / 2.0, (known[-1] - known[0]) / 2.0, fell.shape[1]
     scaled = (hardness - centre) / half
     curve = fit(scaled, fell.mean(axis=1)[None], episodes)
-    point = float(np.clip(middle(curve)[0] * half + centre, known[0], known[-1]))
+    point = float(np.clip(median_hardness(curve)[0] * half + centre, known[0], known[-1]))
     falls = fell.T.astype(np.float64)
     rates = np.concatenate([counts @ falls / episodes for counts in resamples(episodes, CURVES, seed)])
-    points = middle(fit(scaled, rates, episodes, start=curve[0])) * half + centre
+    points = median_hardness(fit(scaled, rates, episodes, start=curve[0])) * half + centre
     points[points < hardness[0]], points[points > hardness[-1]] = -np.inf, np.inf
     coins = np.random.default_rng([seed, zlib.crc32(fell.tobytes())]).integers(0, 2, CURVES)
     return point, np.where(_separated(rates), _ends(hardness, rates, coins), points)

@@ -135,64 +135,64 @@ def _within(interval: Interval, truth: float) -> bool:
     return interval[0] <= truth <= interval[1]
 
 
-def _one(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
+def _one_policy(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
     return episodes(generator, (fall_probability,), count)
 
 
-def _two(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
+def _two_policies(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
     return episodes(generator, (fall_probability, EASIER * fall_probability), count)
 
 
-def _alike(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
+def _equal_policies(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
     return episodes(generator, (fall_probability, fall_probability), count)
 
 
 def _fall_rate(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    fell = _one(generator, count, fall_probability).fell[0]
+    fell = _one_policy(generator, count, fall_probability).fell[0]
     return _within(wilson_interval(int(fell.sum()), count), fall_probability)
 
 
 def _mean(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    error = _one(generator, count, fall_probability).error[0]
+    error = _one_policy(generator, count, fall_probability).error[0]
     return _within(bootstrap_interval(error), mean_error(fall_probability))
 
 
 def _fall_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _two(generator, count, fall_probability).fell
+    a, b = _two_policies(generator, count, fall_probability).fell
     interval = share_difference_interval(int((a & ~b).sum()), int((b & ~a).sum()), count)
     return _within(interval, (1.0 - EASIER) * fall_probability)
 
 
 def _mean_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _two(generator, count, fall_probability).error
+    a, b = _two_policies(generator, count, fall_probability).error
     return _within(difference_interval(a - b), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
 
 
 @cache
 def _true_interquartile_mean(fall_probability: float) -> float:
-    return interquartile_mean(_one(np.random.default_rng(0), LARGE, fall_probability).error[0])
+    return interquartile_mean(_one_policy(np.random.default_rng(0), LARGE, fall_probability).error[0])
 
 
 def _interquartile_mean(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    error = _one(generator, count, fall_probability).error[0]
+    error = _one_policy(generator, count, fall_probability).error[0]
     return _within(interquartile_mean_interval(error), _true_interquartile_mean(fall_probability))
 
 
 @cache
 def _true_improvement(fall_probability: float, paired: bool) -> float:
-    a, b = _two(np.random.default_rng(1), LARGE, fall_probability).error
+    a, b = _two_policies(np.random.default_rng(1), LARGE, fall_probability).error
     return float((a > (b if paired else np.roll(b, 1))).mean())
 
 
 def _improvement_by_episode(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _two(generator, count, fall_probability).error
+    a, b = _two_policies(generator, count, fall_probability).error
     return _within(improvement_by_episode(a, b)[1], _true_improvement(fall_probability, True))
 
 
 def _improvement(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     """Of policies that ran different episodes."""
-    a = _one(generator, count, fall_probability).error[0]
-    b = _one(generator, count, EASIER * fall_probability).error[0]
+    a = _one_policy(generator, count, fall_probability).error[0]
+    b = _one_policy(generator, count, EASIER * fall_probability).error[0]
     return _within(probability_of_improvement(a, b)[1], _true_improvement(fall_probability, False))
 
 
@@ -212,17 +212,17 @@ def _breaking_ratio(count: int, axis: Axis, ratio: float, generator: np.random.G
 
 
 def _sign_flip(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _alike(generator, count, fall_probability).error
+    a, b = _equal_policies(generator, count, fall_probability).error
     return sign_flip_test(a - b) < SIGNIFICANT
 
 
 def _mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    return mcnemar(*_alike(generator, count, fall_probability).fell) < SIGNIFICANT
+    return mcnemar(*_equal_policies(generator, count, fall_probability).fell) < SIGNIFICANT
 
 
 def _mcnemar_by_lot(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     """A lot decides how much of the chance of the very outcome that was seen counts: exact at every level."""
-    a, b = _alike(generator, count, fall_probability).fell
+    a, b = _equal_policies(generator, count, fall_probability).fell
     rarer, discordant = sorted((int((a & ~b).sum()), int((b & ~a).sum())))[0], int((a ^ b).sum())
     p_value = mcnemar_p_value(rarer, discordant)
     rarer_still = mcnemar_p_value(rarer - 1, discordant) if rarer else 0.0
@@ -230,12 +230,12 @@ def _mcnemar_by_lot(count: int, fall_probability: float, generator: np.random.Ge
 
 
 def _relabelling(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    error = _one(generator, 2 * count, fall_probability).error[0]
+    error = _one_policy(generator, 2 * count, fall_probability).error[0]
     return relabelling_test(error[:count], error[count:]) < SIGNIFICANT
 
 
 def _barnard(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    fell = _one(generator, 2 * count, fall_probability).fell[0]
+    fell = _one_policy(generator, 2 * count, fall_probability).fell[0]
     return barnard_p_value(count, int(fell[:count].sum()), int(fell[count:].sum())) < SIGNIFICANT
 
 

@@ -79,8 +79,8 @@ def bootstrap_interval(values: Floats, seed: int = 0) -> Interval:
     """
     from scipy.special import ndtr, ndtri
 
-    if (alike := _alike(values)) is not None:
-        return alike
+    if (certain := _without_spread(values)) is not None:
+        return certain
     sums = _resampled_sums(values, seed)
     below, not_above = (sums < values.sum()).mean(), (sums <= values.sum()).mean()
     bias = ndtri((below + not_above) / 2)
@@ -101,15 +101,15 @@ def difference_interval(differences: Floats, seed: int = 0) -> Interval:
     """
     from scipy.special import ndtr, stdtrit
 
-    if (alike := _alike(differences)) is not None:
-        return alike
+    if (certain := _without_spread(differences)) is not None:
+        return certain
     pairs = len(differences)
     tail = ndtr(-np.sqrt(pairs / (pairs - 1)) * stdtrit(pairs - 1, 0.5 + CONFIDENCE / 2))
     low, high = np.quantile(_resampled_sums(differences, seed), [tail, 1.0 - tail]) / pairs
     return (float(low), float(high))
 
 
-def _alike(values: Floats) -> Interval | None:
+def _without_spread(values: Floats) -> Interval | None:
     """The interval of values that cannot be resampled, if they are such."""
     if len(values) < 2:
         return (np.nan, np.nan)

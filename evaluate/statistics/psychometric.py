@@ -53,7 +53,7 @@ def fit(hardness: Floats, fall_rates: Floats, episodes: int, start: Floats | Non
     return curves
 
 
-def middle(curves: Floats) -> Floats:
+def median_hardness(curves: Floats) -> Floats:
     """Hardness at which half of the episodes fall, (r,), floor and lapse counted."""
     m, steepness, floor, lapse = curves[:, 0], np.exp(curves[:, 1]), curves[:, 2], curves[:, 3]
     falls: Floats = m + np.log((0.5 - floor) / (0.5 - lapse)) / steepness

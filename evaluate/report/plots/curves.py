@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import Ladder
-from evaluate.report.plots.drawing import Margins, figure, short, style, svg
+from evaluate.analysis.severity_levels import SeverityAxis
+from evaluate.report.plots.drawing import Margins, figure, short_name, style, svg
 from evaluate.statistics.breaking_point import LEAST_LEVELS
 from evaluate.statistics.intervals import Floats
 from evaluate.statistics.psychometric import fall_probability, fit
@@ -19,42 +19,42 @@ HEIGHT = 2.7
 CURVE_POINTS = 60
 
 
-def falls(results: Results, ladder: Ladder) -> bytes:
+def falls(results: Results, axis: SeverityAxis) -> bytes:
     """Fall shares with Wilson bands, the curve fitted through them, and where it crosses one half."""
     drawn, axes = figure(HEIGHT)
     axes.axhline(50.0, color="#888888", linewidth=0.8, linestyle=(0, (4, 3)))
     for policy in results.policies:
-        severities, values, low, high = _points(results, ladder, policy, "fall_rate", 100.0)
+        severities, values, low, high = _points(results, axis, policy, "fall_rate", 100.0)
         if len(severities):
             colour, mark = style(results, policy)
             fitted = len(severities) >= LEAST_LEVELS
             axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
             axes.plot(severities, values, mark, color=colour, markersize=4, linestyle="none" if fitted else "-")
             if fitted:
-                axes.plot(*_fitted(results, ladder, policy), color=colour, linewidth=1.4)
-    for limit in results.breaking_points:
-        if limit.axis == ladder.name and limit.found == "crossed":
-            ends = np.clip(limit.ci, limit.lowest, limit.highest)
-            colour = style(results, limit.policy)[0]
+                axes.plot(*_fitted(results, axis, policy), color=colour, linewidth=1.4)
+    for point in results.breaking_points:
+        if point.axis == axis.name and point.found == "crossed":
+            ends = np.clip(point.ci, point.lowest, point.highest)
+            colour = style(results, point.policy)[0]
             axes.plot(ends, (50.0, 50.0), color=colour, linewidth=3.0, solid_capstyle="butt")
-            axes.plot([limit.severity50], [50.0], "|", color=colour, markersize=11, markeredgewidth=2)
+            axes.plot([point.severity50], [50.0], "|", color=colour, markersize=11, markeredgewidth=2)
     axes.set(ylim=(-3, 103), yticks=(0, 25, 50, 75, 100), ylabel="episodes with a fall, %")
-    _finish(axes, ladder)
+    _finish(axes, axis)
     return svg(drawn)
 
 
-def errors(results: Results, ladder: Ladder, metric: str, label: str) -> bytes:
+def errors(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
     """A mean error against the severity with its 95 % band."""
     drawn, axes = figure(HEIGHT)
     for policy in results.policies:
-        severities, values, low, high = _points(results, ladder, policy, metric, 1.0)
+        severities, values, low, high = _points(results, axis, policy, metric, 1.0)
         if len(severities):
             colour, mark = style(results, policy)
             axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
             axes.plot(severities, values, color=colour, marker=mark, markersize=4, linewidth=1.4)
     axes.set(ylabel=label)
     axes.set_ylim(bottom=0.0)
-    _finish(axes, ladder)
+    _finish(axes, axis)
     return svg(drawn)
 
 
@@ -69,7 +69,7 @@ def intervals(results: Results, scenario: str, metric: str, label: str, scale: f
         if np.isfinite(ci).all():
             axes.plot(ci, (row, row), color=colour, linewidth=2.2, solid_capstyle="butt", alpha=0.55)
         axes.plot([value], [row], mark, color=colour, markersize=5.5)
-    axes.set_yticks(range(len(names)), [short(name) for name in names])
+    axes.set_yticks(range(len(names)), [short_name(name) for name in names])
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlim(left=min(0.0, axes.get_xlim()[0]) if scale == 1.0 else -2.0, right=None if scale == 1.0 else 102.0)
     axes.set_xlabel(label)
@@ -77,21 +77,21 @@ def intervals(results: Results, scenario: str, metric: str, label: str, scale: f
 
 
 def _points(
-    results: Results, ladder: Ladder, policy: str, metric: str, scale: float
+    results: Results, axis: SeverityAxis, policy: str, metric: str, scale: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Severities, figures and the ends of their intervals, of the levels that the policy ran."""
     rows = [
         (level.severity, scale * getattr(summary, metric), *(scale * end for end in getattr(summary, f"{metric}_ci")))
-        for level in ladder.levels
+        for level in axis.levels
         if (summary := results.summaries.get((level.name, policy)))
     ]
     severities, values, low, high = np.array(rows, dtype=np.float64).reshape(-1, 4).T
     return severities, values, low, high
 
 
-def _fitted(results: Results, ladder: Ladder, policy: str) -> tuple[Floats, Floats]:
+def _fitted(results: Results, axis: SeverityAxis, policy: str) -> tuple[Floats, Floats]:
     """Severities and fall shares in per cent along the curve that the breaking point is read from."""
-    levels = [level for level in ladder.levels if level.severity > 0.0 and (level.name, policy) in results.summaries]
+    levels = [level for level in axis.levels if level.severity > 0.0 and (level.name, policy) in results.summaries]
     summaries = [results.summaries[level.name, policy] for level in levels]
     hardness = np.log([level.severity for level in levels])
     centre, half = (hardness[0] + hardness[-1]) / 2.0, (hardness[-1] - hardness[0]) / 2.0
@@ -101,8 +101,8 @@ def _fitted(results: Results, ladder: Ladder, policy: str) -> tuple[Floats, Floa
     return np.exp(across * half + centre), 100.0 * fall_probability(curve, across)[0]
 
 
-def _finish(axes: "Axes", ladder: Ladder) -> None:
+def _finish(axes: "Axes", axis: SeverityAxis) -> None:
     """Harder to the right."""
-    axes.set(xlabel=ladder.quantity)
-    if ladder.falling:
+    axes.set(xlabel=axis.quantity)
+    if axis.falling:
         axes.invert_xaxis()

@@ -82,7 +82,7 @@ def style(results: Results, policy: str) -> tuple[str, str]:
     return COLOURS[index % len(COLOURS)], list(MARKS)[index % len(MARKS)]
 
 
-def short(policy: str) -> str:
+def short_name(policy: str) -> str:
     """A policy's name, or the end of a long path, as a plot has room for it."""
     return policy if len(policy) <= LONGEST_NAME else f"…{policy[1 - LONGEST_NAME :]}"
 

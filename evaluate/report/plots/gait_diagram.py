@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.report.plots.drawing import Margins, figure, short, svg
+from evaluate.report.plots.drawing import Margins, figure, short_name, svg
 from quad_env.robots.robot import LEG_NAMES
 
 ORDER = ("fl", "hr", "fr", "hl")
@@ -17,7 +17,9 @@ def gait_diagram(contact: NDArray[np.bool_], start: float, dt: float, colour: st
         bars = [(start + first * dt, count * dt) for first, count in stances(contact[:, LEG_NAMES.index(leg)])]
         axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=colour)
     axes.set_yticks(range(len(ORDER)), [leg.upper() for leg in ORDER])
-    axes.set(ylim=(len(ORDER) - 0.5, -0.5), xlim=(start, start + len(contact) * dt), xlabel="s", title=short(title))
+    axes.set(
+        ylim=(len(ORDER) - 0.5, -0.5), xlim=(start, start + len(contact) * dt), xlabel="s", title=short_name(title)
+    )
     return svg(drawn)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from evaluate.report.plots.drawing import Margins, figure, short, svg
+from evaluate.report.plots.drawing import Margins, figure, short_name, svg
 from evaluate.statistics.intervals import Floats
 
 DIRECTIONS = 8
@@ -31,7 +31,7 @@ def push_plot(impulses: Floats, fell: Floats, title: str) -> bytes:
     axes.set_ylim(0.0, edges[-1])
     axes.grid(False)
     axes.set_xlabel(f"rings: {', '.join(f'{level:g}' for level in levels_of(impulses))} N·s", fontsize=8)
-    axes.set_title(short(title))
+    axes.set_title(short_name(title))
     return svg(drawn)
 
 

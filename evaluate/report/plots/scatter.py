@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from evaluate.analysis.results import Results
-from evaluate.report.plots.drawing import figure, same_ticks, short, style, svg
+from evaluate.report.plots.drawing import figure, same_ticks, short_name, style, svg
 from evaluate.rollouts.experiment import Cell
 
 SHOWN = 300
@@ -21,5 +21,7 @@ def paired(results: Results, others: Sequence[Cell], baseline: Cell) -> bytes:
     for cell, up in zip(others, ups, strict=True):
         colour, mark = style(results, cell.policy)
         axes.plot(x, up, mark, color=colour, markersize=3.5, alpha=0.55, markeredgewidth=0)
-    axes.set(xlim=(0, limit), ylim=(0, limit), xlabel=f"{short(baseline.policy)}, m/s", ylabel="other policies, m/s")
+    axes.set(
+        xlim=(0, limit), ylim=(0, limit), xlabel=f"{short_name(baseline.policy)}, m/s", ylabel="other policies, m/s"
+    )
     return svg(drawn)

@@ -4,14 +4,14 @@ from collections.abc import Iterator
 from html import escape
 
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import Ladder, ladders, severity
+from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
 from evaluate.report.html import fold, grid, image, note, section
 from evaluate.report.plots import curves
 from evaluate.report.plots.drawing import cell_of
 from evaluate.report.plots.scatter import paired
 from evaluate.report.sections.figures import comparison_table, falls_table, summary_table
 from evaluate.report.sections.measures_section import figures_table
-from evaluate.report.sections.push_section import pushed
+from evaluate.report.sections.push_section import pushes
 
 FALLS = ("fall_rate", "episodes with a fall, %", 100.0)
 ERROR = ("velocity_error", "velocity error, m/s", 1.0)
@@ -20,7 +20,7 @@ ERROR = ("velocity_error", "velocity error, m/s", 1.0)
 def disturbances(results: Results) -> str:
     """Every axis, in the order of the run."""
     return "".join(
-        section(_title(ladder), *_ladder(results, ladder), anchor=anchor(ladder.name)) for ladder in ladders(results)
+        section(_title(axis), *_parts(results, axis), anchor=anchor(axis.name)) for axis in severity_axes(results)
     )
 
 
@@ -29,62 +29,62 @@ def anchor(axis: str) -> str:
     return f"axis-{axis.replace(' ', '-')}"
 
 
-def _title(ladder: Ladder) -> str:
-    at = severity(ladder.rungs[0]) if len(ladder.levels) == 1 else ladder.quantity
-    return escape(ladder.name) + (f" <small>{escape(at)}</small>" if at != ladder.name else "")
+def _title(axis: SeverityAxis) -> str:
+    at = severity(axis.scenarios[0]) if len(axis.levels) == 1 else axis.quantity
+    return escape(axis.name) + (f" <small>{escape(at)}</small>" if at != axis.name else "")
 
 
-def _ladder(results: Results, ladder: Ladder) -> Iterator[str]:
-    if len(ladder.levels) > 1:
+def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
+    if len(axis.levels) > 1:
         yield note(
             "Bands: 95 % intervals. Lines of falls: fitted curves, with the breaking point and its interval at one "
             "half. Harder to the right."
         )
-        yield grid(_curves(results, ladder), 2)
-        yield falls_table(results, ladder)
-        yield pushed(results, ladder)
-        yield fold("Every figure", "".join(_figures(results, ladder, scenario) for scenario in ladder.scenarios))
+        yield grid(_curves(results, axis), 2)
+        yield falls_table(results, axis)
+        yield pushes(results, axis)
+        yield fold("Every figure", "".join(_figures(results, axis, scenario) for scenario in axis.scenario_names))
     else:
-        scenario = ladder.scenarios[0]
+        scenario = axis.scenario_names[0]
         yield grid((_bars(results, scenario, *FALLS), _bars(results, scenario, *ERROR)), 2)
         yield summary_table(results, scenario)
-        yield pushed(results, ladder)
+        yield pushes(results, axis)
         yield fold("Every measure", figures_table(results, scenario))
-    yield from _differences(results, ladder)
+    yield from _differences(results, axis)
 
 
-def _differences(results: Results, ladder: Ladder) -> Iterator[str]:
+def _differences(results: Results, axis: SeverityAxis) -> Iterator[str]:
     baseline = results.baseline
-    shown = [c for c in results.comparisons if c.scenario in ladder.scenarios]
+    shown = [c for c in results.comparisons if c.scenario in axis.scenario_names]
     against = [c for c in shown if c.b == baseline]
     lead = note("Paired by episode; below zero is better. p-values are corrected for their number (Holm).")
     yield fold(f"Differences from {escape(baseline)}", lead + comparison_table(results, against) if against else "")
     others = [c for c in shown if c.b != baseline]
     yield fold("Differences of every other pair", lead + comparison_table(results, others) if others else "")
-    yield fold("Episode by episode", _episodes(results, ladder))
+    yield fold("Episode by episode", _episodes(results, axis))
 
 
-def _figures(results: Results, ladder: Ladder, scenario: str) -> str:
-    rung = next(rung for rung in ladder.rungs if rung.name == scenario)
+def _figures(results: Results, axis: SeverityAxis, scenario: str) -> str:
+    level = next(level for level in axis.scenarios if level.name == scenario)
     every = fold("Every measure", figures_table(results, scenario))
     return (
-        f"<h3>{escape(scenario)} <small>{escape(severity(rung))}</small></h3>{summary_table(results, scenario)}{every}"
+        f"<h3>{escape(scenario)} <small>{escape(severity(level))}</small></h3>{summary_table(results, scenario)}{every}"
     )
 
 
-def _curves(results: Results, ladder: Ladder) -> Iterator[str]:
-    yield image(curves.falls(results, ladder), f"Share of falls of each policy against {ladder.quantity}")
+def _curves(results: Results, axis: SeverityAxis) -> Iterator[str]:
+    yield image(curves.falls(results, axis), f"Share of falls of each policy against {axis.quantity}")
     metric, label, _ = ERROR
-    yield image(curves.errors(results, ladder, metric, label), f"{label} of each policy against {ladder.quantity}")
+    yield image(curves.errors(results, axis, metric, label), f"{label} of each policy against {axis.quantity}")
 
 
 def _bars(results: Results, scenario: str, metric: str, label: str, scale: float) -> str:
     return image(curves.intervals(results, scenario, metric, label, scale), f"{label} of each policy on {scenario}")
 
 
-def _episodes(results: Results, ladder: Ladder) -> str:
+def _episodes(results: Results, axis: SeverityAxis) -> str:
     """Paired scatter on the nominal scenario of the axis, else on its mildest level."""
-    scenario = ladder.nominal.name
+    scenario = axis.nominal.name
     baseline = cell_of(results, scenario, results.baseline)
     others = [cell_of(results, scenario, policy) for policy in results.policies if policy != results.baseline]
     present = [cell for cell in others if cell is not None]

@@ -5,7 +5,7 @@ from html import escape
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, Comparison
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import Ladder, place
+from evaluate.analysis.severity_levels import SeverityAxis, place
 from evaluate.analysis.summary import Summary
 from evaluate.report.html import BEST, breakable, heading, mark, table
 from evaluate.report.plots.drawing import MARKS, style
@@ -19,7 +19,7 @@ HEADINGS = {
 }
 
 
-def named(results: Results, policy: str) -> str:
+def policy_label(results: Results, policy: str) -> str:
     """A policy's name with its mark."""
     colour, shape = style(results, policy)
     return f"{mark(colour, MARKS[shape])}{breakable(policy)}"
@@ -30,18 +30,18 @@ def summary_table(results: Results, scenario: str) -> str:
     rows = {policy: s for (name, policy), s in results.summaries.items() if name == scenario}
     best = {metric: min(getattr(summary, metric) for summary in rows.values()) for metric in ERRORS}
     heads = [*HEADINGS.values(), ("cost of transport", ""), ("diverged", "")]
-    body = ([named(results, policy), *_summary_cells(summary, best)] for policy, summary in rows.items())
+    body = ([policy_label(results, policy), *_summary_cells(summary, best)] for policy, summary in rows.items())
     return table(["policy", *(heading(*head) for head in heads)], body)
 
 
-def falls_table(results: Results, ladder: Ladder) -> str:
+def falls_table(results: Results, axis: SeverityAxis) -> str:
     """Falls in per cent: a policy a row, a level a column."""
     heads = [
-        heading("falls, %", f"at {escape(ladder.unit or ladder.name)}"),
-        *(f"{level.severity:g}" for level in ladder.levels),
+        heading("falls, %", f"at {escape(axis.unit or axis.name)}"),
+        *(f"{level.severity:g}" for level in axis.levels),
     ]
     rows = (
-        [named(results, policy), *(_share(results.summaries.get((level.name, policy))) for level in ladder.levels)]
+        [policy_label(results, policy), *(_share(results.summaries.get((level.name, policy))) for level in axis.levels)]
         for policy in results.policies
     )
     return table(heads, rows, "levels")

@@ -5,7 +5,7 @@ from html import escape
 from evaluate.analysis.results import Results
 from evaluate.measures.catalogue import BY_NAME, FIGURES, MEASURES
 from evaluate.report.html import heading, note, table
-from evaluate.report.sections.figures import named
+from evaluate.report.sections.figures import policy_label
 from evaluate.terminal.format import ABSENT
 from quad_env.robots.robot import LEG_NAMES
 
@@ -28,7 +28,7 @@ def figures_table(results: Results, scenario: str) -> str:
         [f"duty factor, {leg}", *(_figure(summary.duty_factor[foot]) for summary in found.values())]
         for foot, leg in enumerate(LEG_NAMES)
     ]
-    return table(["measure", *(named(results, policy) for policy in found)], rows)
+    return table(["measure", *(policy_label(results, policy) for policy in found)], rows)
 
 
 def definitions() -> str:

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from html import escape
 
-from evaluate.analysis.breaking_point_text import parts
-from evaluate.analysis.breaking_points import Limit
+from evaluate.analysis.breaking_point_text import figure_and_interval
+from evaluate.analysis.breaking_points import AxisBreakingPoint
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import ladders
+from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.html import note, section, table
 from evaluate.report.sections.axis_section import anchor
-from evaluate.report.sections.figures import named
+from evaluate.report.sections.figures import policy_label
 from evaluate.terminal.format import ABSENT, NO_BREAK
 
 LEAD = (
@@ -20,9 +20,9 @@ LEAD = (
 
 def overview(results: Results) -> str:
     """Breaking points, an axis a row; empty where no axis has levels enough."""
-    cells = {(limit.axis, limit.policy): _cell(limit) for limit in results.breaking_points}
+    cells = {(point.axis, point.policy): _cell(point) for point in results.breaking_points}
     found = {axis for axis, _ in cells}
-    axes = {ladder.name: ladder.quantity for ladder in ladders(results) if ladder.name in found}
+    axes = {axis.name: axis.quantity for axis in severity_axes(results) if axis.name in found}
     return section("Breaking points", note(LEAD), by_axis(results, axes, cells)) if axes else ""
 
 
@@ -35,9 +35,9 @@ def by_axis(results: Results, axes: Mapping[str, str], cells: Mapping[tuple[str,
         ]
         for axis, words in axes.items()
     ]
-    return table(["axis", *(named(results, policy) for policy in results.policies)], rows, "text")
+    return table(["axis", *(policy_label(results, policy) for policy in results.policies)], rows, "text")
 
 
-def _cell(limit: Limit) -> str:
-    figure, ends = parts(limit)
+def _cell(point: AxisBreakingPoint) -> str:
+    figure, ends = figure_and_interval(point)
     return f"{escape(figure)}<small>{escape(ends.replace(NO_BREAK, ' '))}</small>" if ends else escape(figure)

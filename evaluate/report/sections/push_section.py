@@ -3,7 +3,7 @@
 import numpy as np
 
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import Ladder
+from evaluate.analysis.severity_levels import SeverityAxis
 from evaluate.measures.pushes import FALL_WITHIN
 from evaluate.report.html import grid, image, note
 from evaluate.report.plots.drawing import cell_of
@@ -11,12 +11,12 @@ from evaluate.report.plots.push_plot import COLOURS, push_plot
 from evaluate.statistics.intervals import Floats
 
 
-def pushed(results: Results, ladder: Ladder) -> str:
+def pushes(results: Results, axis: SeverityAxis) -> str:
     """A push plot for each policy; empty where nobody was pushed."""
     images = [
         image(push_plot(impulses, fell, policy), f"Falls of {policy} after pushes, by direction and impulse")
         for policy in results.policies
-        for impulses, fell in [_pushes(results, ladder, policy)]
+        for impulses, fell in [_pushes(results, axis, policy)]
         if len(fell)
     ]
     lead = note(
@@ -36,9 +36,9 @@ def scale() -> str:
     return f'<p class="note">0 % {bar} 100 % of the pushes</p>'
 
 
-def _pushes(results: Results, ladder: Ladder, policy: str) -> tuple[Floats, Floats]:
+def _pushes(results: Results, axis: SeverityAxis, policy: str) -> tuple[Floats, Floats]:
     """Impulses (m, 2) and falls (m,) of the pushes that the robot was upright for."""
-    cells = [cell for level in ladder.levels if (cell := cell_of(results, level.name, policy))]
+    cells = [cell for level in axis.levels if (cell := cell_of(results, level.name, policy))]
     impulses = [cell.measures.push_impulse.reshape(-1, 2) for cell in cells]
     fell = [cell.measures.push_fell.ravel() for cell in cells]
     if not cells:

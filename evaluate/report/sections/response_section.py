@@ -4,11 +4,11 @@ import math
 from html import escape
 
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import ladders
+from evaluate.analysis.severity_levels import severity_axes
 from evaluate.measures.response import AXES, RESPONDS, Response
 from evaluate.report.html import grid, heading, image, note, section, table
 from evaluate.report.plots.response_plot import COMPONENTS, intervals, response
-from evaluate.report.sections.figures import named
+from evaluate.report.sections.figures import policy_label
 from evaluate.terminal.format import ABSENT, number
 
 LEVEL = "flat"
@@ -17,8 +17,8 @@ LEVEL = "flat"
 
 def responses(results: Results) -> str:
     """Achieved against commanded speed on level ground; empty where no robot ended a command interval upright."""
-    every = ladders(results)
-    scenario = next((ladder for ladder in every if ladder.name == LEVEL), every[0]).nominal.name
+    every = severity_axes(results)
+    scenario = next((axis for axis in every if axis.name == LEVEL), every[0]).nominal.name
     if not any(len(intervals(results, scenario, policy, 0)[0]) for policy in results.policies):
         return ""
     images = [
@@ -45,7 +45,7 @@ def _dead_zones(results: Results, scenario: str) -> str:
     for policy in results.policies:
         if (scenario, policy) in results.summaries:
             found = results.summaries[scenario, policy].response
-            rows.append([named(results, policy), *(cell for axis in AXES for cell in _cells(found[axis]))])
+            rows.append([policy_label(results, policy), *(cell for axis in AXES for cell in _cells(found[axis]))])
     return table(heads, rows)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from evaluate.analysis.results import Results
 from evaluate.report.html import fold, note, section, table
-from evaluate.report.sections.figures import named
+from evaluate.report.sections.figures import policy_label
 from evaluate.rollouts.experiment import Cell
 from evaluate.terminal.format import number
 
@@ -16,7 +16,7 @@ LISTED = 5
 
 
 @dataclass(frozen=True)
-class Bad:
+class WorstEpisode:
     """One episode and what went wrong."""
 
     policy: str
@@ -31,18 +31,18 @@ class Bad:
     """m/s"""
 
 
-def worst(results: Results, policy: str) -> list[Bad]:
+def worst(results: Results, policy: str) -> list[WorstEpisode]:
     """Falls on the scenarios where the policy falls least, earliest first; then the largest velocity errors."""
     cells = [cell for cell in results.cells if cell.policy == policy]
     cells.sort(key=lambda cell: results.summaries[cell.scenario.name, policy].fall_rate)
-    fallen = [bad for cell in cells for bad in sorted(_of(cell, fell=True), key=lambda bad: bad.fall_time)]
-    standing = [bad for cell in cells for bad in _of(cell, fell=False)]
-    return [*fallen, *sorted(standing, key=lambda bad: -bad.velocity_error)][:LISTED]
+    fallen = [each for cell in cells for each in sorted(_of(cell, fell=True), key=lambda each: each.fall_time)]
+    upright = [each for cell in cells for each in _of(cell, fell=False)]
+    return [*fallen, *sorted(upright, key=lambda each: -each.velocity_error)][:LISTED]
 
 
-def _of(cell: Cell, *, fell: bool) -> list[Bad]:
+def _of(cell: Cell, *, fell: bool) -> list[WorstEpisode]:
     return [
-        Bad(
+        WorstEpisode(
             cell.policy,
             cell.scenario.name,
             row,
@@ -65,8 +65,8 @@ def worst_episodes(results: Results, folder: Path) -> str:
     heads = ("scenario", "what happened", "replay")
     tables = (
         fold(
-            named(results, policy),
-            table(heads, [_row(bad, folder) for bad in worst(results, policy)], "text"),
+            policy_label(results, policy),
+            table(heads, [_row(episode, folder) for episode in worst(results, policy)], "text"),
             printed=True,
         )
         for policy in results.policies
@@ -74,16 +74,16 @@ def worst_episodes(results: Results, folder: Path) -> str:
     return section("Worst episodes", lead, *tables)
 
 
-def replay_command(bad: Bad, folder: Path) -> str:
+def replay_command(episode: WorstEpisode, folder: Path) -> str:
     """What a shell needs to run the episode again."""
-    words = ("python", "-m", "evaluate", "replay", str(folder), str(bad.episode))
-    return shlex.join((*words, "--policy", bad.policy, "--scenario", bad.scenario))
+    words = ("python", "-m", "evaluate", "replay", str(folder), str(episode.episode))
+    return shlex.join((*words, "--policy", episode.policy, "--scenario", episode.scenario))
 
 
-def _row(bad: Bad, folder: Path) -> tuple[str, str, str]:
+def _row(episode: WorstEpisode, folder: Path) -> tuple[str, str, str]:
     what = (
-        f"{escape(bad.fall_reason)} at {number(bad.fall_time, 2)} s"
-        if bad.fall_reason
-        else f"velocity error {number(bad.velocity_error)} m/s"
+        f"{escape(episode.fall_reason)} at {number(episode.fall_time, 2)} s"
+        if episode.fall_reason
+        else f"velocity error {number(episode.velocity_error)} m/s"
     )
-    return escape(bad.scenario), what, f"<code>{escape(replay_command(bad, folder))}</code>"
+    return escape(episode.scenario), what, f"<code>{escape(replay_command(episode, folder))}</code>"

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluate.analysis.breaking_points import limits
+from evaluate.analysis.breaking_points import breaking_points
 from evaluate.analysis.results import analyse, as_json
 from evaluate.statistics.breaking_point import breaking_point, breaking_ratio
 from quad_env import SCENARIOS
@@ -32,20 +32,20 @@ def falls_of(cells, policy):
     return np.array([cell.measures.fell for cell in cells if cell.policy == policy][2:])
 
 
-def test_limits_are_the_breaking_points_of_the_levels(cells) -> None:
-    found = {limit.policy: limit for limit in limits(cells)[0]}
+def test_breaking_points_of_cells_are_those_of_their_levels(cells) -> None:
+    found = {point.policy: point for point in breaking_points(cells)[0]}
     assert list(found) == ["trot", "strong", "iron", "paper"]
-    assert [limit.found for limit in found.values()] == ["crossed", "crossed", "never", "always"]
-    for limit in found.values():
-        assert (limit.axis, limit.unit, limit.lowest, limit.highest) == ("push", "N·s", SEVERITIES[0], SEVERITIES[-1])
-        assert limit.hardest == SEVERITIES[-1]
+    assert [point.found for point in found.values()] == ["crossed", "crossed", "never", "always"]
+    for point in found.values():
+        assert (point.axis, point.unit, point.lowest, point.highest) == ("push", "N·s", SEVERITIES[0], SEVERITIES[-1])
+        assert point.hardest == SEVERITIES[-1]
     for policy in ("trot", "strong"):
         expected = breaking_point(SEVERITIES, falls_of(cells, policy))
         assert (found[policy].severity50, found[policy].ci) == (expected.severity50, expected.ci)
 
 
 def test_ratios_are_against_the_baseline_where_both_broke(cells) -> None:
-    (ratio,) = limits(cells)[1]
+    (ratio,) = breaking_points(cells)[1]
     assert (ratio.axis, ratio.a, ratio.b) == ("push", "strong", "trot")
     points = [breaking_point(SEVERITIES, falls_of(cells, policy)) for policy in ("strong", "trot")]
     assert (ratio.ratio, ratio.ci) == breaking_ratio(*points)
@@ -53,7 +53,9 @@ def test_ratios_are_against_the_baseline_where_both_broke(cells) -> None:
 
 
 def test_order_of_the_run_does_not_matter(cells) -> None:
-    assert sorted(limits(cells[::-1])[0], key=str) == pytest.approx(sorted(limits(cells)[0], key=str), nan_ok=True)
+    assert sorted(breaking_points(cells[::-1])[0], key=str) == pytest.approx(
+        sorted(breaking_points(cells)[0], key=str), nan_ok=True
+    )
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -66,22 +68,22 @@ def test_where_less_is_harder_levels_are_taken_downwards(made_up_cell, monkeypat
     order = (3, 1, 4, 2) if known else (1, 2, 3, 4)
     chance = np.random.default_rng(0).logistic(0.0, 0.2, 100)
     cells = [made_up_cell("trot", grip.level(k).severity < 0.6 * np.exp(chance), scenario=grip.level(k)) for k in order]
-    (limit,) = limits(cells)[0]
-    assert limit.found == "crossed"
-    assert limit.severity50 == pytest.approx(0.6, rel=0.1)
-    assert (limit.lowest, limit.highest, limit.hardest) == (0.35, 1.0, 0.35)
+    (point,) = breaking_points(cells)[0]
+    assert point.found == "crossed"
+    assert point.severity50 == pytest.approx(0.6, rel=0.1)
+    assert (point.lowest, point.highest, point.hardest) == (0.35, 1.0, 0.35)
 
 
 def test_two_severities_have_no_breaking_point(cells) -> None:
     few = [cell for cell in cells if cell.scenario.name in ("flat", "push", "push:2", "push:5")]
-    assert limits(few) == ([], [])
-    assert limits([]) == ([], [])
+    assert breaking_points(few) == ([], [])
+    assert breaking_points([]) == ([], [])
 
 
 def test_levels_with_different_episodes_are_never_joined(cells, made_up_cell) -> None:
     other = made_up_cell("trot", np.zeros(100, bool), scenario=replace(LEVELS[0], severity=25.0), first_seed=1)
     with pytest.raises(ValueError, match="different episodes"):
-        limits([*cells, other])
+        breaking_points([*cells, other])
 
 
 def test_results_hold_them(cells) -> None:

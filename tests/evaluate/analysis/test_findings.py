@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from evaluate.analysis.breaking_point_text import words
-from evaluate.analysis.breaking_points import Limit
+from evaluate.analysis.breaking_point_text import breaking_point_text
+from evaluate.analysis.breaking_points import AxisBreakingPoint
 from evaluate.analysis.comparison import FALL_RATE
 from evaluate.analysis.findings import BETTER, BREAKING_POINT, UNSHOWN, WORSE, findings, headline, summary
-from evaluate.analysis.severity_levels import ladders, severity
+from evaluate.analysis.severity_levels import severity, severity_axes
 
 
 def plain(text: str) -> str:
@@ -19,11 +19,11 @@ def plain(text: str) -> str:
 
 
 def test_scenarios_of_an_axis_stand_together_from_mild_to_hard(made) -> None:
-    found = ladders(made)
-    assert [ladder.name for ladder in found] == ["flat", "push", "rough"]
-    assert found[1].scenarios == ("push:1", "push:3", "push:5", "push:6")
-    assert [plain(severity(rung)) for rung in found[1].rungs] == ["20 N·s", "50 N·s", "80 N·s", "100 N·s"]
-    assert plain(severity(found[0].rungs[0])) == "1.5 m/s"
+    found = severity_axes(made)
+    assert [axis.name for axis in found] == ["flat", "push", "rough"]
+    assert found[1].scenario_names == ("push:1", "push:3", "push:5", "push:6")
+    assert [plain(severity(scenario)) for scenario in found[1].scenarios] == ["20 N·s", "50 N·s", "80 N·s", "100 N·s"]
+    assert plain(severity(found[0].scenarios[0])) == "1.5 m/s"
 
 
 def test_falls_are_claimed_where_the_test_shows_them(made) -> None:
@@ -63,10 +63,12 @@ def test_a_later_breaking_point_is_claimed_where_its_ratio_is_shown(made) -> Non
     )
 
 
-def limit(**changes: Any) -> Limit:
+def point(**changes: Any) -> AxisBreakingPoint:
     """Trot's on pushes of 20 to 100 N·s."""
     known = {"axis": "push", "policy": "trot", "unit": "N·s", "severity50": 48.123, "ci": (45.3, 51.0)}
-    return Limit(**(known | {"found": "crossed", "lowest": 20.0, "highest": 100.0, "hardest": 100.0} | changes))
+    return AxisBreakingPoint(
+        **(known | {"found": "crossed", "lowest": 20.0, "highest": 100.0, "hardest": 100.0} | changes)
+    )
 
 
 @pytest.mark.parametrize(
@@ -84,15 +86,15 @@ def limit(**changes: Any) -> Limit:
     ],
 )
 def test_a_breaking_point_in_words(changes, text) -> None:
-    assert plain(words(limit(**changes))) == text
+    assert plain(breaking_point_text(point(**changes))) == text
 
 
 def test_where_less_is_harder_a_smaller_ratio_is_better(made) -> None:
-    from evaluate.analysis.breaking_points import LimitRatio
+    from evaluate.analysis.breaking_points import BreakingPointRatio
 
     slippery = {"axis": "slippery", "unit": "", "lowest": 0.05, "highest": 0.6, "hardest": 0.05}
-    both = (limit(**slippery, severity50=0.3), limit(**slippery, policy="other", severity50=0.2))
-    ratio = LimitRatio("slippery", "other", "trot", 0.67, (0.5, 0.8))
+    both = (point(**slippery, severity50=0.3), point(**slippery, policy="other", severity50=0.2))
+    ratio = BreakingPointRatio("slippery", "other", "trot", 0.67, (0.5, 0.8))
     results = dataclasses.replace(made, breaking_points=both, breaking_point_ratios=(ratio,))
     (found,) = [finding for finding in findings(results, "other") if finding.metric == BREAKING_POINT]
     assert found.kind == BETTER

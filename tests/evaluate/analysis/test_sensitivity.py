@@ -7,7 +7,7 @@ import pytest
 
 import policies
 from evaluate.analysis.results import analyse
-from evaluate.analysis.sensitivity import FALLEN, UNFELT, sensitivities, words
+from evaluate.analysis.sensitivity import FALLS_WITHOUT, UNCHANGED, effect_text, sensitivities
 from evaluate.report.sections.sensitivity_section import sensitivity as section
 from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.experiment import Bench, Entrant, cells, evaluation_seeds
@@ -39,14 +39,14 @@ def test_it_is_the_difference_to_the_undisturbed_episodes(run) -> None:
     assert found.falls_ci[0] > 0.0
     assert found.felt
     assert found.matters
-    assert words(found).replace("\u00a0", " ") == "+25 points, +0.25 m/s"
+    assert effect_text(found).replace("\u00a0", " ") == "+25 points, +0.25 m/s"
 
 
 def test_what_changes_no_bit_is_not_felt(run) -> None:
     (found,) = sensitivities(run(flat=(2, 0.0), noise=(2, 0.0)))
     assert not found.felt
     assert not found.matters
-    assert words(found) == UNFELT
+    assert effect_text(found) == UNCHANGED
     (hardly,) = sensitivities(run(flat=(2, 0.0), noise=(2, 1e-15)))
     assert hardly.felt
 
@@ -56,17 +56,17 @@ def test_what_helps_or_is_chance_does_not_matter(run) -> None:
     assert better.falls_p_value < 0.001
     assert not better.matters
     assert not chance.matters
-    assert words(chance).replace("\u00a0", " ") == "(+2 points), (+0.00 m/s)"
+    assert effect_text(chance).replace("\u00a0", " ") == "(+2 points), (+0.00 m/s)"
     (both,) = sensitivities(run(flat=(0, 0.0), push=(2, 0.1)))
-    assert words(both).replace("\u00a0", " ") == "(+5 points), +0.10 m/s"
+    assert effect_text(both).replace("\u00a0", " ") == "(+5 points), +0.10 m/s"
     assert both.matters
     (slower,) = sensitivities(run(flat=(0, 0.0), slippery=(0, 0.1)))
-    assert words(slower).replace("\u00a0", " ") == "+0.10 m/s"
+    assert effect_text(slower).replace("\u00a0", " ") == "+0.10 m/s"
 
 
 def test_a_policy_that_falls_anyway_says_nothing_about_disturbances(run) -> None:
     (found,) = sensitivities(run(flat=(COUNT, 0.0), noise=(COUNT, 0.0)))
-    assert words(found) == FALLEN
+    assert effect_text(found) == FALLS_WITHOUT
 
 
 def test_the_hardest_level_counts_also_where_less_is_harder(run) -> None:
@@ -87,16 +87,16 @@ def test_p_values_are_corrected_over_the_axes_of_a_policy(run) -> None:
 def test_nothing_is_said_without_the_undisturbed_episodes_or_of_others(run) -> None:
     assert sensitivities(run(push=(1, 0.1), rough=(1, 0.1))) == []
     assert sensitivities(run(flat=(1, 0.1), flat_at_2=(1, 0.1))) == []
-    calm, pushed = run(flat=(0, 0.0), push=(1, 0.1))
+    undisturbed, pushed = run(flat=(0, 0.0), push=(1, 0.1))
     with pytest.raises(ValueError, match="different episodes"):
-        sensitivities([calm, dataclasses.replace(pushed, seeds=pushed.seeds + 1)])
+        sensitivities([undisturbed, dataclasses.replace(pushed, seeds=pushed.seeds + 1)])
 
 
 def test_a_scenario_of_a_users_own_is_no_level_of_an_axis(run) -> None:
     """Its commands may be others, so its episodes are no pairs of the undisturbed ones."""
-    calm, pushed = run(flat=(0, 0.0), push=(9, 0.1))
+    undisturbed, pushed = run(flat=(0, 0.0), push=(9, 0.1))
     mine = dataclasses.replace(pushed.scenario, name="mine", severity=999.0, commands=CommandRanges(forward=(1.4, 1.5)))
-    (found,) = sensitivities([calm, pushed, dataclasses.replace(pushed, scenario=mine)])
+    (found,) = sensitivities([undisturbed, pushed, dataclasses.replace(pushed, scenario=mine)])
     assert found.scenario == "push"
 
 
@@ -114,6 +114,6 @@ def test_the_report_has_a_row_for_each_axis(run) -> None:
     made = run(flat=(0, 0.0), push=(9, 0.2), noise=(0, 0.0)) + run("stand", flat=(0, 0.0), push=(0, 0.0))
     page = section(analyse(made, seed=0, episodes=COUNT, complete=True))
     assert page.count("<tr>") == 3
-    assert UNFELT in page
+    assert UNCHANGED in page
     assert "35\u00a0N·s" in page
     assert section(analyse(run(flat=(0, 0.0)), seed=0, episodes=COUNT, complete=True)) == ""

@@ -12,7 +12,7 @@ from scipy import stats
 
 import quad_env
 from evaluate.__main__ import main
-from evaluate.analysis.run_comparison import Sample, contrasts, newcombe_interval, two_sample_interval
+from evaluate.analysis.run_comparison import Sample, compare_samples, newcombe_interval, two_sample_interval
 from evaluate.records import manifest
 from evaluate.records.episode_table import read_table, write_table
 
@@ -149,7 +149,7 @@ def test_two_samples_interval_is_as_wide_as_welchs_for_many_values() -> None:
 def test_unpaired_samples_may_differ_in_size() -> None:
     a = Sample(np.arange(4), np.array([True] * 4), {"velocity_error": np.ones(4)})
     b = Sample(np.arange(9), np.array([False] * 9), {"velocity_error": np.zeros(9)})
-    falls, velocity = contrasts(a, b, paired=False)
+    falls, velocity = compare_samples(a, b, paired=False)
     assert (falls.difference, velocity.difference) == (-1.0, -1.0)
     assert falls.p_value < 0.01
     assert velocity.p_value < 0.01

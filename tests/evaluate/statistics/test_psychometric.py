@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 from scipy.stats import beta, binom, norm
 
-from evaluate.statistics.psychometric import fall_probability, fit, middle
+from evaluate.statistics.psychometric import fall_probability, fit, median_hardness
 
 LEVELS = np.linspace(-1.0, 1.0, 6)
 EPISODES = 128
@@ -44,33 +44,33 @@ def test_fit_is_the_highest_posterior(true) -> None:
 
 def test_many_fits_at_once_are_those_of_each_alone() -> None:
     rates = np.random.default_rng(2).binomial(EPISODES, fall_probability(curve(0.0, 4.0), LEVELS), (5, 6)) / EPISODES
-    together = middle(fit(LEVELS, rates, EPISODES))
-    alone = [middle(fit(LEVELS, row[None], EPISODES))[0] for row in rates]
+    together = median_hardness(fit(LEVELS, rates, EPISODES))
+    alone = [median_hardness(fit(LEVELS, row[None], EPISODES))[0] for row in rates]
     assert together == pytest.approx(alone, abs=1e-6)
 
 
 @pytest.mark.parametrize(("floor", "lapse"), [(0.0, 0.0), (0.2, 0.0), (0.1, 0.3)])
 def test_half_of_the_episodes_fall_at_the_middle(floor, lapse) -> None:
     curves = curve(0.2, 5.0, floor, lapse)
-    assert fall_probability(curves, middle(curves))[0, 0] == pytest.approx(0.5)
+    assert fall_probability(curves, median_hardness(curves))[0, 0] == pytest.approx(0.5)
 
 
 def test_middle_of_exact_rates_is_the_curves() -> None:
     true = curve(0.15, 5.0, 0.1)
     found = fit(LEVELS, fall_probability(true, LEVELS), 100_000)
-    assert middle(found) == pytest.approx(middle(true), abs=2e-3)
+    assert median_hardness(found) == pytest.approx(median_hardness(true), abs=2e-3)
 
 
 def test_complete_separation_gives_the_middle_of_the_gap() -> None:
     rates = np.array([[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])
     found = fit(LEVELS, rates, EPISODES)
     assert np.isfinite(found).all()
-    assert middle(found) == pytest.approx(0.0, abs=1e-3)
+    assert median_hardness(found) == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("rate", [0.0, 1.0, 0.3])
 def test_level_rates_have_a_finite_curve(rate) -> None:
-    assert np.isfinite(middle(fit(LEVELS, np.full((1, 6), rate), EPISODES))).all()
+    assert np.isfinite(median_hardness(fit(LEVELS, np.full((1, 6), rate), EPISODES))).all()
 
 
 def test_a_level_without_disturbance_tells_of_the_floor_alone() -> None:
