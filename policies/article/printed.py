@@ -4,6 +4,7 @@ Its pitch is an angle from the +x axis, which the thigh takes for an angle from 
 the lateral offset; its stance starts half a step behind where its swing ended. See `document_repaired`.
 """
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from policies.base import Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import TROT_OFFSETS, Floats, leg_phases
 from quad_env.robots.robot import CALF_LENGTH, SIDE, THIGH_LENGTH
+
+
+class UnreachableFootWarning(UserWarning):
+    """A foot is asked for where no leg of the article's reaches: it gets the joint angles zero, as printed."""
 
 
 @dataclass(frozen=True)
@@ -42,34 +47,53 @@ class PrintedGait:
         return np.stack([x, np.broadcast_to(self.foot_line * SIDE, x.shape), z], axis=-1)
 
 
+def unreachable(feet: Floats) -> NDArray[np.bool_]:
+    """Which feet (..., 3) the document calls so: farther in the leg's plane than it is long, or too near; (...)."""
+    distance = np.sqrt(feet[..., 0] ** 2 + feet[..., 2] ** 2)
+    return (distance > THIGH_LENGTH + CALF_LENGTH) | (distance < abs(THIGH_LENGTH - CALF_LENGTH))
+
+
 def printed_joint_angles(feet: Floats) -> Floats:
-    """The document's inverse kinematics: roll, pitch, knee in rad, zeros where it says unreachable; shape (..., 3)."""
+    """The document's inverse kinematics: roll, pitch, knee in rad, zeros for unreachable feet; shape (..., 3)."""
     x, y, z = np.moveaxis(feet, -1, 0)
     distance = np.sqrt(x**2 + z**2)
-    unreachable = (distance > THIGH_LENGTH + CALF_LENGTH) | (distance < abs(THIGH_LENGTH - CALF_LENGTH))
+    missed = unreachable(feet)
     squares = THIGH_LENGTH**2 + CALF_LENGTH**2
     knee = np.arccos(np.clip((squares - distance**2) / (2.0 * THIGH_LENGTH * CALF_LENGTH), -1.0, 1.0)) - np.pi
     # A foot on the hip joint itself (distance 0) has no direction: the printed quotient is 0/0 there.
-    safe = np.where(unreachable | (distance == 0.0), THIGH_LENGTH + CALF_LENGTH, distance)
+    safe = np.where(missed | (distance == 0.0), THIGH_LENGTH + CALF_LENGTH, distance)
     inner = np.arccos(np.clip((THIGH_LENGTH**2 + safe**2 - CALF_LENGTH**2) / (2.0 * THIGH_LENGTH * safe), -1.0, 1.0))
     pitch = np.arctan2(z, x) - inner
     roll = np.arctan2(y, distance)
-    return np.where(unreachable[..., None], 0.0, np.stack([roll, pitch, knee], axis=-1))
+    return np.where(missed[..., None], 0.0, np.stack([roll, pitch, knee], axis=-1))
 
 
 class Document(GaitedPolicy):
-    """The printed controller: no command, no observation, no blending in, targets clipped by the joint limits."""
+    """The printed controller: no command, no observation, no blending in, targets clipped by the joint limits.
+
+    It warns of a foot out of reach as the article does, though once and not at every step: the printed figures never
+    ask for one.
+    """
 
     name = "document"
 
     def __init__(self, parameters: PrintedGait | None = None) -> None:
         self.parameters = parameters if parameters is not None else PrintedGait()
         self.frequency = self.parameters.frequency
+        self._warned = False
         super().__init__()
 
     def targets(self, phase: ArrayLike) -> Floats:
         """The 12 raw targets in rad, before any clipping, for a global phase in rad; shape (..., 12) for (...)."""
-        return flat_joints(printed_joint_angles(self.parameters.feet(phase, stance_start=0.0)))
+        feet = self.parameters.feet(phase, stance_start=0.0)
+        if not self._warned and (missed := unreachable(feet)).any():
+            self._warned = True
+            x, y, z = feet[missed][0]
+            message = (
+                f"a foot at ({x:.3g}, {y:.3g}, {z:.3g}) m from its hip is out of reach; its joints are sent to zero"
+            )
+            warnings.warn(message, UnreachableFootWarning, stacklevel=2)
+        return flat_joints(printed_joint_angles(feet))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()

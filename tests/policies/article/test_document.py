@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import policies
-from policies.article.printed import Document, PrintedGait, printed_joint_angles
+from policies.article.printed import Document, PrintedGait, UnreachableFootWarning, printed_joint_angles, unreachable
 from quad_env import OBSERVATION_SIZE
 from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
 
@@ -93,6 +93,19 @@ def test_unreachable_foot_leaves_the_other_legs_alone():
     solved = printed_joint_angles(feet)
     feet[2, 2] = -0.7
     assert np.array_equal(printed_joint_angles(feet)[[0, 1, 3]], solved[[0, 1, 3]])
+
+
+def test_a_foot_out_of_reach_is_told_once_and_changes_no_target():
+    policy = Document(PrintedGait(body_height=0.595))  # √(0.1² + 0.595²) m at the end of a stance: a leg has 0.6 m
+    stance_end = math.pi - 1e-9  # of fr and hl
+    with pytest.warns(UnreachableFootWarning, match=r"a foot at \(-0.1, -0.15, -0.595\) m from its hip"):
+        targets = policy.targets(stance_end)
+    policy.targets(stance_end)  # a second warning would be an error
+    assert targets[3:9].tolist() == [0.0] * 6
+
+
+def test_the_printed_figures_ask_for_no_foot_out_of_reach():
+    assert not unreachable(PrintedGait().feet(np.linspace(0.0, 2.0 * math.pi, 400), stance_start=0.0)).any()
 
 
 def test_limit_of_reach_and_a_foot_on_the_hip_are_finite():
