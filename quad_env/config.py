@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+GRAVITY = 9.81
+"""Of every world, m/s²."""
 COMMAND_BOUND = 100.0
 """Largest command that the observation can show, m/s and rad/s."""
 

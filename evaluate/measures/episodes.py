@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.config import GRAVITY
 from quad_env.robots.robot import MASS, TORQUE_LIMIT
 from quad_env.scenarios.scenario import Scenario
 
 Recorded = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-GRAVITY = 9.81
 WEIGHT = MASS * GRAVITY
 """Of the robot, N."""
 

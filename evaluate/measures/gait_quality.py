@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, count, over_steps, quotient, total, upright_rms
-from evaluate.measures.episodes import GRAVITY
 from evaluate.measures.footfalls import LONGEST_STRIDE, Footfalls
+from quad_env.config import GRAVITY
 from quad_env.robots.robot import CALF_LENGTH, LEG_NAMES, THIGH_LENGTH
 
 Recorded = NDArray[np.float32]

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
+from evaluate.report.plots.gait_diagram import stances
 from evaluate.studies.strides import Strides, walked
 from evaluate.terminal import launcher
 from evaluate.terminal.command_line import UsageError, fail, parse
-from policies.base import CONTROL_PERIOD, Floats, PolicyError
+from policies.base import CONTROL_PERIOD, PolicyError
 from policies.files import make_writable_folder
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import Gaits
-from policies.legs.contacts import Contacts
 from quad_env.robots.robot import LEG_NAMES
 from quad_env.seeding import episode_seeds
 
@@ -41,17 +41,6 @@ class Options:
     """Seed of the episode."""
 
 
-def stances(contacts: Contacts, period: float) -> list[Floats]:
-    """Start and length of each stance, s, (stances, 2), for each foot of contacts (steps, feet) every `period` s."""
-    edge = np.zeros((1, contacts.shape[1]), np.int8)
-    changes = np.diff(np.concatenate((edge, contacts.astype(np.int8), edge)), axis=0)
-    found = []
-    for change in changes.T:
-        begin, end = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
-        found.append(np.stack((begin, end - begin), axis=1) * period)
-    return found
-
-
 def draw(strides: Strides, title: str, out: Path) -> None:
     """Write the diagram of the first robot: a row a foot, the commanded stances pale above the measured ones."""
     import matplotlib as mpl
@@ -64,10 +53,9 @@ def draw(strides: Strides, title: str, out: Path) -> None:
         (strides.commanded[:, 0], 0.0, "#9ecae1", "commanded"),
         (strides.measured[:, 0], 0.4, "#08519c", "measured"),
     ):
-        for leg, bars in enumerate(stances(contacts, CONTROL_PERIOD)):
-            axes.broken_barh(
-                [(begin, length) for begin, length in bars], (leg - 0.4 + shift, 0.4), color=colour, label=label
-            )
+        for leg, contact in enumerate(contacts.T):
+            bars = [(first * CONTROL_PERIOD, count * CONTROL_PERIOD) for first, count in stances(contact)]
+            axes.broken_barh(bars, (leg - 0.4 + shift, 0.4), color=colour, label=label)
             label = "_"
     axes.set(xlabel="time, s", title=title, yticks=range(4), yticklabels=LEG_NAMES, ylim=(3.6, -0.6))
     figure.legend(loc="outside right upper", frameon=False)

@@ -10,7 +10,7 @@ import numpy as np
 from policies import bounds
 from policies.base import PolicyError
 from policies.gait import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
-from policies.legs.foot_path import GRAVITY
+from quad_env.config import GRAVITY
 from quad_env.robots.robot import CALF_LENGTH, HIP_POSITIONS, THIGH_LENGTH
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")

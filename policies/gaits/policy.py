@@ -28,10 +28,11 @@ from policies.gaits.parameters import (
     searched_parameters,
     slowed,
 )
-from policies.legs.foot_path import GRAVITY, SWING_PATHS, hip_height, load, swing_path
+from policies.legs.foot_path import SWING_PATHS, hip_height, load, swing_path
 from policies.legs.kinematics import leg_angles
 from policies.legs.stance_load import held_up
 from quad_env import OBSERVATION
+from quad_env.config import GRAVITY
 from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, MASS, NUM_JOINTS, SIDE
 
 Mask = NDArray[np.bool_]
@@ -74,7 +75,7 @@ class Beat(NamedTuple):
 
 
 class Gaits(GaitedPolicy):
-    """Steps in the gait asked for; `request` changes it, for all robots or some. It starts standing, in the home pose.
+    """Steps in the gait asked for; `request` changes it, for all robots or some. A reset puts them in the home pose.
 
     Args:
         gait: the gait after a reset, one of `gait_parameters.GAITS`.

@@ -9,9 +9,7 @@ import numpy as np
 
 from policies.easing import smoothstep
 from policies.gait import Floats, LegCycle
-
-GRAVITY = 9.81
-"""m/s²"""
+from quad_env.config import GRAVITY
 
 
 def stride(cycle: LegCycle, duty: float) -> Floats:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.actuation.models import Actuator, TorqueSpeed, weaker
+from quad_env.config import GRAVITY
 from quad_env.robots.robot import (
     HOME_POSE,
     JOINT_LOWER,
@@ -25,7 +26,6 @@ from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs, Terrain
 TRUNK_SENSOR = "trunk_ground"
 PAYLOAD = "payload"
 """Name of the payload's body."""
-GRAVITY = 9.81
 _GROUND, _TERRAIN = "ground", "terrain"
 _FLOOR_DEPTH = 1.0
 """m of solid ground below a height field or a tread."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.columns import Array, Rows, of_robots, total
-from quad_env.physics.model import GRAVITY
+from quad_env.config import GRAVITY
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.robot import LEG_NAMES, NUM_JOINTS
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quad_env.columns import Array, Mask, Rows, total
-from quad_env.physics.model import GRAVITY
+from quad_env.config import GRAVITY
 from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import FOOT_RADIUS, HIP_POSITIONS, LEG_NAMES
 

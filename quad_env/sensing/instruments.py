@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from quad_env.columns import Array, Rows
-from quad_env.physics.model import GRAVITY
+from quad_env.config import GRAVITY
 from quad_env.robots.robot import LEG_NAMES, NUM_JOINTS
 from quad_env.scenarios.episode import Episode
 from quad_env.sensing.channel import Channel, Clock, steps_late

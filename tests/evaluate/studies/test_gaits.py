@@ -1,11 +1,9 @@
 """The gaits' figures: changes of gait hold on flat ground, the diagram's bars by hand, mistakes are one line."""
 
 import matplotlib.image
-import numpy as np
 import pytest
 
 from evaluate.studies import gait_diagram, gaits
-from evaluate.studies.gait_diagram import stances
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import TARGET_RATE_LIMIT
 from quad_env.seeding import episode_seeds
@@ -42,13 +40,6 @@ def test_mistakes_are_one_line(arguments, word, capsys) -> None:
     complaint = capsys.readouterr().err
     assert len(complaint.splitlines()) == 1
     assert any(each in complaint for each in word.split("|"))
-
-
-def test_stances_are_starts_and_lengths_by_hand() -> None:
-    contacts = np.array([[1, 0], [1, 0], [0, 0], [1, 0], [1, 0]], bool)
-    first, second = stances(contacts, 0.01)
-    np.testing.assert_allclose(first, [[0.0, 0.02], [0.03, 0.02]])
-    assert second.shape == (0, 2)
 
 
 def test_diagram_is_drawn(tmp_path, capsys) -> None:
