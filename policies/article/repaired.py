@@ -13,6 +13,7 @@ from policies.article.printed import PrintedGait
 from policies.base import Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import Floats
 from policies.legs.kinematics import joint_angles
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 class DocumentRepaired(GaitedPolicy):
@@ -29,7 +30,9 @@ class DocumentRepaired(GaitedPolicy):
 
     def targets(self, phase: ArrayLike) -> Floats:
         """The 12 targets in rad, before blending and clipping, for a global phase in rad; shape (..., 12) for (...)."""
-        return flat_joints(joint_angles(self.parameters.feet(phase, stance_start=self.parameters.step_length / 2.0)))
+        return flat_joints(
+            joint_angles(SIMPLE_QUAD, self.parameters.feet(phase, stance_start=self.parameters.step_length / 2.0))
+        )
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()

@@ -8,6 +8,7 @@ from policies.behaviour.transitions import TIME_LIMIT, State
 from policies.legs.kinematics import foot_positions
 from quad_env import OBSERVATION
 from quad_env.robots.robot import FOOT_RADIUS, HIP_POSITIONS, HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Mask = NDArray[np.bool_]
 
@@ -57,7 +58,7 @@ def conditions(observation: NDArray[np.float32], state: NDArray[np.int8], ticks:
 
 def leg_height(gravity: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
     """Trunk's centre above the underside of its lowest foot, (n,), m, from gravity (n, 3) and joint angles (n, 12)."""
-    feet = foot_positions(joints.reshape(-1, 4, 3)) + HIP_POSITIONS
+    feet = foot_positions(SIMPLE_QUAD, joints.reshape(-1, 4, 3)) + HIP_POSITIONS
     depth = feet[:, :, 0] * gravity[:, 0:1] + feet[:, :, 1] * gravity[:, 1:2] + feet[:, :, 2] * gravity[:, 2:3]
     height: NDArray[np.float64] = depth.max(axis=1) + FOOT_RADIUS
     return height

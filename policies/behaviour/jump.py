@@ -9,6 +9,7 @@ from policies.base import CONTROL_PERIOD, Floats
 from policies.behaviour.motion import Mask, Motion, approach
 from policies.legs.kinematics import joint_angles
 from quad_env.robots.robot import FOOT_RADIUS, HIP_OFFSET, HOME_HEIGHT, HOME_POSE, SIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Jump(Motion):
 
     def __init__(self, keyframes: tuple[Keyframe, ...] = JUMP) -> None:
         feet = [[(key.forward, side * HIP_OFFSET, -key.height) for side in SIDE] for key in keyframes]
-        self._poses = joint_angles(feet).reshape(len(keyframes), -1)
+        self._poses = joint_angles(SIMPLE_QUAD, feet).reshape(len(keyframes), -1)
         self._durations = np.array([key.duration for key in keyframes])
         ends = np.cumsum([key.duration + key.hold for key in keyframes])
         self._begins = np.concatenate(([0.0], ends[:-1]))

@@ -34,6 +34,7 @@ from policies.legs.stance_load import held_up
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, MASS, NUM_JOINTS, SIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Mask = NDArray[np.bool_]
 
@@ -208,7 +209,7 @@ class Gaits(GaitedPolicy):
         z = np.where(self._swing, p.step_height * lift, 0.0) - p.body_height
         z = z - hip_height(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
         y = self._y + p.sway * beat.sway
-        hip, thigh, calf = leg_angles(self._x, y, z)
+        hip, thigh, calf = leg_angles(SIMPLE_QUAD, self._x, y, z)
         share = load(LegCycle(self._swing, beat.cycle.progress))
         force = share * p.stance_load * (MASS * GRAVITY / 4.0 / self._duty[:, None])
         joints = np.stack(held_up(hip, thigh, calf, self._x, y, force), axis=-1).reshape(-1, NUM_JOINTS)

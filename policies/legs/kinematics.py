@@ -1,65 +1,72 @@
 """Exact kinematics of one leg: joint angles to foot position and back.
 
 Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up). The hip turns the leg
-about +x; the thigh joint sits `HIP_OFFSET` outboard of it; thigh and calf turn about +y in the plane that the hip has
-tilted. In that plane (x forward, z towards the hip's own "up") a foot is at
+about +x; the thigh joint sits D = `hip_offset` outboard of it; thigh and calf, L1 and L2 long, turn about +y in the
+plane that the hip has tilted. In that plane (x forward, z towards the hip's own "up") a foot is at
 
     x = -L1 sin(thigh) - L2 sin(thigh + calf)        z = -L1 cos(thigh) - L2 cos(thigh + calf)
 
-and the hip carries (x, ±HIP_OFFSET, z) over to the hip frame. Knees bend backward (calf <= 0), and of the two ways to
-reach a point the inverse takes the one with the foot below the thigh joint (z <= 0 in the leg's plane).
+and the hip carries (x, ±D, z) over to the hip frame. Calf angles have the sign of `knee_direction`, and of the two ways
+to reach a point the inverse takes the one with the foot below the thigh joint (z <= 0 in the leg's plane).
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quad_env.robots.kinematics import foot_positions as foot_positions
-from quad_env.robots.robot import CALF_LENGTH, HIP_OFFSET, SIDE, THIGH_LENGTH
+from quad_env.robots.robot import Robot
 
 Floats = NDArray[np.float64]
 
-LONGEST_LEG = THIGH_LENGTH + CALF_LENGTH
-"""Thigh joint to foot with the knee straight, m."""
-SHORTEST_LEG = abs(THIGH_LENGTH - CALF_LENGTH)
-"""Thigh joint to foot with the knee folded (joint limits aside), m."""
+
+def longest_leg(robot: Robot) -> float:
+    """Thigh joint to foot with the knee straight, m."""
+    return robot.thigh_length + robot.calf_length
 
 
-def joint_angles(feet: ArrayLike, side: Floats = SIDE) -> Floats:
+def shortest_leg(robot: Robot) -> float:
+    """Thigh joint to foot with the knee folded (joint limits aside), m."""
+    return abs(robot.thigh_length - robot.calf_length)
+
+
+def joint_angles(robot: Robot, feet: ArrayLike, side: Floats | None = None) -> Floats:
     """Joint angles in rad that put the feet (hip frames, m) there, shape (..., legs, 3): undoes `foot_positions`.
 
     A foot out of reach gets the angles of the nearest point in reach; `reachable` tells which. Joint limits are not
-    looked at.
+    looked at. `side` is that of `foot_positions`.
     """
     x, y, z = np.moveaxis(np.asarray(feet, dtype=np.float64), -1, 0)
-    return np.stack(leg_angles(x, y, z, side), axis=-1)
+    return np.stack(leg_angles(robot, x, y, z, side), axis=-1)
 
 
-def leg_angles(x: Floats, y: Floats, z: Floats, side: Floats = SIDE) -> tuple[Floats, Floats, Floats]:
+def leg_angles(
+    robot: Robot, x: Floats, y: Floats, z: Floats, side: Floats | None = None
+) -> tuple[Floats, Floats, Floats]:
     """`joint_angles` with coordinates and angles (hip, thigh, calf) apart, each of shape (..., legs)."""
-    outboard = side * HIP_OFFSET
-    drop = np.sqrt(np.maximum(y * y + z * z - HIP_OFFSET**2, 0.0))  # foot below the thigh joint, in the leg's plane
+    upper, lower, offset, knee = robot.thigh_length, robot.calf_length, robot.hip_offset, robot.knee_direction
+    outboard = (robot.side if side is None else side) * offset
+    drop = np.sqrt(np.maximum(y * y + z * z - offset**2, 0.0))  # foot below the thigh joint, in the leg's plane
     # The hip angle takes the vector (outboard, -drop) to (y, z): its sine and cosine are their cross and dot product.
     hip = np.arctan2(z * outboard + y * drop, y * outboard - z * drop)
 
-    longest, shortest = LONGEST_LEG**2, SHORTEST_LEG**2
-    squared_length = np.clip(x * x + drop * drop, shortest, longest)
-    bend = (squared_length - THIGH_LENGTH**2 - CALF_LENGTH**2) / (2.0 * THIGH_LENGTH * CALF_LENGTH)
+    squared_length = np.clip(x * x + drop * drop, shortest_leg(robot) ** 2, longest_leg(robot) ** 2)
+    bend = (squared_length - upper**2 - lower**2) / (2.0 * upper * lower)
     bend = np.clip(bend, -1.0, 1.0)  # rounding alone takes it out
-    calf = -np.arccos(bend)
+    calf = knee * np.arccos(bend)
     # Seen from the thigh, the foot is `along` down the thigh and `behind` off its line (negative: to the front).
-    along = THIGH_LENGTH + CALF_LENGTH * bend
-    behind = -CALF_LENGTH * np.sqrt(1.0 - bend * bend)
+    along = upper + lower * bend
+    behind = knee * lower * np.sqrt(1.0 - bend * bend)
     # As for the hip: the thigh angle takes (behind, along) to (-x, drop).
     thigh = np.arctan2(-x * along - drop * behind, drop * along - x * behind)
     return hip, thigh, calf
 
 
-def reachable(feet: ArrayLike) -> NDArray[np.bool_]:
+def reachable(robot: Robot, feet: ArrayLike) -> NDArray[np.bool_]:
     """Whether each foot position (hip frame, m; shape (..., 3)) lies within the leg's geometric reach; shape (...)."""
     x, y, z = np.moveaxis(np.asarray(feet, dtype=np.float64), -1, 0)
-    off_axis = y * y + z * z - HIP_OFFSET**2
+    off_axis = y * y + z * z - robot.hip_offset**2
     squared_length = x * x + off_axis
     inside: NDArray[np.bool_] = (
-        (off_axis >= 0.0) & (squared_length <= LONGEST_LEG**2) & (squared_length >= SHORTEST_LEG**2)
+        (off_axis >= 0.0) & (squared_length <= longest_leg(robot) ** 2) & (squared_length >= shortest_leg(robot) ** 2)
     )
     return inside

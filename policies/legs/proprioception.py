@@ -9,6 +9,7 @@ from policies.legs.kinematics import foot_positions
 from policies.legs.level_frame import LevelFrame, Vector, level_frame
 from quad_env import OBSERVATION
 from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 HIP_X, HIP_Y = HIP_POSITIONS[:, 0:1], HIP_POSITIONS[:, 1:2]
 """Hip joints from the trunk's centre, (4, 1), m."""
@@ -36,7 +37,7 @@ def sense(observation: Floats) -> Senses:
     frame = level_frame(observation[OBSERVATION["projected_gravity"]])
     velocity, turn = (_vector(observation[OBSERVATION[name]]) for name in ("linear_velocity", "angular_velocity"))
     joints = (observation[OBSERVATION["joint_position"]] + _HOME).reshape(4, 3, -1)
-    x, y, z = np.moveaxis(foot_positions(np.moveaxis(joints, 1, -1), SIDES), -1, 0)
+    x, y, z = np.moveaxis(foot_positions(SIMPLE_QUAD, np.moveaxis(joints, 1, -1), SIDES), -1, 0)
     return Senses(
         frame=frame,
         velocity=frame.to_level(velocity),

@@ -9,6 +9,7 @@ from policies.easing import smoothstep
 from policies.legs.kinematics import leg_angles
 from quad_env import OBSERVATION
 from quad_env.robots.robot import HIP_POSITIONS, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, SIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 HEIGHT = 0.13
 """Trunk's centre above the centres of the feet, m."""
@@ -71,6 +72,6 @@ def braced(observation: Floats) -> Floats:
     # A side that rises shortens its legs.
     z = np.minimum(roll * y - pitch * x - HEIGHT, -SHORTEST_DROP)
     x, y = np.broadcast_to(x - HIP_POSITIONS[:, 0], z.shape), np.broadcast_to(y - HIP_POSITIONS[:, 1], z.shape)
-    targets = np.stack(leg_angles(x, y, z), axis=-1).reshape(-1, NUM_JOINTS)
+    targets = np.stack(leg_angles(SIMPLE_QUAD, x, y, z), axis=-1).reshape(-1, NUM_JOINTS)
     joints: Floats = np.clip(targets, JOINT_LOWER, JOINT_UPPER)
     return joints

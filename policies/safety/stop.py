@@ -9,6 +9,7 @@ from policies.behaviour.motion import Mask, Motion
 from policies.legs.kinematics import leg_angles
 from quad_env import OBSERVATION
 from quad_env.robots.robot import FOOT_RADIUS, HIP_OFFSET, HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, SIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LOWERING_SPEED = 0.2
 """Of the trunk in a controlled stop, m/s; a stop faster than 0.3 would not count as controlled."""
@@ -45,6 +46,8 @@ def feet_at(x: Floats, outward: Floats, height: Floats) -> Floats:
     leg's place, m; within the joint limits."""
     shape = (len(height), len(SIDE))
     y = HIP_OFFSET * SIDE + outward
-    legs = leg_angles(np.broadcast_to(x, shape), np.broadcast_to(y, shape), np.broadcast_to(-height, shape))
+    legs = leg_angles(
+        SIMPLE_QUAD, np.broadcast_to(x, shape), np.broadcast_to(y, shape), np.broadcast_to(-height, shape)
+    )
     angles: Floats = np.clip(np.stack(legs, axis=-1).reshape(-1, NUM_JOINTS), JOINT_LOWER, JOINT_UPPER)
     return angles

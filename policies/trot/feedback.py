@@ -22,6 +22,7 @@ from policies.legs.stance_load import held_up
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
 from quad_env import OBSERVATION
 from quad_env.robots.robot import NUM_JOINTS
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LARGEST_CORRECTION = 0.5
 """Of the gait's velocity by the integral of its error, m/s and rad/s."""
@@ -270,5 +271,5 @@ def _under(frame: LevelFrame, places: Planar) -> Planar:
 def _joints(feet: Vector, force: Floats) -> Floats:
     """Joint targets (n, 12), rad, for feet in the base frame that carry a force, N."""
     x, y = feet[0] - HIP_X, feet[1] - HIP_Y
-    hip, thigh, calf = leg_angles(x, y, np.minimum(feet[2], -SHORTEST_DROP), SIDES)
+    hip, thigh, calf = leg_angles(SIMPLE_QUAD, x, y, np.minimum(feet[2], -SHORTEST_DROP), SIDES)
     return np.stack(held_up(hip, thigh, calf, x, y, force), axis=1).reshape(NUM_JOINTS, -1).T

@@ -20,6 +20,7 @@ from policies.legs.kinematics import leg_angles
 from policies.legs.stance_load import held_up
 from quad_env import OBSERVATION
 from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, NUM_JOINTS, SIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("trot.json")
 """The searched parameters, written by `python -m train search trot`."""
@@ -178,6 +179,6 @@ class Trot(GaitedPolicy):
         x = p.stance_shift + along * (forward - yaw_rate * foot_y)
         y = (foot_y - HIP_POSITIONS[:, 1]) + along * (lateral + yaw_rate * foot_x)
         z = p.step_height * lift(cycle) - p.body_height
-        hip, thigh, calf = leg_angles(x, y, z)
+        hip, thigh, calf = leg_angles(SIMPLE_QUAD, x, y, z)
         force = load(cycle) * p.stance_load
         return np.stack(held_up(hip, thigh, calf, x, y, force), axis=-1).reshape(-1, NUM_JOINTS)

@@ -26,6 +26,7 @@ from quad_env.columns import Array, Mask, Rows, total
 from quad_env.config import GRAVITY
 from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import FOOT_RADIUS, HIP_POSITIONS, LEG_NAMES
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 TILT_TIME = 2.0
 """s over which the accelerometer corrects the gyroscope; of 1, 2 and 4 s, 4 s is the best without biases."""
@@ -97,7 +98,7 @@ def leg_velocity(read: Read, turning: Array, gravity: Array, spacing: float) -> 
     """
     shape = (-1, len(LEG_NAMES), 3)
     joints, before = read.joints.reshape(shape), read.joints_before.reshape(shape)
-    now, then = foot_positions(joints), foot_positions(before)
+    now, then = foot_positions(SIMPLE_QUAD, joints), foot_positions(SIMPLE_QUAD, before)
     speed = (joints - before) / spacing
     hip, bend = 0.5 * (joints + before)[..., 0], speed[..., 1] + speed[..., 2]
     calf = turning[:, None] + np.stack((speed[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)

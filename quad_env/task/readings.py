@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.kinematics import feet_in_world
 from quad_env.robots.robot import FOOT_RADIUS
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Readings = dict[str, NDArray[np.generic]]
 _NO_COMMAND = (np.zeros(1),) * 3
@@ -38,7 +39,7 @@ def readings(simulation: Simulation) -> Readings:
     state = simulation.state(_NO_COMMAND)
     position, joints = np.transpose(state.position), np.transpose(state.joint_position)
     rotation = np.moveaxis(np.array(state.rotation), -1, 0)
-    feet = feet_in_world(position, rotation, joints)
+    feet = feet_in_world(SIMPLE_QUAD, position, rotation, joints)
     feet_contact, leg_contact = simulation.ground_contacts()
     temperature = simulation.winding_temperature
     return {

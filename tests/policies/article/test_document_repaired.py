@@ -7,6 +7,7 @@ from policies.article.repaired import DocumentRepaired
 from policies.legs.kinematics import foot_positions
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 
 CYCLE = np.linspace(0.0, 2.0 * np.pi, 401)
@@ -15,7 +16,7 @@ CYCLE = np.linspace(0.0, 2.0 * np.pi, 401)
 @pytest.fixture(scope="module")
 def feet():
     """Feet in their hip frames over one cycle, (401, 4, 3)."""
-    return foot_positions(DocumentRepaired().targets(CYCLE).reshape(-1, 4, 3))
+    return foot_positions(SIMPLE_QUAD, DocumentRepaired().targets(CYCLE).reshape(-1, 4, 3))
 
 
 def test_feet_keep_to_the_printed_line_and_heights(feet):

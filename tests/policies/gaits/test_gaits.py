@@ -25,6 +25,7 @@ from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
 from policies.legs.kinematics import foot_positions
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 
 LEGS = ("fl", "fr", "hl", "hr")
@@ -54,7 +55,7 @@ def steps(policy, command, count):
 
 def feet(actions):
     """Feet in the base frame, (steps, 4, 3), of the first robot."""
-    return foot_positions(actions[:, 0].reshape(-1, 4, 3)) + HIP_POSITIONS
+    return foot_positions(SIMPLE_QUAD, actions[:, 0].reshape(-1, 4, 3)) + HIP_POSITIONS
 
 
 def touch_downs(swing):

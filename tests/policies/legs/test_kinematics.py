@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from policies.legs.kinematics import foot_positions, joint_angles, leg_angles, reachable
 from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 legs = st.lists(
     st.tuples(*(st.floats(low, high) for low, high in zip(JOINT_LOWER[:3], JOINT_UPPER[:3], strict=True))),
@@ -20,28 +21,28 @@ def drop_in_leg_plane(joints):
 
 def test_straight_legs_hang_below_the_thigh_joints():
     expected = [[0, 0.1, -0.6], [0, -0.1, -0.6], [0, 0.1, -0.6], [0, -0.1, -0.6]]
-    np.testing.assert_allclose(foot_positions(np.zeros((4, 3))), expected, atol=1e-15)
+    np.testing.assert_allclose(foot_positions(SIMPLE_QUAD, np.zeros((4, 3))), expected, atol=1e-15)
 
 
 def test_home_pose_has_the_feet_right_below_the_thigh_joints():
-    feet = foot_positions(HOME_POSE.reshape(4, 3))
+    feet = foot_positions(SIMPLE_QUAD, HOME_POSE.reshape(4, 3))
     np.testing.assert_allclose(feet[0], [0.0, 0.1, -0.6 * math.cos(0.5)], atol=1e-15)
 
 
 def test_positive_hip_angle_swings_a_left_leg_out_and_a_right_leg_in():
     # The straight left leg's tip (0.1, -0.6) in the y-z plane, turned by 0.3 rad about +x; the right one's likewise.
-    feet = foot_positions(np.tile([0.3, 0.0, 0.0], (4, 1)))
+    feet = foot_positions(SIMPLE_QUAD, np.tile([0.3, 0.0, 0.0], (4, 1)))
     np.testing.assert_allclose(feet[0, 1:], [0.2728457729, -0.5436498728], atol=1e-9)
     np.testing.assert_allclose(feet[1, 1:], [0.0817784751, -0.6027539142], atol=1e-9)
 
 
 def test_positive_thigh_angle_moves_the_foot_backward():
-    assert foot_positions(np.tile([0.0, 0.2, 0.0], (4, 1)))[0, 0] < 0.0
+    assert foot_positions(SIMPLE_QUAD, np.tile([0.0, 0.2, 0.0], (4, 1)))[0, 0] < 0.0
 
 
 def test_right_angled_knee_by_hand():
     # Foot 0.3·√2 m straight below the thigh joint: an isosceles right triangle, so thigh 45° back and knee 90°.
-    joints = joint_angles([[0.0, 0.1, -0.3 * math.sqrt(2.0)]] * 4)
+    joints = joint_angles(SIMPLE_QUAD, [[0.0, 0.1, -0.3 * math.sqrt(2.0)]] * 4)
     np.testing.assert_allclose(joints[0], [0.0, math.pi / 4, -math.pi / 2], atol=1e-12)
 
 
@@ -49,19 +50,21 @@ def test_right_angled_knee_by_hand():
 def test_inverse_of_forward_is_the_identity_for_feet_below_the_thigh_joint(joints):
     joints[:, 2] = np.minimum(joints[:, 2], -1e-3)  # at the straight knee the angle is a square root of the length
     below = drop_in_leg_plane(joints) > 1e-6
-    np.testing.assert_allclose(joint_angles(foot_positions(joints))[below], joints[below], atol=1e-9)
+    np.testing.assert_allclose(
+        joint_angles(SIMPLE_QUAD, foot_positions(SIMPLE_QUAD, joints))[below], joints[below], atol=1e-9
+    )
 
 
 @given(legs)
 def test_forward_of_inverse_is_the_identity_over_the_whole_joint_space(joints):
-    feet = foot_positions(joints)
-    np.testing.assert_allclose(foot_positions(joint_angles(feet)), feet, atol=1e-9)
+    feet = foot_positions(SIMPLE_QUAD, joints)
+    np.testing.assert_allclose(foot_positions(SIMPLE_QUAD, joint_angles(SIMPLE_QUAD, feet)), feet, atol=1e-9)
 
 
 def test_target_too_far_becomes_the_straight_leg_towards_it():
     target = np.tile([0.5, 0.1, -0.5], (4, 1)) * [[1, 1, 1], [1, -1, 1], [1, 1, 1], [1, -1, 1]]
-    assert not reachable(target).any()
-    feet = foot_positions(joint_angles(target))
+    assert not reachable(SIMPLE_QUAD, target).any()
+    feet = foot_positions(SIMPLE_QUAD, joint_angles(SIMPLE_QUAD, target))
     nearest = 0.6 / math.sqrt(0.5) * 0.5
     np.testing.assert_allclose(feet[0], [nearest, 0.1, -nearest], atol=1e-9)
     np.testing.assert_allclose(feet[1], [nearest, -0.1, -nearest], atol=1e-9)
@@ -70,32 +73,34 @@ def test_target_too_far_becomes_the_straight_leg_towards_it():
 def test_target_inside_the_hip_offset_is_answered_with_its_nearest_point():
     # 0.05 m from the hip axis, where the offset keeps the foot 0.1 m away: half way out on the same ray.
     target = np.array([[-0.2, 0.03, -0.04]] * 4)
-    assert not reachable(target).any()
-    np.testing.assert_allclose(foot_positions(joint_angles(target))[0], [-0.2, 0.06, -0.08], atol=1e-9)
+    assert not reachable(SIMPLE_QUAD, target).any()
+    np.testing.assert_allclose(
+        foot_positions(SIMPLE_QUAD, joint_angles(SIMPLE_QUAD, target))[0], [-0.2, 0.06, -0.08], atol=1e-9
+    )
 
 
 def test_degenerate_targets_give_finite_angles():
     feet = np.array([[[0.0, 0.0, 0.0]] * 4, [[0.0, 0.1, 0.0]] * 4, [[9.0, 9.0, 9.0]] * 4])
-    assert np.isfinite(joint_angles(feet)).all()
+    assert np.isfinite(joint_angles(SIMPLE_QUAD, feet)).all()
 
 
 def test_reach_ends_at_the_two_links_lengths():
-    assert reachable([0.0, 0.1, -0.599999])
-    assert not reachable([0.0, 0.1, -0.600001])
+    assert reachable(SIMPLE_QUAD, [0.0, 0.1, -0.599999])
+    assert not reachable(SIMPLE_QUAD, [0.0, 0.1, -0.600001])
 
 
 def test_one_leg_alone_equals_its_row_in_a_batch():
     rng = np.random.default_rng(1)
     feet = rng.uniform([-0.2, -0.3, -0.5], [0.2, 0.3, -0.2], (7, 4, 3))
-    alone = joint_angles(feet[3, 1], side=np.array(-1.0))
-    assert np.array_equal(alone, joint_angles(feet)[3, 1])
-    apart = np.stack(leg_angles(feet[..., 0], feet[..., 1], feet[..., 2]), axis=-1)
-    assert np.array_equal(apart, joint_angles(feet))
+    alone = joint_angles(SIMPLE_QUAD, feet[3, 1], side=np.array(-1.0))
+    assert np.array_equal(alone, joint_angles(SIMPLE_QUAD, feet)[3, 1])
+    apart = np.stack(leg_angles(SIMPLE_QUAD, feet[..., 0], feet[..., 1], feet[..., 2]), axis=-1)
+    assert np.array_equal(apart, joint_angles(SIMPLE_QUAD, feet))
 
 
 @given(legs)
 def test_left_and_right_legs_are_mirror_images(joints):
     joints[:, 0] *= [1.0, -1.0, 1.0, -1.0]
     joints[1] = joints[0] * [-1.0, 1.0, 1.0]
-    feet = foot_positions(joints)
+    feet = foot_positions(SIMPLE_QUAD, joints)
     np.testing.assert_allclose(feet[1], feet[0] * [1.0, -1.0, 1.0], atol=1e-15)

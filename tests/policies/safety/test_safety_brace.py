@@ -11,6 +11,7 @@ from policies.safety.fall_prediction import RECENT_TIME, next_recent, next_refer
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
 
@@ -118,12 +119,18 @@ def test_second_brace_starts_afresh():
 
 
 def test_brace_is_wide_and_low_and_lets_the_side_down_that_rises():
-    level = foot_positions(braced(moving((0.0, 0.0, 0.0))).reshape(4, 3)) + HIP_POSITIONS
-    home = foot_positions(HOME_POSE.reshape(4, 3)) + HIP_POSITIONS
+    level = foot_positions(SIMPLE_QUAD, braced(moving((0.0, 0.0, 0.0))).reshape(4, 3)) + HIP_POSITIONS
+    home = foot_positions(SIMPLE_QUAD, HOME_POSE.reshape(4, 3)) + HIP_POSITIONS
     assert (np.abs(level[:, 1]) > np.abs(home[:, 1])).all()
     assert (level[:, 2] > home[:, 2]).all()
-    rolling = foot_positions(braced(moving((0.0, 0.0, 0.0), turning=(0.5, 0.0, 0.0))).reshape(4, 3)) + HIP_POSITIONS
-    pitching = foot_positions(braced(moving((0.0, 0.0, 0.0), turning=(0.0, 0.5, 0.0))).reshape(4, 3)) + HIP_POSITIONS
+    rolling = (
+        foot_positions(SIMPLE_QUAD, braced(moving((0.0, 0.0, 0.0), turning=(0.5, 0.0, 0.0))).reshape(4, 3))
+        + HIP_POSITIONS
+    )
+    pitching = (
+        foot_positions(SIMPLE_QUAD, braced(moving((0.0, 0.0, 0.0), turning=(0.0, 0.5, 0.0))).reshape(4, 3))
+        + HIP_POSITIONS
+    )
     assert (np.sign(rolling - level)[:, 2] == SIDE).all()  # +x turns the left side up
     assert (np.sign(pitching - level)[:, 2] == -np.sign(HIP_POSITIONS[:, 0])).all()  # +y turns the nose down
 

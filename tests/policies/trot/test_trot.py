@@ -25,6 +25,7 @@ from policies.trot.open_loop import (
 )
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SCENARIOS, CommandRanges
 from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 
 # The bare path: nothing made up for, an identity for the command map, and no waiting for the command.
@@ -66,7 +67,7 @@ def steady(parameters, command, steps=80, settle=40):
 
 def feet(actions):
     """Feet in the base frame, (steps, 4, 3)."""
-    return foot_positions(actions.reshape(-1, 4, 3)) + HIP_POSITIONS
+    return foot_positions(SIMPLE_QUAD, actions.reshape(-1, 4, 3)) + HIP_POSITIONS
 
 
 @pytest.mark.parametrize("command", [(1.0, 0.0, 0.0), (0.0, -0.5, 0.0), (0.0, 0.0, 1.0), (-0.6, 0.4, -0.8)])
@@ -162,11 +163,13 @@ def test_servo_lead_runs_ahead_along_the_tangent():
 def test_targets_of_a_loaded_leg_differ_by_the_work_of_the_force():
     # Virtual work: torque on joint i = F ∂z/∂q_i, here by central differences of the forward kinematics.
     joints, force, h = np.array([[0.1, 0.7, -1.3], [-0.2, 0.4, -0.9], [0.3, 0.2, -0.8], [0.0, 0.9, -1.6]]), 70.0, 1e-6
-    foot = foot_positions(joints)
+    foot = foot_positions(SIMPLE_QUAD, joints)
     targets = np.stack(held_up(*joints.T, foot[:, 0], foot[:, 1], np.full(4, force)), axis=-1)
     for joint in range(3):
         step = h * np.eye(3)[joint]
-        slope = (foot_positions(joints + step)[:, 2] - foot_positions(joints - step)[:, 2]) / (2 * h)
+        slope = (
+            foot_positions(SIMPLE_QUAD, joints + step)[:, 2] - foot_positions(SIMPLE_QUAD, joints - step)[:, 2]
+        ) / (2 * h)
         np.testing.assert_allclose(targets[:, joint] - joints[:, joint], -force * slope / SERVO_STIFFNESS, atol=1e-8)
 
 

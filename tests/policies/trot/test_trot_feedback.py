@@ -25,6 +25,7 @@ from policies.trot.feedback_parameters import (
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
 from quad_env.task.observations import BOUND, observe
@@ -89,7 +90,7 @@ def observation(**readings):
 
 def feet(action):
     """Feet in the base frame that the targets are for, (4, 3), m."""
-    return foot_positions(action.astype(np.float64).reshape(4, 3)) + HIP_POSITIONS
+    return foot_positions(SIMPLE_QUAD, action.astype(np.float64).reshape(4, 3)) + HIP_POSITIONS
 
 
 def answer(changes, steps=3, **readings):
@@ -236,7 +237,7 @@ def on_slope(forward, lateral):
     """Reading of a level trunk whose feet stand on that slope, found by the inverse kinematics."""
     x, y = HIP_POSITIONS[:, 0], HIP_POSITIONS[:, 1] + 0.1 * SIDE
     z = -0.35 + forward * x + lateral * y
-    joints = joint_angles(np.stack([x, y, z], axis=-1) - HIP_POSITIONS).ravel() - HOME_POSE
+    joints = joint_angles(SIMPLE_QUAD, np.stack([x, y, z], axis=-1) - HIP_POSITIONS).ravel() - HOME_POSE
     return observation(joint_position=joints)
 
 
@@ -267,7 +268,9 @@ def on_a_stone(height):
     """Reading of a level trunk one of whose feet stands that much higher than the others, m."""
     x, y = HIP_POSITIONS[:, 0], HIP_POSITIONS[:, 1] + 0.1 * SIDE
     z = -0.35 + height * np.array([1.0, 0.0, 0.0, 0.0])
-    return observation(joint_position=joint_angles(np.stack([x, y, z], axis=-1) - HIP_POSITIONS).ravel() - HOME_POSE)
+    return observation(
+        joint_position=joint_angles(SIMPLE_QUAD, np.stack([x, y, z], axis=-1) - HIP_POSITIONS).ravel() - HOME_POSE
+    )
 
 
 def test_on_ground_too_rough_to_walk_on_it_stands_still_on_all_feet_and_remembers():
