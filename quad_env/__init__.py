@@ -14,7 +14,16 @@ import gymnasium as gym
 
 if TYPE_CHECKING:
     from quad_env.actuation.models import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
-    from quad_env.config import FALL_RULE, AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
+    from quad_env.config import (
+        FALL_REASONS,
+        FALL_RULE,
+        AnyPose,
+        CommandRanges,
+        FallRule,
+        RewardWeights,
+        StartNoise,
+        TaskConfig,
+    )
     from quad_env.robots.robot import JOINT_NAMES
     from quad_env.scenarios.axes import AXES, Axis
     from quad_env.scenarios.disturbances import (
@@ -46,6 +55,7 @@ __all__ = [
     "ACTUATORS",
     "AXES",
     "ENV_ID",
+    "FALL_REASONS",
     "FALL_RULE",
     "JOINT_NAMES",
     "MAX_EPISODE_STEPS",

@@ -76,6 +76,8 @@ class FallRule:
 
 
 FALL_RULE = FallRule().name
+FALL_REASONS = ("none", "trunk_contact", "tilt", "height")
+"""Name of each code that `info["fall"]` can hold; of several reasons, the first counts."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.terminal.command_line import UsageError
 from policies.base import Policy
 from policies.files import write_atomically
+from quad_env.config import FALL_REASONS
 from quad_env.scenarios.named import Scenario
 
 if TYPE_CHECKING:
@@ -106,8 +107,9 @@ def shots(take: Take, progress: Progress, frames_a_second: int) -> "Iterator[Ima
         last, every = take.steps - 1, round(1 / env.dt / frames_a_second)
         for step in range(take.steps):
             observation, _, terminated, _, infos = env.step(take.policy.act(observation))
-            pushed = PUSH_SHOWN if infos["readings"]["push"].any() else pushed - 1
-            if not fell and (reason := "diverged" if infos["diverged"][0] else infos["fall"][0]):
+            pushed = PUSH_SHOWN if infos["push"].any() else pushed - 1
+            if not fell and (infos["diverged"][0] or infos["fall"][0]):
+                reason = "diverged" if infos["diverged"][0] else FALL_REASONS[infos["fall"][0]]
                 fell, last = f"fell at {(step + 1) * env.dt:.2f} s: {reason}", min(last, step + AFTERMATH)
             if step % every == 0:
                 alarms = [fell, "pushed" if pushed > 0 else ""]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from evaluate.measures.episodes import INFOS, OF_POLICY, READINGS, Episodes, blank, weight_in
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.base import Policy
+from quad_env.config import FALL_REASONS
 from quad_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -21,6 +22,9 @@ STEPS = 1000
 """Control steps of a full episode."""
 REPORT_EVERY = 25
 """Control steps between two calls of the progress callback."""
+
+_REASONS = np.array([None, *FALL_REASONS[1:]], dtype=object)
+"""What an episode says of each code of a fall."""
 
 Progress = Callable[[float], None]
 """Told the share of the run that is done, 0 … 1; told 1 exactly once, at the end."""
@@ -91,15 +95,12 @@ class _Recorder:
     def record(self, step: int, terminated: NDArray[np.bool_], infos: dict[str, Any]) -> None:
         """Write one control step; a time-out (`truncated`) is no fall."""
         for name, signal in self.signals.items():
-            if name in READINGS:
-                signal[step] = infos["readings"][name]
-            else:
-                signal[step] = infos[name] if name in INFOS else getattr(self.policy, name)
+            signal[step] = getattr(self.policy, name) if name in OF_POLICY else infos[name]
         np.minimum(self.divergence_step, step, out=self.divergence_step, where=infos["diverged"])
-        new = (terminated | infos["fall"].astype(bool)) & (self.fall_step > step)
+        new = (terminated | (infos["fall"] > 0)) & (self.fall_step > step)
         if new.any():
             self.fall_step[new] = step
-            self.fall_reason[new] = np.where(infos["diverged"], "diverged", infos["fall"])[new]
+            self.fall_reason[new] = np.where(infos["diverged"], "diverged", _REASONS[infos["fall"]])[new]
 
     def episodes(self, seeds: NDArray[np.int64], env: "SimpleQuadVectorEnv") -> Episodes:
         """The finished record."""

@@ -98,16 +98,15 @@ def walked(
             action = policy.act(observation)
             observation, _, terminated, _, infos = env.step(action)
             fell |= terminated
-            readings = infos["readings"]
             entries = {
                 "commanded": ~policy.swing,
-                "measured": readings["foot_contact"],
+                "measured": infos["foot_contact"],
                 "phase": policy.phase,
                 "duty": policy.duty,
                 "clock_rate": policy.clock_rate,
                 "offsets": policy.offsets,
                 "heading_velocity": infos["heading_velocity"],
-                "tilt": readings["tilt"],
+                "tilt": infos["tilt"],
                 "overspeed": infos["overspeed"],
                 "targets": action.astype(np.float64),
             }

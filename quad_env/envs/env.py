@@ -26,7 +26,7 @@ from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.task.observations import observe
 from quad_env.task.rewards import reward_terms, step_weights
-from quad_env.task.terminations import fall_reason
+from quad_env.task.terminations import fall_code
 
 RENDER_MODES = ("rgb_array", "depth_array", "human")
 _ROW = np.zeros(1, np.intp)
@@ -36,8 +36,9 @@ _ROW = np.zeros(1, np.intp)
 class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A 14.2 kg quadruped that follows velocity commands; 12 joint-position targets at 100 Hz.
 
-    Actions, observations, commands, infos, falls and seeds are described in the README, section "Environment". The time
-    limit (1000 steps, 10 s) is the `TimeLimit` wrapper that `gym.make` adds.
+    Actions, observations, commands, infos, falls and seeds are described in the README, section "Environment". Every
+    info is a number or an array of numbers. The time limit (1000 steps, 10 s) is the `TimeLimit` wrapper that
+    `gym.make` adds.
 
     Args:
         scenario: a name from `quad_env.SCENARIOS` or a `quad_env.Scenario`.
@@ -48,7 +49,8 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         config: control rate, fall rule and reward weights.
         actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
         sensors: what the observation is built from: None or "truth", a name of `quad_env.SENSORS`, or a
-            `quad_env.SensorSuite`; all but the truth add `info["sensors"]`.
+            `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its value, and
+            `sensor_<name>_time`, s since the start of the episode, when it was measured, to the infos.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
@@ -87,7 +89,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._clock, self._held = 0, False
         self._command: columns.Vector[float] = (0.0, 0.0, 0.0)
         self._followed: columns.Vector[float] = self._command
-        self._fall: str | None = None
+        self._fall = 0
         self._diverged = self._terminated = False
         self._frame = (width, height, camera)
         self._view: Any = None
@@ -117,7 +119,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             (self._seed,), self._next_episode = seeds_of(seed, 1), 0
         self._episode = Episode(self.scenario, self._seed, self._next_episode, self.dt)
         self._next_episode += 1
-        self._clock, self._fall, self._diverged, self._terminated = 0, None, False, False
+        self._clock, self._fall, self._diverged, self._terminated = 0, 0, False, False
         self._held = held is not None
         self._command = self._followed = columns.of_robot(self._episode.next_command()[None] if held is None else held)
         self._simulation.reset(_ROW, *at_reset([self._episode]))
@@ -166,8 +168,8 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             motion = self._simulation.motion_of_one()
         self._followed = self._command
         state = self._simulation.state_of_one(self._followed, motion)
-        self._fall = None if self._diverged else fall_reason(state, self.config.fall_rule)
-        self._terminated = self._diverged or (self._fall is not None and self.terminate_on_fall)
+        self._fall = 0 if self._diverged else fall_code(state, self.config.fall_rule)
+        self._terminated = self._diverged or (self._fall > 0 and self.terminate_on_fall)
         return state
 
     def _still(self) -> tuple[Observation, dict[str, Any]]:
@@ -186,15 +188,14 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         info: dict[str, Any] = {
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
-            "reward_terms": terms,
-            "fall": self._fall,
+            "fall": np.int8(self._fall),
             "diverged": self._diverged,
             "mechanical_power": power,
             "overspeed": overspeed,
+            **terms,
         }
         if isinstance(self._sensors, SensedObservation):
-            readings = self._sensors.readings()
-            info["sensors"] = {name: {key: each[key][0] for key in each} for name, each in readings.items()}
+            info |= {key: values[0] for key, values in self._sensors.readings().items()}
         return info
 
     def render(self) -> NDArray[Any] | None:

@@ -1,6 +1,6 @@
 """The native batch: n robots as one `gymnasium.vector.VectorEnv`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,7 @@ from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.task.observations import BOUND, observe
 from quad_env.task.readings import readings as readings_of
 from quad_env.task.rewards import reward_terms, step_weights
-from quad_env.task.terminations import fall_reasons
+from quad_env.task.terminations import fall_codes
 
 Observation = NDArray[np.float32]
 Infos = dict[str, Any]
@@ -49,6 +49,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
     """n SimpleQuad robots, stepped together.
 
     Env i with a seed gives the same numbers, bit for bit, as a single env with that seed, whatever n and `nthread`.
+    Every info is an array of numbers, (n, …), with a mask `_<key>`, (n,), of who has it.
 
     Args:
         num_envs: number of robots.
@@ -62,10 +63,11 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         render_mode: None, "rgb_array" or "depth_array"; `render` gives a frame a robot. A window shows single ones.
         config: control rate, fall rule and reward weights.
         actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
-        readings: True adds `infos["readings"]`, what happened in the step beyond what policies observe: see
+        readings: True adds to the infos what happened in the step beyond what policies observe: see
             `quad_env.task.readings`.
         sensors: what observations are built from: None or "truth", a name of `quad_env.SENSORS`, or a
-            `quad_env.SensorSuite`; all but the truth add `infos["sensors"]`.
+            `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its values, and
+            `sensor_<name>_time`, s since the start of the episode, when they were measured, to the infos.
     """
 
     def __init__(
@@ -115,7 +117,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         # What the caller is shown copies of: a robot that does not move keeps its row.
         self._observation: Observation = np.zeros((num_envs, len(BOUND)), np.float32)
         self._followed, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
-        self._diverged, self._fall = np.zeros(num_envs, bool), np.full(num_envs, None, dtype=object)
+        self._diverged, self._fall = np.zeros(num_envs, bool), np.zeros(num_envs, np.int8)
         self._camera: Any = None
 
     def reset(
@@ -159,7 +161,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.simulation.step(targets, schedule.force(), moving, heard)
         schedule.clock[moving] += 1
         paid = self._judge(moving)
-        rewards = columns.total(paid["reward_terms"].values())
+        rewards = columns.total(paid[key] for key in self._weights)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and moving is not ALL:
             self._begin(np.flatnonzero(done), None)
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
@@ -196,7 +198,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             return
         self._started[ids] = True
         self._terminated[ids] = self._truncated[ids] = self._diverged[ids] = False
-        self._fall[ids] = None
+        self._fall[ids] = 0
         episodes = self._schedule.begin(ids, held)
         self.simulation.reset(ids, *at_reset(episodes))
         if self._wires is not None:
@@ -224,21 +226,20 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         if diverged.any():
             self.simulation.park(self._rows[ids][diverged])
         state = self._read(ids)
-        reasons = fall_reasons(state, self.config.fall_rule)
-        reasons[diverged] = None
-        fell = reasons.astype(bool)  # a reason is a word, no fall is None
-        ended = diverged | (fell & self.terminate_on_fall)
-        self._diverged[ids], self._fall[ids], self._terminated[ids] = diverged, reasons, ended
+        fall = fall_codes(state, self.config.fall_rule)
+        fall[diverged] = 0
+        ended = diverged | ((fall > 0) & self.terminate_on_fall)
+        self._diverged[ids], self._fall[ids], self._terminated[ids] = diverged, fall, ended
         if self.max_episode_steps is not None:
             self._truncated[ids] = self._schedule.clock[ids] >= self.max_episode_steps
         self._schedule.redraw(ids)
         self._look(state, ids)
         paid = {
-            "reward_terms": reward_terms(state, ended, diverged, self._weights),
             "mechanical_power": state.mechanical_power,
             "overspeed": state.overspeed,
+            **reward_terms(state, ended, diverged, self._weights),
         }
-        return paid if ids is ALL else _each(lambda values: self._spread(values, ids), paid)
+        return paid if ids is ALL else {key: self._spread(values, ids) for key, values in paid.items()}
 
     def _spread(self, values: Array, ids: Ids) -> Array:
         """Values of those robots among zeros for the others, (n,)."""
@@ -247,8 +248,7 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         return out
 
     def _nothing_paid(self) -> Infos:
-        nothing = {"reward_terms": dict.fromkeys(self._weights, 0.0), "mechanical_power": 0.0, "overspeed": 0.0}
-        return _each(lambda zero: np.full(self.num_envs, zero), nothing)
+        return {key: np.zeros(self.num_envs) for key in ("mechanical_power", "overspeed", *self._weights)}
 
     def _infos(self, paid: Infos) -> Infos:
         infos: Infos = {
@@ -259,9 +259,9 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             **paid,
         }
         if self._readings:
-            infos["readings"] = readings_of(self.simulation)
+            infos |= readings_of(self.simulation)
         if isinstance(self._sensors, SensedObservation):
-            infos["sensors"] = self._sensors.readings()
+            infos |= self._sensors.readings()
         return infos | {f"_{key}": np.ones(self.num_envs, bool) for key in infos}
 
     def _restart(self, finished: Mask, infos: Infos, paid: Infos) -> Infos:
@@ -272,10 +272,5 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
         }
         self._begin(ids, None)
-        infos = self._infos(_each(lambda values: np.where(finished, 0.0, values), paid))
+        infos = self._infos({key: np.where(finished, 0.0, values) for key, values in paid.items()})
         return infos | extra | {f"_{key}": finished.copy() for key in extra}
-
-
-def _each(change: Callable[[Any], Array], values: Infos) -> Infos:
-    """The nested `values`, each changed."""
-    return {key: _each(change, value) if isinstance(value, dict) else change(value) for key, value in values.items()}

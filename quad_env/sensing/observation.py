@@ -58,14 +58,13 @@ class SensedObservation:
         if self._disturbed is not None:
             self._disturbed.sense(observation, clock, rows)
 
-    def readings(self) -> dict[str, dict[str, NDArray[Any]]]:
-        """Sensor -> `value`, (n, k), and `time`, (n,), s since the start of the episode, when it was measured."""
-        clock, channels = np.maximum(self._looked, 0), self._instruments.channels
-        out: dict[str, dict[str, NDArray[Any]]] = {
-            name: {"value": channel.value(clock, self._rows), "time": channel.time(clock)}
-            for name, channel in channels.items()
-        }
-        out["foot_contact"]["value"] = out["foot_contact"]["value"] > 0
+    def readings(self) -> dict[str, NDArray[Any]]:
+        """`sensor_<name>` -> value, (n, k); `sensor_<name>_time` -> when it was measured, (n,), s from the start."""
+        clock, out = np.maximum(self._looked, 0), dict[str, NDArray[Any]]()
+        for name, channel in self._instruments.channels.items():
+            out[f"sensor_{name}"] = channel.value(clock, self._rows)
+            out[f"sensor_{name}_time"] = channel.time(clock)
+        out["sensor_foot_contact"] = out["sensor_foot_contact"] > 0
         return out
 
     def _look(self, clock: Clock, rows: Rows) -> None:

@@ -75,24 +75,27 @@ _FUNCTIONS: tuple[Term, ...] = (
     action_rate,
     torque,
 )
-TERMS = {function.__name__: function for function in _FUNCTIONS}
+TERMS = {f"reward_{function.__name__}": function for function in _FUNCTIONS}
+"""Key of each term in the infos -> its function."""
+FALL = "reward_fall"
 
 
 def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
-    """Name of each term -> its weight in one step.
+    """Key of each term in the infos -> its weight in one step.
 
     Terms that accrue with time are multiplied by the control period, so that their sum over a second is their rate;
     `fall` is paid once.
     """
-    return {name: weight if name == "fall" else weight * dt for name, weight in asdict(weights).items()}
+    rates = {f"reward_{name}": weight for name, weight in asdict(weights).items()}
+    return {key: weight if key == FALL else weight * dt for key, weight in rates.items()}
 
 
 def reward_terms(
     state: QuadState[Column], ended: Truth, diverged: Truth, weights: dict[str, float]
 ) -> dict[str, Column]:
-    """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is `fall`."""
-    terms = {name: weights[name] * term(state) for name, term in TERMS.items()}
+    """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is that of the fall."""
+    terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
     if anywhere(diverged):
-        terms = {name: where(diverged, 0.0, value) for name, value in terms.items()}
-    terms["fall"] = weights["fall"] * where(ended, 1.0, 0.0)
+        terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
+    terms[FALL] = weights[FALL] * where(ended, 1.0, 0.0)
     return terms

@@ -10,24 +10,24 @@ from quad_env.config import FallRule
 from quad_env.physics.state import QuadState
 
 
-def falls(state: QuadState[Column], rule: FallRule) -> dict[str, Truth]:
-    """Reason of a fall -> whether it holds; of several, the first counts."""
-    return {
-        "trunk_contact": state.trunk_contact,
-        "tilt": -state.projected_gravity[2] < math.cos(rule.tilt),
-        "height": state.height < rule.height,
-    }
+def falls(state: QuadState[Column], rule: FallRule) -> tuple[Truth, ...]:
+    """Whether each reason of `config.FALL_REASONS` holds, from the second on."""
+    return (
+        state.trunk_contact,
+        -state.projected_gravity[2] < math.cos(rule.tilt),
+        state.height < rule.height,
+    )
 
 
-def fall_reason(state: QuadState[float], rule: FallRule) -> str | None:
-    """Reason of one robot's fall, or None."""
-    return next((reason for reason, holds in falls(state, rule).items() if holds), None)
+def fall_code(state: QuadState[float], rule: FallRule) -> int:
+    """Place of one robot's fall in `config.FALL_REASONS`, 0 for none."""
+    return next((code for code, holds in enumerate(falls(state, rule), 1) if holds), 0)
 
 
-def fall_reasons(state: QuadState[Array], rule: FallRule) -> NDArray[np.object_]:
-    """Reason of each robot's fall or None, (n,)."""
-    out = np.full(len(state.height), None, dtype=object)
-    for reason, holds in reversed(falls(state, rule).items()):
+def fall_codes(state: QuadState[Array], rule: FallRule) -> NDArray[np.int8]:
+    """Place of each robot's fall in `config.FALL_REASONS`, 0 for none, (n,)."""
+    out = np.zeros(len(state.height), np.int8)
+    for code, holds in reversed(list(enumerate(falls(state, rule), 1))):
         if anywhere(holds):
-            out[holds] = reason
+            out[holds] = code
     return out

@@ -73,14 +73,14 @@ def test_a_reward_term_that_somebody_adds_serves_one_robot_and_a_batch(monkeypat
         """Of the trunk above the ground, m."""
         return state.height
 
-    monkeypatch.setitem(rewards.TERMS, "height", height)
-    weights = dict.fromkeys((*rewards.TERMS, "fall"), 2.0)
+    monkeypatch.setitem(rewards.TERMS, "reward_height", height)
+    weights = dict.fromkeys((*rewards.TERMS, rewards.FALL), 2.0)
     robot, robots = (Simulation(Flat(), n, 1, 100.0) for n in (1, 2))
     for simulation, count in ((robot, 1), (robots, 2)):
         simulation.reset(np.arange(count), np.zeros((count, 35)))
     one = rewards.reward_terms(robot.state_of_one((0.0, 0.0, 0.0)), False, False, weights)
     mask = np.array([False, True])
     two = rewards.reward_terms(robots.state(np.zeros((3, 2))), mask, mask, weights)
-    assert one["height"] == pytest.approx(2 * HOME_HEIGHT)
-    assert two["height"].tolist() == [one["height"], 0.0]  # a diverged robot is paid for nothing
-    assert (one["fall"], two["fall"].tolist()) == (0.0, [0.0, 2.0])
+    assert one["reward_height"] == pytest.approx(2 * HOME_HEIGHT)
+    assert two["reward_height"].tolist() == [one["reward_height"], 0.0]  # a diverged robot is paid for nothing
+    assert (one[rewards.FALL], two[rewards.FALL].tolist()) == (0.0, [0.0, 2.0])

@@ -18,6 +18,8 @@ from quad_env.robots.robot import NUM_JOINTS
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
+REWARD = "reward_"
+"""What the infos' keys of reward terms begin with."""
 
 
 @dataclasses.dataclass
@@ -171,8 +173,10 @@ class TrainingEnv(VecEnv):
         statistics.steps += len(error)
         statistics.velocity_error += float(np.hypot(error[:, 0], error[:, 1]).sum())
         statistics.yaw_rate_error += float(np.abs(error[:, 2]).sum())
-        for name, values in infos["reward_terms"].items():
-            statistics.reward_terms[name] = statistics.reward_terms.get(name, 0.0) + float(values.sum())
+        for key, values in infos.items():
+            if key.startswith(REWARD):
+                name = key.removeprefix(REWARD)
+                statistics.reward_terms[name] = statistics.reward_terms.get(name, 0.0) + float(values.sum())
 
     def _count_episodes(self, terminated: BoolArray, finished: BoolArray) -> None:
         statistics = self.statistics

@@ -81,15 +81,16 @@ def test_progress_rises_and_ends_with_one_exactly_once() -> None:
     assert shares[-1] == 1.0
 
 
-def infos(fall: list[str | None], diverged: list[bool]) -> dict[str, Any]:
+def infos(fall: list[str], diverged: list[bool]) -> dict[str, Any]:
     """What an environment says after a step in which nothing else happened."""
     nothing = {name: blank(name, 1, len(fall))[0] for name in (*INFOS, *READINGS)}
-    return nothing | {"readings": nothing, "fall": np.array(fall, dtype=object), "diverged": np.array(diverged)}
+    codes = np.array([quad_env.FALL_REASONS.index(reason) for reason in fall], np.int8)
+    return nothing | {"fall": codes, "diverged": np.array(diverged)}
 
 
 def test_a_diverged_episode_is_a_fall_with_its_own_column() -> None:
     recorder = rollout._Recorder(3, 2, policies.make("stand"))
-    recorder.record(0, np.array([True, False]), infos([None, None], [True, False]))
+    recorder.record(0, np.array([True, False]), infos(["none", "none"], [True, False]))
     np.testing.assert_array_equal(recorder.fall_step, [0, 3])
     np.testing.assert_array_equal(recorder.divergence_step, [0, 3])
     assert recorder.fall_reason.tolist() == ["diverged", None]
@@ -97,8 +98,8 @@ def test_a_diverged_episode_is_a_fall_with_its_own_column() -> None:
 
 def test_the_first_fall_counts() -> None:
     recorder = rollout._Recorder(5, 1, policies.make("stand"))
-    for step, reason in enumerate((None, "tilt", "height", "height")):
-        recorder.record(step, np.array([reason is not None]), infos([reason], [False]))
+    for step, reason in enumerate(("none", "tilt", "height", "height")):
+        recorder.record(step, np.array([reason != "none"]), infos([reason], [False]))
     assert recorder.fall_step.tolist() == [1]
     assert recorder.fall_reason.tolist() == ["tilt"]
 

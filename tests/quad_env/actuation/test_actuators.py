@@ -226,9 +226,9 @@ def test_both_environments_take_an_actuator_by_name(name: str) -> None:
     alone, _ = single.reset(seed=1)
     together, infos = batch.reset(seed=1)
     np.testing.assert_array_equal(alone, together[0])
-    assert ("winding_temperature" in infos["readings"]) == (name == "motor")
+    assert ("winding_temperature" in infos) == (name == "motor")
     if name == "motor":
-        np.testing.assert_array_equal(infos["readings"]["winding_temperature"], np.full((2, 12), 25.0))
+        np.testing.assert_array_equal(infos["winding_temperature"], np.full((2, 12), 25.0))
 
 
 def test_the_trot_walks_on_the_default_motor() -> None:

@@ -28,9 +28,8 @@ def random_actions(robot: int) -> np.ndarray:
 def digest(observation: Any, reward: Any, terminated: Any, truncated: Any, info: dict[str, Any], row: int) -> bytes:
     """Every number of one robot's step."""
     arrays = [np.asarray(part)[row] for part in (observation, reward, terminated, truncated)]
-    arrays += [info[key][row] for key in ("command", "heading_velocity", "diverged", "mechanical_power", "overspeed")]
-    arrays += [value[row] for _, value in sorted(info["reward_terms"].items())]
-    return b"".join(np.asarray(array).tobytes() for array in arrays) + repr(info["fall"][row]).encode()
+    arrays += [info[key][row] for key in sorted(info) if not key.startswith("_")]
+    return b"".join(np.asarray(array).tobytes() for array in arrays)
 
 
 def batch_digests(
@@ -57,8 +56,7 @@ def batch_digests(
 
 def batched(info: dict[str, Any]) -> dict[str, Any]:
     """A single env's info as that of a batch of one."""
-    terms = {name: [value] for name, value in info["reward_terms"].items()}
-    return {key: [value] for key, value in info.items()} | {"reward_terms": terms}
+    return {key: [value] for key, value in info.items()}
 
 
 def single_digests(

@@ -13,6 +13,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.robot import HOME_POSE, LEG_NAMES
 
 IDEAL = SENSORS["ideal"]
+NAMES = ("gyro", "accelerometer", "joint_position", "foot_contact", "joint_torque")
 CALM = Scenario("calm", start=StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 ROBOTS, STEPS = 8, 120
 HOME = np.tile(HOME_POSE, (ROBOTS, 1))
@@ -33,7 +34,7 @@ def waving(suite: SensorSuite, steps: int = STEPS, size: float = 0.1, robots: in
     env, rng = env_of(suite, robots, "flat"), np.random.default_rng(0)
     infos = [env.reset(seed=0)[1]]
     infos += [env.step(HOME[:robots] + size * rng.normal(0, 1, (robots, 12)))[4] for _ in range(steps)]
-    return {name: np.array([info["sensors"][name]["value"] for info in infos]) for name in infos[0]["sensors"]}
+    return {name: np.array([info[f"sensor_{name}"] for info in infos]) for name in NAMES}
 
 
 def flying(suite: SensorSuite, spin: tuple[float, float, float], yaw: float = 0.0) -> Iterator[tuple[dict, Any]]:
@@ -45,20 +46,20 @@ def flying(suite: SensorSuite, spin: tuple[float, float, float], yaw: float = 0.
     batch.bind("qpos")[0, 3:7] = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
     batch.bind("qvel")[0, 3:6] = spin
     for _ in range(30):
-        readings = env.step(HOME[:1])[4]["sensors"]
-        yield {name: each["value"][0] for name, each in readings.items()}, env.simulation.snapshot(0)
+        info = env.step(HOME[:1])[4]
+        yield {name: info[f"sensor_{name}"][0] for name in NAMES}, env.simulation.snapshot(0)
 
 
 def test_a_standing_robot_feels_its_weight_upwards() -> None:
     env = env_of(IDEAL)
     env.reset(seed=0)
     for _ in range(100):
-        readings = env.step(HOME)[4]["sensors"]
-    force = readings["accelerometer"]["value"]
+        info = env.step(HOME)[4]
+    force = info["sensor_accelerometer"]
     np.testing.assert_allclose(force[:, 2], 9.81, atol=0.01)
     np.testing.assert_allclose(np.linalg.norm(force, axis=1), 9.81, atol=0.01)
-    np.testing.assert_allclose(readings["gyro"]["value"], 0, atol=0.01)
-    assert readings["foot_contact"]["value"].all()
+    np.testing.assert_allclose(info["sensor_gyro"], 0, atol=0.01)
+    assert info["sensor_foot_contact"].all()
 
 
 def test_a_falling_robot_feels_no_weight() -> None:
@@ -104,8 +105,8 @@ def test_a_tilted_imu_feels_the_weight_aslant(rotation: tuple[float, ...], expec
     env = env_of(ideal(imu={"rotation": rotation}), 1)
     env.reset(seed=0)
     for _ in range(100):
-        readings = env.step(HOME[:1])[4]["sensors"]
-    np.testing.assert_allclose(readings["accelerometer"]["value"][0], 9.81 * np.array(expected), atol=0.05)
+        info = env.step(HOME[:1])[4]
+    np.testing.assert_allclose(info["sensor_accelerometer"][0], 9.81 * np.array(expected), atol=0.05)
 
 
 def test_the_gyroscope_reads_in_the_trunks_axes() -> None:
@@ -121,9 +122,9 @@ def test_readings_are_of_the_present_and_of_no_substep_earlier() -> None:
     env, rng, stood = env_of(ideal(feet={"threshold": 60.0}), 2, "flat"), np.random.default_rng(0), set()
     env.reset(seed=0)
     for _ in range(40):
-        readings = env.step(HOME[:2] + 0.2 * rng.normal(0, 1, (2, 12)))[4]["sensors"]
+        info = env.step(HOME[:2] + 0.2 * rng.normal(0, 1, (2, 12)))[4]
         data = env.simulation.snapshot(1)
-        now = {name: each["value"][1] for name, each in readings.items()}
+        now = {name: info[f"sensor_{name}"][1] for name in NAMES}
         np.testing.assert_allclose(now["gyro"], data.sensor("imu_angular_velocity").data, atol=1e-9)
         np.testing.assert_allclose(now["joint_position"], [data.joint(name).qpos[0] for name in JOINT_NAMES])
         np.testing.assert_allclose(now["joint_torque"], data.qfrc_actuator[6:], atol=1e-6)
@@ -138,9 +139,9 @@ def test_the_accelerometer_tells_how_the_velocity_changed() -> None:
     env.reset(seed=0)
     before, largest = env.simulation.snapshot(0).qvel[:3].copy(), 0.0
     for _ in range(100):
-        readings = env.step(HOME[:1] + 0.2 * rng.normal(0, 1, (1, 12)))[4]["sensors"]
+        info = env.step(HOME[:1] + 0.2 * rng.normal(0, 1, (1, 12)))[4]
         data = env.simulation.snapshot(0)
-        force = data.body("base_link").xmat.reshape(3, 3) @ readings["accelerometer"]["value"][0]
+        force = data.body("base_link").xmat.reshape(3, 3) @ info["sensor_accelerometer"][0]
         change = (data.qvel[:3] - before) / 0.01 + (0, 0, 9.81)
         np.testing.assert_allclose(force, change, atol=0.02 * np.linalg.norm(change))
         before, largest = data.qvel[:3].copy(), max(largest, float(np.abs(change).max()))
@@ -180,9 +181,9 @@ def test_a_sensor_shows_earlier_samples_with_their_time() -> None:
     infos += [env.step(HOME + 0.1 * rng.normal(0, 1, (ROBOTS, 12)))[4] for _ in range(60)]
     for step, info in enumerate(infos):
         taken = max((step - 3) // 4 * 4, 0)
-        np.testing.assert_array_equal(info["sensors"]["joint_position"]["time"], taken / 100)
-        np.testing.assert_array_equal(info["sensors"]["joint_position"]["value"], true[taken])
-        np.testing.assert_array_equal(info["sensors"]["gyro"]["time"], step / 100)
+        np.testing.assert_array_equal(info["sensor_joint_position_time"], taken / 100)
+        np.testing.assert_array_equal(info["sensor_joint_position"], true[taken])
+        np.testing.assert_array_equal(info["sensor_gyro_time"], step / 100)
 
 
 BIASES = {
@@ -199,10 +200,10 @@ def test_a_bias_stays_for_the_episode_and_is_drawn_anew_for_each(name: str) -> N
     env, plain = env_of(ideal(**changes), 64), env_of(IDEAL, 64)
     biases = []
     for seed in (0, None):
-        added = [[each.reset(seed=seed)[1]["sensors"][name]["value"]] for each in (env, plain)]
+        added = [[each.reset(seed=seed)[1][f"sensor_{name}"]] for each in (env, plain)]
         for _ in range(5):
             for run, values in zip((env, plain), added, strict=True):
-                values.append(run.step(np.tile(HOME_POSE, (64, 1)))[4]["sensors"][name]["value"])
+                values.append(run.step(np.tile(HOME_POSE, (64, 1)))[4][f"sensor_{name}"])
         difference = np.subtract(*added)
         np.testing.assert_allclose(difference, np.tile(difference[0], (6, 1, 1)), atol=1e-9)
         biases.append(difference[0])

@@ -40,7 +40,7 @@ def run(sensors: str | SensorSuite | None, robots: int = 4, scenario: Any = "fla
 
 def test_what_the_sensors_read_is_what_the_observation_shows() -> None:
     observations, infos, _ = run("typical")
-    read = {name: np.array([info["sensors"][name]["value"] for info in infos]) for name in infos[0]["sensors"]}
+    read = {name: np.array([info[f"sensor_{name}"] for info in infos]) for name in ("gyro", "joint_position")}
     shown = {name: observations[..., where] for name, where in OBSERVATION.items()}
     np.testing.assert_allclose(shown["angular_velocity"], read["gyro"], rtol=1e-6)
     np.testing.assert_allclose(shown["joint_position"], read["joint_position"] - HOME_POSE, atol=1e-6)
@@ -60,33 +60,33 @@ def test_sensors_change_nothing_that_happens(scenario: str) -> None:
     np.testing.assert_array_equal(rewards, paid)
     for one, other in zip(plain, sensed, strict=True):
         np.testing.assert_array_equal(one["heading_velocity"], other["heading_velocity"])
-        for name, value in one["readings"].items():
-            np.testing.assert_array_equal(value, other["readings"][name], err_msg=name)
+        for name, value in one.items():
+            np.testing.assert_array_equal(value, other[name], err_msg=name)
 
 
 def batch(robots: int, scenario: str, nthread: int) -> list[list[bytes]]:
     observations, infos, _ = run(
         "typical", robots, scenario, nthread=nthread, max_episode_steps=60, terminate_on_fall=True
     )
-    return [[digest(row[i], info["sensors"], i) for row, info in zip(observations, infos, strict=True)] for i in (0, 2)]
+    return [[digest(row[i], info, i) for row, info in zip(observations, infos, strict=True)] for i in (0, 2)]
 
 
-def digest(observation: np.ndarray, sensors: dict[str, Any], row: Any) -> bytes:
-    arrays = [observation, *(np.asarray(each[key][row]) for each in sensors.values() for key in ("value", "time"))]
+def digest(observation: np.ndarray, info: dict[str, Any], row: Any) -> bytes:
+    arrays = [observation, *(np.asarray(info[key])[row] for key in sorted(info) if key.startswith("sensor_"))]
     return b"".join(array.tobytes() for array in arrays)
 
 
 def single(robot: int, scenario: str) -> list[bytes]:
     env = gym.make("SimpleQuad-v0", scenario=scenario, sensors="typical", max_episode_steps=60)
     observation, info = env.reset(seed=7 + robot)
-    out, done = [digest(observation, info["sensors"], ...)], False
+    out, done = [digest(observation, info, ...)], False
     for action in actions(robot + 1)[:, robot]:
         if done:
             (observation, info), done = env.reset(), False
         else:
             observation, _, terminated, truncated, info = env.step(action)
             done = terminated or truncated
-        out.append(digest(observation, info["sensors"], ...))
+        out.append(digest(observation, info, ...))
     return out
 
 
@@ -103,7 +103,7 @@ def test_a_robot_that_has_ended_keeps_its_observation() -> None:
     ended, last = False, None
     for _ in range(300):
         observation, _, terminated, _, info = env.step(np.tile((0.0, -1.5, 0.0), 4))
-        shown = digest(observation, info["sensors"], ...)
+        shown = digest(observation, info, ...)
         assert not ended or shown == last
         ended, last = terminated, shown
     assert ended
@@ -139,7 +139,7 @@ def test_the_sensors_have_a_stream_of_their_own() -> None:
     _, sensed, _ = run("typical", scenario=often, readings=True)
     for one, other in zip(plain, sensed, strict=True):
         np.testing.assert_array_equal(one["command"], other["command"])
-        np.testing.assert_array_equal(one["readings"]["push"], other["readings"]["push"])
+        np.testing.assert_array_equal(one["push"], other["push"])
 
 
 def walked(sensors: str, command: tuple[float, float, float]) -> np.ndarray:

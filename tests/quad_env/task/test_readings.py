@@ -46,17 +46,17 @@ def trot(num_envs: int, steps: int, *, scenario: str = "push", readings: bool = 
 def test_every_reading_has_its_shape_and_a_copy_of_its_own() -> None:
     env = gym.make_vec("SimpleQuad-v0", num_envs=3, readings=True)
     _, infos = env.reset(seed=SEED)
-    assert {name: value.shape[1:] for name, value in infos["readings"].items()} == WIDTHS
-    before = {name: value.copy() for name, value in infos["readings"].items()}
+    assert {name: infos[name].shape[1:] for name in WIDTHS} == WIDTHS
+    before = {name: infos[name].copy() for name in WIDTHS}
     env.step(np.tile(HOME_POSE.astype(np.float32), (3, 1)))
-    for name, value in infos["readings"].items():
-        assert value.shape[0] == 3
-        np.testing.assert_array_equal(value, before[name], err_msg=name)
+    for name in WIDTHS:
+        assert infos[name].shape[0] == 3
+        np.testing.assert_array_equal(infos[name], before[name], err_msg=name)
 
 
 def test_without_readings_there_are_none() -> None:
     _, infos = SimpleQuadVectorEnv(2).reset(seed=SEED)
-    assert "readings" not in infos
+    assert not set(WIDTHS) & set(infos)
 
 
 @pytest.mark.parametrize("scenario", ["push", "rough"])
@@ -72,8 +72,8 @@ def test_readings_change_no_other_bit(scenario: str) -> None:
 def test_a_robot_reads_the_same_bits_alone_and_in_a_batch() -> None:
     alone, batch = trot(1, 150), trot(17, 150, nthread=1)
     for (*_, one, _), (*_, many, _) in zip(alone, batch, strict=True):
-        for name, value in one["readings"].items():
-            np.testing.assert_array_equal(value[0], many["readings"][name][0], err_msg=name)
+        for name in WIDTHS:
+            np.testing.assert_array_equal(one[name][0], many[name][0], err_msg=name)
 
 
 @pytest.mark.parametrize("scenario", ["flat", "rough"])
@@ -81,7 +81,7 @@ def test_readings_are_those_of_mujoco_after_the_same_step(scenario: str) -> None
     for step, (*_, infos, env) in enumerate(trot(2, 60, scenario=scenario)):
         if step % 7:
             continue
-        data, read = env.simulation.snapshot(1), {name: value[1] for name, value in infos["readings"].items()}
+        data, read = env.simulation.snapshot(1), {name: infos[name][1] for name in WIDTHS}
         trunk = data.body("base_link")
         feet = np.array([data.site(f"{leg}_foot").xpos for leg in LEG_NAMES])
         np.testing.assert_allclose(read["position"], trunk.xpos, atol=1e-12)
@@ -125,7 +125,7 @@ def test_the_push_is_the_force_of_the_step_just_taken() -> None:
     for _ in range(1000):
         force = env._schedule.force().copy()
         *_, infos = env.step(np.tile(HOME_POSE.astype(np.float32), (4, 1)))
-        np.testing.assert_array_equal(infos["readings"]["push"], force)
+        np.testing.assert_array_equal(infos["push"], force)
         total, steps = total + np.abs(force), steps + force.any(axis=1)
     assert steps.tolist() == [20] * 4
 

@@ -5,11 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from quad_env.config import FallRule
+from quad_env.config import FALL_REASONS, FallRule
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState, rotation_matrix
 from quad_env.scenarios.terrain import Flat
-from quad_env.task.terminations import fall_reason, fall_reasons
+from quad_env.task.terminations import fall_code, fall_codes
+
+TILT, HEIGHT = FALL_REASONS.index("tilt"), FALL_REASONS.index("height")
 
 
 @pytest.fixture(scope="module")
@@ -27,39 +29,40 @@ def tilted(state: QuadState[float], degrees: float, axis: int) -> QuadState[floa
 
 
 def test_a_standing_robot_has_not_fallen(standing: QuadState) -> None:
-    assert fall_reason(standing, FallRule()) is None
+    assert fall_code(standing, FallRule()) == 0
 
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_tilt_counts_from_70_degrees_in_roll_and_pitch_alike(standing: QuadState, axis: int) -> None:
-    assert fall_reason(tilted(standing, 69.9, axis), FallRule()) is None
-    assert fall_reason(tilted(standing, 70.1, axis), FallRule()) == "tilt"
+    assert fall_code(tilted(standing, 69.9, axis), FallRule()) == 0
+    assert fall_code(tilted(standing, 70.1, axis), FallRule()) == TILT
 
 
 def test_yaw_is_no_tilt(standing: QuadState) -> None:
-    assert fall_reason(tilted(standing, 179.0, 2), FallRule()) is None
+    assert fall_code(tilted(standing, 179.0, 2), FallRule()) == 0
 
 
 def test_height_counts_below_12_cm_above_the_terrain(standing: QuadState) -> None:
-    assert fall_reason(standing._replace(height=0.121), FallRule()) is None
-    assert fall_reason(standing._replace(height=0.119), FallRule()) == "height"
+    assert fall_code(standing._replace(height=0.121), FallRule()) == 0
+    assert fall_code(standing._replace(height=0.119), FallRule()) == HEIGHT
 
 
 def test_of_two_reasons_the_first_counts_for_one_robot_and_in_a_batch(standing: QuadState[float]) -> None:
     low, tilted_and_low = standing._replace(height=0.1), tilted(standing, 80.0, 0)._replace(height=0.1)
     states = (standing, low, tilted_and_low, tilted_and_low._replace(trunk_contact=True))
-    reasons = [fall_reason(state, FallRule()) for state in states]
-    assert reasons == [None, "height", "tilt", "trunk_contact"]
+    codes = [fall_code(state, FallRule()) for state in states]
+    assert [FALL_REASONS[code] for code in codes] == ["none", "height", "tilt", "trunk_contact"]
     batch = QuadState(*(np.moveaxis(np.array(readings), 0, -1) for readings in zip(*states, strict=True)))
-    assert fall_reasons(batch, FallRule()).tolist() == reasons
+    in_batch = fall_codes(batch, FallRule())
+    assert (in_batch.dtype, in_batch.tolist()) == (np.int8, codes)
 
 
 def test_a_dropped_trunk_touches_the_ground_in_the_simulation() -> None:
     simulation = Simulation(Flat(), 1, 1, 100.0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))
-    reasons = set()
+    codes = set()
     folded = np.tile([0.0, 1.5, -2.5], 4)[None]
     for _ in range(200):
         simulation.step(folded * [[0, -1, 1] * 4], np.zeros((1, 2)))
-        reasons.add(fall_reason(simulation.state_of_one((0.0, 0.0, 0.0)), FallRule()))
-    assert reasons - {None}
+        codes.add(fall_code(simulation.state_of_one((0.0, 0.0, 0.0)), FallRule()))
+    assert codes - {0}

@@ -132,7 +132,7 @@ def test_statistics_are_those_of_the_readings():
     info = {
         "command": np.array([[1.0, 0.0, 0.5], [0.0, 0.0, 0.0]]),
         "heading_velocity": np.array([[0.4, 0.8, 0.0], [0.0, -0.5, -0.25]]),
-        "reward_terms": {"tilt": np.array([-1.0, -3.0])},
+        "reward_tilt": np.array([-1.0, -3.0]),
     }
     env._returns[:] = [4.0, 10.0]
     env._count_step(info)

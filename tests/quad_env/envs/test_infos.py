@@ -1,0 +1,94 @@
+"""Infos are numbers that other people's buffers, wrappers and batches can hold."""
+
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import quad_env
+from quad_env.envs.env import SimpleQuadEnv
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE
+
+HOME = HOME_POSE.astype(np.float32)
+LOW = np.tile(np.float32([0, -1.5, 0]), 4)
+"""Joint targets that let the trunk down to the ground, rad."""
+
+
+def fallen(**options: Any) -> tuple[SimpleQuadVectorEnv, list[dict[str, Any]]]:
+    """A batch of which robot 0 has just fallen and robot 1 has not, and its infos so far."""
+    env = SimpleQuadVectorEnv(2, **options)
+    infos = [env.reset(seed=0)[1]]
+    while not infos[-1]["fall"][0] and "final_info" not in infos[-1]:
+        infos.append(env.step(np.array([LOW, HOME]))[4])
+    return env, infos
+
+
+def check_numbers(infos: dict[str, Any], count: int) -> None:
+    for key, value in infos.items():
+        if isinstance(value, dict):
+            assert key == "final_info"
+            check_numbers(value, count)
+        else:
+            assert isinstance(value, np.ndarray), key
+            assert (value.dtype.kind in "fib", value.shape[0]) == (True, count), key
+        if not key.startswith("_"):
+            assert infos[f"_{key}"].dtype == bool
+            assert infos[f"_{key}"].shape == (count,)
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_infos_of_a_batch_are_arrays_of_numbers_with_a_mask_each(mode: AutoresetMode) -> None:
+    env, infos = fallen(autoreset_mode=mode, readings=True, sensors="typical", actuator="motor")
+    for info in (*infos, env.step(np.tile(HOME, (2, 1)))[4]):
+        check_numbers(info, 2)
+
+
+def test_infos_of_one_robot_are_numbers_or_arrays_of_numbers() -> None:
+    env = SimpleQuadEnv(sensors="typical")
+    for info in (env.reset(seed=0)[1], env.step(HOME)[4]):
+        for key, value in info.items():
+            assert np.asarray(value).dtype.kind in "fib", key
+            assert type(value) in (bool, float) or isinstance(value, np.generic | np.ndarray), key
+
+
+def test_the_code_of_a_fall_names_its_reason() -> None:
+    assert quad_env.FALL_REASONS == ("none", "trunk_contact", "tilt", "height")
+    _, infos = fallen()
+    assert infos[-1]["fall"].dtype == np.int8
+    assert [quad_env.FALL_REASONS[code] for code in infos[-1]["fall"]] == ["trunk_contact", "none"]
+    single = SimpleQuadEnv()
+    codes = [single.reset(seed=0)[1]["fall"], *(single.step(LOW)[4]["fall"] for _ in infos[1:])]
+    assert [code.dtype for code in codes] == [np.dtype(np.int8)] * len(infos)
+    assert codes == [info["fall"][0] for info in infos]
+
+
+def test_gymnasiums_own_batch_of_single_environments_has_the_infos_of_the_native_one() -> None:
+    def same(of_gym: dict[str, Any], native: dict[str, Any]) -> None:
+        assert set(of_gym) == set(native)
+        for key, value in native.items():
+            assert value.dtype == of_gym[key].dtype, key
+            np.testing.assert_array_equal(value, of_gym[key], err_msg=key)
+
+    batches = SyncVectorEnv([lambda: SimpleQuadEnv(sensors="ideal")] * 2), SimpleQuadVectorEnv(2, sensors="ideal")
+    same(*(batch.reset(seed=3)[1] for batch in batches))
+    for _ in range(80):  # robot 0 falls, and starts again
+        same(*(batch.step(np.array([LOW, HOME]))[4] for batch in batches))
+
+
+def test_numpy_to_torch_takes_every_info_of_one_robot_and_of_a_batch() -> None:
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("array_api_compat")
+    with warnings.catch_warnings():  # array-api-compat's own
+        warnings.simplefilter("ignore")
+        from gymnasium.wrappers import NumpyToTorch
+        from gymnasium.wrappers.vector import NumpyToTorch as VectorNumpyToTorch
+    single = NumpyToTorch(gym.make("SimpleQuad-v0", sensors="typical"))
+    batch = VectorNumpyToTorch(SimpleQuadVectorEnv(2, autoreset_mode="SAME_STEP", max_episode_steps=1, readings=True))
+    for env, targets in ((single, torch.tensor(HOME)), (batch, torch.tensor(np.tile(HOME, (2, 1))))):
+        infos = [env.reset(seed=0)[1], env.step(targets)[4]]
+        assert all(isinstance(value, torch.Tensor | dict) for info in infos for value in info.values())
+    assert isinstance(infos[-1]["final_info"]["fall"], torch.Tensor)
