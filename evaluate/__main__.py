@@ -1,7 +1,6 @@
-"""`python -m evaluate`: compare policies on the same episodes of every scenario.
+"""`python -m evaluate [POLICY ...]`: compare policies on the same episodes of every scenario.
 
-Other commands, each with its own --help, as in `python -m evaluate axes --help`: report, replay, compare, axes,
-rescore, gaits, gait-diagram, recovery, jump, safety, pictures, calibration, readme.
+Other commands, each with its own --help, as in `python -m evaluate axes --help`:
 """
 
 from evaluate.terminal import launcher
@@ -9,57 +8,37 @@ from evaluate.terminal import launcher
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
 
-import sys
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-from evaluate.commands.options import PROGRAM, Options, asks_to_resume
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.commands.options import PROGRAM as NAME
+from evaluate.commands.options import Options, asks_to_resume
+from evaluate.terminal.command_line import parse
+from evaluate.terminal.program import Command, Program
 
 if TYPE_CHECKING:
     from evaluate.commands.plan import Plan
 
 COMMANDS = {
-    "report": "evaluate.commands.report",
-    "replay": "evaluate.commands.replay",
-    "compare": "evaluate.commands.compare",
-    "axes": "evaluate.commands.axes",
-    "rescore": "evaluate.commands.rescore",
-    "gaits": "evaluate.studies.gaits",
-    "gait-diagram": "evaluate.studies.gait_diagram",
-    "recovery": "evaluate.studies.recovery",
-    "jump": "evaluate.studies.jump",
-    "safety": "evaluate.studies.safety",
-    "pictures": "evaluate.studies.pictures",
-    "calibration": "evaluate.statistics.calibration",
-    "readme": "evaluate.commands.readme",
+    "report": Command("evaluate.commands.report", "table and files of a results folder again, nothing simulated"),
+    "replay": Command("evaluate.commands.replay", "one episode of a results folder again, to the bit, or as a film"),
+    "compare": Command("evaluate.commands.compare", "two results folders, such as those of two commits"),
+    "axes": Command("evaluate.commands.axes", "falls of policies along the axes of disturbance, as curves"),
+    "rescore": Command("evaluate.commands.rescore", "falls of a traced run under the rules of other projects"),
+    "gaits": Command("evaluate.studies.gaits", "what the gaits, and changes between them, do on flat ground"),
+    "gait-diagram": Command("evaluate.studies.gait_diagram", "when the feet stand, commanded and measured"),
+    "recovery": Command("evaluate.studies.recovery", "getting up from any pose"),
+    "jump": Command("evaluate.studies.jump", "how high standing robots jump, and how many land standing"),
+    "safety": Command("evaluate.studies.safety", "falls that the safety layer averts, and its false alarms"),
+    "pictures": Command("evaluate.studies.pictures", "strips of frames of policies on scenarios"),
+    "calibration": Command("evaluate.statistics.calibration", "whether intervals and tests err as often as they say"),
+    "readme": Command("evaluate.commands.readme", "the README's results table"),
 }
-"""First word of the command line -> module whose `main` it runs with the rest."""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; the exit code: 0, 2 after a user's mistake, 130 after Ctrl-C."""
-    survive_narrow_encodings()
-    words = sys.argv[1:] if arguments is None else arguments
-    try:
-        if words and words[0] in COMMANDS:
-            code: int = import_module(COMMANDS[words[0]]).main(words[1:])
-            return code
-        return _compare(words)
-    except UsageError as mistake:
-        return fail(str(mistake))
-    except KeyboardInterrupt:
-        print("interrupted: no further file was written", file=sys.stderr)
-        return launcher.INTERRUPTED
-
-
-def _compare(words: list[str]) -> int:
-    """Policies may stand at the beginning of the words."""
+def compare(words: list[str]) -> int:
+    """Compare policies, which may stand at the beginning of the words; the exit code."""
     bare = bool(words) and not words[0].startswith("-")
-    try:
-        plan = _plan(["--policies", *words] if bare else words)
-    except UsageError as mistake:
-        raise UsageError(f"{mistake}; the commands are {', '.join(COMMANDS)}" if bare else str(mistake)) from mistake
+    plan = _plan(["--policies", *words] if bare else words)
     from evaluate.commands.execution import execute  # only now, so that a mistake is answered at once
 
     return execute(plan)
@@ -72,11 +51,15 @@ def _plan(words: list[str]) -> "Plan":
         from evaluate.commands.plan import begun_with
 
         default = begun_with(folder)
-    options = parse(Options, words, program=PROGRAM, description=__doc__ or "", default=default)
+    description = f"{__doc__}{PROGRAM.listing()}"
+    options = parse(Options, words, program=NAME, description=description, default=default)
     from evaluate.commands.plan import check  # after --help, which is to be quick
 
     return check(options)
 
+
+PROGRAM = Program(NAME, COMMANDS, compare)
+main = PROGRAM.main
 
 if __name__ == "__main__":
     raise SystemExit(launcher.launch(main))

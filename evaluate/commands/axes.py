@@ -8,9 +8,8 @@ import tyro
 
 from evaluate.commands.options import DEFAULT_POLICIES, Flag, available_cores
 from evaluate.commands.options import Options as Comparison
-from evaluate.terminal.command_line import UsageError, parse
+from evaluate.terminal.command_line import UsageError
 
-PROGRAM = "python -m evaluate axes"
 PICTURE = "fall_rates.svg"
 
 
@@ -34,9 +33,8 @@ class Options:
     """Threads of the simulation (count; default: this machine's cores)."""
 
 
-def main(arguments: list[str]) -> int:
+def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
     from evaluate.commands.plan import check
     from quad_env.scenarios.axes import AXES
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from evaluate.terminal.command_line import UsageError, parse
+from evaluate.terminal.command_line import UsageError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from evaluate.analysis.run_comparison import MetricDifference, Sample
     from evaluate.records.manifest import Manifest
-
-PROGRAM = "python -m evaluate compare"
 
 
 @dataclass(frozen=True)
@@ -50,13 +48,12 @@ class Match:
     contrasts: "tuple[MetricDifference, ...]" = field(default=())
 
 
-def main(arguments: list[str]) -> int:
+def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     from rich.console import Console
 
     from evaluate.records.manifest import differences
 
-    options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
     (manifest_a, rows_a), (manifest_b, rows_b) = map(_read, (options.a, options.b))
     pairs = _pairs(options, manifest_a, manifest_b)
     matches = [

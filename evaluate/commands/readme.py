@@ -15,11 +15,10 @@ from evaluate.analysis.severity_levels import amount
 from evaluate.commands.options import Options as Evaluation
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.rollouts.hardware import IDEAL
-from evaluate.terminal.command_line import UsageError, fail, parse
+from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import ABSENT, interval, number, percent, percent_interval
 from policies.files import write_atomically
 
-PROGRAM = "python -m evaluate readme"
 SHOWN = ("flat", "push", "rough")
 """Scenarios of the table; all of them in a run without these."""
 BEGIN, END = "<!-- results -->", "<!-- /results -->"
@@ -35,15 +34,13 @@ class Options:
     """File with the lines `<!-- results -->` and `<!-- /results -->`, between which the table goes."""
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(options: Options) -> int:
     """Write the table; the exit code."""
     try:
-        options = parse(Options, arguments, program=PROGRAM, description="Write the results table into the README.")
         text = options.readme.read_text()
-        lines = _table_of(options.results)
-        write_atomically(options.readme, insert(text, lines).encode())
-    except (UsageError, OSError, UnicodeError) as error:
-        return fail(str(error))
+    except UnicodeError as error:
+        raise UsageError(f"{options.readme} is no text ({error})") from error
+    write_atomically(options.readme, insert(text, _table_of(options.results)).encode())
     return 0
 
 
@@ -160,7 +157,3 @@ def row(cell: dict[str, Any]) -> str:
             number(cell["mean_velocity_error"]),
         )
     )
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

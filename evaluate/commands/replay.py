@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from evaluate.terminal.command_line import UsageError, parse
+from evaluate.terminal.command_line import UsageError
 
 if TYPE_CHECKING:
     from evaluate.records.manifest import Manifest
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from evaluate.report.film import Progress
     from evaluate.rollouts.experiment import Cell, Entrant
 
-PROGRAM = "python -m evaluate replay"
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""
 
@@ -50,9 +49,8 @@ class Found:
         return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}"
 
 
-def main(arguments: list[str]) -> int:
+def main(options: Options) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
-    options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
     from evaluate.records.store import read_run
     from evaluate.report.film import check_kind
 

@@ -6,9 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from evaluate.terminal.command_line import UsageError, parse
-
-PROGRAM = "python -m evaluate report"
+from evaluate.terminal.command_line import UsageError
 
 
 @dataclass(frozen=True)
@@ -24,9 +22,8 @@ class Options:
     """Whether report.html shows a film of one episode."""
 
 
-def main(arguments: list[str]) -> int:
+def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
     from evaluate.commands.outputs import Ending, conclude
     from evaluate.commands.plan import check_gates
     from evaluate.records.store import read_run, remove_parts

@@ -18,12 +18,11 @@ from evaluate.measures import fall_rules
 from evaluate.measures.fall_rules import FallRule
 from evaluate.records import trace
 from evaluate.statistics.intervals import Interval, wilson_interval
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import percent
 from policies.files import write_atomically
 from quad_env.config import FALL_RULE
 
-PROGRAM = "python -m evaluate rescore"
 RESULTS, FILE = "results.json", "rescored.json"
 
 
@@ -53,18 +52,13 @@ class Score:
     """Mean over the episodes that fell, s."""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; the exit code: 0, or 2 after a user's mistake."""
-    survive_narrow_encodings()
+def main(options: Options) -> int:
+    """Judge again, print and write; the exit code."""
     try:
-        options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
-        try:
-            rules = fall_rules.find(options.rules)
-        except ValueError as error:
-            raise UsageError(f"--rules: {error}") from error
-        scores = rescore(options.results, rules)
-    except UsageError as mistake:
-        return fail(str(mistake))
+        rules = fall_rules.find(options.rules)
+    except ValueError as error:
+        raise UsageError(f"--rules: {error}") from error
+    scores = rescore(options.results, rules)
     Console(file=sys.stdout).print(table(scores, rules))
     write(scores, rules, options.results / FILE)
     return 0
@@ -161,7 +155,3 @@ def write(scores: list[Score], rules: tuple[FallRule, ...], path: Path) -> None:
 def _shown(score: Score) -> str:
     low, high = score.fall_rate_ci
     return f"{percent(score.fall_rate)}\n{escape(f'[{100 * low:.0f}, {100 * high:.0f}]')}"
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -14,10 +14,7 @@ import numpy as np
 
 from evaluate.statistics import checks
 from evaluate.statistics.checks import Check
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
-
-PROGRAM = "python -m evaluate calibration"
+from evaluate.terminal.command_line import UsageError
 
 
 @dataclass(frozen=True)
@@ -38,16 +35,11 @@ class Options:
     """Which data sets (whole number from 0)."""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; the exit code."""
-    survive_narrow_encodings()
-    try:
-        options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
-        rows = [check for check in _checks(options) if options.only in check.name]
-        if not rows:
-            raise UsageError(f"--only: no row is named like {options.only}")
-    except UsageError as mistake:
-        return fail(str(mistake))
+def main(options: Options) -> int:
+    """Repeat and print; the exit code."""
+    rows = [check for check in _checks(options) if options.only in check.name]
+    if not rows:
+        raise UsageError(f"--only: no row is named like {options.only}")
     return _run(rows, options)
 
 
@@ -115,7 +107,3 @@ def _outside_by_chance(check: Check, sets: int) -> float:
     shares = np.arange(sets + 1) / sets
     low, high = check.bounds
     return float(binom.pmf(np.arange(sets + 1), sets, check.expected)[(shares < low) | (shares > high)].sum())
-
-
-if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))

@@ -7,16 +7,14 @@ import numpy as np
 
 from evaluate.report.plots.gait_diagram import stances
 from evaluate.studies.strides import Strides, walked
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse
-from policies.base import CONTROL_PERIOD, PolicyError
+from evaluate.terminal.command_line import UsageError
+from policies.base import CONTROL_PERIOD
 from policies.files import make_writable_folder
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import Gaits
 from quad_env.robots.robot import LEG_NAMES
 from quad_env.seeding import episode_seeds
 
-PROGRAM = "python -m evaluate gait-diagram"
 LONGEST = 60.0
 """Of what is walked or drawn, s."""
 
@@ -63,16 +61,10 @@ def draw(strides: Strides, title: str, out: Path) -> None:
     plt.close(figure)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(options: Options) -> int:
     """Draw the diagram; the exit code."""
-    try:
-        options = parse(Options, arguments, program=PROGRAM, description="Stances of a gait, commanded and measured.")
-        _check(options)
-        draw(_strides(options), f"{options.gait}{f' → {options.then}' if options.then else ''}", options.out)
-    except (UsageError, PolicyError, OSError) as error:
-        return fail(str(error))
-    except KeyboardInterrupt:
-        return launcher.INTERRUPTED
+    _check(options)
+    draw(_strides(options), f"{options.gait}{f' → {options.then}' if options.then else ''}", options.out)
     print(options.out)
     return 0
 
@@ -106,7 +98,3 @@ def _check(options: Options) -> None:
     if options.out.suffix.lower() != ".png" or options.out.is_dir():
         raise UsageError(f"--out must be a PNG file, such as results/gait.png, not {options.out}")
     make_writable_folder(options.out.parent)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

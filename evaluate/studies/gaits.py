@@ -13,15 +13,13 @@ from rich.console import Console
 from rich.table import Table
 
 from evaluate.studies.strides import Strides, walked
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
-from policies.base import CONTROL_PERIOD, PolicyError
+from evaluate.terminal.command_line import UsageError
+from policies.base import CONTROL_PERIOD
 from policies.gaits.parameters import GAITS, OFFSETS
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
 
-PROGRAM = "python -m evaluate gaits"
 SPEEDS = dict.fromkeys(OFFSETS, 0.5) | {"walk": 0.3, "stand": 0.0}
 """Forward command of each gait, m/s."""
 SETTLING = 200
@@ -148,23 +146,12 @@ def _check(options: Options) -> None:
             raise UsageError(f"--{name} must be from {low:g} to {high:g}, got {value:g}")
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Measure and print; the exit code: 0, 2 on bad input, 130 after Ctrl-C."""
-    survive_narrow_encodings()
+def main(options: Options) -> int:
+    """Measure and print; the exit code."""
+    _check(options)
     console = Console(highlight=False, width=100)
-    try:
-        options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
-        _check(options)
-        console.print(_steady_table(options))
-        if options.changes and len(options.gaits) > 1:
-            console.print(_change_table(options))
-        console.print(f"{microseconds():.2f} µs a robot and control step, {TIMED_ROBOTS} robots in all gaits")
-    except (UsageError, PolicyError) as error:
-        return fail(str(error))
-    except KeyboardInterrupt:
-        return launcher.INTERRUPTED
+    console.print(_steady_table(options))
+    if options.changes and len(options.gaits) > 1:
+        console.print(_change_table(options))
+    console.print(f"{microseconds():.2f} µs a robot and control step, {TIMED_ROBOTS} robots in all gaits")
     return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))

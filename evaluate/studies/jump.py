@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Floats
 from policies.behaviour import Behaviour, State
 from quad_env.robots.robot import HOME_HEIGHT, TORQUE_LIMIT
@@ -43,15 +42,10 @@ class Outcome:
     """Largest joint torque at the end of any control step, N·m."""
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(options: Options) -> int:
     """Measure and print; the exit code."""
-    survive_narrow_encodings()
-    try:
-        options = parse(Options, arguments, program="python -m evaluate jump", description=__doc__ or "")
-        if options.robots < 1 or options.seed < 0:
-            raise UsageError("--robots must be at least 1, --seed not negative")
-    except UsageError as error:
-        return fail(str(error))
+    if options.robots < 1 or options.seed < 0:
+        raise UsageError("--robots must be at least 1, --seed not negative")
     print(report(jumped(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
     return 0
 
@@ -85,7 +79,3 @@ def report(outcome: Outcome) -> str:
         f"rise: lowest {outcome.rise.min():.3f} m, median {np.median(outcome.rise):.3f} m\n"
         f"largest torque {outcome.peak_torque:.1f} N·m of {TORQUE_LIMIT:g}"
     )
-
-
-if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))

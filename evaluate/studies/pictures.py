@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse
+from evaluate.terminal.command_line import UsageError
 from policies.files import make_writable_folder
 
 if TYPE_CHECKING:
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 
     Frame = NDArray[np.uint8]
 
-PROGRAM = "python -m evaluate pictures"
 EPISODE = 10.0
 """Length of an episode, s."""
 
@@ -47,16 +45,13 @@ class Options:
     """Camera of the model: track or side."""
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(options: Options) -> int:
     """Draw the strips; the exit code."""
+    _check(options)
     try:
-        options = parse(Options, arguments, program=PROGRAM, description="Strips of frames of policies on scenarios.")
-        _check(options)
         draw(options)
-    except (UsageError, ValueError, OSError) as error:
-        return fail(str(error))
-    except KeyboardInterrupt:
-        return launcher.INTERRUPTED
+    except ValueError as error:
+        raise UsageError(str(error)) from error
     print(options.out)
     return 0
 
@@ -74,8 +69,11 @@ def _check(options: Options) -> None:
         raise UsageError("--policies and --scenarios must each name at least one")
     for policy in options.policies:
         policies.resolve(policy)
-    for scenario in options.scenarios:
-        quad_env.scenario(scenario)
+    try:
+        for scenario in options.scenarios:
+            quad_env.scenario(scenario)
+    except ValueError as error:
+        raise UsageError(f"--scenarios: {error}") from error
     if options.out.suffix.lower() != ".png" or options.out.is_dir():
         raise UsageError(f"--out must be a PNG file, such as results/walking.png, not {options.out}")
     make_writable_folder(options.out.parent)
@@ -124,7 +122,3 @@ def strip(policy_name: str, scenario: str, options: Options) -> "list[Frame]":
             break
     env.close()
     return frames + frames[-1:] * (options.frames - len(frames))  # type: ignore[return-value]
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.statistics.intervals import wilson_interval
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Floats, Policy
 from policies.behaviour import Behaviour, State
 from quad_env import OBSERVATION, SCENARIOS, AnyPose
@@ -55,15 +54,10 @@ class Outcome:
     diverged: int
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(options: Options) -> int:
     """Measure and print; the exit code."""
-    survive_narrow_encodings()
-    try:
-        options = parse(Options, arguments, program="python -m evaluate recovery", description=__doc__ or "")
-        if options.robots < 1 or options.seed < 0:
-            raise UsageError("--robots must be at least 1, --seed not negative")
-    except UsageError as error:
-        return fail(str(error))
+    if options.robots < 1 or options.seed < 0:
+        raise UsageError("--robots must be at least 1, --seed not negative")
     print(report(recover(episode_seeds(options.seeds, options.seed, options.robots))))
     return 0
 
@@ -129,7 +123,3 @@ def report(outcome: Outcome) -> str:
         if among.any():
             lines.append(f"tilt at the start {first:3d}° … {past:3d}°: {stands[among].sum()} of {among.sum()}")
     return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))

@@ -16,8 +16,7 @@ import policies
 from evaluate.measures.controlled_stop import Trace, controlled_stops
 from evaluate.statistics.intervals import wilson_interval
 from evaluate.studies.gaits import SPEEDS
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Policy
 from policies.safety import Mode, Safe
 from quad_env import OBSERVATION
@@ -63,16 +62,11 @@ class Run:
         return (self.fall_step < STEPS) & ~self.stopped
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(options: Options) -> int:
     """Score and print; the exit code."""
-    survive_narrow_encodings()
-    try:
-        options = parse(Options, arguments, program="python -m evaluate safety", description=__doc__ or "")
-        if options.episodes < 1 or options.hours <= 0 or options.seed < 0:
-            raise UsageError("--episodes must be at least 1, --hours positive, --seed not negative")
-        policies.resolve(options.policy)
-    except (UsageError, ValueError) as error:
-        return fail(str(error))
+    if options.episodes < 1 or options.hours <= 0 or options.seed < 0:
+        raise UsageError("--episodes must be at least 1, --hours positive, --seed not negative")
+    policies.resolve(options.policy)
     _push_axis(options)
     _undisturbed(options)
     return 0
@@ -148,7 +142,3 @@ def run(
     env.close()
     stopped = controlled_stops(Trace(*rows), fall_step)
     return Run(fall_step, stopped, tuple(np.flatnonzero(alarms[:, robot]) for robot in range(count)))
-
-
-if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))

@@ -13,6 +13,7 @@ from types import FrameType
 
 INTERRUPTED = 130
 FAILED = 2
+NOTHING_KEPT = "interrupted: no further file was written"
 
 
 def leave_on_interrupt() -> None:
@@ -46,8 +47,9 @@ def launch(main: Callable[[], int]) -> int:
         if error.errno != errno.ENOSPC:
             raise
         silence_stdout()
-        os.write(2, f"error: cannot print ({error.strerror})\n".encode())
-        code = FAILED
+        if not code:  # else the program has said already what went wrong
+            os.write(2, f"error: cannot print ({error.strerror})\n".encode())
+        code = code or FAILED
     # What is left takes milliseconds, and an interrupt in it would be a traceback.
     if signal.getsignal(signal.SIGINT) in (_leave, signal.default_int_handler):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -71,5 +73,5 @@ def _run(main: Callable[[], int]) -> int:
 
 def _leave(number: int, frame: FrameType | None) -> None:
     # Without buffers and exit handlers: the interrupt may have come in the middle of anything.
-    os.write(2, b"interrupted: no further file was written\n")
+    os.write(2, f"{NOTHING_KEPT}\n".encode())
     os._exit(INTERRUPTED)

@@ -110,7 +110,7 @@ def test_policies_may_be_named_first(folder, tmp_path, capsys, monkeypatch) -> N
     assert main([*seeds, "--scenarios", "flat", "--episodes", "1", "--no-film", "--out", str(tmp_path)]) == 0
     assert "2 training seeds" in capsys.readouterr().out
     assert main(["repaly", "--out", str(tmp_path)]) == 2
-    assert "the commands are report, replay" in capsys.readouterr().err
+    assert "did you mean the command replay?" in capsys.readouterr().err
 
 
 def test_a_report_of_measures_that_are_no_more_is_refused(folder, tmp_path, capsys) -> None:

@@ -116,7 +116,7 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         path.write_bytes(content)
 
-    for module in ("results", "episode_table", "markdown", "report.page"):
+    for module in ("analysis.results", "records.episode_table", "report.markdown", "report.page"):
         monkeypatch.setattr(f"evaluate.{module}.write_atomically", write)
     assert main([*QUICK, "--out", str(tmp_path)]) == 2
     printed = capsys.readouterr()
@@ -351,7 +351,7 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay) -> N
 
 def test_the_launcher_leaves_at_once_until_the_program_can_be_interrupted() -> None:
     code = (
-        "import signal\nfrom evaluate import launcher\n"
+        "import signal\nfrom evaluate.terminal import launcher\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # deaf where the tests are a background job
         "launcher.leave_on_interrupt()\n{}"
         "try:\n    signal.raise_signal(signal.SIGINT)\n    for _ in range(1000): pass\n"

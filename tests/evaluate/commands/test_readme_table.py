@@ -4,8 +4,9 @@ import json
 
 import pytest
 
+from evaluate.__main__ import main
 from evaluate.commands.options import DEFAULT_POLICIES
-from evaluate.commands.readme import insert, main, table
+from evaluate.commands.readme import insert, table
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
 
@@ -111,7 +112,7 @@ def refused(capsys, tmp_path, content: str) -> str:
     readme, results = tmp_path / "README.md", tmp_path / "results.json"
     readme.write_text("<!-- results -->\n<!-- /results -->\n")
     results.write_text(content)
-    assert main([str(results), "--readme", str(readme)]) == 2
+    assert main(["readme", str(results), "--readme", str(readme)]) == 2
     assert readme.read_text() == "<!-- results -->\n<!-- /results -->\n"
     error = capsys.readouterr().err
     assert error.startswith("error: ")

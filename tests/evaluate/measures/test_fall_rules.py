@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from evaluate.__main__ import main
 from evaluate.commands import rescore
 from evaluate.measures import fall_rules
 from evaluate.measures.episodes import blank, uneventful
@@ -71,7 +72,7 @@ def traced(tmp_path_factory):
 
 
 def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys) -> None:
-    assert rescore.main([str(traced)]) == 0
+    assert main(["rescore", str(traced)]) == 0
     run, again = (json.loads((traced / name).read_text()) for name in ("results.json", rescore.FILE))
     for policy, contents in run["policies"].items():
         cell, scores = contents["scenarios"]["push"], again["policies"][policy]["scenarios"]["push"]
@@ -86,14 +87,14 @@ def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys
 
 
 def test_rules_can_be_chosen(traced, capsys) -> None:
-    assert rescore.main([str(traced), "--rules", "tilt-90"]) == 0
+    assert main(["rescore", str(traced), "--rules", "tilt-90"]) == 0
     assert list(json.loads((traced / rescore.FILE).read_text())["rules"]) == ["tilt-90"]
     assert "height" not in capsys.readouterr().out
 
 
 def test_mistakes_are_one_line(traced, run, tmp_path, capsys) -> None:
-    assert rescore.main([str(traced), "--rules", "tilt-91"]) == 2
-    assert rescore.main([str(run.folder)]) == 2
+    assert main(["rescore", str(traced), "--rules", "tilt-91"]) == 2
+    assert main(["rescore", str(run.folder)]) == 2
     other = tmp_path / "other"
     (other / trace.FOLDER).mkdir(parents=True)
     for path in (traced / trace.FOLDER).iterdir():
@@ -101,7 +102,7 @@ def test_mistakes_are_one_line(traced, run, tmp_path, capsys) -> None:
     changed = json.loads((traced / "results.json").read_text())
     changed["policies"]["document"]["scenarios"]["push"]["falls"] += 1
     (other / "results.json").write_text(json.dumps(changed))
-    assert rescore.main([str(other)]) == 2
+    assert main(["rescore", str(other)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 3
     assert "tilt-90" in lines[0]

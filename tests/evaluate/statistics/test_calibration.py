@@ -5,8 +5,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from evaluate.__main__ import main
 from evaluate.analysis.comparison import compare
-from evaluate.statistics import breaking_point, calibration, checks, exact_size
+from evaluate.statistics import breaking_point, checks, exact_size
 from evaluate.statistics import intervals as statistics
 from evaluate.statistics.significance import relabelling_test
 from evaluate.statistics.synthetic import Axis, episodes, mean_error
@@ -148,7 +149,7 @@ def test_made_up_errors_have_the_mean_they_claim() -> None:
 
 def test_the_command_prints_a_row_a_check(capsys) -> None:
     arguments = ["--sets", "20", "--episodes", "16", "--fall-probabilities", "0.4", "--only", "McNemar"]
-    assert calibration.main(arguments) == 0
+    assert main(["calibration", *arguments]) == 0
     printed = capsys.readouterr()
     assert [line.split("  ")[0] for line in printed.out.splitlines()[2:-1]] == [
         "McNemar, exchangeable pairs",
@@ -166,7 +167,7 @@ def test_the_command_splits_real_episodes(tmp_path, capsys) -> None:
         "velocity_error": made.error[0],
     }
     pq.write_table(pa.table(columns), tmp_path / "episodes.parquet")
-    assert calibration.main(["--sets", "200", "--real", str(tmp_path / "episodes.parquet")]) == 0
+    assert main(["calibration", "--sets", "200", "--real", str(tmp_path / "episodes.parquet")]) == 0
     rows = capsys.readouterr().out.splitlines()[2:-1]
     assert [row.split("  ")[0] for row in rows] == [
         "relabelling, halves of trot on push",
@@ -180,5 +181,5 @@ def test_the_command_splits_real_episodes(tmp_path, capsys) -> None:
     [["--only", "nothing"], ["--sets", "1"], ["--fall-probabilities", "1.2"], ["--real", "missing.parquet"]],
 )
 def test_mistakes_are_one_line(arguments, capsys) -> None:
-    assert calibration.main(arguments) == 2
+    assert main(["calibration", *arguments]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1

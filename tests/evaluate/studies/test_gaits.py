@@ -3,7 +3,8 @@
 import matplotlib.image
 import pytest
 
-from evaluate.studies import gait_diagram, gaits
+from evaluate.__main__ import main
+from evaluate.studies import gaits
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import TARGET_RATE_LIMIT
 from quad_env.seeding import episode_seeds
@@ -19,7 +20,7 @@ def test_no_robot_falls_in_a_change_of_gait(first) -> None:
 
 
 def test_command_prints_a_row_a_gait_and_a_row_a_change(capsys) -> None:
-    assert gaits.main(["--gaits", "walk", "stand", "--robots", "2", "--seconds", "4"]) == 0
+    assert main(["gaits", "--gaits", "walk", "stand", "--robots", "2", "--seconds", "4"]) == 0
     printed = capsys.readouterr().out
     assert "from \\ to" in printed
     assert "µs a robot and control step" in printed
@@ -36,7 +37,7 @@ def test_command_prints_a_row_a_gait_and_a_row_a_change(capsys) -> None:
     ],
 )
 def test_mistakes_are_one_line(arguments, word, capsys) -> None:
-    assert gaits.main(arguments) == 2
+    assert main(["gaits", *arguments]) == 2
     complaint = capsys.readouterr().err
     assert len(complaint.splitlines()) == 1
     assert any(each in complaint for each in word.split("|"))
@@ -44,7 +45,7 @@ def test_mistakes_are_one_line(arguments, word, capsys) -> None:
 
 def test_diagram_is_drawn(tmp_path, capsys) -> None:
     out = tmp_path / "new" / "gait.png"
-    assert gait_diagram.main(["--gait", "pace", "--then", "stand", "--start", "1", "--out", str(out)]) == 0
+    assert main(["gait-diagram", "--gait", "pace", "--then", "stand", "--start", "1", "--out", str(out)]) == 0
     assert capsys.readouterr().out == f"{out}\n"
     picture = matplotlib.image.imread(out)
     assert picture[..., :3].std() > 0.1
@@ -63,7 +64,7 @@ def test_diagram_is_drawn(tmp_path, capsys) -> None:
     ],
 )
 def test_diagram_mistakes_are_one_line(arguments, word, capsys) -> None:
-    assert gait_diagram.main(arguments) == 2
+    assert main(["gait-diagram", *arguments]) == 2
     complaint = capsys.readouterr().err
     assert len(complaint.splitlines()) == 1
     assert word in complaint

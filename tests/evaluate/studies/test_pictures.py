@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from evaluate.studies.pictures import main
+from evaluate.__main__ import main
 
 
 @pytest.mark.rendering
 def test_a_row_for_each_policy_shows_it_moving(tmp_path, capsys) -> None:
     out = tmp_path / "new" / "strip.png"
     arguments = ["--policies", "stand", "trot", "--scenarios", "flat", "--start", "0.5", "--every", "0.1"]
-    assert main([*arguments, "--frames", "3", "--out", str(out)]) == 0
+    assert main(["pictures", *arguments, "--frames", "3", "--out", str(out)]) == 0
     assert capsys.readouterr().out == f"{out}\n"
     with Image.open(out) as image:
         picture = np.asarray(image.convert("RGB")).astype(int)
@@ -26,7 +26,7 @@ def test_a_row_for_each_policy_shows_it_moving(tmp_path, capsys) -> None:
 @pytest.mark.rendering
 def test_a_policy_that_falls_is_shown_where_it_lies(tmp_path) -> None:
     arguments = ["--policies", "document", "--scenarios", "flat", "--start", "0", "--every", "1.0", "--frames", "4"]
-    assert main([*arguments, "--out", str(tmp_path / "strip.png")]) == 0
+    assert main(["pictures", *arguments, "--out", str(tmp_path / "strip.png")]) == 0
     with Image.open(tmp_path / "strip.png") as picture:
         assert picture.size == (4 * 240, 200)
 
@@ -57,7 +57,7 @@ def test_a_mistake_is_one_line_and_nothing_is_drawn(tmp_path, capsys, monkeypatc
     monkeypatch.setattr("evaluate.studies.pictures.draw", drawn)
     monkeypatch.chdir(tmp_path)
     defaults = [] if "--policies" in arguments else ["--policies", "trot"]
-    assert main([*defaults, *arguments]) == 2
+    assert main(["pictures", *defaults, *arguments]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.startswith("error: ")
@@ -68,13 +68,13 @@ def test_a_mistake_is_one_line_and_nothing_is_drawn(tmp_path, capsys, monkeypatc
 
 def test_a_folder_in_the_place_of_the_picture_is_refused(tmp_path, capsys) -> None:
     tmp_path.joinpath("strip.png").mkdir()
-    assert main(["--policies", "trot", "--out", str(tmp_path / "strip.png")]) == 2
+    assert main(["pictures", "--policies", "trot", "--out", str(tmp_path / "strip.png")]) == 2
     assert "--out" in capsys.readouterr().err
 
 
 @pytest.mark.rendering
 def test_an_unknown_camera_is_one_line(tmp_path, capsys) -> None:
-    assert main(["--policies", "trot", "--camera", "selfie", "--out", str(tmp_path / "strip.png")]) == 2
+    assert main(["pictures", "--policies", "trot", "--camera", "selfie", "--out", str(tmp_path / "strip.png")]) == 2
     error = capsys.readouterr().err
     assert "selfie" in error
     assert error.count("\n") == 1

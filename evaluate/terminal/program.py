@@ -1,0 +1,106 @@
+"""A program of several commands: one table of them, and one way for all to end.
+
+A command is a module with `Options`, a frozen dataclass whose docstrings are its --help, and `main`, which takes them
+and gives the exit code. It raises UsageError, PolicyError or OSError for what a user can mend, and after Ctrl-C a
+KeyboardInterrupt, with a text if it has something to say about what is kept.
+"""
+
+import difflib
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.terminal.launcher import INTERRUPTED, NOTHING_KEPT
+
+HELP = {"-h", "--help"}
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command of a program."""
+
+    module: str
+    """Where its `Options` and `main` are; loaded when it is called, so that no other command waits for it."""
+    summary: str
+    """What it does, for the list of commands."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """Commands, and what is done where none of them is called."""
+
+    name: str
+    """As it is called, `python -m train`."""
+    commands: Mapping[str, Command]
+    """By the words that call them, such as `search trot`."""
+    otherwise: Callable[[list[str]], int]
+    """Runs the words that begin with no command; the exit code."""
+
+    def main(self, arguments: list[str] | None = None) -> int:
+        """Run the command that the arguments begin with; its exit code, 2 after a mistake, 130 after Ctrl-C."""
+        words = sys.argv[1:] if arguments is None else arguments
+        return exit_code(partial(self._run, words))
+
+    def listing(self, names: Iterable[str] | None = None) -> str:
+        """The commands of these names, by default all, with a line each."""
+        chosen = list(self.commands if names is None else names)
+        width = max(map(len, chosen)) + 2
+        return "\n".join(f"  {name:{width}}{self.commands[name].summary}" for name in chosen)
+
+    def _run(self, words: list[str]) -> int:
+        for name, command in self.commands.items():
+            called = name.split()
+            if words[: len(called)] == called:
+                return self._call(name, command, words[len(called) :])
+        family = [name for name in self.commands if words and name.split()[0] == words[0]]
+        if family and HELP & set(words):
+            print(f"{self.name} COMMAND, each with its own --help:\n{self.listing(family)}")
+            return 0
+        if family:
+            raise UsageError(f"there is no command {' '.join(words[:2])}; there are {', '.join(family)}")
+        try:
+            return self.otherwise(words)
+        except UsageError as mistake:
+            if meant := difflib.get_close_matches(words[0], self.commands, 1, 0.7) if words else []:
+                raise UsageError(f"{mistake}; did you mean the command {meant[0]}?") from mistake
+            raise
+
+    def _call(self, name: str, command: Command, words: list[str]) -> int:
+        module: Any = import_module(command.module)
+        options = parse(module.Options, words, program=f"{self.name} {name}", description=module.__doc__)
+        code: int = module.main(options)
+        return code
+
+
+def exit_code(run: Callable[[], int]) -> int:
+    """What `run` gives, or 2 after a user's mistake and 130 after Ctrl-C, with one line on stderr."""
+    survive_narrow_encodings()
+    try:
+        return run()
+    except BrokenPipeError:  # the reader has seen enough: `launch` ends quietly
+        raise
+    except (UsageError, OSError, ValueError) as error:
+        if not _is_mistake(error):
+            raise
+        return fail(_words(error))
+    except KeyboardInterrupt as interrupt:
+        print(f"interrupted: {interrupt}" if interrupt.args else NOTHING_KEPT, file=sys.stderr)
+        return INTERRUPTED
+
+
+def _is_mistake(error: Exception) -> bool:
+    """Whether a user can mend it: every UsageError, PolicyError and failure of the system."""
+    from policies.base import PolicyError  # here, since it takes long to load
+
+    return isinstance(error, UsageError | OSError | PolicyError)
+
+
+def _words(error: Exception) -> str:
+    """`cannot use FILE (No such file or directory)` of a failure of the system, which does not say so by itself."""
+    if not isinstance(error, OSError) or error.strerror is None:
+        return str(error)
+    return f"cannot use {error.filename} ({error.strerror})" if error.filename else f"cannot go on ({error.strerror})"

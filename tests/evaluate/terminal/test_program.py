@@ -1,0 +1,100 @@
+"""A program of several commands: each is called by its words, and all end alike."""
+
+import errno
+import os
+import sys
+import types
+from dataclasses import dataclass
+
+import pytest
+
+from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.program import Command, Program
+from policies.base import PolicyError
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the command."""
+
+    count: int = 3
+    """How many (count)."""
+
+
+def otherwise(words: list[str]) -> int:
+    raise UsageError(f"no policy {words[0]}")
+
+
+PROGRAM = Program(
+    "python -m thing",
+    {"search trot": Command("made_up_command", "searches a trot"), "publish": Command("made_up_command", "ships")},
+    otherwise,
+)
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
+    """A module with the options above whose `main` a test chooses."""
+    module = types.ModuleType("made_up_command", "What it does.")
+    module.Options = Options
+    module.main = lambda options: print(options.count) or 0
+    monkeypatch.setitem(sys.modules, "made_up_command", module)
+    return module
+
+
+@pytest.mark.usefixtures("command")
+def test_a_command_is_called_by_its_words_and_gets_the_rest(capsys) -> None:
+    assert PROGRAM.main(["search", "trot", "--count", "5"]) == 0
+    assert capsys.readouterr().out == "5\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["search"], "there is no command search; there are search trot"),
+        (["search", "gallop"], "there is no command search gallop; there are search trot"),
+        (["publsh"], "no policy publsh; did you mean the command publish?"),
+        (["galloping"], "no policy galloping"),
+        (["publish", "--cuont"], "Unrecognized options: --cuont; see `python -m thing publish --help`"),
+    ],
+)
+@pytest.mark.usefixtures("command")
+def test_what_is_no_command_is_one_line(capsys, words, said) -> None:
+    assert PROGRAM.main(words) == 2
+    assert capsys.readouterr().err == f"error: {said}\n"
+
+
+def test_help_of_several_commands_lists_them(capsys) -> None:
+    assert PROGRAM.main(["search", "--help"]) == 0
+    assert capsys.readouterr().out.endswith("  search trot  searches a trot\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (UsageError("two\nlines"), 2, "error: two lines"),
+        (PolicyError("no such policy"), 2, "error: no such policy"),
+        (PermissionError(errno.EACCES, "Permission denied", "a/b"), 2, "error: cannot use a/b (Permission denied)"),
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), 2, f"error: cannot go on ({os.strerror(errno.ENOSPC)})"),
+        (OSError("b is no picture"), 2, "error: b is no picture"),
+        (KeyboardInterrupt(), 130, "interrupted: no further file was written"),
+        (KeyboardInterrupt("kept 3 parts"), 130, "interrupted: kept 3 parts"),
+    ],
+)
+def test_every_command_ends_alike(command, capsys, error, code, said) -> None:
+    def fail(_: Options) -> int:
+        raise error
+
+    command.main = fail
+    assert PROGRAM.main(["publish"]) == code
+    assert capsys.readouterr().err == f"{said}\n"
+
+
+@pytest.mark.parametrize("error", [ValueError("a bug"), TypeError("a bug"), BrokenPipeError(errno.EPIPE, "Broken")])
+def test_what_is_no_mistake_of_the_users_is_not_hidden(command, error) -> None:
+    def fail(_: Options) -> int:
+        raise error
+
+    command.main = fail
+    with pytest.raises(type(error)):
+        PROGRAM.main(["publish"])
