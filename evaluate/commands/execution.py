@@ -16,13 +16,19 @@ from evaluate.rollouts.progress import show_progress
 from evaluate.rollouts.workers import WorkerLost, side_by_side
 from evaluate.terminal import launcher
 from evaluate.terminal.command_line import UsageError
+from policies.files import sole_use
 
 
 def execute(plan: Plan, show: Show = print_all) -> int:
     """Run every cell and conclude, the outcome shown so; the exit code.
 
-    Raises UsageError, and KeyboardInterrupt if nothing was kept.
+    Raises UsageError, FolderInUse, and after Ctrl-C a KeyboardInterrupt that says what is kept.
     """
+    with sole_use(plan.options.out):
+        return _execute(plan, show)
+
+
+def _execute(plan: Plan, show: Show) -> int:
     out, manifest = plan.options.out, plan.manifest
     ending = Ending(show, plan.gates, plan.options.film)
     if plan.options.resume and (run := read_run(out)).complete:
@@ -39,8 +45,8 @@ def execute(plan: Plan, show: Show = print_all) -> int:
         remove_parts(out)
         return code
     total = len(plan.entrants) * len(plan.scenarios)
-    _say_what_is_kept(f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done", out)
-    return launcher.INTERRUPTED
+    kept = f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done"
+    raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
 
 
 def _simulate(plan: Plan, store: Store) -> tuple[list[Cell], bool]:
@@ -96,10 +102,6 @@ def _trace(plan: Plan, store: Store) -> Trace | None:
     }
     trace.keep_only(folder, kept)
     return trace.writer(folder, plan.options.trace)
-
-
-def _say_what_is_kept(what: str, out: Path) -> None:
-    print(f"interrupted: {what} to {out}; go on with: {_go_on(out)}", file=sys.stderr)
 
 
 def _then(store: Store) -> str:

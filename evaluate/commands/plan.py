@@ -15,7 +15,7 @@ from evaluate.records.store import FILES, JUNIT, PARTS
 from evaluate.rollouts import battery, hardware
 from evaluate.rollouts.experiment import Entrant
 from evaluate.terminal.command_line import UsageError
-from policies.files import make_writable_folder
+from policies.files import make_writable_folder, sole_use
 from quad_env.scenarios.named import Scenario
 
 MOST_EPISODES = 1_000_000
@@ -35,7 +35,9 @@ class Plan:
 
 
 def begun_with(folder: Path) -> Options:
-    """The options of the run in a folder. Raises UsageError where there is none to carry on."""
+    """The options of the run in a folder. Raises UsageError where there is none to carry on, or one is going on."""
+    if folder.is_dir():
+        _check_unused(folder)
     if not (folder / manifests.NAME).is_file():
         raise UsageError(f"--resume: {folder} holds no run that was begun; leave --resume out to begin one")
     return replace(Options(out=folder), **_restored(_manifest(folder)))
@@ -97,10 +99,17 @@ def _check_folder(out: Path) -> None:
         make_writable_folder(out)
     except OSError as error:
         raise UsageError(f"cannot write to the folder {out} ({error.strerror}); name another one with --out") from error
+    _check_unused(out)
     if taken := [str(out / name) for name in (*FILES, JUNIT) if (out / name).is_dir()]:
         raise UsageError(f"{', '.join(taken)} is to be a file, but is a folder; name another folder with --out")
     if (out / PARTS).exists() and not (out / PARTS).is_dir():
         raise UsageError(f"{out / PARTS} is to be a folder, but is a file; name another folder with --out")
+
+
+def _check_unused(out: Path) -> None:
+    """Raise FolderInUse, one line, while another run writes there."""
+    with sole_use(out):
+        pass
 
 
 def _carried_on(now: Manifest, options: Options) -> Manifest:
