@@ -27,7 +27,7 @@ def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     from evaluate.commands.outputs import Ending, Terminal, analysed, conclude, print_all
     from evaluate.commands.plan import check_gates
-    from evaluate.records.store import read_run, remove_parts
+    from evaluate.records.store import read_run, remove_chunks
     from policies.files import FolderInUse, sole_use
 
     try:
@@ -43,7 +43,7 @@ def main(options: Options) -> int:
         with sole_use(options.folder):
             code = conclude(run, options.folder, Ending(gates=gates, film=options.film))
             if run.complete:
-                remove_parts(options.folder)
+                remove_chunks(options.folder)
             return code
     except FolderInUse:
         print_all(analysed(run), Terminal())
