@@ -10,65 +10,59 @@ from evaluate.commands.options import PROGRAM
 from evaluate.commands.outputs import Ending, Show, conclude, print_all
 from evaluate.commands.plan import Plan
 from evaluate.records import trace
-from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
-from evaluate.rollouts.experiment import Cell, Settings, TraceWriter, evaluation_seeds, run_cells
+from evaluate.records.store import Run, Store, is_unfinished, read_run, remove_parts
+from evaluate.rollouts.experiment import Bench, Cell, Trace, cells, evaluation_seeds
 from evaluate.rollouts.progress import show_progress
-from evaluate.rollouts.workers import WorkerLost, process_pool
+from evaluate.rollouts.workers import WorkerLost, side_by_side
 from evaluate.terminal import launcher
 from evaluate.terminal.command_line import UsageError
-from policies.files import sole_use
 
 
 def execute(plan: Plan, show: Show = print_all) -> int:
     """Run every cell and conclude, the outcome shown so; the exit code.
 
-    Raises UsageError, FolderInUse, and after Ctrl-C a KeyboardInterrupt that says what is kept.
+    Raises UsageError, and KeyboardInterrupt if nothing was kept.
     """
-    with sole_use(plan.options.out):
-        return _execute(plan, show)
-
-
-def _execute(plan: Plan, show: Show) -> int:
     out, manifest = plan.options.out, plan.manifest
     ending = Ending(show, plan.gates, plan.options.film)
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
         code = conclude(run, out, ending)
-        remove_chunks(out)
+        remove_parts(out)
         return code
     if not plan.options.resume and is_unfinished(out):
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
-    store = ChunkStore(out, manifest, resumed=plan.options.resume)
+    store = Store(out, manifest, resumed=plan.options.resume)
     done, interrupted = _simulate(plan, store)
     code = conclude(Run(manifest, tuple(done)), out, ending) if done else 0
     if not interrupted:
-        remove_chunks(out)
+        remove_parts(out)
         return code
-    total = len(plan.policies) * len(plan.scenarios)
-    kept = f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done"
-    raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
+    total = len(plan.entrants) * len(plan.scenarios)
+    _say_what_is_kept(f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done", out)
+    return launcher.INTERRUPTED
 
 
-def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
+def _simulate(plan: Plan, store: Store) -> tuple[list[Cell], bool]:
     """The cells that were finished, in the order of the run, and whether the user interrupted."""
     done: list[Cell] = []
     interrupted = False
     seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
-    names = [policy.label for policy in plan.policies], [scenario.name for scenario in plan.scenarios]
+    names = [entrant.label for entrant in plan.entrants], [scenario.name for scenario in plan.scenarios]
     try:
         launcher.raise_on_interrupt()
         with show_progress(*names) as progress:
-            settings = Settings(
+            bench = Bench(
                 plan.options.threads,
                 progress,
-                _chunk_size(plan),
+                _at_once(plan),
                 store,
-                _trace_writer(plan, store),
+                _trace(plan, store),
                 plan.manifest.steps,
-                process_pool(plan.options.threads),
+                side_by_side(plan.options.threads),
                 plan.manifest.hardware,
             )
-            done.extend(run_cells(plan.policies, plan.scenarios, seeds, settings))
+            done.extend(cells(plan.entrants, plan.scenarios, seeds, bench))
     except KeyboardInterrupt:
         if not store.begun:
             raise
@@ -83,28 +77,32 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
     return done, interrupted
 
 
-def _chunk_size(plan: Plan) -> int:
-    """Most episodes of a chunk: as many as allowed, but something for every worker."""
-    total = plan.manifest.episodes * len(plan.policies) * len(plan.scenarios)
+def _at_once(plan: Plan) -> int:
+    """Episodes of a job: as many as allowed, but something for every worker."""
+    total = plan.manifest.episodes * len(plan.entrants) * len(plan.scenarios)
     return min(plan.options.at_once, -(-total // plan.options.threads))
 
 
-def _trace_writer(plan: Plan, store: ChunkStore) -> TraceWriter | None:
-    """What writes the traces, if any are asked for; those of chunks that are not stored are removed."""
+def _trace(plan: Plan, store: Store) -> Trace | None:
+    """What writes the traces, if any are asked for; those of parts that are not kept are removed."""
     if plan.options.trace == "none":
         return None
     folder = plan.options.out / trace.FOLDER
-    stored = {
-        trace.name_of(policy.label, scenario.name, int(chunk.numbers[0]))
-        for policy in plan.policies
+    kept = {
+        trace.name_of(entrant.label, scenario.name, int(part.numbers[0]))
+        for entrant in plan.entrants
         for scenario in plan.scenarios
-        for chunk in store.load(policy.label, scenario)
+        for part in store.kept(entrant.label, scenario)
     }
-    trace.keep_only(folder, stored)
+    trace.keep_only(folder, kept)
     return trace.writer(folder, plan.options.trace)
 
 
-def _then(store: ChunkStore) -> str:
+def _say_what_is_kept(what: str, out: Path) -> None:
+    print(f"interrupted: {what} to {out}; go on with: {_go_on(out)}", file=sys.stderr)
+
+
+def _then(store: Store) -> str:
     """What a user may do after a failure."""
     return f"go on: {_go_on(store.folder)}" if store.begun else "begin again, for nothing was done yet"
 

@@ -1,85 +1,72 @@
-"""The README's results table: `python -m evaluate readme results/evaluation/results.json` writes it in its place."""
+"""The results in README and docs: `python -m evaluate readme RESULTS_JSON` writes them in their places.
+
+The README gets a short table, `docs/results.md` every figure.
+"""
 
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 
-from evaluate.analysis.breaking_point_text import breaking_point_text
-from evaluate.analysis.breaking_points import AxisBreakingPoint
-from evaluate.analysis.sensitivity import LEAD, Sensitivity, effect_text
-from evaluate.analysis.severity_levels import amount
 from evaluate.commands.options import Options as Evaluation
+from evaluate.report.readme_table import newcomers_table
+from evaluate.report.results_page import every_figure, scenarios_of
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.rollouts.hardware import IDEAL
 from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.format import ABSENT, interval, number, percent, percent_interval
 from policies.files import write_atomically
 
-SHOWN = ("flat", "push", "rough")
-"""Scenarios of the table; all of them in a run without these."""
-BEGIN, END = "<!-- results -->", "<!-- /results -->"
+RESULTS, MORE = "results", "more"
+"""Names of the places: between `<!-- results -->` and `<!-- /results -->`."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Write the results table into the README."""
+    """Write the results into the README and its page of results."""
 
     results: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation/results.json")
     """results.json of an evaluation."""
     readme: Path = Path("README.md")
-    """File with the lines `<!-- results -->` and `<!-- /results -->`, between which the table goes."""
+    """File with the lines `<!-- results -->` and `<!-- /results -->`, between which the short table goes."""
+    page: Path = Path("docs/results.md")
+    """File with the same lines, between which every figure goes."""
+    more: Path | None = None
+    """results.json of an evaluation of further policies, for the page's place `<!-- more -->` … `<!-- /more -->`."""
 
 
 def main(options: Options) -> int:
-    """Write the table; the exit code."""
+    """Write the tables; the exit code."""
     try:
-        text = options.readme.read_text()
+        readme, page = options.readme.read_text(), options.page.read_text()
     except UnicodeError as error:
-        raise UsageError(f"{options.readme} is no text ({error})") from error
-    write_atomically(options.readme, insert(text, _table_of(options.results)).encode())
+        raise UsageError(f"{options.readme} or {options.page} is no text ({error})") from error
+    shown, every = _lines(options.results)
+    readme, page = insert(readme, shown), insert(page, every)
+    if options.more is not None:
+        page = insert(page, _lines(options.more)[1], MORE)
+    write_atomically(options.readme, readme.encode())
+    write_atomically(options.page, page.encode())
     return 0
 
 
-def _table_of(path: Path) -> str:
-    """The table of a results.json; UsageError where it is none, or lacks something."""
+def _lines(path: Path) -> tuple[list[str], list[str]]:
+    """The short table and every figure of a results.json; UsageError where it is none, or of an interrupted run."""
     try:
-        return table(json.loads(path.read_bytes()))
+        found: dict[str, Any] = json.loads(path.read_bytes())
+        if not found["complete"]:
+            raise UsageError(f"the evaluation of {path} was interrupted: carry it on with --resume")
+        made_by = ["", _made_by(found)]
+        return [*newcomers_table(found), *made_by], [*every_figure(found), *made_by]
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         raise UsageError(f"{path} is not a results.json of `python -m evaluate` ({error!r})") from error
 
 
-def insert(text: str, lines: str) -> str:
-    """The text with the lines between the markers; UsageError where it has none."""
-    if BEGIN not in text or END not in text:
-        raise UsageError(f"no {BEGIN} and {END} in the README")
-    head, rest = text.split(BEGIN, 1)
-    return f"{head}{BEGIN}\n{lines}\n{END}{rest.split(END, 1)[1]}"
-
-
-def table(found: dict[str, Any]) -> str:
-    """The comparison as a Markdown table, breaking points below it, and the command that makes them."""
-    names = list(found["policies"])
-    run = list(dict.fromkeys(name for policy in found["policies"].values() for name in policy["scenarios"]))
-    scenarios = [name for name in run if name in SHOWN] or run
-    lines = [
-        "In brackets 95 % intervals.",
-        "",
-        "| scenario | policy | falls | velocity error, m/s | yaw-rate error, rad/s | mean velocity error, m/s |",
-        "|---|---|---|---|---|---|",
-    ]
-    for scenario in scenarios:
-        lines += [f"| {scenario} | `{name}` | {row(_cell(found, name, scenario))} |" for name in names]
-    if found["breaking_points"]:
-        lines += ["", *breaking_points(found["breaking_points"], names)]
-    if found["sensitivities"]:
-        lines += ["", LEAD, "", *effects(found["sensitivities"], names)]
+def _made_by(found: dict[str, Any]) -> str:
+    """The command that makes these figures, and with which versions."""
     versions = found["versions"]
-    lines += ["", f"`{_command(found, run)}`; MuJoCo {versions['mujoco']}, Python {versions['python']}."]
-    return "\n".join(lines)
+    return f"`{_command(found, scenarios_of(found))}`; MuJoCo {versions['mujoco']}, Python {versions['python']}."
 
 
 def _command(found: dict[str, Any], scenarios: list[str]) -> str:
@@ -99,61 +86,11 @@ def _command(found: dict[str, Any], scenarios: list[str]) -> str:
     return " ".join(words)
 
 
-def effects(found: list[dict[str, Any]], names: list[str]) -> list[str]:
-    """What each disturbance does: an axis a row, a policy a column."""
-    each = [Sensitivity(**_without_null(entry)) for entry in found]
-    cells = {(one.axis, one.policy): effect_text(one) for one in each}
-    axes = {one.axis: f"{one.axis}, {amount(one.severity, one.unit)}" for one in each}
-    return _by_axis("disturbance", axes, cells, names)
-
-
-def breaking_points(points: list[dict[str, Any]], names: list[str]) -> list[str]:
-    """Severity at which half of the episodes end in a fall: an axis a row, a policy a column."""
-    cells = {
-        (point["axis"], point["policy"]): breaking_point_text(AxisBreakingPoint(**_fields(point))) for point in points
-    }
-    axes = {point["axis"]: ", ".join(filter(None, (point["axis"], point["unit"]))) for point in points}
-    return _by_axis("half of the episodes fall at", axes, cells, names)
-
-
-def _by_axis(head: str, axes: dict[str, str], cells: dict[tuple[str, str], str], names: list[str]) -> list[str]:
-    """A table of cells by axis and policy; `axes` gives each one's words."""
-    rows = [
-        f"| {words} | {' | '.join(cells.get((axis, name), ABSENT) for name in names)} |" for axis, words in axes.items()
-    ]
-    return [f"| {head} | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}", *rows]
-
-
-def _fields(point: dict[str, Any]) -> dict[str, Any]:
-    """Fields of an AxisBreakingPoint; an end that JSON cannot hold is beyond the severities tried."""
-    fields: dict[str, Any] = _without_null(point)
-    return fields | {"ci": tuple(fields["ci"])}
-
-
-def _cell(found: dict[str, Any], policy: str, scenario: str) -> dict[str, Any]:
-    """Figures of one policy on one scenario, nan where one does not exist; UsageError if the run never got there."""
-    cells = found["policies"][policy]["scenarios"]
-    if scenario not in cells:
-        raise UsageError(f"no figures of {policy} on {scenario}: the evaluation was interrupted; run it to its end")
-    figures: dict[str, Any] = _without_null(cells[scenario])
-    return figures
-
-
-def _without_null(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_null(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_without_null(entry) for entry in value]
-    return math.nan if value is None else value
-
-
-def row(cell: dict[str, Any]) -> str:
-    """The figures of one policy on one scenario."""
-    return " | ".join(
-        (
-            f"{percent(cell['fall_rate'])} [{percent_interval(cell['fall_rate_ci'])}]",
-            f"{number(cell['velocity_error'])} [{interval(cell['velocity_error_ci'])}]",
-            f"{number(cell['yaw_rate_error'])} [{interval(cell['yaw_rate_error_ci'])}]",
-            number(cell["mean_velocity_error"]),
-        )
-    )
+def insert(text: str, lines: list[str], place: str = RESULTS) -> str:
+    """The text with the lines between the markers of that place; UsageError where it has none."""
+    begin, end = f"<!-- {place} -->", f"<!-- /{place} -->"
+    if begin not in text or end not in text:
+        raise UsageError(f"no {begin} and {end} in the file that is to hold the results")
+    head, rest = text.split(begin, 1)
+    inserted = "\n".join(lines)
+    return f"{head}{begin}\n{inserted}\n{end}{rest.split(end, 1)[1]}"

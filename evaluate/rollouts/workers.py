@@ -1,4 +1,4 @@
-"""Executor of worker processes, one a core: the robots' simulation and the policies' Python alike run side by side."""
+"""Jobs done side by side by worker processes, one a core: the robots' simulation and the policies' Python alike."""
 
 import contextlib
 import multiprocessing
@@ -11,13 +11,13 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import connection
 from typing import Any
 
-from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, sequential, simulate
+from evaluate.rollouts.experiment import Crew, Job, Part, Told, in_turn, simulate
 
-POLL_PERIOD = 0.1
+LOOK_EVERY = 0.1
 """s between two looks at what the workers report."""
-FEWEST_STEPS = 100_000
+WORTHWHILE = 100_000
 """Control steps, of all robots together, below which the workers' start takes longer than they save."""
-ENVIRONMENT = {
+SETTINGS = {
     "OPENBLAS_NUM_THREADS": "1",
     "PYTHONWARNINGS": ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"))),
 }
@@ -32,30 +32,30 @@ class WorkerLost(RuntimeError):
 
 
 class _Stopped(Exception):
-    """Raised in a worker whose outcome is no longer wanted."""
+    """The work is no longer wanted."""
 
 
-def process_pool(count: int) -> Executor:
-    """Executor of at most so many processes; no outcome depends on how many.
+def side_by_side(count: int) -> Crew:
+    """A crew of at most so many processes; no outcome depends on how many.
 
     Workers end with the process that began them, however it ends; an exception in it stops them first.
     """
 
-    def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
-        if min(count, len(tasks)) < 2 or sum(len(task.numbers) * task.steps for task in tasks) < FEWEST_STEPS:
-            yield from sequential(count)(tasks, progress)
+    def crew(jobs: Sequence[Job], told: Told) -> Generator[tuple[int, Part]]:
+        if min(count, len(jobs)) < 2 or sum(len(job.numbers) * job.steps for job in jobs) < WORTHWHILE:
+            yield from in_turn(count)(jobs, told)
             return
         context = multiprocessing.get_context("spawn")
-        with _worker_environment():
+        with _for_workers():
             reports, stop = context.SimpleQueue(), context.RawValue("b", 0)  # no lock that a killed worker could hold
-            pool = ProcessPoolExecutor(min(count, len(tasks)), context, _initialise, (reports, stop))
+            pool = ProcessPoolExecutor(min(count, len(jobs)), context, _begin, (reports, stop))
         try:
-            places = _submitted(pool, tasks)
+            places = _begun(pool, jobs)
             waiting = set(places)
             while waiting:
-                done, waiting = wait(waiting, POLL_PERIOD, FIRST_COMPLETED)
+                done, waiting = wait(waiting, LOOK_EVERY, FIRST_COMPLETED)
                 while not reports.empty():
-                    progress(*reports.get())
+                    told(*reports.get())
                 for future in done:
                     yield places[future], future.result()
         except BrokenProcessPool:
@@ -64,23 +64,23 @@ def process_pool(count: int) -> Executor:
             stop.value = 1
             pool.shutdown(cancel_futures=True)
 
-    return execute
+    return crew
 
 
-def _submitted(pool: ProcessPoolExecutor, tasks: Sequence[Task]) -> "dict[Future[Chunk], int]":
-    """Future of each task -> the task's place in the list."""
+def _begun(pool: ProcessPoolExecutor, jobs: Sequence[Job]) -> "dict[Future[Part], int]":
+    """Each job under way -> its place."""
     try:
-        with _worker_environment():
-            return {pool.submit(_run_task, place, task): place for place, task in enumerate(tasks)}
+        with _for_workers():
+            return {pool.submit(_work, place, job): place for place, job in enumerate(jobs)}
     except OSError as error:
         raise WorkerLost(f"a worker process cannot be started ({error.strerror or error})") from error
 
 
 @contextlib.contextmanager
-def _worker_environment() -> Iterator[None]:
-    """Processes begun now have this ENVIRONMENT and never hear Ctrl-C, which is for the one that began them."""
-    before = {name: os.environ.get(name) for name in ENVIRONMENT}
-    os.environ.update(ENVIRONMENT)
+def _for_workers() -> Iterator[None]:
+    """Processes begun now have these SETTINGS and never hear Ctrl-C, which is for the one that began them."""
+    before = {name: os.environ.get(name) for name in SETTINGS}
+    os.environ.update(SETTINGS)
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
     try:
         yield
@@ -94,25 +94,25 @@ def _worker_environment() -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
-def _initialise(reports: Any, stop: Any) -> None:
-    """Make a fresh worker deaf to Ctrl-C, and its end that of the process that began it."""
+def _begin(reports: Any, stop: Any) -> None:
+    """A worker's first act."""
     global _reports, _stop
     _reports, _stop = reports, stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_exit_with_parent, daemon=True).start()
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
 
 
-def _exit_with_parent() -> None:
+def _leave_with_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
     connection.wait([parent.sentinel])
     os._exit(1)
 
 
-def _run_task(place: int, task: Task) -> Chunk:
-    def report(share: float) -> None:
+def _work(place: int, job: Job) -> Part:
+    def tell(share: float) -> None:
         if _stop.value:
             raise _Stopped
         _reports.put((place, share))
 
-    return simulate(task, 1, report)
+    return simulate(job, 1, tell)

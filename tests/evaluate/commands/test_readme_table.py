@@ -1,4 +1,4 @@
-"""The README's table holds the figures of results.json."""
+"""The tables of README and docs hold the figures of results.json."""
 
 import json
 
@@ -6,7 +6,9 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.commands.options import DEFAULT_POLICIES
-from evaluate.commands.readme import insert, table
+from evaluate.commands.readme import insert
+from evaluate.report.readme_table import newcomers_table
+from evaluate.report.results_page import every_figure
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
 
@@ -40,6 +42,7 @@ NOISE = {
     "velocity_error_p_value": 0.001,
 }
 FOUND = {
+    "complete": True,
     "breaking_points": [],
     "sensitivities": [],
     "episodes": 128,
@@ -49,25 +52,65 @@ FOUND = {
 }
 
 
-def test_a_row_for_each_policy_on_each_scenario() -> None:
-    rows = [line for line in table(FOUND).splitlines() if line.startswith("| flat")]
+def written(tmp_path, found, more=None) -> tuple[str, str]:
+    """README and page after the command."""
+    places = "<!-- results -->\n<!-- /results -->\n<!-- more -->\n<!-- /more -->\n"
+    files = [tmp_path / name for name in ("README.md", "page.md", "results.json", "more.json")]
+    for file, text in zip(files, (places, places, json.dumps(found), json.dumps(more)), strict=True):
+        file.write_text(text)
+    readme, page, results, others = map(str, files)
+    arguments = ["readme", results, "--readme", readme, "--page", page, *(["--more", others] if more else [])]
+    assert main(arguments) == 0
+    return files[0].read_text(), files[1].read_text()
+
+
+def test_every_figure_has_a_row_for_each_policy_on_each_scenario() -> None:
+    rows = [line for line in every_figure(FOUND) if line.startswith("| flat")]
     assert [row.split("|")[2].strip() for row in rows] == ["`trot`", "`stand`"]
     assert "25" in rows[0]
     assert "0.123" in rows[0]
 
 
+def test_a_policy_that_walked_on_flat_ground_alone_has_no_other_row() -> None:
+    found = FOUND | {
+        "policies": {"trot": {"scenarios": {"flat": CELL, "push": CELL}}, "stand": {"scenarios": {"flat": CELL}}}
+    }
+    assert [line.split("|")[1:3] for line in every_figure(found)[4:]] == [
+        [" flat ", " `trot` "],
+        [" flat ", " `stand` "],
+        [" push ", " `trot` "],
+    ]
+    table = newcomers_table(found)
+    assert [line for line in table if line.startswith("| ")] == [
+        "| condition | `trot` |",
+        "| flat ground | 25\u00a0%, 0.12 |",
+        "| push at 35\u00a0N·s | 25\u00a0%, 0.12 |",
+    ]
+    assert table[-1] == "On flat ground alone: `stand` 25\u00a0%, 0.12."
+
+
+def test_the_headline_counts_scenarios_by_the_smallest_error() -> None:
+    better, worse = CELL, CELL | {"velocity_error": 0.2}
+    scenarios = {"trot": [better, worse, worse], "stand": [worse, better, better], "walk": [worse, worse, worse]}
+    names = ("flat", "push", "rough")
+    policies = {name: {"scenarios": dict(zip(names, cells, strict=True))} for name, cells in scenarios.items()}
+    first = newcomers_table(FOUND | {"policies": policies})[0]
+    assert "3 scenarios of 128 episodes" in first
+    assert "`stand` has the smallest velocity error on 2, `trot` on 1." in first
+
+
 def test_breaking_points_are_a_table_of_axes_and_policies() -> None:
-    text = table(FOUND | {"breaking_points": POINTS}).replace("\u00a0", " ")
+    text = "\n".join(every_figure(FOUND | {"breaking_points": POINTS})).replace("\u00a0", " ")
     assert "| push, N·s | 48.2 N·s [45, > 100] | none up to 100 N·s |" in text
     assert "| soft, m | – | already at 20 m |" in text
-    assert "half of the episodes fall" not in table(FOUND)
+    assert "half of the episodes fall" not in "\n".join(every_figure(FOUND))
 
 
 def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
     both = [NOISE | {"policy": "trot", "felt": False}, NOISE | {"policy": "stand"}]
-    text = table(FOUND | {"sensitivities": both}).replace("\u00a0", " ")
+    text = "\n".join(every_figure(FOUND | {"sensitivities": both})).replace("\u00a0", " ")
     assert "| noise, 0.8 rad/s | the same to the bit | +25 points, +0.50 m/s |" in text
-    assert "| disturbance |" not in table(FOUND)
+    assert "| disturbance |" not in "\n".join(every_figure(FOUND))
 
 
 @pytest.mark.parametrize(
@@ -81,39 +124,45 @@ def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
         ({"seed": 3, "episodes": 64}, "python -m evaluate --policies trot stand --scenarios flat --seed 3"),
     ],
 )
-def test_the_command_that_makes_the_table_is_below_it(changes, command) -> None:
-    assert table(FOUND | changes).splitlines()[-1].startswith(f"`{command}`;")
+def test_the_command_that_makes_the_tables_is_below_them(changes, command, tmp_path) -> None:
+    for text in written(tmp_path, FOUND | changes):
+        assert f"\n`{command}`; MuJoCo" in text
 
 
 @pytest.mark.parametrize(("battery", "words"), [("default", ""), ("quick", " --scenarios quick")])
-def test_a_battery_is_called_by_its_name(battery, words) -> None:
+def test_a_battery_is_called_by_its_name(battery, words, tmp_path) -> None:
     cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery]()), CELL)
     of = {policy: {"scenarios": cells} for policy in DEFAULT_POLICIES}
-    line = table(FOUND | {"policies": of, "episodes": 64}).splitlines()[-1]
-    assert line.startswith(f"`python -m evaluate{words}`;")
+    readme, page = written(tmp_path, FOUND | {"policies": of, "episodes": 64})
+    assert f"\n`python -m evaluate{words}`;" in readme
+    assert f"\n`python -m evaluate{words}`;" in page
 
 
-def test_of_a_whole_battery_three_scenarios_are_shown() -> None:
-    scenarios = dict.fromkeys(("flat", "push:1", "push", "rough", "ice"), CELL)
-    rows = table(FOUND | {"policies": {"trot": {"scenarios": scenarios}}}).splitlines()[4:]
-    assert [row.split("|")[1].strip() for row in rows if row.startswith("| ")] == ["flat", "push", "rough"]
+def test_further_policies_have_a_place_of_their_own(tmp_path) -> None:
+    _, page = written(tmp_path, FOUND, FOUND | {"policies": {"walk": {"scenarios": {"flat": CELL}}}})
+    first, second = page.split("<!-- more -->")
+    assert "`trot`" in first
+    assert "`walk`" not in first
+    assert "`walk`" in second
+    assert "`trot`" not in second
 
 
 def test_only_what_is_between_the_markers_changes() -> None:
     text = "head\n<!-- results -->\nold\n<!-- /results -->\ntail\n"
-    assert insert(text, "new") == "head\n<!-- results -->\nnew\n<!-- /results -->\ntail\n"
-    assert insert(insert(text, "a"), "b") == insert(text, "b")
+    assert insert(text, ["new"]) == "head\n<!-- results -->\nnew\n<!-- /results -->\ntail\n"
+    assert insert(insert(text, ["a"]), ["b"]) == insert(text, ["b"])
     with pytest.raises(UsageError, match="results"):
-        insert("nothing here", "new")
+        insert("nothing here", ["new"])
 
 
 def refused(capsys, tmp_path, content: str) -> str:
-    """The one line about a results.json of that content; the README must not have changed."""
-    readme, results = tmp_path / "README.md", tmp_path / "results.json"
-    readme.write_text("<!-- results -->\n<!-- /results -->\n")
+    """The one line about a results.json of that content; neither file must have changed."""
+    readme, page, results = tmp_path / "README.md", tmp_path / "page.md", tmp_path / "results.json"
+    for file in (readme, page):
+        file.write_text("<!-- results -->\n<!-- /results -->\n")
     results.write_text(content)
-    assert main(["readme", str(results), "--readme", str(readme)]) == 2
-    assert readme.read_text() == "<!-- results -->\n<!-- /results -->\n"
+    assert main(["readme", str(results), "--readme", str(readme), "--page", str(page)]) == 2
+    assert readme.read_text() == page.read_text() == "<!-- results -->\n<!-- /results -->\n"
     error = capsys.readouterr().err
     assert error.startswith("error: ")
     assert error.count("\n") == 1
@@ -124,15 +173,13 @@ def test_figures_that_do_not_exist_are_dashes() -> None:
     """As after a run of a single episode, whose intervals are null."""
     absent = dict.fromkeys(CELL) | {f"{name}_ci": [None, None] for name in ("fall_rate", "velocity_error")}
     absent["yaw_rate_error_ci"] = [None, None]
-    rows = table(FOUND | {"policies": {"trot": {"scenarios": {"flat": absent}}}}).splitlines()
-    assert rows[4] == "| flat | `trot` | – [–] | – [–] | – [–] | – |"
+    found = FOUND | {"policies": {"trot": {"scenarios": {"flat": absent}}}}
+    assert every_figure(found)[4] == "| flat | `trot` | – [–] | – [–] | – [–] | – |"
+    assert "| flat ground | –, – |" in newcomers_table(found)
 
 
-def test_a_cell_that_an_interrupted_run_lacks_is_named(capsys, tmp_path) -> None:
-    policies = {"trot": {"scenarios": {"flat": CELL, "push": CELL}}, "stand": {"scenarios": {"flat": CELL}}}
-    assert "stand on push" in refused(capsys, tmp_path, json.dumps(FOUND | {"policies": policies}))
-    reverse = dict(reversed(policies.items()))
-    assert "stand on push" in refused(capsys, tmp_path, json.dumps(FOUND | {"policies": reverse}))
+def test_an_interrupted_run_is_refused(capsys, tmp_path) -> None:
+    assert "--resume" in refused(capsys, tmp_path, json.dumps(FOUND | {"complete": False}))
 
 
 @pytest.mark.parametrize(
