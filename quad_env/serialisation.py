@@ -1,12 +1,15 @@
 """Settings of quad_env, such as scenarios, as JSON values and back: each dataclass is an object that names its type."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
-from quad_env.config import AnyPose, CommandRanges, StartNoise
+from quad_env.actuation.models import Actuator, Gear, Thermal, TorqueSpeed
+from quad_env.config import AnyPose, CommandRanges, FallRule, RewardWeights, StartNoise, TaskConfig
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
+from quad_env.sensing.suite import Encoders, FootContact, Imu, JointTorque, SensorSuite
 
 TYPE = "type"
 _KINDS: dict[str, Any] = {
@@ -15,9 +18,14 @@ _KINDS: dict[str, Any] = {
         *(Scenario, CommandRanges, StartNoise, AnyPose),
         *(Flat, Slope, SmoothRandom, Stairs),
         *(Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce),
+        *(Actuator, Gear, Thermal, TorqueSpeed),
+        *(SensorSuite, Imu, Encoders, FootContact, JointTorque),
+        *(TaskConfig, FallRule, RewardWeights),
     )
 }
-"""What a scenario is made of, by bare name: results outlive the modules that these stand in today."""
+"""Kinds of settings by bare name: results outlive the modules that these stand in today."""
+_BY_FIELDS = {frozenset(field.name for field in dataclasses.fields(kind)): kind for kind in _KINDS.values()}
+"""The same by their fields, which no two share: Gymnasium's `EnvSpec.to_json` keeps the fields and drops the type."""
 
 
 def to_plain(value: Any) -> Any:
@@ -36,18 +44,25 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(value: Any) -> Any:
-    """What `to_plain` was given, lists as tuples; ValueError for what it never gives. Runs no code but quad_env's."""
-    if isinstance(value, dict):
+    """What `to_plain` was given, lists as tuples; ValueError for what it never gives. Runs no code but quad_env's.
+
+    An object that does not name its type must have all of its fields.
+    """
+    if isinstance(value, Mapping):
         fields = {name: from_plain(entry) for name, entry in value.items() if name != TYPE}
         try:
-            return _kind(value.get(TYPE))(**fields)
+            return _kind(value)(**fields)
         except TypeError as error:
             raise ValueError(f"this version has no {value.get(TYPE)} of that kind ({error})") from error
     return tuple(map(from_plain, value)) if isinstance(value, list) else value
 
 
-def _kind(name: Any) -> Any:
-    package, _, kind = str(name).rpartition(".")  # of results up to 2026, as quad_env.conditions.Scenario
-    if kind not in _KINDS or package.partition(".")[0] not in ("", "quad_env"):
-        raise ValueError(f"{name} is no part of a scenario; valid: {', '.join(_KINDS)}")
-    return _KINDS[kind]
+def _kind(value: Mapping[str, Any]) -> Any:
+    if TYPE not in value:
+        if (kind := _BY_FIELDS.get(frozenset(value))) is None:
+            raise ValueError(f"the {TYPE} of {dict(value)} is missing; valid: {', '.join(_KINDS)}")
+        return kind
+    package, _, name = str(value[TYPE]).rpartition(".")  # of results up to 2026, as quad_env.conditions.Scenario
+    if name not in _KINDS or package.partition(".")[0] not in ("", "quad_env"):
+        raise ValueError(f"{value[TYPE]} is no part of quad_env; valid: {', '.join(_KINDS)}")
+    return _KINDS[name]

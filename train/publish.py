@@ -62,7 +62,7 @@ def publish(options: Options) -> None:
     """Judge the runs, then write the shipped one's bundle and card. Raises UsageError."""
     from evaluate.analysis.results import analyse
     from evaluate.rollouts import battery
-    from evaluate.rollouts.experiment import Bench, Entrant, cells, evaluation_seeds
+    from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
     from evaluate.rollouts.progress import show_progress
     from policies import load, make
     from policies.files import make_writable_folder, write_atomically
@@ -78,12 +78,12 @@ def publish(options: Options) -> None:
         raise UsageError(str(error)) from None
     runs = [read_run(folder) for folder in options.runs]
     shipped = choose(runs, options.policy)
-    entrants = [Entrant(shipped.config.base, make(shipped.config.base))]
-    entrants += [Entrant(run.label, load(Path(run.label) / BEST)) for run in runs]
+    judged = [LabelledPolicy(shipped.config.base, make(shipped.config.base))]
+    judged += [LabelledPolicy(run.label, load(Path(run.label) / BEST)) for run in runs]
     make_writable_folder(options.to)
     seeds = evaluation_seeds(options.seed, options.episodes)
-    with show_progress([each.label for each in entrants], [each.name for each in scenarios]) as progress:
-        found = list(cells(entrants, scenarios, seeds, Bench(options.threads, progress)))
+    with show_progress([each.label for each in judged], [each.name for each in scenarios]) as progress:
+        found = list(run_cells(judged, scenarios, seeds, Settings(options.threads, progress)))
     results = analyse(found, seed=options.seed, episodes=options.episodes, complete=True)
     card = model_card(runs, shipped, results)
     for name in ("policy.safetensors", "policy.json"):

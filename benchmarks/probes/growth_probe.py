@@ -12,7 +12,7 @@ from pathlib import Path
 import gymnasium as gym
 
 import policies
-from evaluate.rollouts.experiment import Bench, Entrant, evaluation_seeds, run_cell
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from quad_env import ENV_ID, SCENARIOS
 
 WARM_UP = 3
@@ -33,9 +33,9 @@ def envs(count: int, threads: int, steps: int) -> tuple[float, int]:
 
 def episodes(count: int, threads: int, steps: int) -> tuple[float, int]:
     """Seconds and episodes of the trot's evaluation on flat ground; episodes have their own length."""
-    entrant = Entrant("trot", policies.make("trot"))
+    trot = LabelledPolicy("trot", policies.make("trot"))
     begin = time.perf_counter()
-    run_cell(entrant, SCENARIOS["flat"], evaluation_seeds(0, count), Bench(threads, lambda *_: None))
+    run_cell(trot, SCENARIOS["flat"], evaluation_seeds(0, count), Settings(threads, lambda *_: None))
     return time.perf_counter() - begin, count
 
 

@@ -11,11 +11,11 @@ from evaluate.analysis.gates import Gate
 from evaluate.commands.options import DEFAULT_BATTERY, Options, changed, restored
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import Manifest
-from evaluate.records.store import FILES, JUNIT, PARTS
+from evaluate.records.store import CHUNKS, FILES, JUNIT
 from evaluate.rollouts import battery, hardware
-from evaluate.rollouts.experiment import Entrant
+from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.terminal.command_line import UsageError
-from policies.files import make_writable_folder
+from policies.files import make_writable_folder, sole_use
 from quad_env.scenarios.named import Scenario
 
 MOST_EPISODES = 1_000_000
@@ -27,7 +27,7 @@ MOST_AT_ONCE = 65_536
 class Plan:
     """Options that have been checked: everything exists and can be written."""
 
-    entrants: tuple[Entrant, ...]
+    policies: tuple[LabelledPolicy, ...]
     scenarios: tuple[Scenario, ...]
     manifest: Manifest
     gates: tuple[Gate, ...]
@@ -35,7 +35,9 @@ class Plan:
 
 
 def begun_with(folder: Path) -> Options:
-    """The options of the run in a folder. Raises UsageError where there is none to carry on."""
+    """The options of the run in a folder. Raises UsageError where there is none to carry on, or one is going on."""
+    if folder.is_dir():
+        _check_unused(folder)
     if not (folder / manifests.NAME).is_file():
         raise UsageError(f"--resume: {folder} holds no run that was begun; leave --resume out to begin one")
     return replace(Options(out=folder), **_restored(_manifest(folder)))
@@ -54,11 +56,11 @@ def check(options: Options) -> Plan:
         hardware.check(options.hardware)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    entrants = _entrants(options.policies)
-    found = check_gates(options.gate, [entrant.label for entrant in entrants], scenarios)
+    compared = _policies(options.policies)
+    found = check_gates(options.gate, [policy.label for policy in compared], scenarios)
     _check_folder(options.out)
     manifest = manifests.manifest(
-        entrants,
+        compared,
         scenarios,
         options.of_the_run(),
         seed=options.seed,
@@ -68,7 +70,7 @@ def check(options: Options) -> Plan:
     )
     if options.resume:
         manifest = _carried_on(manifest, options)
-    return Plan(entrants, scenarios, manifest, found, options)
+    return Plan(compared, scenarios, manifest, found, options)
 
 
 def check_gates(sentences: Sequence[str], labels: Sequence[str], scenarios: Sequence[Scenario]) -> tuple[Gate, ...]:
@@ -97,10 +99,17 @@ def _check_folder(out: Path) -> None:
         make_writable_folder(out)
     except OSError as error:
         raise UsageError(f"cannot write to the folder {out} ({error.strerror}); name another one with --out") from error
+    _check_unused(out)
     if taken := [str(out / name) for name in (*FILES, JUNIT) if (out / name).is_dir()]:
         raise UsageError(f"{', '.join(taken)} is to be a file, but is a folder; name another folder with --out")
-    if (out / PARTS).exists() and not (out / PARTS).is_dir():
-        raise UsageError(f"{out / PARTS} is to be a folder, but is a file; name another folder with --out")
+    if (out / CHUNKS).exists() and not (out / CHUNKS).is_dir():
+        raise UsageError(f"{out / CHUNKS} is to be a folder, but is a file; name another folder with --out")
+
+
+def _check_unused(out: Path) -> None:
+    """Raise FolderInUse, one line, while another run writes there."""
+    with sole_use(out):
+        pass
 
 
 def _carried_on(now: Manifest, options: Options) -> Manifest:
@@ -127,7 +136,7 @@ def _restored(manifest: Manifest) -> Mapping[str, Any]:
         raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error
 
 
-def _entrants(names: tuple[str, ...]) -> tuple[Entrant, ...]:
+def _policies(names: tuple[str, ...]) -> tuple[LabelledPolicy, ...]:
     labels = [name if name in policies.names() else name.rstrip("/\\") or name for name in names]
     if not labels:
         raise UsageError(f"--policies: none given; name at least one of {', '.join(policies.names())}, or a folder")
@@ -135,6 +144,6 @@ def _entrants(names: tuple[str, ...]) -> tuple[Entrant, ...]:
     if repeated := sorted({label for label, place in zip(labels, places, strict=True) if places.count(place) > 1}):
         raise UsageError(f"--policies: {', '.join(repeated)} given more than once; name each policy once")
     try:
-        return tuple(Entrant(label, policies.resolve(label)) for label in labels)
+        return tuple(LabelledPolicy(label, policies.resolve(label)) for label in labels)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error

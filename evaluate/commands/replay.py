@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from evaluate.records.manifest import Manifest
     from evaluate.records.store import Run
     from evaluate.report.film import Progress
-    from evaluate.rollouts.experiment import Cell, Entrant
+    from evaluate.rollouts.experiment import Cell, LabelledPolicy
 
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""
@@ -59,18 +59,18 @@ def main(options: Options) -> int:
     except (OSError, ValueError) as error:
         raise UsageError(str(error)) from error
     found = find(run, options)
-    entrant = _entrant(found.cell.policy)
+    policy = _policy(found.cell.policy)
     if options.video is not None:
         check_kind(options.video)
         _check_folder(options.video)
-    differing = differences(run.manifest, found, entrant)
+    differing = differences(run.manifest, found, policy)
     if not differing:
         print(f"{found.title}, seed {found.cell.seeds[found.number]}: identical to the bit")
     else:
         print(f"{found.title}, seed {found.cell.seeds[found.number]}, is not as stored:", *differing, sep="\n  ")
         print(f"because {'; '.join(_causes(run.manifest, found)) or 'of something that leaves no trace'}")
     if options.video is not None:
-        _film(options.video, run.manifest, found, entrant)
+        _film(options.video, run.manifest, found, policy)
     return DIFFERS if differing else 0
 
 
@@ -108,17 +108,17 @@ def _row(cells: "tuple[Cell, ...]", row: int) -> Found:
     raise UsageError(f"there are rows 0 to {sum(cell.episodes for cell in cells) - 1}, not {row}")
 
 
-def differences(manifest: "Manifest", found: Found, entrant: "Entrant") -> list[str]:
+def differences(manifest: "Manifest", found: Found, policy: "LabelledPolicy") -> list[str]:
     """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
     import numpy as np
 
     from evaluate.records.episode_table import table
-    from evaluate.rollouts.experiment import Bench, run_cell
+    from evaluate.rollouts.experiment import Settings, run_cell
 
     seeds = found.cell.seeds[[found.number]]
     with _progress("simulating") as progress:
-        bench = Bench(1, lambda _, __, share: progress(share), steps=manifest.steps, hardware=manifest.hardware)
-        again = run_cell(entrant, found.cell.scenario, seeds, bench)
+        settings = Settings(1, lambda _, __, share: progress(share), steps=manifest.steps, hardware=manifest.hardware)
+        again = run_cell(policy, found.cell.scenario, seeds, settings)
     numbers = np.array([found.number])
     then = table(found.cell).slice(found.number, 1).to_pylist()[0]
     now = table(again, numbers).to_pylist()[0]
@@ -130,18 +130,18 @@ def _causes(then: "Manifest", found: Found) -> list[str]:
     """What is known to be different now; of a policy that has not walked yet."""
     from evaluate.records import manifest as manifests
 
-    entrants, scenarios = [_entrant(found.cell.policy)], [found.cell.scenario]
+    policies_now, scenarios = [_policy(found.cell.policy)], [found.cell.scenario]
     numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
-    now = manifests.manifest(entrants, scenarios, then.options, **numbers, hardware=then.hardware)
+    now = manifests.manifest(policies_now, scenarios, then.options, **numbers, hardware=then.hardware)
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
-def _entrant(label: str) -> "Entrant":
+def _policy(label: str) -> "LabelledPolicy":
     import policies
-    from evaluate.rollouts.experiment import Entrant
+    from evaluate.rollouts.experiment import LabelledPolicy
 
     try:
-        return Entrant(label, policies.resolve(label))
+        return LabelledPolicy(label, policies.resolve(label))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
 
@@ -157,11 +157,11 @@ def _check_folder(video: Path) -> None:
         raise UsageError(f"--video: {video} is a folder")
 
 
-def _film(video: Path, manifest: "Manifest", found: Found, entrant: "Entrant") -> None:
+def _film(video: Path, manifest: "Manifest", found: Found, policy: "LabelledPolicy") -> None:
     from evaluate.report import film
 
     take = film.Take(
-        entrant.policy,
+        policy.policy,
         found.cell.scenario,
         int(found.cell.seeds[found.number]),
         manifest.steps,

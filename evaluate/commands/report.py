@@ -1,5 +1,6 @@
 """`python -m evaluate report FOLDER`: table and files of a results folder again, without simulating anything."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -24,9 +25,10 @@ class Options:
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    from evaluate.commands.outputs import Ending, conclude
+    from evaluate.commands.outputs import Ending, Terminal, analysed, conclude, print_all
     from evaluate.commands.plan import check_gates
-    from evaluate.records.store import read_run, remove_parts
+    from evaluate.records.store import read_run, remove_chunks
+    from policies.files import FolderInUse, sole_use
 
     try:
         run = read_run(options.folder)
@@ -37,7 +39,13 @@ def main(options: Options) -> int:
     if options.gate and not run.complete:
         raise UsageError(f"--gate: {options.folder} holds an unfinished run; carry it on with --resume")
     gates = check_gates(options.gate, list(run.manifest.policies), run.manifest.scenarios)
-    code = conclude(run, options.folder, Ending(gates=gates, film=options.film))
-    if run.complete:
-        remove_parts(options.folder)
-    return code
+    try:
+        with sole_use(options.folder):
+            code = conclude(run, options.folder, Ending(gates=gates, film=options.film))
+            if run.complete:
+                remove_chunks(options.folder)
+            return code
+    except FolderInUse:
+        print_all(analysed(run), Terminal())
+        print(f"{options.folder} belongs to a run that is going on, which writes the files itself", file=sys.stderr)
+        return 0

@@ -9,7 +9,7 @@ from typing import Any
 
 from evaluate.records.provenance import code_digest, cpu_model, policy_digest, versions
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import Entrant
+from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.files import write_atomically
 from quad_env.scenarios.named import Scenario
@@ -78,7 +78,7 @@ class Manifest:
 
 
 def manifest(
-    entrants: Sequence[Entrant],
+    policies: Sequence[LabelledPolicy],
     scenarios: Sequence[Scenario],
     options: Mapping[str, Any],
     *,
@@ -89,7 +89,7 @@ def manifest(
 ) -> Manifest:
     """Of a run of these here and now."""
     return Manifest(
-        policies={entrant.label: policy_digest(entrant.policy) for entrant in entrants},
+        policies={policy.label: policy_digest(policy.policy) for policy in policies},
         scenarios=tuple(scenarios),
         seed=seed,
         episodes=episodes,

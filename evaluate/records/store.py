@@ -11,7 +11,7 @@ import numpy as np
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
 from evaluate.records.manifest import Manifest
-from evaluate.rollouts.experiment import Cell, Part, evaluation_seeds, join
+from evaluate.rollouts.experiment import Cell, Chunk, evaluation_seeds, join
 from quad_env.scenarios.named import Scenario
 
 if TYPE_CHECKING:
@@ -21,11 +21,11 @@ FILES = ("results.json", "episodes.parquet", "report.html", "report.md", manifes
 """What a comparison leaves in its folder."""
 JUNIT = "junit.xml"
 """Another file, if there are gates."""
-PARTS = "parts"
-"""Folder of the parts of cells, while a run is going on."""
+CHUNKS = "parts"
+"""Folder of the chunks of cells, while a run is going on."""
 EPISODES = "episodes.parquet"
-_PART = re.compile(r"\d{5}-\d{7}\.parquet")
-_TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, (*FILES, JUNIT)))}|{_PART.pattern})\..{{8}}")
+_CHUNK = re.compile(r"\d{5}-\d{7}\.parquet")
+_TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, (*FILES, JUNIT)))}|{_CHUNK.pattern})\..{{8}}")
 
 
 @dataclass(frozen=True)
@@ -42,61 +42,61 @@ class Run:
         return len(self.cells) == len(self.manifest.policies) * len(self.manifest.scenarios)
 
 
-class Store:
-    """Keeps the parts of a run as they come, each whole or not at all; a `Keeper`."""
+class ChunkStore:
+    """Folder of a run under way, into which its chunks go as they come, each whole or not at all."""
 
     def __init__(self, folder: Path, manifest: Manifest, resumed: bool = False) -> None:
         self.folder, self.manifest = folder, manifest
         self.begun = resumed
-        """Whether the folder is this run's; until its first part it belongs to whatever was there before."""
+        """Whether the folder is this run's; until its first chunk it belongs to whatever was there before."""
         self._seeds = evaluation_seeds(manifest.seed, manifest.episodes)
         self._policies = list(manifest.policies)
 
-    def kept(self, policy: str, scenario: Scenario) -> Sequence[Part]:
-        """Parts of that cell that are done already; damaged ones, and other runs', are left out."""
+    def load(self, policy: str, scenario: Scenario) -> Sequence[Chunk]:
+        """Chunks of that cell that are done already; damaged ones, and other runs', are left out."""
         if not self.begun:
             return ()
-        found: list[Part] = []
+        found: list[Chunk] = []
         done = np.zeros(len(self._seeds), bool)
-        for path in sorted((self.folder / PARTS).glob(f"{self._number(policy, scenario):05d}-*.parquet")):
-            part = self._read(path, scenario)
-            if part is not None and not done[part.numbers].any():
-                done[part.numbers] = True
-                found.append(part)
+        for path in sorted((self.folder / CHUNKS).glob(f"{self._number(policy, scenario):05d}-*.parquet")):
+            chunk = self._read(path, scenario)
+            if chunk is not None and not done[chunk.numbers].any():
+                done[chunk.numbers] = True
+                found.append(chunk)
         return found
 
-    def keep(self, part: Part) -> None:
-        """Write a part; OSError if that fails."""
+    def save(self, chunk: Chunk) -> None:
+        """Write a chunk; OSError if that fails."""
         if not self.begun:
             self._begin()
-        name = f"{self._number(part.cell.policy, part.cell.scenario):05d}-{part.numbers[0]:07d}.parquet"
-        write_table(table(part.cell, part.numbers), self.folder / PARTS / name, self.manifest.fingerprint)
+        name = f"{self._number(chunk.cell.policy, chunk.cell.scenario):05d}-{chunk.numbers[0]:07d}.parquet"
+        write_table(table(chunk.cell, chunk.numbers), self.folder / CHUNKS / name, self.manifest.fingerprint)
 
     def _begin(self) -> None:
-        # In this order: a manifest never stands beside parts of another run.
-        remove_parts(self.folder)
+        # In this order: a manifest never stands beside chunks of another run.
+        remove_chunks(self.folder)
         self.manifest.write(self.folder)
-        (self.folder / PARTS).mkdir(exist_ok=True)
+        (self.folder / CHUNKS).mkdir(exist_ok=True)
         self.begun = True
 
     def _number(self, policy: str, scenario: Scenario) -> int:
         """Of the cell, in the order of the run."""
         return self.manifest.scenarios.index(scenario) * len(self._policies) + self._policies.index(policy)
 
-    def _read(self, path: Path, scenario: Scenario) -> Part | None:
+    def _read(self, path: Path, scenario: Scenario) -> Chunk | None:
         try:
             rows = read_table(path, self.manifest.fingerprint)
-            part = Part(rows.column("episode").to_numpy(), cell_of(rows, scenario))
+            chunk = Chunk(rows.column("episode").to_numpy(), cell_of(rows, scenario))
         except (OSError, ValueError):
             return None
-        return part if np.array_equal(self._seeds[part.numbers], part.cell.seeds) else None
+        return chunk if np.array_equal(self._seeds[chunk.numbers], chunk.cell.seeds) else None
 
 
 def read_run(folder: Path) -> Run:
     """The run in a folder, finished or not; OSError or ValueError, one line, if there is none that can be read."""
     manifest = manifests.read(folder)
     if is_unfinished(folder):
-        return Run(manifest, tuple(_from_parts(Store(folder, manifest, resumed=True))))
+        return Run(manifest, tuple(_from_chunks(ChunkStore(folder, manifest, resumed=True))))
     path = folder / EPISODES
     if not path.is_file():
         return Run(manifest, ())
@@ -113,42 +113,42 @@ def read_rows(folder: Path) -> "tuple[Manifest, pa.Table]":
 
     manifest = manifests.read(folder)
     if is_unfinished(folder):
-        store = Store(folder, manifest, resumed=True)
-        finished = [table(cell) for cell in _from_parts(store)]
+        store = ChunkStore(folder, manifest, resumed=True)
+        finished = [table(cell) for cell in _from_chunks(store)]
         return manifest, pa.concat_tables(finished) if finished else pa.table({})
     path = folder / EPISODES
     return manifest, read_table(path, manifest.fingerprint) if path.is_file() else pa.table({})
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Whether the folder holds parts of a run that has not come to its end."""
-    return (folder / manifests.NAME).is_file() and any(_parts(folder))
+    """Whether the folder holds chunks of a run that has not come to its end."""
+    return (folder / manifests.NAME).is_file() and any(_chunks(folder))
 
 
-def remove_parts(folder: Path) -> None:
-    """Remove the parts of a run, whose episodes stand elsewhere, and what a killed one left half written."""
-    for path in _parts(folder):
+def remove_chunks(folder: Path) -> None:
+    """Remove the chunks of a run, whose episodes stand elsewhere, and what a killed one left half written."""
+    for path in _chunks(folder):
         path.unlink(missing_ok=True)
-    for place in (folder / PARTS, folder):
+    for place in (folder / CHUNKS, folder):
         for path in place.glob(".*"):
             if _TEMPORARY.fullmatch(path.name):
                 path.unlink(missing_ok=True)
     try:
-        (folder / PARTS).rmdir()
+        (folder / CHUNKS).rmdir()
     except OSError:  # not there, or somebody else keeps something in it
         return
 
 
-def _parts(folder: Path) -> Iterator[Path]:
-    return (path for path in (folder / PARTS).glob("*.parquet") if _PART.fullmatch(path.name))
+def _chunks(folder: Path) -> Iterator[Path]:
+    return (path for path in (folder / CHUNKS).glob("*.parquet") if _CHUNK.fullmatch(path.name))
 
 
-def _from_parts(store: Store) -> Iterator[Cell]:
+def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
     for scenario in store.manifest.scenarios:
         for policy in store.manifest.policies:
-            parts = store.kept(policy, scenario)
-            if sum(len(part.numbers) for part in parts) == store.manifest.episodes:
-                yield join(parts)
+            chunks = store.load(policy, scenario)
+            if sum(len(chunk.numbers) for chunk in chunks) == store.manifest.episodes:
+                yield join(chunks)
 
 
 def _from_table(manifest: Manifest, rows: "pa.Table") -> Iterator[Cell]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.episodes import OF_POLICY, SIGNALS, TRUTHS, Episodes, blank
-from evaluate.rollouts.experiment import Trace
+from evaluate.rollouts.experiment import TraceWriter
 from policies.files import write_atomically
 from quad_env.scenarios.scenario import Scenario
 
@@ -45,18 +45,18 @@ class Header:
     kind: Kind
 
 
-def writer(folder: Path, kind: Kind) -> Trace:
-    """Writes each part of a cell that it is given into a file in that folder."""
+def writer(folder: Path, kind: Kind) -> TraceWriter:
+    """Writes each chunk that it is given into a file in that folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    return partial(_write_part, folder, kind)
+    return partial(_write_chunk, folder, kind)
 
 
-def _write_part(folder: Path, kind: Kind, policy: str, scenario: Scenario, first: int, episodes: Episodes) -> None:
+def _write_chunk(folder: Path, kind: Kind, policy: str, scenario: Scenario, first: int, episodes: Episodes) -> None:
     write(episodes, Header(policy, scenario.name, first, kind), folder / name_of(policy, scenario.name, first))
 
 
 def name_of(policy: str, scenario: str, first: int) -> str:
-    """Of the file of a part of a cell whose first episode has that number."""
+    """Name of the file of a chunk whose first episode has that number."""
     return f"{quote(policy, safe='')}--{quote(scenario, safe='')}--{first:07d}.parquet"
 
 

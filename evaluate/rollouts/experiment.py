@@ -17,12 +17,12 @@ from policies.base import Policy
 from quad_env.scenarios.named import Scenario
 from quad_env.seeding import episode_seeds
 
-EPISODES_AT_ONCE = 256
+EPISODES_PER_CHUNK = 256
 """Episodes simulated side by side, which bounds the memory of a run; no outcome depends on it."""
 
 
 @dataclass(frozen=True)
-class Entrant:
+class LabelledPolicy:
     """A policy and the name or path that the user called it by, which is its name in every result."""
 
     label: str
@@ -46,188 +46,192 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Part:
+class Chunk:
     """Some of a cell's episodes, and their numbers in it, (n,)."""
 
     numbers: NDArray[np.int64]
     cell: Cell
 
 
-class Keeper(Protocol):
-    """Keeps what is done, so that an interrupted run can go on."""
+class Store(Protocol):
+    """What is done, kept so that an interrupted run can go on."""
 
-    def kept(self, policy: str, scenario: Scenario) -> Sequence[Part]:
-        """Parts of that cell that are done already; no episode in two of them."""
+    def load(self, policy: str, scenario: Scenario) -> Sequence[Chunk]:
+        """Chunks of that cell that are done already; no episode in two of them."""
         ...
 
-    def keep(self, part: Part) -> None:
-        """Keep a part that has just been done."""
+    def save(self, chunk: Chunk) -> None:
+        """Keep a chunk that has just been simulated."""
         ...
 
 
-class _Nothing:
-    def kept(self, policy: str, scenario: Scenario) -> Sequence[Part]:
+class _NoStore:
+    def load(self, policy: str, scenario: Scenario) -> Sequence[Chunk]:
         return ()
 
-    def keep(self, part: Part) -> None:
+    def save(self, chunk: Chunk) -> None:
         return
 
 
 CellProgress = Callable[[str, str, float], None]
-"""Told the policy, the scenario and the share of their cell that is done; 1 exactly once."""
-Trace = Callable[[str, Scenario, int, rollout.Episodes], None]
-"""Given a policy's name, the scenario, the number of the first episode and what was recorded of this part of a cell."""
+"""Progress callback: policy, scenario and the share of their cell that is done; 1 exactly once."""
+TraceWriter = Callable[[str, Scenario, int, rollout.Episodes], None]
+"""Writes the record of a chunk: its policy's label, its scenario, the number of its first episode, the episodes."""
 
 
 @dataclass(frozen=True)
-class Job:
-    """Episodes of a cell that are to be simulated side by side, with all that it takes."""
+class Task:
+    """A chunk to be simulated, its episodes side by side, with all that it takes."""
 
-    entrant: Entrant
+    policy: LabelledPolicy
     scenario: Scenario
     numbers: NDArray[np.int64]
     """Of the episodes in their cell, (n,)."""
     seeds: NDArray[np.int64]
     """Theirs, (n,)."""
     steps: int
-    trace: Trace | None
+    trace: TraceWriter | None
     hardware: Hardware
 
 
-Told = Callable[[int, float], None]
-"""Told a job's place in the list and the share of it that is done, below 1."""
-Crew = Callable[[Sequence[Job], Told], Generator[tuple[int, Part]]]
-"""Does a list of jobs in any order; gives each one's place in it and its outcome as it comes."""
+TaskProgress = Callable[[int, float], None]
+"""Progress callback: a task's place in the list and the share of it that is done, below 1."""
+Executor = Callable[[Sequence[Task], TaskProgress], Generator[tuple[int, Chunk]]]
+"""Runs a list of tasks in any order; gives each one's place in it and its outcome as it comes."""
 
 
 @dataclass(frozen=True)
-class Bench:
-    """How cells are simulated; but for the length of an episode and the hardware none of it changes their figures."""
+class Settings:
+    """Settings of a run; but for the length of an episode and the hardware none of them changes a figure."""
 
     nthread: int
     progress: CellProgress
-    at_once: int = EPISODES_AT_ONCE
-    keeper: Keeper = dataclasses.field(default_factory=_Nothing)
-    trace: Trace | None = None
+    chunk_size: int = EPISODES_PER_CHUNK
+    """Most episodes of a chunk."""
+    store: Store = dataclasses.field(default_factory=_NoStore)
+    trace: TraceWriter | None = None
     steps: int = dataclasses.field(default_factory=lambda: rollout.STEPS)
     """Control steps of an episode."""
-    crew: Crew | None = None
-    """None does one job after the other, each on `nthread` threads."""
+    executor: Executor | None = None
+    """None runs one task after the other, each on `nthread` threads."""
     hardware: Hardware = IDEAL
     """Of the robots."""
 
 
-def cells(
-    entrants: Sequence[Entrant], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], bench: Bench
+def run_cells(
+    policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], settings: Settings
 ) -> Iterator[Cell]:
     """Every policy on one scenario, then on the next: what is done when a user interrupts is comparable.
 
-    Simulates and measures what is not kept already. Cells come as they are finished, which depends on the crew.
+    Simulates and measures what is not in the store. Cells come as they are finished, which depends on the executor.
     """
-    works = [_Work(entrant, scenario, seeds, bench) for scenario in scenarios for entrant in entrants]
-    owners = [(work, job) for work in works for job in work.jobs(bench)]
-    for work in works:
-        if work.done:
-            yield work.finish()
+    pending = [_PendingCell(policy, scenario, seeds, settings) for scenario in scenarios for policy in policies]
+    owned = [(cell, task) for cell in pending for task in cell.tasks(settings)]
+    for cell in pending:
+        if cell.done:
+            yield cell.finish()
 
-    def told(place: int, share: float) -> None:
-        work, job = owners[place]
-        work.report(job, share)
+    def progress(place: int, share: float) -> None:
+        cell, task = owned[place]
+        cell.report(task, share)
 
-    crew = bench.crew or in_turn(bench.nthread)
-    with closing(crew([job for _, job in owners], told)) as outcomes:
-        for place, part in outcomes:
-            bench.keeper.keep(part)
-            work = owners[place][0]
-            work.add(part)
-            if work.done:
-                yield work.finish()
-
-
-def run_cell(entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], bench: Bench) -> Cell:
-    """One cell of `cells`."""
-    return next(cells([entrant], [scenario], seeds, bench))
+    execute = settings.executor or sequential(settings.nthread)
+    with closing(execute([task for _, task in owned], progress)) as outcomes:
+        for place, chunk in outcomes:
+            settings.store.save(chunk)
+            cell = owned[place][0]
+            cell.add(chunk)
+            if cell.done:
+                yield cell.finish()
 
 
-def in_turn(nthread: int) -> Crew:
-    """Does one job after the other in this process, each on so many threads."""
-
-    def crew(jobs: Sequence[Job], told: Told) -> Generator[tuple[int, Part]]:
-        for place, job in enumerate(jobs):
-            yield place, simulate(job, nthread, partial(told, place))
-
-    return crew
+def run_cell(policy: LabelledPolicy, scenario: Scenario, seeds: NDArray[np.int64], settings: Settings) -> Cell:
+    """One cell of `run_cells`."""
+    return next(run_cells([policy], [scenario], seeds, settings))
 
 
-def simulate(job: Job, nthread: int, progress: Callable[[float], None]) -> Part:
-    """The outcome of a job; `progress` is told the share of it that is done, below 1."""
-    label, policy = job.entrant.label, job.entrant.policy
+def sequential(nthread: int) -> Executor:
+    """Executor that runs one task after the other in this process, each on so many threads."""
+
+    def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
+        for place, task in enumerate(tasks):
+            yield place, simulate(task, nthread, partial(progress, place))
+
+    return execute
+
+
+def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chunk:
+    """Outcome of a task; `progress` is told the share of it that is done, below 1."""
+    label = task.policy.label
     episodes = rollout.run(
-        policy,
-        job.scenario,
-        job.seeds,
+        task.policy.policy,
+        task.scenario,
+        task.seeds,
         nthread=nthread,
-        steps=job.steps,
+        steps=task.steps,
         progress=lambda share: None if share >= 1.0 else progress(share),
-        after_falls=job.trace is not None,
-        hardware=job.hardware,
+        after_falls=task.trace is not None,
+        hardware=task.hardware,
     )
-    if job.trace is not None:
-        job.trace(label, job.scenario, int(job.numbers[0]), episodes)
-    return Part(job.numbers, Cell(label, job.scenario, job.seeds, episodes.fall_reason, measure(episodes)))
+    if task.trace is not None:
+        task.trace(label, task.scenario, int(task.numbers[0]), episodes)
+    return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, episodes.fall_reason, measure(episodes)))
 
 
-class _Work:
-    """A cell in the making."""
+class _PendingCell:
+    """A cell of which some chunks may be missing still."""
 
-    def __init__(self, entrant: Entrant, scenario: Scenario, seeds: NDArray[np.int64], bench: Bench) -> None:
-        self.entrant, self.scenario, self.seeds = entrant, scenario, seeds
-        self.progress = bench.progress
-        self.parts = list(bench.keeper.kept(entrant.label, scenario))
+    def __init__(
+        self, policy: LabelledPolicy, scenario: Scenario, seeds: NDArray[np.int64], settings: Settings
+    ) -> None:
+        self.policy, self.scenario, self.seeds = policy, scenario, seeds
+        self.progress = settings.progress
+        self.chunks = list(settings.store.load(policy.label, scenario))
         self.shares: dict[int, float] = {}
-        """Episodes done of each job under way, by its first number."""
+        """Episodes done of each task under way, by its first number."""
 
-    def jobs(self, bench: Bench) -> Iterator[Job]:
+    def tasks(self, settings: Settings) -> Iterator[Task]:
         """What is missing, in stretches without a gap."""
-        kept = [np.arange(0), *(part.numbers for part in self.parts)]
-        for numbers in _stretches(np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(kept)), bench.at_once):
-            shared = bench.steps, bench.trace, bench.hardware
-            yield Job(self.entrant, self.scenario, numbers, self.seeds[numbers], *shared)
+        stored = [np.arange(0), *(chunk.numbers for chunk in self.chunks)]
+        missing = np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(stored))
+        for numbers in _stretches(missing, settings.chunk_size):
+            shared = settings.steps, settings.trace, settings.hardware
+            yield Task(self.policy, self.scenario, numbers, self.seeds[numbers], *shared)
 
-    def report(self, job: Job, share: float) -> None:
-        self.shares[int(job.numbers[0])] = share * len(job.numbers)
+    def report(self, task: Task, share: float) -> None:
+        self.shares[int(task.numbers[0])] = share * len(task.numbers)
         done = self.finished + sum(self.shares.values())
-        self.progress(self.entrant.label, self.scenario.name, done / len(self.seeds))
+        self.progress(self.policy.label, self.scenario.name, done / len(self.seeds))
 
-    def add(self, part: Part) -> None:
-        self.shares.pop(int(part.numbers[0]), None)
-        self.parts.append(part)
+    def add(self, chunk: Chunk) -> None:
+        self.shares.pop(int(chunk.numbers[0]), None)
+        self.chunks.append(chunk)
 
     @property
     def finished(self) -> int:
-        """Episodes of the parts that are there."""
-        return sum(len(part.numbers) for part in self.parts)
+        """Episodes of the chunks that are there."""
+        return sum(len(chunk.numbers) for chunk in self.chunks)
 
     @property
     def done(self) -> bool:
         return self.finished == len(self.seeds)
 
     def finish(self) -> Cell:
-        self.progress(self.entrant.label, self.scenario.name, 1.0)
-        return join(self.parts)
+        self.progress(self.policy.label, self.scenario.name, 1.0)
+        return join(self.chunks)
 
 
-def _stretches(numbers: NDArray[np.int64], at_once: int) -> Iterator[NDArray[np.int64]]:
-    """Rising numbers in stretches without a gap, of at most `at_once`."""
+def _stretches(numbers: NDArray[np.int64], longest: int) -> Iterator[NDArray[np.int64]]:
+    """Rising numbers in stretches without a gap, of at most `longest`."""
     for stretch in np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1):
         if len(stretch):
-            yield from np.array_split(stretch, -(-len(stretch) // at_once))
+            yield from np.array_split(stretch, -(-len(stretch) // longest))
 
 
-def join(parts: Sequence[Part]) -> Cell:
-    """Parts of one cell as one, episodes in the order of their numbers."""
-    order = np.argsort(np.concatenate([part.numbers for part in parts]))
-    cells = [part.cell for part in parts]
+def join(chunks: Sequence[Chunk]) -> Cell:
+    """Chunks of one cell as one, episodes in the order of their numbers."""
+    order = np.argsort(np.concatenate([chunk.numbers for chunk in chunks]))
+    cells = [chunk.cell for chunk in chunks]
     fields = [field.name for field in dataclasses.fields(Measures)]
     joined = {name: np.concatenate([getattr(cell.measures, name) for cell in cells])[order] for name in fields}
     return dataclasses.replace(

@@ -1,4 +1,4 @@
-"""Jobs done side by side by worker processes, one a core: the robots' simulation and the policies' Python alike."""
+"""Executor of worker processes, one a core: the robots' simulation and the policies' Python alike run side by side."""
 
 import contextlib
 import multiprocessing
@@ -11,13 +11,13 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import connection
 from typing import Any
 
-from evaluate.rollouts.experiment import Crew, Job, Part, Told, in_turn, simulate
+from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, sequential, simulate
 
-LOOK_EVERY = 0.1
+POLL_PERIOD = 0.1
 """s between two looks at what the workers report."""
-WORTHWHILE = 100_000
+FEWEST_STEPS = 100_000
 """Control steps, of all robots together, below which the workers' start takes longer than they save."""
-SETTINGS = {
+ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
     "PYTHONWARNINGS": ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"))),
 }
@@ -32,30 +32,30 @@ class WorkerLost(RuntimeError):
 
 
 class _Stopped(Exception):
-    """The work is no longer wanted."""
+    """Raised in a worker whose outcome is no longer wanted."""
 
 
-def side_by_side(count: int) -> Crew:
-    """A crew of at most so many processes; no outcome depends on how many.
+def process_pool(count: int) -> Executor:
+    """Executor of at most so many processes; no outcome depends on how many.
 
     Workers end with the process that began them, however it ends; an exception in it stops them first.
     """
 
-    def crew(jobs: Sequence[Job], told: Told) -> Generator[tuple[int, Part]]:
-        if min(count, len(jobs)) < 2 or sum(len(job.numbers) * job.steps for job in jobs) < WORTHWHILE:
-            yield from in_turn(count)(jobs, told)
+    def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
+        if min(count, len(tasks)) < 2 or sum(len(task.numbers) * task.steps for task in tasks) < FEWEST_STEPS:
+            yield from sequential(count)(tasks, progress)
             return
         context = multiprocessing.get_context("spawn")
-        with _for_workers():
+        with _worker_environment():
             reports, stop = context.SimpleQueue(), context.RawValue("b", 0)  # no lock that a killed worker could hold
-            pool = ProcessPoolExecutor(min(count, len(jobs)), context, _begin, (reports, stop))
+            pool = ProcessPoolExecutor(min(count, len(tasks)), context, _initialise, (reports, stop))
         try:
-            places = _begun(pool, jobs)
+            places = _submitted(pool, tasks)
             waiting = set(places)
             while waiting:
-                done, waiting = wait(waiting, LOOK_EVERY, FIRST_COMPLETED)
+                done, waiting = wait(waiting, POLL_PERIOD, FIRST_COMPLETED)
                 while not reports.empty():
-                    told(*reports.get())
+                    progress(*reports.get())
                 for future in done:
                     yield places[future], future.result()
         except BrokenProcessPool:
@@ -64,23 +64,23 @@ def side_by_side(count: int) -> Crew:
             stop.value = 1
             pool.shutdown(cancel_futures=True)
 
-    return crew
+    return execute
 
 
-def _begun(pool: ProcessPoolExecutor, jobs: Sequence[Job]) -> "dict[Future[Part], int]":
-    """Each job under way -> its place."""
+def _submitted(pool: ProcessPoolExecutor, tasks: Sequence[Task]) -> "dict[Future[Chunk], int]":
+    """Future of each task -> the task's place in the list."""
     try:
-        with _for_workers():
-            return {pool.submit(_work, place, job): place for place, job in enumerate(jobs)}
+        with _worker_environment():
+            return {pool.submit(_run_task, place, task): place for place, task in enumerate(tasks)}
     except OSError as error:
         raise WorkerLost(f"a worker process cannot be started ({error.strerror or error})") from error
 
 
 @contextlib.contextmanager
-def _for_workers() -> Iterator[None]:
-    """Processes begun now have these SETTINGS and never hear Ctrl-C, which is for the one that began them."""
-    before = {name: os.environ.get(name) for name in SETTINGS}
-    os.environ.update(SETTINGS)
+def _worker_environment() -> Iterator[None]:
+    """Processes begun now have this ENVIRONMENT and never hear Ctrl-C, which is for the one that began them."""
+    before = {name: os.environ.get(name) for name in ENVIRONMENT}
+    os.environ.update(ENVIRONMENT)
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
     try:
         yield
@@ -94,25 +94,25 @@ def _for_workers() -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
-def _begin(reports: Any, stop: Any) -> None:
-    """A worker's first act."""
+def _initialise(reports: Any, stop: Any) -> None:
+    """Make a fresh worker deaf to Ctrl-C, and its end that of the process that began it."""
     global _reports, _stop
     _reports, _stop = reports, stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
 
 
-def _leave_with_parent() -> None:
+def _exit_with_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
     connection.wait([parent.sentinel])
     os._exit(1)
 
 
-def _work(place: int, job: Job) -> Part:
-    def tell(share: float) -> None:
+def _run_task(place: int, task: Task) -> Chunk:
+    def report(share: float) -> None:
         if _stop.value:
             raise _Stopped
         _reports.put((place, share))
 
-    return simulate(job, 1, tell)
+    return simulate(task, 1, report)

@@ -1,5 +1,6 @@
 """Checks of what callers hand to the environment: each gives the value in its own type or a ValueError that helps."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -7,10 +8,23 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike
 
 from quad_env.columns import Array, Mask
-from quad_env.config import COMMAND_BOUND
+from quad_env.config import COMMAND_BOUND, TaskConfig
 from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
+from quad_env.serialisation import from_plain
 
 RESET_OPTIONS = ("command", "reset_mask")
+
+
+def setting(value: Any) -> Any:
+    """The setting that a mapping describes, as in an `EnvSpec` that went through JSON; anything else as it is."""
+    return from_plain(value) if isinstance(value, Mapping) else value
+
+
+def task_config(config: Any) -> TaskConfig:
+    """The configuration itself, or the default for None."""
+    if config is not None and not isinstance(config, TaskConfig):
+        raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
+    return config or TaskConfig()
 
 
 def check_options(options: dict[str, Any]) -> None:

@@ -13,7 +13,7 @@ from quad_env.actuation.delay import wires_of
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as find_actuator
 from quad_env.config import TaskConfig
-from quad_env.envs.arguments import check_options, held_commands, joint_targets
+from quad_env.envs.arguments import check_options, held_commands, joint_targets, setting, task_config
 from quad_env.envs.vector_env import ACTION_SPACE, OBSERVATION_SPACE, Observation
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
@@ -69,16 +69,16 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
-        self.scenario = find_scenario(scenario)
+        self.scenario = find_scenario(setting(scenario))
         """What the robot has to cope with."""
-        self.config = config or TaskConfig()
+        self.config = task_config(setting(config))
         self.dt = 1 / self.config.control_rate
         """Control period, s."""
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
         self.action_space, self.observation_space = ACTION_SPACE, OBSERVATION_SPACE
-        rate, suite = self.config.control_rate, sensor_suite(sensors)
-        motors, imu = find_actuator(actuator), None if suite is None else suite.imu
+        rate, suite = self.config.control_rate, sensor_suite(setting(sensors))
+        motors, imu = find_actuator(setting(actuator)), None if suite is None else suite.imu
         self._simulation = Simulation.of(self.scenario, 1, 1, rate, actuator=motors, imu=imu)
         self._wires = wires_of(self.scenario, 1, self.dt)
         self._sensors = shown_by(suite, self._simulation, self.scenario, 1, rate)

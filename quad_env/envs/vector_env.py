@@ -22,6 +22,8 @@ from quad_env.envs.arguments import (
     held_commands,
     joint_targets,
     reset_mask,
+    setting,
+    task_config,
 )
 from quad_env.physics.simulation import ALL, Ids, Simulation
 from quad_env.physics.state import QuadState
@@ -91,8 +93,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             raise ValueError(f"max_episode_steps must be at least 1, or None or -1 for none, got {max_episode_steps}")
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(f"a batch has no render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
-        self.scenario = find_scenario(scenario)
-        self.config = config or TaskConfig()
+        self.scenario = find_scenario(setting(scenario))
+        self.config = task_config(setting(config))
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
@@ -103,8 +105,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
         self.dt = 1 / self.config.control_rate
-        rate, suite = self.config.control_rate, sensor_suite(sensors)
-        motors, imu = find_actuator(actuator), None if suite is None else suite.imu
+        rate, suite = self.config.control_rate, sensor_suite(setting(sensors))
+        motors, imu = find_actuator(setting(actuator)), None if suite is None else suite.imu
         self.simulation = Simulation.of(self.scenario, num_envs, nthread, rate, readings, motors, imu)
         self._wires = wires_of(self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)

@@ -10,7 +10,7 @@ from evaluate.analysis.results import analyse
 from evaluate.analysis.sensitivity import FALLS_WITHOUT, UNCHANGED, effect_text, sensitivities
 from evaluate.report.sections.sensitivity_section import sensitivity as section
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import Bench, Entrant, cells, evaluation_seeds
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 from quad_env import AXES, CommandRanges
 
 COUNT = 40
@@ -101,9 +101,9 @@ def test_a_scenario_of_a_users_own_is_no_level_of_an_axis(run) -> None:
 
 
 def test_an_open_loop_gait_cannot_feel_noise_and_a_learned_correction_can() -> None:
-    entrants = [Entrant(name, policies.resolve(name)) for name in ("trot", "residual")]
-    bench = Bench(2, lambda *_: None, steps=200)
-    done = list(cells(entrants, resolve(("flat", "noise:4")), evaluation_seeds(0, 6), bench))
+    labelled = [LabelledPolicy(name, policies.resolve(name)) for name in ("trot", "residual")]
+    settings = Settings(2, lambda *_: None, steps=200)
+    done = list(run_cells(labelled, resolve(("flat", "noise:4")), evaluation_seeds(0, 6), settings))
     found = {each.policy: each for each in sensitivities(done)}
     assert not found["trot"].felt
     assert found["residual"].felt

@@ -17,6 +17,7 @@ import policies
 from evaluate.__main__ import main
 from evaluate.records.store import FILES
 from policies import bundle
+from policies.files import FolderInUse, sole_use
 from policies.network import Network
 from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
 
@@ -374,3 +375,50 @@ def test_ctrl_c_before_anything_is_done_leaves_an_earlier_outcome_alone(tmp_path
     assert main(["--policies", "trot", "--threads", "1", "--out", str(tmp_path)]) == 130
     assert "no further file was written" in capsys.readouterr().err
     assert tmp_path.joinpath("results.json").read_text() == "earlier"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")
+@pytest.mark.usefixtures("no_simulation")
+@pytest.mark.parametrize("arguments", [(), ("--resume",)], ids=" ".join)
+def test_a_folder_that_another_run_writes_to_is_refused_at_once(capsys, tmp_path, run, arguments) -> None:
+    """Its own run, too, which --resume would carry on; before its first part no manifest stands there."""
+    mine = ["--policies", "document", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "5", "--seed", "3"]
+    for folder in (run.folder, tmp_path):
+        before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+        with sole_use(folder):
+            assert f"{folder} is being written to" in refused(capsys, *mine, *arguments, "--out", folder)
+        assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")
+def test_the_folder_is_the_runs_own_until_everything_is_written(capsys, tmp_path, monkeypatch) -> None:
+    held = []
+
+    def looked(*_args, **_options):
+        try:
+            with sole_use(tmp_path):
+                held.append(False)
+        except FolderInUse:
+            held.append(True)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("evaluate.rollouts.rollout.run", looked)
+    assert main(["--policies", "trot", "--threads", "1", "--out", str(tmp_path)]) == 130
+    assert held == [True]
+    monkeypatch.undo()
+    monkeypatch.setattr("evaluate.commands.outputs.write_report", looked)
+    assert main([*QUICK, "--out", str(tmp_path)]) == 130
+    assert held == [True, True]
+    capsys.readouterr()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")
+def test_a_report_of_a_folder_that_is_written_to_prints_and_leaves_the_files_alone(capsys, run) -> None:
+    before = {path: path.stat().st_mtime_ns for path in run.folder.iterdir()}
+    with sole_use(run.folder):
+        assert main(["report", str(run.folder)]) == 0
+    printed = capsys.readouterr()
+    assert "trot" in printed.out
+    assert printed.err.count("\n") == 1
+    assert "writes the files itself" in printed.err
+    assert {path: path.stat().st_mtime_ns for path in run.folder.iterdir()} == before

@@ -61,12 +61,12 @@ def traced(tmp_path_factory):
     import policies
     import quad_env
     from evaluate.analysis import results
-    from evaluate.rollouts.experiment import Bench, Entrant, cells, evaluation_seeds
+    from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 
     folder = tmp_path_factory.mktemp("traced")
-    entrants = [Entrant(name, policies.make(name)) for name in ("document", "stand")]
+    labelled = [LabelledPolicy(name, policies.make(name)) for name in ("document", "stand")]
     write, seeds = trace.writer(folder / trace.FOLDER, "compact"), evaluation_seeds(0, 6)
-    done = list(cells(entrants, [quad_env.SCENARIOS["push"]], seeds, Bench(2, lambda *_: None, trace=write)))
+    done = list(run_cells(labelled, [quad_env.SCENARIOS["push"]], seeds, Settings(2, lambda *_: None, trace=write)))
     results.write_json(results.analyse(done, seed=0, episodes=6, complete=True), folder / "results.json")
     return folder
 

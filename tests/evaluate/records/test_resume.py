@@ -24,7 +24,7 @@ from evaluate.records import manifest, store, trace
 from evaluate.records.episode_table import read_table, write_parquet, write_table
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import Bench, Cell, Entrant, Part, evaluation_seeds, run_cell
+from evaluate.rollouts.experiment import Cell, Chunk, LabelledPolicy, Settings, evaluation_seeds, run_cell
 from policies import bundle
 from policies.files import write_atomically
 from policies.network import Network
@@ -127,7 +127,7 @@ def test_a_run_that_was_killed_before_its_first_episode_has_nothing_to_resume(re
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
 def test_a_run_that_is_killed_from_outside_goes_on(repository, tmp_path, whole) -> None:
-    """At whatever moment: here as soon as the third part is seen."""
+    """At whatever moment: here as soon as the third chunk is seen."""
     command = [sys.executable, "-c", SHORT, str(STEPS), "0", *RUN, "--at-once", "1", "--out", str(tmp_path)]
     process = subprocess.Popen(command, cwd=repository, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     while len(list(tmp_path.glob("parts/*.parquet"))) < 3:
@@ -162,13 +162,13 @@ def some(cell: Cell, numbers: np.ndarray) -> Cell:
 
 
 def unfinished(whole: Path, folder: Path) -> Path:
-    """A folder as a killed run leaves it: two of four cells done, one of them in two parts."""
+    """A folder as a killed run leaves it: two of four cells done, one of them in two chunks."""
     shutil.copytree(whole, folder, dirs_exist_ok=True)
     run = store.read_run(folder)
     remove = [folder / name for name in OUTCOME[:3]]
-    keeper = store.Store(folder, run.manifest)
+    chunks = store.ChunkStore(folder, run.manifest)
     for cell, numbers in ((run.cells[0], range(5)), (run.cells[1], (0, 1)), (run.cells[1], (4,)), (run.cells[3], (2,))):
-        keeper.keep(Part(np.array(numbers), some(cell, np.array(numbers))))
+        chunks.save(Chunk(np.array(numbers), some(cell, np.array(numbers))))
     for path in remove:
         path.unlink()
     return folder
@@ -360,10 +360,10 @@ def test_threads_and_company_change_no_bit(tmp_path, whole, arguments) -> None:
 def test_64_and_1024_side_by_side_give_the_same_episodes(monkeypatch, tmp_path) -> None:
     """The first 128 of 1024, to keep it short; many start so tilted that they fall."""
     monkeypatch.setattr(rollout, "STEPS", 110)
-    entrant, seeds = Entrant("stand", policies.make("stand")), evaluation_seeds(0, 1024)
+    policy, seeds = LabelledPolicy("stand", policies.make("stand")), evaluation_seeds(0, 1024)
     tilted = dataclasses.replace(SCENARIOS["flat"], start=StartNoise(tilt=0.6))
-    together = run_cell(entrant, tilted, seeds, Bench(2, lambda *_: None, at_once=1024))
-    apart = run_cell(entrant, tilted, seeds[:128], Bench(1, lambda *_: None, at_once=64))
+    together = run_cell(policy, tilted, seeds, Settings(2, lambda *_: None, chunk_size=1024))
+    apart = run_cell(policy, tilted, seeds[:128], Settings(1, lambda *_: None, chunk_size=64))
     for name, cell in (("together", some(together, np.arange(128))), ("apart", apart)):
         write_parquet([cell], tmp_path / name)
     assert (tmp_path / "together").read_bytes() == (tmp_path / "apart").read_bytes()
@@ -376,7 +376,7 @@ def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
     assert evaluate(*traced)[0] == 0
     names = {path.name for path in (tmp_path / "traces").iterdir()}
     run = store.read_run(tmp_path)
-    store.Store(tmp_path, run.manifest).keep(Part(np.arange(5), run.cells[0]))
+    store.ChunkStore(tmp_path, run.manifest).save(Chunk(np.arange(5), run.cells[0]))
     for name in OUTCOME[:3]:
         (tmp_path / name).unlink()
     whole_trace = tmp_path / "traces" / trace.name_of("trot", "push:4", 0)

@@ -12,7 +12,7 @@ from evaluate.measures.episodes import Episodes, uneventful
 from evaluate.measures.metrics import measure
 from evaluate.records import trace
 from evaluate.rollouts import rollout
-from evaluate.rollouts.experiment import Bench, Entrant, evaluation_seeds, run_cell
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from quad_env.config import FALL_RULE
 
 STEPS = 250
@@ -88,10 +88,10 @@ def test_a_cell_is_traced_part_by_part_under_names_that_no_two_cells_share(tmp_p
     monkeypatch.setattr(
         "evaluate.rollouts.rollout.run", lambda *args, **kwargs: short(*args, **{**kwargs, "steps": 120})
     )
-    entrants = [Entrant(label, policies.make("stand")) for label in ("runs/a", "runs%2Fa")]
+    labelled = [LabelledPolicy(label, policies.make("stand")) for label in ("runs/a", "runs%2Fa")]
     write, seeds = trace.writer(tmp_path, "compact"), evaluation_seeds(0, 3)
-    for entrant in entrants:
-        run_cell(entrant, quad_env.SCENARIOS["flat"], seeds, Bench(1, lambda *_: None, at_once=2, trace=write))
+    for policy in labelled:
+        run_cell(policy, quad_env.SCENARIOS["flat"], seeds, Settings(1, lambda *_: None, chunk_size=2, trace=write))
     read = [trace.read(path, "compact") for path in sorted(tmp_path.iterdir())]
     assert sorted((header.policy, header.first, len(episodes.seeds)) for header, episodes in read) == [
         (label, first, count) for label in ("runs%2Fa", "runs/a") for first, count in ((0, 2), (2, 1))

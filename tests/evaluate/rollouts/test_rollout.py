@@ -11,7 +11,7 @@ import quad_env
 from evaluate.measures.episodes import INFOS, READINGS, blank
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import battery, rollout
-from evaluate.rollouts.experiment import EPISODES_AT_ONCE, Bench, Entrant, evaluation_seeds, run_cell
+from evaluate.rollouts.experiment import EPISODES_PER_CHUNK, LabelledPolicy, Settings, evaluation_seeds, run_cell
 from policies.base import Policy
 
 STEPS = 150
@@ -104,15 +104,15 @@ def test_the_first_fall_counts() -> None:
     assert recorder.fall_reason.tolist() == ["tilt"]
 
 
-def test_many_episodes_run_in_parts_with_the_same_outcome() -> None:
-    assert EPISODES_AT_ONCE >= 128
-    entrant, seeds = Entrant("document", policies.make("document")), evaluation_seeds(0, 5)
-    whole = run_cell(entrant, quad_env.SCENARIOS["flat"], seeds, Bench(2, lambda *_: None))
+def test_many_episodes_run_in_chunks_with_the_same_outcome() -> None:
+    assert EPISODES_PER_CHUNK >= 128
+    policy, seeds = LabelledPolicy("document", policies.make("document")), evaluation_seeds(0, 5)
+    whole = run_cell(policy, quad_env.SCENARIOS["flat"], seeds, Settings(2, lambda *_: None))
     shares: list[float] = []
-    bench = Bench(2, lambda _, __, share: shares.append(share), at_once=2)
-    parts = run_cell(entrant, quad_env.SCENARIOS["flat"], seeds, bench)
-    np.testing.assert_array_equal(parts.seeds, seeds)
-    np.testing.assert_array_equal(parts.measures.fall_time, whole.measures.fall_time)
+    settings = Settings(2, lambda _, __, share: shares.append(share), chunk_size=2)
+    chunks = run_cell(policy, quad_env.SCENARIOS["flat"], seeds, settings)
+    np.testing.assert_array_equal(chunks.seeds, seeds)
+    np.testing.assert_array_equal(chunks.measures.fall_time, whole.measures.fall_time)
     assert shares.count(1.0) == 1
 
 

@@ -15,7 +15,7 @@ import policies
 from evaluate.__main__ import main
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts import workers
-from evaluate.rollouts.experiment import Entrant, Job, evaluation_seeds, in_turn
+from evaluate.rollouts.experiment import LabelledPolicy, Task, evaluation_seeds, sequential
 from evaluate.rollouts.hardware import IDEAL
 from quad_env import SCENARIOS
 
@@ -36,38 +36,38 @@ class Failing(type(policies.make("stand"))):
         raise ZeroDivisionError("a bug")
 
 
-def jobs(*entrants: Entrant, scenario: str = "push") -> list[Job]:
+def tasks(*labelled: LabelledPolicy, scenario: str = "push") -> list[Task]:
     seeds = evaluation_seeds(0, 6)
-    parts = (np.arange(4), np.arange(4, 6))
+    chunks = (np.arange(4), np.arange(4, 6))
     return [
-        Job(entrant, SCENARIOS[scenario], numbers, seeds[numbers], STEPS, None, IDEAL)
-        for entrant in entrants
-        for numbers in parts
+        Task(policy, SCENARIOS[scenario], numbers, seeds[numbers], STEPS, None, IDEAL)
+        for policy in labelled
+        for numbers in chunks
     ]
 
 
-def entrants(*names: str) -> list[Entrant]:
-    return [Entrant(name, policies.resolve(name)) for name in names]
+def labelled(*names: str) -> list[LabelledPolicy]:
+    return [LabelledPolicy(name, policies.resolve(name)) for name in names]
 
 
 @pytest.fixture(autouse=True)
 def always(monkeypatch: pytest.MonkeyPatch) -> None:
     """Workers even for so little."""
-    monkeypatch.setattr(workers, "WORTHWHILE", 0)
+    monkeypatch.setattr(workers, "FEWEST_STEPS", 0)
 
 
 def test_workers_give_the_same_bits_as_one_process_and_tell_how_far_they_are() -> None:
-    every = jobs(*entrants("trot", "residual", "document"))
+    every = tasks(*labelled("trot", "residual", "document"))
     told: list[tuple[int, float]] = []
-    apart = dict(workers.side_by_side(2)(every, lambda place, share: told.append((place, share))))
-    alone = dict(in_turn(1)(every, lambda *_: None))
+    apart = dict(workers.process_pool(2)(every, lambda place, share: told.append((place, share))))
+    alone = dict(sequential(1)(every, lambda *_: None))
     assert set(apart) == set(alone) == set(range(len(every)))
-    for place, part in alone.items():
+    for place, chunk in alone.items():
         other = apart[place]
-        np.testing.assert_array_equal(other.numbers, part.numbers)
-        np.testing.assert_array_equal(other.cell.fall_reason, part.cell.fall_reason)
+        np.testing.assert_array_equal(other.numbers, chunk.numbers)
+        np.testing.assert_array_equal(other.cell.fall_reason, chunk.cell.fall_reason)
         for field in fields(Measures):
-            ours, theirs = getattr(part.cell.measures, field.name), getattr(other.cell.measures, field.name)
+            ours, theirs = getattr(chunk.cell.measures, field.name), getattr(other.cell.measures, field.name)
             assert ours.tobytes() == theirs.tobytes(), field.name
     assert {place for place, _ in told} == set(alone)
     assert all(0.0 <= share < 1.0 for _, share in told)
@@ -75,18 +75,18 @@ def test_workers_give_the_same_bits_as_one_process_and_tell_how_far_they_are() -
 
 def test_they_are_processes_of_their_own() -> None:
     with pytest.raises(workers.WorkerLost, match="was killed"):
-        list(workers.side_by_side(2)(jobs(Entrant("deadly", Deadly())), lambda *_: None))
+        list(workers.process_pool(2)(tasks(LabelledPolicy("deadly", Deadly())), lambda *_: None))
 
 
 def test_an_error_in_a_worker_is_raised_here() -> None:
     with pytest.raises(ZeroDivisionError, match="a bug"):
-        list(workers.side_by_side(2)(jobs(Entrant("failing", Failing())), lambda *_: None))
+        list(workers.process_pool(2)(tasks(LabelledPolicy("failing", Failing())), lambda *_: None))
 
 
 def test_little_work_is_done_here(monkeypatch) -> None:
-    monkeypatch.setattr(workers, "WORTHWHILE", 6 * STEPS + 1)
+    monkeypatch.setattr(workers, "FEWEST_STEPS", 6 * STEPS + 1)
     monkeypatch.setattr(workers, "ProcessPoolExecutor", None)
-    assert len(list(workers.side_by_side(2)(jobs(*entrants("stand")), lambda *_: None))) == 2
+    assert len(list(workers.process_pool(2)(tasks(*labelled("stand")), lambda *_: None))) == 2
 
 
 def test_a_lost_worker_is_one_line(tmp_path, monkeypatch, capsys) -> None:
@@ -106,13 +106,13 @@ def test_a_worker_that_cannot_be_begun_is_said_so(monkeypatch) -> None:
 
     monkeypatch.setattr(workers.ProcessPoolExecutor, "submit", full)
     with pytest.raises(workers.WorkerLost, match="cannot be started \\(Resource temporarily unavailable"):
-        list(workers.side_by_side(2)(jobs(*entrants("stand")), lambda *_: None))
+        list(workers.process_pool(2)(tasks(*labelled("stand")), lambda *_: None))
 
 
 def test_the_environment_is_as_it_was_after_workers_began(monkeypatch) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
     monkeypatch.delenv("PYTHONWARNINGS", raising=False)
-    list(workers.side_by_side(2)(jobs(*entrants("stand")), lambda *_: None))
+    list(workers.process_pool(2)(tasks(*labelled("stand")), lambda *_: None))
     assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
     assert "PYTHONWARNINGS" not in os.environ
 

@@ -1,0 +1,90 @@
+"""Specifications: an environment's `spec` makes the same environment again, through JSON and pickle too."""
+
+import json
+import pickle
+from dataclasses import fields, replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+import quad_env
+from quad_env import serialisation
+from quad_env.robots.robot import HOME_POSE
+
+TERRAINS = (quad_env.Flat(0.5), quad_env.Slope(0.3), quad_env.Stairs(rise=0.05), quad_env.SmoothRandom(half_size=6.0))
+STORM = quad_env.Scenario(
+    "storm",
+    pushes=quad_env.Pushes(count=4, impulse=10.0, window=(2.0, 8.0)),
+    commands=quad_env.CommandRanges(forward=(0.2, 0.3)),
+    start=quad_env.AnyPose(joint_velocity=1.0),
+    force=quad_env.SteadyForce(7.0),
+    ground=quad_env.Ground(friction=0.3),
+    motors=quad_env.Motors(torque_limit=20.0),
+    payload=quad_env.Payload(2.0),
+    latency=quad_env.Latency(0.01, 0.02),
+    noise=quad_env.SensorNoise(0.5),
+    dropouts=quad_env.Dropouts(),
+)
+OPTIONS: dict[str, Any] = {
+    "actuator": quad_env.ACTUATORS["motor"],
+    "sensors": quad_env.SensorSuite(imu=quad_env.Imu(gyro_bias=0.01), encoders=quad_env.Encoders(bits=None)),
+    "config": quad_env.TaskConfig(reward_weights=quad_env.RewardWeights(tilt=-3.0)),
+}
+
+
+def through_json(spec: EnvSpec) -> EnvSpec:
+    return EnvSpec.from_json(spec.to_json())
+
+
+@pytest.mark.parametrize("terrain", TERRAINS, ids=lambda terrain: type(terrain).__name__)
+def test_a_scenario_of_ones_own_survives_json(terrain: Any) -> None:
+    storm = replace(STORM, terrain=terrain)
+    env = gym.make("SimpleQuad-v0", scenario=storm, **OPTIONS)
+    again = gym.make(through_json(env.spec))
+    assert again.unwrapped.scenario == storm
+    assert again.unwrapped.config == OPTIONS["config"]
+    assert again.spec.to_json() == env.spec.to_json()
+    np.testing.assert_array_equal(again.reset(seed=3)[0], env.reset(seed=3)[0])
+    one, other = (each.step(HOME_POSE.astype(np.float32)) for each in (env, again))
+    np.testing.assert_array_equal(one[0], other[0])
+    assert (one[1], one[4]["sensor_gyro"].tolist()) == (other[1], other[4]["sensor_gyro"].tolist())
+
+
+def test_the_specification_of_a_batch_survives_json_and_pickle() -> None:
+    env = gym.make_vec("SimpleQuad-v0", num_envs=2, scenario=STORM, autoreset_mode="SAME_STEP", **OPTIONS)
+    for spec in (through_json(env.spec), pickle.loads(pickle.dumps(env.spec))):
+        again = gym.make_vec(spec)
+        assert (again.num_envs, again.scenario, again.autoreset_mode) == (2, STORM, env.autoreset_mode)
+        np.testing.assert_array_equal(again.reset(seed=3)[0], env.reset(seed=3)[0])
+
+
+def test_names_survive_as_names() -> None:
+    env = gym.make("SimpleQuad-v0", scenario="rough", actuator="motor", sensors="typical", max_episode_steps=7)
+    spec = through_json(env.spec)
+    assert (spec.kwargs["scenario"], spec.max_episode_steps) == ("rough", 7)
+    assert gym.make(spec).unwrapped.scenario == quad_env.SCENARIOS["rough"]
+
+
+def test_no_two_kinds_of_settings_have_the_same_fields() -> None:
+    """Gymnasium's JSON holds the fields of a setting and not its type."""
+    kinds = serialisation._KINDS.values()
+    assert len({frozenset(field.name for field in fields(kind)) for kind in kinds}) == len(kinds)
+
+
+@pytest.mark.parametrize(
+    ("keyword", "value", "says"),
+    [
+        ("scenario", {"name": "x"}, "Scenario"),
+        ("scenario", {"type": "Slope", "angle": 0.1}, "unknown scenario"),
+        ("actuator", {"power": 3.0}, "Actuator"),
+        ("sensors", json.loads('{"imu": {}}'), "SensorSuite"),
+        ("config", "fast", "TaskConfig"),
+    ],
+)
+def test_what_is_no_setting_is_refused_by_name(keyword: str, value: Any, says: str) -> None:
+    for make in (gym.make, gym.make_vec):
+        with pytest.raises(ValueError, match=says):
+            make("SimpleQuad-v0", **{keyword: value})
