@@ -1,11 +1,23 @@
 """Settings of the environment as frozen dataclasses; units in each docstring."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, get_args
 
 GRAVITY = 9.81
 """Of every world, m/s²."""
 COMMAND_BOUND = 100.0
 """Largest command that the observation can show, m/s and rad/s."""
+
+
+def check_kinds(settings: Any) -> None:
+    """Refuse settings whose parts are not of the dataclasses that they are declared to be."""
+    for each in fields(settings):
+        value, kinds = getattr(settings, each.name), get_args(each.type) or (each.type,)
+        names = [f"quad_env.{kind.__name__}" for kind in kinds if isinstance(kind, type) and is_dataclass(kind)]
+        if names and not isinstance(value, kinds):
+            valid = " or ".join(names + ["None"] * (type(None) in kinds))
+            what = f"{type(settings).__name__}.{each.name}"
+            raise ValueError(f"{what} is a {valid}, got {value!r}; write {names[0]}(…)")
 
 
 @dataclass(frozen=True)
@@ -102,3 +114,6 @@ class TaskConfig:
     """Hz; the physics and the joint servo run at the model's own timestep"""
     fall_rule: FallRule = field(default_factory=FallRule)
     reward_weights: RewardWeights = field(default_factory=RewardWeights)
+
+    def __post_init__(self) -> None:
+        check_kinds(self)

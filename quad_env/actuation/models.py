@@ -6,6 +6,7 @@ The ideal servo is limited by `Motors.torque_limit` alone and follows its target
 
 from dataclasses import dataclass
 
+from quad_env.config import check_kinds
 from quad_env.robots.robot import TORQUE_LIMIT, VELOCITY_LIMIT
 from quad_env.scenarios.disturbances import check_amount, check_positive
 
@@ -120,6 +121,7 @@ class Actuator:
     """None: a winding that stays cold; otherwise needs a curve, whose slope says what a torque costs"""
 
     def __post_init__(self) -> None:
+        check_kinds(self)
         if self.bandwidth is not None:
             check_positive("bandwidth", self.bandwidth, "Hz")
         if not 0 <= self.delay <= 1:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from quad_env.config import AnyPose, CommandRanges, StartNoise
+from quad_env.config import AnyPose, CommandRanges, StartNoise, check_kinds
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.terrain import Flat, Terrain
 
@@ -28,3 +28,6 @@ class Scenario:
     latency: Latency | None = None
     noise: SensorNoise | None = None
     dropouts: Dropouts | None = None
+
+    def __post_init__(self) -> None:
+        check_kinds(self)

@@ -8,6 +8,7 @@ errors: whatever reads the sensors knows nothing of them.
 import math
 from dataclasses import dataclass, field
 
+from quad_env.config import check_kinds
 from quad_env.robots.robot import TORQUE_LIMIT
 from quad_env.scenarios.disturbances import check_amount, check_positive
 
@@ -135,6 +136,9 @@ class SensorSuite:
     encoders: Encoders = field(default_factory=Encoders)
     feet: FootContact = field(default_factory=FootContact)
     torque: JointTorque = field(default_factory=JointTorque)
+
+    def __post_init__(self) -> None:
+        check_kinds(self)
 
 
 IDEAL = SensorSuite(

@@ -1,0 +1,23 @@
+"""Settings that are no setting are refused where they are written, with what to write instead."""
+
+from typing import Any
+
+import pytest
+
+import quad_env
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "says"),
+    [
+        (quad_env.Scenario, {"name": "x", "terrain": "rough"}, r"Scenario\.terrain .*quad_env\.SmoothRandom.* 'rough'"),
+        (quad_env.Scenario, {"name": "x", "pushes": 3}, r"Scenario\.pushes is a quad_env\.Pushes or None, got 3"),
+        (quad_env.Scenario, {"name": "x", "ground": None}, r"write quad_env\.Ground\(…\)"),
+        (quad_env.TaskConfig, {"reward_weights": {"tilt": -1.0}}, r"write quad_env\.RewardWeights\(…\)"),
+        (quad_env.Actuator, {"gear": 10.0}, r"Actuator\.gear is a quad_env\.Gear or None, got 10\.0"),
+        (quad_env.SensorSuite, {"imu": None}, r"write quad_env\.Imu\(…\)"),
+    ],
+)
+def test_a_setting_of_the_wrong_kind_is_told_the_right_ones(kind: Any, values: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        kind(**values)
