@@ -14,6 +14,7 @@ from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as find_actuator
 from quad_env.config import TaskConfig
 from quad_env.envs.arguments import check_options, held_commands, joint_targets, setting, task_config
+from quad_env.envs.copying import MadeAgain
 from quad_env.envs.vector_env import ACTION_SPACE, OBSERVATION_SPACE, Observation
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
@@ -33,7 +34,7 @@ _ROW = np.zeros(1, np.intp)
 """The only robot among those of a batch of one."""
 
 
-class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
+class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A 14.2 kg quadruped that follows velocity commands; 12 joint-position targets at 100 Hz.
 
     Actions, observations, commands, infos, falls and seeds are described in the README, section "Environment". Every
@@ -53,6 +54,7 @@ class SimpleQuadEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             `sensor_<name>_time`, s since the start of the episode, when it was measured, to the infos.
     """
 
+    _KEPT = ("spec", "_seed", "_next_episode")
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
 
     def __init__(

@@ -25,6 +25,7 @@ from quad_env.envs.arguments import (
     setting,
     task_config,
 )
+from quad_env.envs.copying import MadeAgain
 from quad_env.physics.simulation import ALL, Ids, Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
@@ -47,7 +48,7 @@ OBSERVATION_SPACE = Box(-BOUND, BOUND, dtype=np.float32)
 ACTION_SPACE = Box(JOINT_LOWER.astype(np.float32), JOINT_UPPER.astype(np.float32), dtype=np.float32)
 
 
-class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
+class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
     """n SimpleQuad robots, stepped together.
 
     Env i with a seed gives the same numbers, bit for bit, as a single env with that seed, whatever n and `nthread`.
@@ -71,6 +72,8 @@ class SimpleQuadVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its values, and
             `sensor_<name>_time`, s since the start of the episode, when they were measured, to the infos.
     """
+
+    _KEPT = ("spec", "_schedule")
 
     def __init__(
         self,
