@@ -32,6 +32,8 @@ from quad_env.task.observations import SCALE
 
 SCHEMA_VERSION = 1
 DESCRIPTION, WEIGHTS = "policy.json", "policy.safetensors"
+BEST = "best"
+"""Folder of a training run that holds its bundle."""
 
 _FIELDS = {
     "schema_version",
@@ -82,8 +84,11 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
 
 
 def load(path: str | Path) -> ResidualPolicy:
-    """The policy of a bundle folder. Raises PolicyError, one line, if anything is missing, damaged or does not fit."""
-    folder = Path(path)
+    """The policy of a bundle's folder, or of a training run's, which is that of its best validation.
+
+    Raises PolicyError, one line, if anything is missing, damaged or does not fit.
+    """
+    folder = _bundle(Path(path))
     description = _parse(folder / DESCRIPTION)
     _check_environment(folder, description)
     weights = _read(folder / WEIGHTS)
@@ -95,6 +100,20 @@ def load(path: str | Path) -> ResidualPolicy:
     if not isinstance(name, str) or not name:
         _fail(folder, "name must be a non-empty text")
     return ResidualPolicy(base, network, _authority(folder, description["authority"]), name)
+
+
+def _bundle(folder: Path) -> Path:
+    """Where the bundle lies that a folder's name stands for."""
+    if (folder / DESCRIPTION).exists():
+        return folder
+    if (folder / BEST).is_dir():
+        return folder / BEST
+    if (folder / "config.json").exists():
+        raise PolicyError(f"the training run in {folder} has no policy yet: it writes {BEST}/ at its first validation")
+    raise PolicyError(
+        f"no {DESCRIPTION} in {folder}: name the folder of a trained policy, such as models/residual, or of a training "
+        "run"
+    )
 
 
 def _fail(folder: Path, reason: str) -> NoReturn:
@@ -110,8 +129,9 @@ def _read(file: Path) -> bytes:
 
 def _parse(file: Path) -> dict[str, Any]:
     """The description with exactly the fields of its schema; their contents are yet to be checked."""
+    content = _read(file)
     try:
-        description = json.loads(_read(file))
+        description = json.loads(content)
     except (ValueError, RecursionError):
         _fail(file.parent, f"{file.name} is not JSON")
     if not isinstance(description, dict):

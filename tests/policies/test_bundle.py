@@ -3,6 +3,7 @@ import itertools
 import json
 import os
 import pickle
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -298,3 +299,30 @@ def test_path_without_a_bundle_is_answered_with_the_names(tmp_path):
         policies.resolve(str(tmp_path / "nothing"))
     with pytest.raises(policies.PolicyError, match=DESCRIPTION):
         policies.resolve(tmp_path)
+
+
+def test_a_training_run_is_found_as_its_best_bundle(folder, tmp_path):
+    """As `evaluate runs/mine` calls it: bundles lie in best/ and last/ there."""
+    run = tmp_path / "runs" / "mine"
+    shutil.copytree(folder, run / "best")
+    (run / "config.json").write_text("{}")
+    assert trajectory(policies.resolve(str(run))) == trajectory(load(run / "best")) == trajectory(load(folder))
+
+
+@pytest.mark.parametrize(
+    ("files", "remedy"),
+    [
+        (("config.json", "tensorboard/events"), "its first validation"),
+        (("notes.txt",), "name the folder of a trained policy, such as models/residual, or of a training run"),
+        (("policy.json",), "policy.json is not JSON; train it anew"),
+        (("config.json", "best/policy.json"), "best: policy.json is not JSON; train it anew"),
+    ],
+)
+def test_a_folder_without_a_bundle_says_what_to_do(tmp_path, files, remedy):
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    with pytest.raises(policies.PolicyError) as refused:
+        policies.load(tmp_path)
+    assert remedy in str(refused.value)
+    assert ("anew" in remedy) == ("anew" in str(refused.value))

@@ -50,7 +50,7 @@ def test_a_run_leaves_bundles_settings_checkpoint_and_log(finished_run):
 
 def test_the_bundle_of_a_run_walks_with_what_was_learned(finished_run):
     policy = policies.load(finished_run / "last")
-    assert policy.name == "residual"
+    assert policies.load(finished_run).name == policy.name == "residual"
     assert any(weight.any() for weight in policy.network.weights[-1:])
     seeds = episode_seeds("user", 0, 2)
     walked = run(policy, "flat", seeds, nthread=1, steps=30).heading_velocity
