@@ -99,7 +99,9 @@ def _meets(place: str, name: str, axis: str) -> bool:
 def _rule(text: str) -> Rule:
     found = _SENTENCE.fullmatch(text.strip())
     if found is None:
-        raise ValueError(f"gate '{text}' cannot be read; write {GRAMMAR}")
+        spaced = [name for name in measures() if "_" in name and name.replace("_", " ") in text]
+        hint = f" with the measure as {max(spaced, key=len)}" if spaced else ""
+        raise ValueError(f"gate '{text}' cannot be read; write {GRAMMAR}{hint}")
     policy, measure, relation, right, percent, on, strictly = found.groups()
     if measure not in measures():
         raise ValueError(f"gate '{text}': unknown measure {measure}; valid: {', '.join(measures())}")

@@ -78,10 +78,7 @@ def _read(path: Path) -> "tuple[Manifest, pa.Table]":
     from evaluate.records.store import read_rows
 
     folder = path.parent if path.name in ("results.json", "episodes.parquet", "manifest.json") else path
-    try:
-        manifest, rows = read_rows(folder)
-    except (OSError, ValueError) as error:
-        raise UsageError(str(error)) from error
+    manifest, rows = read_rows(folder)
     if not rows.num_rows:
         raise UsageError(f"{folder} holds no finished part of a comparison yet")
     return manifest, rows

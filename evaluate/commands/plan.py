@@ -125,7 +125,7 @@ def _carried_on(now: Manifest, options: Options) -> Manifest:
 def _manifest(folder: Path) -> Manifest:
     try:
         return manifests.read(folder)
-    except (OSError, ValueError) as error:
+    except (OSError, UsageError) as error:
         raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error
 
 

@@ -53,6 +53,8 @@ def main(options: Options) -> int:
 
 def _lines(path: Path) -> tuple[list[str], list[str]]:
     """The short table and every figure of a results.json; UsageError where it is none, or of an interrupted run."""
+    if not path.exists():
+        raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
     try:
         found: dict[str, Any] = json.loads(path.read_bytes())
         if not found["complete"]:

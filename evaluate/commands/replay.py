@@ -54,10 +54,7 @@ def main(options: Options) -> int:
     from evaluate.records.store import read_run
     from evaluate.report.film import check_kind
 
-    try:
-        run = read_run(options.results)
-    except (OSError, ValueError) as error:
-        raise UsageError(str(error)) from error
+    run = read_run(options.results)
     found = find(run, options)
     policy = _policy(found.cell.policy)
     if options.video is not None:

@@ -30,10 +30,7 @@ def main(options: Options) -> int:
     from evaluate.records.store import read_run, remove_chunks
     from policies.files import FolderInUse, sole_use
 
-    try:
-        run = read_run(options.folder)
-    except (OSError, ValueError) as error:
-        raise UsageError(str(error)) from error
+    run = read_run(options.folder)
     if not run.cells:
         raise UsageError(f"{options.folder} holds no finished part of a comparison yet")
     if options.gate and not run.complete:

@@ -17,6 +17,7 @@ from rich.table import Table
 from evaluate.measures import fall_rules
 from evaluate.measures.fall_rules import FallRule
 from evaluate.records import trace
+from evaluate.records.manifest import check_folder
 from evaluate.statistics.intervals import Interval, wilson_interval
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import percent
@@ -68,6 +69,7 @@ def rescore(results: Path, rules: tuple[FallRule, ...]) -> list[Score]:
     """Falls of every traced cell under every rule; UsageError where there is no trace."""
     paths = sorted((results / trace.FOLDER).glob("*.parquet"))
     if not paths:
+        check_folder(results)
         raise UsageError(f"no traces in {results / trace.FOLDER}; run the evaluation with --trace")
     steps: dict[tuple[str, str, str], list[NDArray[np.float64]]] = {}
     for path in paths:

@@ -11,6 +11,7 @@ from evaluate.records.provenance import code_digest, cpu_model, policy_digest, v
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
 from quad_env.scenarios.named import Scenario
 from quad_env.serialisation import from_plain, to_plain
@@ -104,8 +105,9 @@ def manifest(
 
 
 def read(folder: Path) -> Manifest:
-    """The manifest of a folder; OSError if it cannot be read, ValueError if it is none of this version."""
+    """The manifest of a folder. Raises UsageError, one line, if there is none or none of this version."""
     path = folder / NAME
+    check_folder(folder)
     try:
         found = json.loads(path.read_bytes())
         if found.pop("schema") != SCHEMA:
@@ -113,7 +115,19 @@ def read(folder: Path) -> Manifest:
         values = {"scenarios": from_plain(found["scenarios"]), "hardware": Hardware(**found["hardware"])}
         return Manifest(**(found | values))
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is no manifest of this version ({error})") from error
+        raise UsageError(f"{path} is no manifest of this version ({error})") from error
+
+
+def check_folder(folder: Path) -> None:
+    """Raise UsageError, one line, unless the folder holds the results of an evaluation, finished or not."""
+    if folder.is_file():
+        raise UsageError(f"{folder} is a file; name the folder of an evaluation")
+    if not folder.exists():
+        raise UsageError(
+            f"there is no folder {folder}; name one that `python -m evaluate` wrote, such as results/evaluation"
+        )
+    if not (folder / NAME).is_file():
+        raise UsageError(f"{folder} holds no results of `python -m evaluate`: it has no {NAME}")
 
 
 def differences(then: Manifest, now: Manifest) -> list[str]:

@@ -12,6 +12,7 @@ from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
 from evaluate.records.manifest import Manifest
 from evaluate.rollouts.experiment import Cell, Chunk, evaluation_seeds, join
+from evaluate.terminal.command_line import UsageError
 from quad_env.scenarios.named import Scenario
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ class ChunkStore:
 
 
 def read_run(folder: Path) -> Run:
-    """The run in a folder, finished or not; OSError or ValueError, one line, if there is none that can be read."""
+    """The run in a folder, finished or not. Raises UsageError or OSError, one line, if there is none to be read."""
     manifest = manifests.read(folder)
     if is_unfinished(folder):
         return Run(manifest, tuple(_from_chunks(ChunkStore(folder, manifest, resumed=True))))
@@ -104,7 +105,7 @@ def read_run(folder: Path) -> Run:
         rows = read_table(path, manifest.fingerprint)
         return Run(manifest, tuple(_from_table(manifest, rows)))
     except ValueError as error:
-        raise ValueError(f"{path} cannot be read as the run of {manifests.NAME}: {error}") from error
+        raise UsageError(f"{path} cannot be read as the run of {manifests.NAME}: {error}") from error
 
 
 def read_rows(folder: Path) -> "tuple[Manifest, pa.Table]":
@@ -117,7 +118,10 @@ def read_rows(folder: Path) -> "tuple[Manifest, pa.Table]":
         finished = [table(cell) for cell in _from_chunks(store)]
         return manifest, pa.concat_tables(finished) if finished else pa.table({})
     path = folder / EPISODES
-    return manifest, read_table(path, manifest.fingerprint) if path.is_file() else pa.table({})
+    try:
+        return manifest, read_table(path, manifest.fingerprint) if path.is_file() else pa.table({})
+    except ValueError as error:
+        raise UsageError(str(error)) from error
 
 
 def is_unfinished(folder: Path) -> bool:

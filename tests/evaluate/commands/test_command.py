@@ -154,7 +154,13 @@ def test_a_gate_that_does_not_hold_sets_the_exit_code(capsys, tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("gate", "words"), [("stand falls", "cannot be read"), ("trot falls <= stand", "trot"), ("stand joy <= 1", "joy")]
+    ("gate", "words"),
+    [
+        ("stand falls", "cannot be read"),
+        ("stand mean velocity error <= document", "with the measure as mean_velocity_error"),
+        ("trot falls <= stand", "trot"),
+        ("stand joy <= 1", "joy"),
+    ],
 )
 @pytest.mark.usefixtures("no_simulation")
 def test_a_gate_that_cannot_be_judged_is_refused(capsys, tmp_path, gate, words) -> None:

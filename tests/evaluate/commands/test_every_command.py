@@ -54,3 +54,34 @@ def test_the_programs_help_lists_every_command(capsys) -> None:
     for name, command in COMMANDS.items():
         assert re.search(rf"^  {name} +{re.escape(command.summary)}$", printed, re.MULTILINE)
         assert len(command.summary) <= 64  # a line of 80 columns holds it
+
+
+READERS = pytest.mark.parametrize(
+    "arguments", [["report"], ["replay", "0"], ["compare", "{}"], ["rescore"]], ids=" ".join
+)
+
+
+@READERS
+@pytest.mark.parametrize(
+    ("folder", "said"),
+    [
+        ("nowhere", "there is no folder {}; name one that `python -m evaluate` wrote, such as results/evaluation"),
+        ("empty", "{} holds no results of `python -m evaluate`: it has no manifest.json"),
+        ("thesis.tex", "{} is a file; name the folder of an evaluation"),
+    ],
+)
+def test_a_folder_without_results_is_one_line_that_says_what_to_name(capsys, tmp_path, arguments, folder, said) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "thesis.tex").write_text("")
+    name, *more = (word.format(tmp_path / folder) for word in arguments)
+    assert main([name, str(tmp_path / folder), *more]) == 2
+    assert capsys.readouterr() == ("", f"error: {said.format(tmp_path / folder)}\n")
+
+
+def test_a_readme_table_of_no_results_says_how_to_make_them(capsys, tmp_path) -> None:
+    files = ["--readme", str(tmp_path / "README.md"), "--page", str(tmp_path / "README.md")]
+    (tmp_path / "README.md").write_text("")
+    assert main(["readme", str(tmp_path / "results.json"), *files]) == 2
+    assert capsys.readouterr().err == (
+        f"error: there is no {tmp_path / 'results.json'}; `python -m evaluate --out {tmp_path}` makes it\n"
+    )

@@ -135,11 +135,6 @@ def test_an_episode_is_run_again_with_the_motors_that_it_was_run_with(tmp_path, 
     assert ideal.fingerprint != motor.fingerprint
 
 
-def test_a_folder_without_results_is_a_mistake(tmp_path, capsys) -> None:
-    code, said = replay(capsys, tmp_path / "nothing", 0)
-    assert (code, said.count("\n"), "manifest.json" in said) == (2, 1, True)
-
-
 def test_a_policy_that_is_gone_is_a_mistake(run, tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr(policies, "_MAKERS", {"trot": policies.Trot})
     code, said = replay(capsys, run.folder, 0)
