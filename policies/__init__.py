@@ -16,10 +16,11 @@ from policies.behaviour import Behaviour
 from policies.bundle import load
 from policies.gaits.policy import Gaits
 from policies.residual import ResidualPolicy
-from policies.safety import Safe
+from policies.safety import Safe, SafetyLimits
 from policies.stand import Stand
 from policies.trot.feedback import TrotFeedback
 from policies.trot.open_loop import Trot, TrotParameters
+from quad_env.actuation.models import Actuator
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 """The trained policies that ship with the project."""
@@ -56,22 +57,22 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(_MAKERS))
 
 
-def make(name: str) -> Policy:
-    """A fresh policy by name, for `safe:NAME` within the safety layer.
+def make(name: str, *, actuator: str | Actuator = "ideal") -> Policy:
+    """A fresh policy by name, for `safe:NAME` within the safety layer, whose limits are those of the actuator.
 
     Raises PolicyError for a name that does not exist or a model that is not there.
     """
     if name.startswith(SAFE):
-        return Safe(make(name.removeprefix(SAFE)))
+        return Safe(make(name.removeprefix(SAFE)), SafetyLimits.of(actuator))
     if name not in _MAKERS:
         raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
     return _MAKERS[name]()
 
 
-def resolve(name_or_path: str | Path) -> Policy:
-    """A fresh policy by name, else from the bundle in the folder of that path. Raises PolicyError."""
+def resolve(name_or_path: str | Path, *, actuator: str | Actuator = "ideal") -> Policy:
+    """A fresh policy by name, see `make`, else from the bundle in the folder of that path. Raises PolicyError."""
     if isinstance(name_or_path, str) and name_or_path.removeprefix(SAFE) in _MAKERS:
-        return make(name_or_path)
+        return make(name_or_path, actuator=actuator)
     if Path(name_or_path).is_dir():
         return load(name_or_path)
     raise PolicyError(

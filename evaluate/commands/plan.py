@@ -56,7 +56,7 @@ def check(options: Options) -> Plan:
         hardware.check(options.hardware)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    compared = _policies(options.policies)
+    compared = _policies(options.policies, options.actuator)
     found = check_gates(options.gate, [policy.label for policy in compared], scenarios)
     _check_folder(options.out)
     manifest = manifests.manifest(
@@ -136,7 +136,7 @@ def _restored(manifest: Manifest) -> Mapping[str, Any]:
         raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error
 
 
-def _policies(names: tuple[str, ...]) -> tuple[LabelledPolicy, ...]:
+def _policies(names: tuple[str, ...], actuator: str) -> tuple[LabelledPolicy, ...]:
     labels = [name if name in policies.names() else name.rstrip("/\\") or name for name in names]
     if not labels:
         raise UsageError(f"--policies: none given; name at least one of {', '.join(policies.names())}, or a folder")
@@ -144,6 +144,6 @@ def _policies(names: tuple[str, ...]) -> tuple[LabelledPolicy, ...]:
     if repeated := sorted({label for label, place in zip(labels, places, strict=True) if places.count(place) > 1}):
         raise UsageError(f"--policies: {', '.join(repeated)} given more than once; name each policy once")
     try:
-        return tuple(LabelledPolicy(label, policies.resolve(label)) for label in labels)
+        return tuple(LabelledPolicy(label, policies.resolve(label, actuator=actuator)) for label in labels)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error

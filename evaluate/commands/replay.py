@@ -56,7 +56,7 @@ def main(options: Options) -> int:
 
     run = read_run(options.results)
     found = find(run, options)
-    policy = _policy(found.cell.policy)
+    policy = _policy(found.cell.policy, run.manifest)
     if options.video is not None:
         check_kind(options.video)
         _check_folder(options.video)
@@ -127,18 +127,18 @@ def _causes(then: "Manifest", found: Found) -> list[str]:
     """What is known to be different now; of a policy that has not walked yet."""
     from evaluate.records import manifest as manifests
 
-    policies_now, scenarios = [_policy(found.cell.policy)], [found.cell.scenario]
+    policies_now, scenarios = [_policy(found.cell.policy, then)], [found.cell.scenario]
     numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
     now = manifests.manifest(policies_now, scenarios, then.options, **numbers, hardware=then.hardware)
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
-def _policy(label: str) -> "LabelledPolicy":
+def _policy(label: str, manifest: "Manifest") -> "LabelledPolicy":
     import policies
     from evaluate.rollouts.experiment import LabelledPolicy
 
     try:
-        return LabelledPolicy(label, policies.resolve(label))
+        return LabelledPolicy(label, policies.resolve(label, actuator=manifest.hardware.actuator))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
 

@@ -42,7 +42,7 @@ def film(shot: Shot) -> bytes:
 
     import policies
 
-    policy = policies.resolve(shot.policy)
+    policy = policies.resolve(shot.policy, actuator=shot.hardware.actuator)
     env = gym.make(
         "quad_env:SimpleQuad-v0",
         scenario=shot.scenario,

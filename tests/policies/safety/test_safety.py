@@ -10,11 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import policies
+from evaluate.commands.options import Options
+from evaluate.commands.plan import check
 from evaluate.measures.controlled_stop import Trace, controlled_stops
 from policies.base import Policy
 from policies.safety import DeadlineMissed, Mode, PolicyProcessError, Safe, SafetyLimits, Watched
 from policies.safety.target_limits import SERVO_DAMPING, SERVO_STIFFNESS, limited
 from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.columns import of_robots
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, TORQUE_LIMIT
@@ -247,6 +250,25 @@ def test_limited_targets_ask_for_no_torque_above_the_limit_and_stay_in_range(tar
     inside = (result > JOINT_LOWER) & (result < JOINT_UPPER)  # at a joint's end the range counts
     assert (np.abs(asked[inside]) <= torque + 1e-9).all()
     assert ((result >= JOINT_LOWER) & (result <= JOINT_UPPER)).all()
+
+
+def test_the_limits_of_a_weaker_actuator_follow_its_torque_speed_line_and_its_delay():
+    """By hand: 40 N·m and 10 rad/s leave a joint at 5 rad/s 20 N·m to drive it on and all 40 to brake it; 0.01 s on
+    it has turned by 0.05 rad. A target is (torque + 10 · 5) / 300 from there."""
+    limits = SafetyLimits.of(Actuator(TorqueSpeed(40.0, 10.0), delay=0.01))
+    joints, speeds, far = np.zeros((1, 12)), np.full((1, 12), 5.0), np.full((1, 12), 2.0)
+    thigh = (0, 1)
+    assert limited(far, far, joints, speeds, limits)[thigh] == pytest.approx(0.05 + (20.0 + 50.0) / 300.0)
+    assert limited(-far, -far, joints, speeds, limits)[thigh] == pytest.approx(0.05 + (-40.0 + 50.0) / 300.0)
+    # Past the speed without load nothing drives the joint on.
+    assert limited(far, far, joints, 3.0 * speeds, limits)[thigh] == pytest.approx(0.15 + (0.0 + 150.0) / 300.0)
+
+
+def test_the_safety_layer_of_a_run_knows_the_actuator_of_its_robots(tmp_path):
+    plan = check(Options(out=tmp_path, policies=("safe:trot",), actuator="torque_speed", scenarios=("flat",)))
+    assert plan.policies[0].policy._limits == SafetyLimits.of("torque_speed") == SafetyLimits(no_load_speed=10.0)
+    assert SafetyLimits.of("ideal") == SafetyLimits()
+    assert SafetyLimits.of("motor").delay == 0.002
 
 
 def test_targets_change_no_faster_than_the_limit_and_not_further_along_a_joint_that_is_too_fast():
