@@ -24,7 +24,8 @@ if TYPE_CHECKING:
         StartNoise,
         TaskConfig,
     )
-    from quad_env.robots.robot import JOINT_NAMES
+    from quad_env.robots.robot import Robot
+    from quad_env.robots.simple_quad import JOINT_NAMES, SIMPLE_QUAD
     from quad_env.scenarios.axes import AXES, Axis
     from quad_env.scenarios.disturbances import (
         Dropouts,
@@ -63,6 +64,7 @@ __all__ = [
     "OBSERVATION_SIZE",
     "SCENARIOS",
     "SENSORS",
+    "SIMPLE_QUAD",
     "Actuator",
     "AnyPose",
     "Axis",
@@ -81,6 +83,7 @@ __all__ = [
     "Payload",
     "Pushes",
     "RewardWeights",
+    "Robot",
     "Scenario",
     "SensorNoise",
     "SensorSuite",
@@ -98,6 +101,7 @@ _MODULES = (
     "actuation.models",
     "config",
     "robots.robot",
+    "robots.simple_quad",
     "scenarios.axes",
     "scenarios.disturbances",
     "scenarios.named",

@@ -12,7 +12,7 @@ import policies
 from benchmarks.probes.physics_settings import Change, Setting, compiled, together
 from benchmarks.support.bars import ACCURACY
 from quad_env import ENV_ID
-from quad_env.robots.robot import FOOT_RADIUS, HOME_POSE, LEG_NAMES
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
 CONTROL_PERIOD = 0.01
@@ -124,7 +124,7 @@ def walk(model: mujoco.MjModel, stride: Stride) -> tuple[Floats, float]:
             mujoco.mj_step(model, data)
             lowest = min(lowest, data.site_xpos[feet, 2].min())
         rows.append(data.qpos.copy())
-    return np.array(rows), (FOOT_RADIUS - lowest) * 1e3
+    return np.array(rows), (SIMPLE_QUAD.foot_radius - lowest) * 1e3
 
 
 def _standing(model: mujoco.MjModel) -> dict[str, float]:
@@ -136,8 +136,8 @@ def _standing(model: mujoco.MjModel) -> dict[str, float]:
         heights.append(data.qpos[2])
     late = np.flatnonzero(np.abs(np.array(heights) - heights[-1]) > 0.001)
     settles = CONTROL_PERIOD * (late.max() + 1) if len(late) else 0.0
-    sag = np.abs(data.qpos[7:] - HOME_POSE).max()
-    sinks = (FOOT_RADIUS - data.site_xpos[_feet(model), 2].min()) * 1e3
+    sag = np.abs(data.qpos[7:] - SIMPLE_QUAD.home_pose).max()
+    sinks = (SIMPLE_QUAD.foot_radius - data.site_xpos[_feet(model), 2].min()) * 1e3
     data.xfrc_applied[model.body("base_link").id, 1] = SIDE_LOAD
     _advance(model, data, 0.5)
     slip = _foot_speed(model, data)
@@ -184,4 +184,4 @@ def _advance(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None
 
 
 def _feet(model: mujoco.MjModel) -> list[int]:
-    return [model.site(f"{leg}_foot").id for leg in LEG_NAMES]
+    return [model.site(f"{leg}_foot").id for leg in SIMPLE_QUAD.leg_names]

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 
 from quad_env.physics.model import stepped_model
-from quad_env.robots.robot import MODEL_PATH
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Change = Callable[[mujoco.MjSpec], None]
 
@@ -127,6 +127,6 @@ SETTINGS: dict[str, Setting] = {
 
 def compiled(change: Change) -> mujoco.MjModel:
     """The robot with that change."""
-    spec = mujoco.MjSpec.from_file(str(MODEL_PATH))
+    spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     change(spec)
     return spec.compile()

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.columns import Array, Mask, Rows
-from quad_env.robots.robot import HOME_POSE, NUM_JOINTS
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode, control_steps
 from quad_env.scenarios.scenario import Scenario
 
@@ -14,11 +14,12 @@ from quad_env.scenarios.scenario import Scenario
 class Wires:
     """The way of the targets from n policies to the servos; `clock` is each robot's control steps since its start."""
 
-    def __init__(self, scenario: Scenario, num_envs: int, dt: float) -> None:
+    def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
+        self._home = robot.home_pose
         late = 0 if scenario.latency is None else round(scenario.latency.action / dt)
-        self._sent = np.zeros((late + 1, num_envs, NUM_JOINTS))
+        self._sent = np.zeros((late + 1, num_envs, robot.num_joints))
         """Targets of the last steps: that of clock c is at c modulo its length."""
-        self._heard = np.zeros((num_envs, NUM_JOINTS))
+        self._heard = np.zeros((num_envs, robot.num_joints))
         dropouts = scenario.dropouts
         count = 0 if dropouts is None else dropouts.count
         self._lost_from = np.zeros((num_envs, count), np.int64)
@@ -27,7 +28,7 @@ class Wires:
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
         """Those robots start these episodes, their servos at home."""
-        self._sent[:, rows] = self._heard[rows] = HOME_POSE
+        self._sent[:, rows] = self._heard[rows] = self._home
         for row, episode in zip(rows, episodes, strict=True):
             if (plan := episode.dropouts) is not None:
                 self._lost_from[row], self._lost_joint[row] = plan.first_step, plan.joint
@@ -49,14 +50,14 @@ class Wires:
     def _lost(self, clock: NDArray[np.int64], rows: Rows) -> Mask:
         """Which joints of those robots hear nothing in the coming step, (k, 12)."""
         since = clock[:, None] - self._lost_from[rows]
-        lost = np.zeros((len(rows), NUM_JOINTS), np.bool_)
+        lost = np.zeros((len(rows), self._heard.shape[1]), np.bool_)
         robot, event = np.nonzero((since >= 0) & (since < self._lost_for))
         lost[robot, self._lost_joint[rows[robot], event]] = True
         return lost
 
 
-def wires_of(scenario: Scenario, num_envs: int, dt: float) -> Wires | None:
+def wires_of(robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> Wires | None:
     """The robots' wires, or None where targets reach the servos at once and always."""
     late = scenario.latency is not None and round(scenario.latency.action / dt) > 0
     lost = scenario.dropouts is not None and scenario.dropouts.count > 0
-    return Wires(scenario, num_envs, dt) if late or lost else None
+    return Wires(robot, scenario, num_envs, dt) if late or lost else None

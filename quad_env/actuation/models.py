@@ -5,9 +5,10 @@ The ideal servo is limited by `Motors.torque_limit` alone and follows its target
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from quad_env.config import check_kinds
-from quad_env.robots.robot import TORQUE_LIMIT, VELOCITY_LIMIT
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import check_amount, check_positive
 
 
@@ -16,8 +17,8 @@ class TorqueSpeed:
     """The torque-speed curve of a DC motor on a constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed), and the
     same with both signs turned.
 
-    The figures are our reading of the document, which gives each joint an effort limit of 100 N·m and a velocity limit
-    of 10 rad/s and no curve: the first is taken for the stall torque, the second for the speed without load.
+    By default the robot's rated torque is taken for the stall torque, its rated speed for the speed without load. That
+    is our reading of the document, which gives each joint an effort limit and a velocity limit and no curve.
 
     The line is that of a winding of resistance R and motor constant K on a voltage of at most ±V: τ = K (v − K ω) / R
     (MuJoCo DC Motor Model, equation 2; MuJoCo's `dcmotor` with its on-board controller). It goes on through all four
@@ -26,14 +27,32 @@ class TorqueSpeed:
     back-EMF exceeds the supply: the motor can do nothing but brake, at least along the line.
     """
 
-    stall_torque: float = TORQUE_LIMIT
-    """N·m at standstill; also the limit of the current, braking included"""
-    no_load_speed: float = VELOCITY_LIMIT
-    """rad/s at which no torque is left"""
+    stall_torque: float | None = None
+    """N·m at standstill; also the limit of the current, braking included; None: the robot's rated torque"""
+    no_load_speed: float | None = None
+    """rad/s at which no torque is left; None: the robot's rated speed"""
 
     def __post_init__(self) -> None:
-        check_positive("stall_torque", self.stall_torque, "N·m")
-        check_positive("no_load_speed", self.no_load_speed, "rad/s")
+        if self.stall_torque is not None:
+            check_positive("stall_torque", self.stall_torque, "N·m")
+        if self.no_load_speed is not None:
+            check_positive("no_load_speed", self.no_load_speed, "rad/s")
+
+    def on(self, robot: Robot) -> "Line":
+        """The curve of that robot's motors."""
+        return Line(
+            robot.rated_torque if self.stall_torque is None else self.stall_torque,
+            robot.rated_speed if self.no_load_speed is None else self.no_load_speed,
+        )
+
+
+class Line(NamedTuple):
+    """The figures of a `TorqueSpeed` on a robot."""
+
+    stall_torque: float
+    """N·m"""
+    no_load_speed: float
+    """rad/s"""
 
     @property
     def slope(self) -> float:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.actuation.models import Actuator, Thermal, TorqueSpeed, weaker
+from quad_env.actuation.models import Actuator, Line, Thermal, weaker
 from quad_env.columns import Array, Mask
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Motors
 
 Ids = slice | NDArray[np.intp]
@@ -22,13 +22,14 @@ class Lag:
     """First-order lag of the targets, exact for a target that is constant over a physics step, as MuJoCo's
     `filterexact`: a motor sees the value at the start of the step."""
 
-    def __init__(self, bandwidth: float, timestep: float, num_envs: int) -> None:
+    def __init__(self, bandwidth: float, timestep: float, num_envs: int, home: Array) -> None:
+        self._home = home
         self._share = 1 - math.exp(-timestep * 2 * math.pi * bandwidth)
-        self._value = np.tile(HOME_POSE, (num_envs, 1))
+        self._value = np.tile(home, (num_envs, 1))
 
     def begin(self, ids: Ids) -> None:
         """Those robots start at home."""
-        self._value[ids] = HOME_POSE
+        self._value[ids] = self._home
 
     def follow(self, targets: Array, ids: Ids) -> Array:
         """What the motors of those robots go by in the coming physics step, (k, 12), rad, on the way to `targets`."""
@@ -46,9 +47,9 @@ class Windings:
     `force_range`, (n, 12, 2), N·m, is what MuJoCo limits each motor's torque to; it is written here.
     """
 
-    def __init__(self, thermal: Thermal, curve: TorqueSpeed, timestep: float, force_range: Array) -> None:
+    def __init__(self, thermal: Thermal, line: Line, timestep: float, force_range: Array) -> None:
         self._thermal = thermal
-        self._rise = thermal.resistance / curve.slope
+        self._rise = thermal.resistance / line.slope
         self._kept = math.exp(-timestep / thermal.time_constant)
         self._force_range, self._full_range = force_range, force_range.copy()
         self.temperature = np.full(force_range.shape[:2], thermal.ambient)
@@ -102,12 +103,12 @@ class Drives:
 
 
 def drives_of(
-    motors: Motors, actuator: Actuator, bind: Rows, expand: Rows, substeps: int, timestep: float
+    robot: Robot, motors: Motors, actuator: Actuator, bind: Rows, expand: Rows, substeps: int, timestep: float
 ) -> Drives | None:
     """The drives of those motors, or None where MuJoCo's own servos do all that is asked for."""
     curve, thermal, bandwidth = actuator.curve, actuator.thermal, weaker(motors.bandwidth, actuator.bandwidth)
     if curve is None or (thermal is None and bandwidth is None):
         return None
-    lag = None if bandwidth is None else Lag(bandwidth, timestep, len(bind("ctrl")))
-    windings = None if thermal is None else Windings(thermal, curve, timestep, expand("actuator_forcerange"))
+    lag = None if bandwidth is None else Lag(bandwidth, timestep, len(bind("ctrl")), robot.home_pose)
+    windings = None if thermal is None else Windings(thermal, curve.on(robot), timestep, expand("actuator_forcerange"))
     return Drives(lag, windings, bind, substeps)

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from quad_env.columns import Array, Mask
 from quad_env.config import COMMAND_BOUND, TaskConfig
-from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
 from quad_env.serialisation import from_plain
 
 RESET_OPTIONS = ("command", "reset_mask")
@@ -63,8 +62,8 @@ def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     return by_name[mode]
 
 
-def joint_targets(actions: Any, shape: tuple[int, ...]) -> Array:
-    """Joint targets clipped to the limits, of the given `shape`, rad."""
+def joint_targets(actions: Any, shape: tuple[int, ...], lower: Array, upper: Array) -> Array:
+    """Joint targets of the given `shape`, rad, clipped to the joints' limits, (12,)."""
     array = np.asarray(actions)
     if array.dtype.kind not in "fiu":
         raise ValueError(f"an action is real joint targets in rad, got {array.dtype}")
@@ -73,5 +72,5 @@ def joint_targets(actions: Any, shape: tuple[int, ...]) -> Array:
     targets: Array = array.astype(np.float64)
     if np.count_nonzero(np.isfinite(targets)) < targets.size:
         raise ValueError("an action is finite joint targets in rad")
-    np.maximum(targets, JOINT_LOWER, out=targets)
-    return np.minimum(targets, JOINT_UPPER, out=targets)
+    np.maximum(targets, lower, out=targets)
+    return np.minimum(targets, upper, out=targets)

@@ -15,17 +15,19 @@ from quad_env.actuation.models import actuator as find_actuator
 from quad_env.config import TaskConfig
 from quad_env.envs.arguments import check_options, held_commands, joint_targets, setting, task_config
 from quad_env.envs.copying import MadeAgain
-from quad_env.envs.vector_env import ACTION_SPACE, OBSERVATION_SPACE, Observation
+from quad_env.envs.spaces import action_space, observation_space
+from quad_env.envs.vector_env import Observation
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
-from quad_env.robots.robot import NUM_JOINTS
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import fresh_seeds, seeds_of
 from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
-from quad_env.task.observations import observe
+from quad_env.task.observations import observation_table
 from quad_env.task.rewards import reward_terms, step_weights
 from quad_env.task.terminations import fall_code
 
@@ -52,6 +54,7 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         sensors: what the observation is built from: None or "truth", a name of `quad_env.SENSORS`, or a
             `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its value, and
             `sensor_<name>_time`, s since the start of the episode, when it was measured, to the infos.
+        robot: the `quad_env.Robot` that is simulated.
     """
 
     _KEPT = ("spec", "_seed", "_next_episode")
@@ -68,21 +71,26 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         config: TaskConfig | None = None,
         actuator: str | Actuator = "ideal",
         sensors: str | SensorSuite | None = None,
+        robot: Robot = SIMPLE_QUAD,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         self.scenario = find_scenario(setting(scenario))
         """What the robot has to cope with."""
         self.config = task_config(setting(config))
+        self.robot = robot
+        """Names, geometry and limits of the robot; everything that the environment knows of it."""
         self.dt = 1 / self.config.control_rate
         """Control period, s."""
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
-        self.action_space, self.observation_space = ACTION_SPACE, OBSERVATION_SPACE
+        self._table = observation_table(robot)
+        self.action_space, self.observation_space = action_space(robot), observation_space(self._table)
+        self._lower, self._upper = robot.joint_lower, robot.joint_upper
         rate, suite = self.config.control_rate, sensor_suite(setting(sensors))
         motors, imu = find_actuator(setting(actuator)), None if suite is None else suite.imu
-        self._simulation = Simulation.of(self.scenario, 1, 1, rate, actuator=motors, imu=imu)
-        self._wires = wires_of(self.scenario, 1, self.dt)
+        self._simulation = Simulation.of(robot, self.scenario, 1, 1, rate, actuator=motors, imu=imu)
+        self._wires = wires_of(robot, self.scenario, 1, self.dt)
         self._sensors = shown_by(suite, self._simulation, self.scenario, 1, rate)
         self._weights = step_weights(self.config.reward_weights, self.dt)
         self._interval = round(self.scenario.commands.interval / self.dt)
@@ -119,7 +127,7 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         held = None if command is None else held_commands(command, 1)
         if seed is not None:
             (self._seed,), self._next_episode = seeds_of(seed, 1), 0
-        self._episode = Episode(self.scenario, self._seed, self._next_episode, self.dt)
+        self._episode = Episode(self.robot, self.scenario, self._seed, self._next_episode, self.dt)
         self._next_episode += 1
         self._clock, self._fall, self._diverged, self._terminated = 0, 0, False, False
         self._held = held is not None
@@ -141,7 +149,7 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         Raises:
             ValueError: a wrong shape or a non-finite target; the robot has not moved then.
         """
-        targets = joint_targets(action, (NUM_JOINTS,))
+        targets = joint_targets(action, self._lower.shape, self._lower, self._upper)
         if self._episode is None:
             raise ResetNeeded("reset the environment before the first step")
         if self._terminated:
@@ -158,7 +166,8 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         observation = self._observe(state)
         if self.render_mode == "human":
             self.render()
-        info = self._info(state, terms, state.mechanical_power, state.overspeed)
+        overspeed = columns.share_above(state.joint_velocity, self.robot.rated_speed)
+        info = self._info(state, terms, state.mechanical_power, overspeed)
         return observation, columns.total(terms.values()), self._terminated, False, info
 
     def _judge(self) -> QuadState[float]:
@@ -181,7 +190,7 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         return self._observe(state), self._info(state, terms, 0.0, 0.0)
 
     def _observe(self, state: QuadState[float]) -> Observation:
-        observation = observe(state, self._command)
+        observation = self._table.observe(state, self._command)
         if self._sensors is not None:
             self._sensors.sense(observation[None], np.array([self._clock]), _ROW)
         return observation

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
-from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -26,16 +25,18 @@ from quad_env.envs.arguments import (
     task_config,
 )
 from quad_env.envs.copying import MadeAgain
+from quad_env.envs.spaces import action_space, observation_space
 from quad_env.physics.simulation import ALL, Ids, Simulation
 from quad_env.physics.state import QuadState
-from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import PushPlan, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import Schedule
 from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
-from quad_env.task.observations import BOUND, observe
+from quad_env.task.observations import observation_table
 from quad_env.task.readings import readings as readings_of
 from quad_env.task.rewards import reward_terms, step_weights
 from quad_env.task.terminations import fall_codes
@@ -44,8 +45,6 @@ Observation = NDArray[np.float32]
 Infos = dict[str, Any]
 
 RENDER_MODES = ("rgb_array", "depth_array")
-OBSERVATION_SPACE = Box(-BOUND, BOUND, dtype=np.float32)
-ACTION_SPACE = Box(JOINT_LOWER.astype(np.float32), JOINT_UPPER.astype(np.float32), dtype=np.float32)
 
 
 class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
@@ -71,6 +70,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
         sensors: what observations are built from: None or "truth", a name of `quad_env.SENSORS`, or a
             `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its values, and
             `sensor_<name>_time`, s since the start of the episode, when they were measured, to the infos.
+        robot: the `quad_env.Robot` that is simulated.
     """
 
     _KEPT = ("spec", "_schedule")
@@ -88,6 +88,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
         readings: bool = False,
         actuator: str | Actuator = "ideal",
         sensors: str | SensorSuite | None = None,
+        robot: Robot = SIMPLE_QUAD,
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
@@ -98,29 +99,32 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
             raise ValueError(f"a batch has no render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         self.scenario = find_scenario(setting(scenario))
         self.config = task_config(setting(config))
+        self.robot = robot
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100, "autoreset_mode": self.autoreset_mode}
-        self.single_observation_space, self.single_action_space = OBSERVATION_SPACE, ACTION_SPACE
-        self.observation_space = batch_space(OBSERVATION_SPACE, num_envs)
-        self.action_space = batch_space(ACTION_SPACE, num_envs)
+        self._table = observation_table(robot)
+        self.single_observation_space, self.single_action_space = observation_space(self._table), action_space(robot)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._lower, self._upper = robot.joint_lower, robot.joint_upper
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
         self.dt = 1 / self.config.control_rate
         rate, suite = self.config.control_rate, sensor_suite(setting(sensors))
         motors, imu = find_actuator(setting(actuator)), None if suite is None else suite.imu
-        self.simulation = Simulation.of(self.scenario, num_envs, nthread, rate, readings, motors, imu)
-        self._wires = wires_of(self.scenario, num_envs, self.dt)
+        self.simulation = Simulation.of(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu)
+        self._wires = wires_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
         self._readings = readings
         self._weights = step_weights(self.config.reward_weights, self.dt)
-        self._schedule = Schedule(self.scenario, num_envs, self.dt)
+        self._schedule = Schedule(robot, self.scenario, num_envs, self.dt)
         self._rows = np.arange(num_envs)
         self._started = np.zeros(num_envs, bool)
         self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
         # What the caller is shown copies of: a robot that does not move keeps its row.
-        self._observation: Observation = np.zeros((num_envs, len(BOUND)), np.float32)
+        self._observation: Observation = np.zeros((num_envs, self._table.size), np.float32)
         self._followed, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
         self._diverged, self._fall = np.zeros(num_envs, bool), np.zeros(num_envs, np.int8)
         self._camera: Any = None
@@ -158,7 +162,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
         """
         if not self._started.all():
             raise ResetNeeded("reset the environments before the first step")
-        targets = joint_targets(actions, (self.num_envs, NUM_JOINTS))
+        targets = joint_targets(actions, (self.num_envs, self.robot.num_joints), self._lower, self._upper)
         done = self._terminated | self._truncated
         moving = np.flatnonzero(~done) if done.any() else ALL
         wires, schedule = self._wires, self._schedule
@@ -220,7 +224,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
     def _look(self, state: QuadState[Array], ids: Ids) -> None:
         """Take the observation of those robots, whose `state` it is, with the command to follow next."""
         self._heading_velocity[ids] = np.transpose(state.heading_velocity)
-        observation = observe(state, columns.of_robots(self._schedule.command[ids]))
+        observation = self._table.observe(state, columns.of_robots(self._schedule.command[ids]))
         if self._sensors is not None:
             self._sensors.sense(observation, self._schedule.clock[ids], self._rows[ids])
         self._observation[ids] = observation
@@ -241,7 +245,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
         self._look(state, ids)
         paid = {
             "mechanical_power": state.mechanical_power,
-            "overspeed": state.overspeed,
+            "overspeed": columns.share_above(state.joint_velocity, self.robot.rated_speed),
             **reward_terms(state, ended, diverged, self._weights),
         }
         return paid if ids is ALL else {key: self._spread(values, ids) for key, values in paid.items()}

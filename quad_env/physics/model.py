@@ -8,18 +8,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.actuation.models import Actuator, TorqueSpeed, weaker
+from quad_env.actuation.models import Actuator, Line, weaker
 from quad_env.config import GRAVITY
-from quad_env.robots.robot import (
-    HOME_POSE,
-    JOINT_LOWER,
-    JOINT_NAMES,
-    JOINT_UPPER,
-    LEG_NAMES,
-    MASS,
-    MODEL_PATH,
-    TRUNK_SIZE,
-)
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Ground, Motors, Payload
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs, Terrain
 
@@ -32,6 +23,7 @@ _FLOOR_DEPTH = 1.0
 
 
 def compile_model(
+    robot: Robot,
     terrain: Terrain,
     ground: Ground | None = None,
     motors: Motors | None = None,
@@ -40,7 +32,7 @@ def compile_model(
 ) -> mujoco.MjModel:
     """The robot on that terrain; None is the robot's own, undisturbed."""
     ground, motors, actuator = ground or Ground(), motors or Motors(), actuator or Actuator()
-    spec = mujoco.MjSpec.from_file(str(MODEL_PATH))
+    spec = mujoco.MjSpec.from_file(str(robot.mjcf))
     if isinstance(terrain, SmoothRandom):
         _add_height_field(spec, terrain)
     elif isinstance(terrain, Stairs):
@@ -48,21 +40,22 @@ def compile_model(
     elif isinstance(terrain, Slope):
         spec.geom(_GROUND).quat = slope_quaternion(terrain)
     if payload is not None:
-        _add_payload(spec, payload)
-    bandwidth, limit = weaker(motors.bandwidth, actuator.bandwidth), motors.torque_limit
+        _add_payload(spec, payload, robot.trunk_size[2])
+    bandwidth, limit = weaker(motors.bandwidth, actuator.bandwidth), motors.largest_torque(robot)
     if actuator.curve is not None:
-        _put_on_voltage(spec, actuator.curve)
-        limit = min(limit, actuator.curve.stall_torque)
+        line = actuator.curve.on(robot)
+        _put_on_voltage(spec, line, robot)
+        limit = min(limit, line.stall_torque)
     elif bandwidth is not None:
-        _slow_down(spec, 1 / (2 * math.pi * bandwidth))
+        _slow_down(spec, 1 / (2 * math.pi * bandwidth), robot)
     if actuator.gear is not None:
-        for name in JOINT_NAMES:
+        for name in robot.joint_names:
             spec.joint(name).armature = actuator.gear.reflected_inertia
     _delay(spec, actuator.delay)
     model = spec.compile()
     model.actuator_forcerange[:] = (-limit, limit)
     if ground != Ground():
-        _set_ground(model, ground)
+        _set_ground(model, ground, robot)
     return model
 
 
@@ -131,11 +124,11 @@ def _add_ground(spec: mujoco.MjSpec, **geometry: object) -> None:
     spec.worldbody.add_geom(material=_GROUND, friction=plane.friction, solref=plane.solref, **geometry)
 
 
-def _add_payload(spec: mujoco.MjSpec, payload: Payload) -> None:
+def _add_payload(spec: mujoco.MjSpec, payload: Payload, trunk_height: float) -> None:
     moment = payload.mass * payload.edge**2 / 6
     cube = spec.body("base_link").add_body(
         name=PAYLOAD,
-        pos=(0.0, 0.0, (TRUNK_SIZE[2] + payload.edge) / 2),
+        pos=(0.0, 0.0, (trunk_height + payload.edge) / 2),
         mass=payload.mass,
         inertia=(moment, moment, moment),
         explicitinertial=True,
@@ -151,25 +144,25 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload) -> None:
     )
 
 
-def _slow_down(spec: mujoco.MjSpec, time_constant: float) -> None:
+def _slow_down(spec: mujoco.MjSpec, time_constant: float, robot: Robot) -> None:
     """A first-order filter before each servo, integrated exactly; the home pose begins with the filters at home."""
     for actuator in spec.actuators:
         actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
         actuator.dynprm[0] = time_constant
-    spec.key("home").act = HOME_POSE
+    spec.key("home").act = robot.home_pose
 
 
-def _put_on_voltage(spec: mujoco.MjSpec, curve: TorqueSpeed) -> None:
+def _put_on_voltage(spec: mujoco.MjSpec, line: Line, robot: Robot) -> None:
     """DC motors on a supply of ±1 V instead of servos, with the servos' gains: in these units K = 1 / no_load_speed and
     R = K / stall_torque. The limit of the current is the actuator's force range."""
-    constant = 1 / curve.no_load_speed
-    for servo, lower, upper in zip(spec.actuators, JOINT_LOWER, JOINT_UPPER, strict=True):
+    constant = 1 / line.no_load_speed
+    for servo, lower, upper in zip(spec.actuators, robot.joint_lower, robot.joint_upper, strict=True):
         kp, kv = servo.gainprm[0], -servo.biasprm[2]
         servo.inheritrange, servo.ctrlrange = 0.0, (lower, upper)
         servo.set_to_dcmotor(
             motorconst=(constant, constant),
-            resistance=constant / curve.stall_torque,
-            saturation=(curve.stall_torque, 0.0, 0.0),
+            resistance=constant / line.stall_torque,
+            saturation=(line.stall_torque, 0.0, 0.0),
             controller=(kp, 0.0, kv, 0.0, 0.0, 1.0),
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
         )
@@ -191,24 +184,24 @@ def history_of(model: mujoco.MjModel, targets: NDArray[np.float64]) -> NDArray[n
     return np.array(data.history)
 
 
-def _set_ground(model: mujoco.MjModel, ground: Ground) -> None:
+def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
     geoms = np.flatnonzero(model.geom_bodyid == 0)
     model.geom_priority[geoms] = 1
     model.geom_friction[geoms, 0] = ground.friction
     if ground.sink_depth > 0:
-        _let_shins_through(model, geoms)
-        legs_end = [model.body(f"{leg}_calf_link").id for leg in LEG_NAMES]
+        _let_shins_through(model, geoms, robot)
+        legs_end = [model.body(f"{leg}_calf_link").id for leg in robot.leg_names]
         inverse_inertia = model.body_invweight0[legs_end, 0].mean()
         impedance = model.geom_solimp[geoms[0], 1]
-        load = MASS * GRAVITY / len(LEG_NAMES)
+        load = robot.mass * GRAVITY / len(robot.leg_names)
         time_constant = math.sqrt(ground.sink_depth / ((1 - impedance) * inverse_inertia * load))
         model.geom_solref[geoms] = (time_constant, 1.0)
 
 
-def _let_shins_through(model: mujoco.MjModel, ground: NDArray[np.intp]) -> None:
+def _let_shins_through(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
     """Ground and shins do not collide, all else as before: a second bit is that of collisions with the ground."""
-    robot = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_contype != 0))
-    model.geom_contype[robot] = model.geom_conaffinity[robot] = 0b11
-    shins = [model.geom(f"{leg}_calf").id for leg in LEG_NAMES]
+    colliding = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_contype != 0))
+    model.geom_contype[colliding] = model.geom_conaffinity[colliding] = 0b11
+    shins = [model.geom(f"{leg}_calf").id for leg in robot.leg_names]
     model.geom_contype[shins] = model.geom_conaffinity[shins] = 0b01
     model.geom_contype[ground] = model.geom_conaffinity[ground] = 0b10

@@ -8,28 +8,25 @@ from numpy.typing import NDArray
 from quad_env.columns import Array, Rows, of_robots, total
 from quad_env.config import GRAVITY
 from quad_env.physics.state import rotation_matrix
-from quad_env.robots.robot import LEG_NAMES, NUM_JOINTS
+from quad_env.robots.robot import Robot
 
-PROBED = (
-    "imu_angular_velocity",
-    "imu_acceleration",
-    "imu_linear_velocity",
-    "imu_orientation",
-    *(f"{leg}_foot_touch" for leg in LEG_NAMES),
-)
-"""MuJoCo's own sensors that are looked at."""
+
+def probed(robot: Robot) -> tuple[str, ...]:
+    """MuJoCo's own sensors that are looked at."""
+    imu = ("imu_angular_velocity", "imu_acceleration", "imu_linear_velocity", "imu_orientation")
+    return (*imu, *(f"{leg}_foot_touch" for leg in robot.leg_names))
 
 
 class Probe:
-    """Looks at the present state of a MuJoCo batch, whose model evaluates the sensors PROBED.
+    """Looks at the present state of a MuJoCo batch, whose model evaluates the sensors `probed`.
 
     After a step MuJoCo's outputs are those of the state before the last substep. To see the present ones they have to
     be computed again; whoever wants those of the last substep is given copies.
     """
 
-    def __init__(self, batch: Any, dt: float) -> None:
-        self._batch, self._dt = batch, dt
-        self._sensors = [batch.sensor(name).data for name in PROBED]
+    def __init__(self, robot: Robot, batch: Any, dt: float) -> None:
+        self._batch, self._dt, self._joints = batch, dt, slice(-robot.num_joints, None)
+        self._sensors = [batch.sensor(name).data for name in probed(robot)]
         self._qpos, self._torque = batch.bind("qpos"), batch.bind("qfrc_actuator")
         self._velocity = np.zeros_like(self._sensors[2])
         """Of each IMU at its last sample, world frame, m/s."""
@@ -63,9 +60,9 @@ class Probe:
             "gyro": gyro,
             "accelerometer": np.where(first[:, None], acceleration, mean),
             "up": axes[:, 2],
-            "joint_position": self._qpos[rows, -NUM_JOINTS:],
+            "joint_position": self._qpos[rows, self._joints],
             "foot_contact": np.concatenate(feet, axis=1),
-            "joint_torque": self._torque[rows, -NUM_JOINTS:],
+            "joint_torque": self._torque[rows, self._joints],
         }
 
     def copy(self, output: Array) -> Array:

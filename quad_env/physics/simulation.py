@@ -23,10 +23,10 @@ from quad_env.physics.model import (
     slope_quaternion,
     stepped_model,
 )
-from quad_env.physics.probe import PROBED, Probe
+from quad_env.physics.probe import Probe, probed
 from quad_env.physics.rotations import product, quaternion
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
-from quad_env.robots.robot import FOOT_RADIUS, HOME_HEIGHT, HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, TRUNK_SIZE
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Ground, Motors, Payload
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope, Terrain
@@ -35,13 +35,9 @@ Ids = slice | NDArray[np.intp]
 ALL = slice(None)
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""
-_FOOT_SENSORS = tuple(f"{leg}_foot_ground" for leg in LEG_NAMES)
-_LEG_SENSORS = tuple(f"{leg}_{link}_ground" for leg in LEG_NAMES for link in ("thigh", "calf"))
+_LINKS = ("thigh", "calf")
 Motion = tuple[Vector[Column], Vector[Column]]
 """Generalised positions (19) and velocities (18), as MuJoCo orders them."""
-_THIGH_RADIUS = 0.03
-"""From an end of a thigh to the farthest corner of the box there, rounded up, m."""
-_TRUNK_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * TRUNK_SIZE
 
 
 class Simulation:
@@ -53,6 +49,7 @@ class Simulation:
 
     def __init__(
         self,
+        robot: Robot,
         terrain: Terrain,
         num_envs: int,
         nthread: int,
@@ -65,8 +62,8 @@ class Simulation:
         actuator: Actuator | None = None,
         imu: Mounted | None = None,
     ) -> None:
-        self.terrain = terrain
-        self.model = compile_model(terrain, ground, motors, payload, actuator)
+        self.robot, self.terrain = robot, terrain
+        self.model = compile_model(robot, terrain, ground, motors, payload, actuator)
         """Of every robot, but for where its payload is and what its hot motors can do: there it is that of the robot
         that `show_load` named last."""
         if imu is not None:
@@ -77,37 +74,39 @@ class Simulation:
             raise ValueError(
                 f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
-        more = (*_FOOT_SENSORS, *_LEG_SENSORS) if contacts else ()
-        probed = () if imu is None else PROBED
-        self._batch = Batch(stepped_model(self.model, (TRUNK_SENSOR, *more, *probed)), num_envs, nthread)
+        more = _contact_sensors(robot) if contacts else ()
+        imus = () if imu is None else probed(robot)
+        self._batch = Batch(stepped_model(self.model, (TRUNK_SENSOR, *more, *imus)), num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._torque = self._batch.bind("actuator_force")
         self._trunk_contact = self._batch.sensor(TRUNK_SENSOR).data
         self._leg_contacts = [self._batch.sensor(name).data for name in more]
-        self.probe = None if imu is None else Probe(self._batch, period)
+        self.probe = None if imu is None else Probe(robot, self._batch, period)
         if self.probe is not None:  # which computes the outputs of the last substep anew
             self._torque, self._trunk_contact = self.probe.copy(self._torque), self.probe.copy(self._trunk_contact)
             self._leg_contacts = [self.probe.copy(contact) for contact in self._leg_contacts]
         self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
-        self._feet = [self.model.site(f"{leg}_foot").id for leg in LEG_NAMES]
-        self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in ("thigh", "calf") for leg in LEG_NAMES]
+        self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
+        self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in _LINKS for leg in robot.leg_names]
+        self._corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * robot.trunk_size
         self._sites, self._bodies = self._batch.bind("site_xpos"), self._batch.bind("xpos")
         self._filtered = self._batch.bind("act") if self.model.na else None
         self._load = None if payload is None else self._batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
         self._history = self._batch.bind("history") if self.model.nhistory else None
-        self._past = history_of(self.model, HOME_POSE) if self.model.nhistory else None
+        self._past = history_of(self.model, robot.home_pose) if self.model.nhistory else None
         rows, timestep = (self._batch.bind, self._batch.expand), self.model.opt.timestep
-        self._drives = drives_of(motors or Motors(), actuator or Actuator(), *rows, self.substeps, timestep)
+        self._drives = drives_of(robot, motors or Motors(), actuator or Actuator(), *rows, self.substeps, timestep)
         self._force: Array | None = None
         self._alignment = slope_quaternion(terrain) if isinstance(terrain, Slope) else None
-        self._action = np.tile(HOME_POSE, (num_envs, 1))
+        self._action = np.tile(robot.home_pose, (num_envs, 1))
         self._previous_action = self._action.copy()
 
     @classmethod
     def of(
         cls,
+        robot: Robot,
         scenario: Scenario,
         num_envs: int,
         nthread: int,
@@ -119,7 +118,7 @@ class Simulation:
         """Robots in that scenario, with those motors."""
         ground, motors, payload = scenario.ground, scenario.motors, scenario.payload
         make = partial(cls, ground=ground, motors=motors, payload=payload, actuator=actuator, imu=imu)
-        return make(scenario.terrain, num_envs, nthread, control_rate, contacts)
+        return make(robot, scenario.terrain, num_envs, nthread, control_rate, contacts)
 
     def reset(self, ids: NDArray[np.intp], rows: Array, force: Array | None = None, load: Array | None = None) -> None:
         """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, just on the ground.
@@ -128,19 +127,21 @@ class Simulation:
         (k, 2), N, acts on their trunks at every step, world frame; `load`, (k, 2), m, is where their payloads are, base
         frame.
         """
+        robot = self.robot
         self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._batch.warning[ids] = 0
         qpos = np.empty((len(ids), self.model.nq))
-        qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], HOME_HEIGHT
+        qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], robot.home_height
         qpos[:, 3:7] = quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
         if self._alignment is not None:
             qpos[:, 3:7] = product(self._alignment, qpos[:, 3:7])
-        qpos[:, 7:] = np.clip(HOME_POSE + rows[:, 5:17], JOINT_LOWER, JOINT_UPPER)
+        offsets, velocities = np.split(rows[:, 5:], [robot.num_joints], axis=1)
+        qpos[:, 7:] = np.clip(robot.home_pose + offsets, robot.joint_lower, robot.joint_upper)
         self._qpos[ids] = qpos
-        self._qvel[ids] = rows[:, 17:]
-        self._ctrl[ids] = self._action[ids] = self._previous_action[ids] = HOME_POSE
+        self._qvel[ids] = velocities
+        self._ctrl[ids] = self._action[ids] = self._previous_action[ids] = robot.home_pose
         if self._filtered is not None:
-            self._filtered[ids] = HOME_POSE
+            self._filtered[ids] = robot.home_pose
         if self._history is not None:
             self._history[ids] = self._past
         if self._drives is not None:
@@ -159,9 +160,9 @@ class Simulation:
     def _lift(self, ids: NDArray[np.intp], qpos: Array) -> Array:
         """How far up those robots, (k, 19), have to go for nothing of them to be below the ground, (k,), m."""
         rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(of_robots(qpos[:, 3:7]))], 1)  # (k, 3, 3)
-        corners = qpos[:, None, :3] + _TRUNK_CORNERS @ rotation.transpose(0, 2, 1)
+        corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
         feet, thighs = self._sites[ids][:, self._feet], self._bodies[ids][:, self._thighs]
-        balls = ((feet, FOOT_RADIUS), (thighs, _THIGH_RADIUS), (corners, 0.0))
+        balls = ((feet, self.robot.foot_radius), (thighs, self.robot.thigh_radius), (corners, 0.0))
         lifts = [self.terrain.ball_height(at[:, :, 0], at[:, :, 1], radius) - at[:, :, 2] for at, radius in balls]
         return cast("Array", np.concatenate(lifts, axis=1).max(axis=1))
 
@@ -261,7 +262,7 @@ class Simulation:
     def ground_contacts(self) -> tuple[Mask, Mask]:
         """Whether each foot, (n, 4), and whether a thigh or calf, (n,), touched the ground in the last substep."""
         found = np.concatenate(self._leg_contacts, axis=1) > 0
-        feet, legs = found[:, : len(_FOOT_SENSORS)], found[:, len(_FOOT_SENSORS) :]
+        feet, legs = np.split(found, [len(self._feet)], axis=1)
         return feet, np.asarray(legs.any(axis=1))
 
     def show_load(self, robot: int) -> None:
@@ -277,6 +278,12 @@ class Simulation:
         data = self._batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
         return data
+
+
+def _contact_sensors(robot: Robot) -> tuple[str, ...]:
+    """Of the feet, then of thighs and calves."""
+    legs = robot.leg_names
+    return (*(f"{leg}_foot_ground" for leg in legs), *(f"{leg}_{link}_ground" for leg in legs for link in _LINKS))
 
 
 def _diverged(warnings: Vector[Column], qpos: Vector[Column], qvel: Vector[Column]) -> Truth:

@@ -2,8 +2,7 @@
 
 from typing import Generic, NamedTuple
 
-from quad_env.columns import Column, Truth, Vector, share_above, sqrt, sum_of_magnitudes, where
-from quad_env.robots.robot import VELOCITY_LIMIT
+from quad_env.columns import Column, Truth, Vector, sqrt, sum_of_magnitudes, where
 
 Rotation = tuple[Vector[Column], Vector[Column], Vector[Column]]
 """Rows of the matrix that turns base-frame vectors into world-frame ones."""
@@ -52,11 +51,6 @@ class QuadState(NamedTuple, Generic[Column]):
     def mechanical_power(self) -> Column:
         """Σ |torque · joint speed|, W."""
         return sum_of_magnitudes(self.joint_torque, self.joint_velocity)
-
-    @property
-    def overspeed(self) -> Column:
-        """Share of the joints that turn faster than their rated speed."""
-        return share_above(self.joint_velocity, VELOCITY_LIMIT)
 
 
 def rotation_matrix(quaternion: Vector[Column]) -> Rotation[Column]:

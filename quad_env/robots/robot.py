@@ -41,6 +41,8 @@ class Robot:
     """From the calf joint to the centre of the foot, m."""
     foot_radius: float
     """Radius of the sphere that is the foot, m."""
+    thigh_radius: float
+    """From an end of a thigh to the farthest point of its shape there, rounded up, m."""
     trunk_size: Floats
     """Full lengths of the trunk's box along x, y, z, shape (3,), m."""
     servo_stiffness: float

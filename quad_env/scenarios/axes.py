@@ -1,6 +1,7 @@
 """Axes of disturbance: one kind of trouble each, as scenarios from harmless to where robots fall.
 
-A severity is in the axis's own physical unit. `push` is the axis at its nominal severity, `push:3` its third level.
+A severity is in the axis's own physical unit, its levels chosen for SimpleQuad. `push` is the axis at its nominal
+severity, `push:3` its third level.
 """
 
 import math
@@ -8,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from quad_env.config import CommandRanges
-from quad_env.robots.robot import TORQUE_LIMIT
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
@@ -127,7 +128,7 @@ def _surprise(share: float) -> Scenario:
         force=SteadyForce(10.0 * share),
         ground=Ground(friction=Ground().friction * 0.75**share),
         payload=Payload(2.0 * share),
-        motors=Motors(torque_limit=TORQUE_LIMIT * 0.5**share, bandwidth=20.0 / share),
+        motors=Motors(torque_limit=SIMPLE_QUAD.rated_torque * 0.5**share, bandwidth=20.0 / share),
         latency=Latency(action=0.01 * share, observation=0.01 * share),
         noise=SensorNoise(0.1 * share),
         dropouts=Dropouts(duration=0.1 * share),

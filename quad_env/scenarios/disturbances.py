@@ -6,7 +6,7 @@ Each is drawn at reset from a random stream of its own, so that none depends on 
 import math
 from dataclasses import dataclass
 
-from quad_env.robots.robot import TORQUE_LIMIT
+from quad_env.robots.robot import Robot
 
 
 def _check_window(what: str, count: int, duration: float, window: tuple[float, float]) -> None:
@@ -90,16 +90,21 @@ class Ground:
 class Motors:
     """What the joint servos can do."""
 
-    torque_limit: float = TORQUE_LIMIT
-    """N·m"""
+    torque_limit: float | None = None
+    """N·m; None: the robot's rated torque"""
     bandwidth: float | None = None
     """Hz at which a servo follows a sine of its target with 1/√2 of the amplitude: a first-order filter of the target
     with the time constant 1/(2π·bandwidth). None is a servo that sees its target at once."""
 
     def __post_init__(self) -> None:
-        check_positive("torque_limit", self.torque_limit, "N·m")
+        if self.torque_limit is not None:
+            check_positive("torque_limit", self.torque_limit, "N·m")
         if self.bandwidth is not None:
             check_positive("bandwidth", self.bandwidth, "Hz")
+
+    def largest_torque(self, robot: Robot) -> float:
+        """Torque limit on that robot, N·m."""
+        return robot.rated_torque if self.torque_limit is None else self.torque_limit
 
 
 @dataclass(frozen=True)

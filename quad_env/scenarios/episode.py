@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quad_env.columns import Array
 from quad_env.config import AnyPose
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.commands import draw_command
 from quad_env.scenarios.disturbances import Dropouts, Payload, Pushes, SteadyForce
 from quad_env.scenarios.scenario import Scenario
@@ -48,45 +48,45 @@ class DropoutPlan:
 class Episode:
     """One episode's draws, each kind from its own stream, so that nothing depends on actions or on other robots."""
 
-    def __init__(self, scenario: Scenario, seed: int, number: int, dt: float) -> None:
+    def __init__(self, robot: Robot, scenario: Scenario, seed: int, number: int, dt: float) -> None:
         self._scenario = scenario
         self.streams = EpisodeStreams(seed, number)
-        self.start = draw_start(scenario, self.streams.start)
+        self.start = draw_start(robot, scenario, self.streams.start)
         self.pushes = draw_pushes(scenario.pushes, self.streams.pushes, dt)
         self.force = draw_force(scenario.force, self.streams)
         self.load = draw_load(scenario.payload, self.streams)
-        self.dropouts = draw_dropouts(scenario.dropouts, self.streams, dt)
+        self.dropouts = draw_dropouts(scenario.dropouts, robot.num_joints, self.streams, dt)
 
     def next_command(self) -> Array:
         """The next interval's command, (3,): forward and lateral m/s, yaw rate rad/s."""
         return draw_command(self._scenario.commands, self.streams.commands)
 
 
-def draw_start(scenario: Scenario, stream: np.random.Generator) -> Array:
+def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) -> Array:
     """Start of one robot, (35,): x, y, m; yaw, roll, pitch, 12 joint offsets from home, rad; 3 linear, 3 angular and
     12 joint velocities, m/s and rad/s."""
-    noise, radius = scenario.start, scenario.terrain.spawn_radius
+    noise, radius, joints = scenario.start, scenario.terrain.spawn_radius, robot.num_joints
     if isinstance(noise, AnyPose):
-        return _draw_any_pose(noise, radius, stream)
+        return _draw_any_pose(robot, noise, radius, stream)
     widths = (
         (radius, 2),
         (noise.yaw, 1),
         (noise.tilt, 2),
-        (noise.joint_position, 12),
+        (noise.joint_position, joints),
         (noise.linear_velocity, 3),
         (noise.angular_velocity, 3),
-        (noise.joint_velocity, 12),
+        (noise.joint_velocity, joints),
     )
     width = np.repeat([half for half, _ in widths], [count for _, count in widths])
     return width * stream.uniform(-1, 1, len(width))
 
 
-def _draw_any_pose(start: AnyPose, radius: float, stream: np.random.Generator) -> Array:
+def _draw_any_pose(robot: Robot, start: AnyPose, radius: float, stream: np.random.Generator) -> Array:
     """A start row of `draw_start`, uniform over orientations: yaw, the sine of the pitch and roll are uniform."""
     place, (yaw, sin_pitch, roll) = radius * stream.uniform(-1, 1, 2), stream.uniform(-1, 1, 3)
     angles = (np.pi * yaw, np.pi * roll, np.arcsin(sin_pitch))
-    joints = stream.uniform(JOINT_LOWER, JOINT_UPPER) - HOME_POSE
-    width = np.repeat([start.linear_velocity, start.angular_velocity, start.joint_velocity], [3, 3, 12])
+    joints = stream.uniform(robot.joint_lower, robot.joint_upper) - robot.home_pose
+    width = np.repeat([start.linear_velocity, start.angular_velocity, start.joint_velocity], [3, 3, len(joints)])
     return np.concatenate((place, angles, joints, width * stream.uniform(-1, 1, len(width))))
 
 
@@ -114,12 +114,12 @@ def draw_load(payload: Payload | None, streams: EpisodeStreams) -> Array | None:
     return None if payload is None else streams.payload.uniform(-1, 1, 2) * np.array(payload.reach)
 
 
-def draw_dropouts(dropouts: Dropouts | None, streams: EpisodeStreams, dt: float) -> DropoutPlan | None:
-    """One dropout in each part of the window, each of a uniformly random joint; `dt`: control period, s."""
+def draw_dropouts(dropouts: Dropouts | None, joints: int, streams: EpisodeStreams, dt: float) -> DropoutPlan | None:
+    """One dropout in each part of the window, each of one of so many joints; `dt`: control period, s."""
     if dropouts is None:
         return None
     first_step = _one_in_each_part(dropouts, streams.dropouts, dt)
-    return DropoutPlan(first_step, streams.dropouts.integers(NUM_JOINTS, size=dropouts.count))
+    return DropoutPlan(first_step, streams.dropouts.integers(joints, size=dropouts.count))
 
 
 def control_steps(duration: float, dt: float) -> int:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.columns import Array, Mask
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode, PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import fresh_seeds, seeds_of
@@ -16,11 +17,11 @@ Ids = slice | NDArray[np.intp]
 class Schedule:
     """Episode k after a seed is that seed's k-th, whatever the other robots do."""
 
-    def __init__(self, scenario: Scenario, num_envs: int, dt: float) -> None:
-        self._scenario, self._dt = scenario, dt
+    def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
+        self._robot, self._scenario, self._dt = robot, scenario, dt
         self._interval = round(scenario.commands.interval / dt)
         self._seeds, self._next = fresh_seeds(num_envs), [0] * num_envs
-        self._episodes = [Episode(scenario, 0, 0, dt)] * num_envs
+        self._episodes = [Episode(robot, scenario, 0, 0, dt)] * num_envs
         plan = self._episodes[0].pushes
         self.pushes = PushPlan(
             np.tile(plan.first_step, (num_envs, 1)), plan.steps, np.tile(plan.force, (num_envs, 1, 1))
@@ -44,7 +45,7 @@ class Schedule:
     def begin(self, ids: NDArray[np.intp], held: Array | None) -> list[Episode]:
         """The next episodes of those robots; `held` are the commands of all, (n, 3), or None to draw."""
         for i in ids:
-            episode = Episode(self._scenario, self._seeds[i], self._next[i], self._dt)
+            episode = Episode(self._robot, self._scenario, self._seeds[i], self._next[i], self._dt)
             self._episodes[i] = episode
             self._next[i] += 1
             self.pushes.first_step[i], self.pushes.force[i] = episode.pushes.first_step, episode.pushes.force

@@ -6,26 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.columns import Rows
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import SensorNoise
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.noise import Noise
-from quad_env.task.observations import BOUND, OBSERVATION
-
-SENSED = slice(0, OBSERVATION["previous_action"].start)
-"""The terms that sensors measure; what was asked for and the command are known without."""
-_BOUND = BOUND[SENSED]
-_WIDTH = len(_BOUND)
+from quad_env.task.observations import ObservationTable, observation_table
 
 
 class Sensors:
     """Noise and delay of n robots' sensors; `clock` is each robot's control steps since its start."""
 
-    def __init__(self, scenario: Scenario, num_envs: int, dt: float) -> None:
+    def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
+        table = observation_table(robot)
+        self._sensed, self._bound = table.sensed, table.bound[table.sensed]
         late = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
-        self._shown = np.zeros((late + 1, num_envs, _WIDTH), np.float32)
+        self._shown = np.zeros((late + 1, num_envs, len(self._bound)), np.float32)
         """Readings of the last steps: that of clock c is at c modulo its length."""
-        self._noise = None if scenario.noise is None else Noise(num_envs, _deviations(scenario.noise))
+        self._noise = None if scenario.noise is None else Noise(num_envs, _deviations(scenario.noise, table))
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
         """Those robots start these episodes."""
@@ -35,10 +33,10 @@ class Sensors:
 
     def sense(self, observation: NDArray[np.float32], clock: NDArray[np.int64], rows: Rows) -> None:
         """Turn true observations, (k, …), into what the sensors of those robots show; `clock` is theirs, (k,)."""
-        sensed = observation[:, SENSED]
+        sensed = observation[:, self._sensed]
         if self._noise is not None:
             sensed += self._noise.at(clock, rows)
-            np.clip(sensed, -_BOUND, _BOUND, out=sensed)
+            np.clip(sensed, -self._bound, self._bound, out=sensed)
         slots = len(self._shown)
         if slots == 1:
             return
@@ -48,15 +46,15 @@ class Sensors:
         sensed[:] = self._shown[(clock + 1) % slots, rows]
 
 
-def sensors_of(scenario: Scenario, num_envs: int, dt: float) -> Sensors | None:
+def sensors_of(robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> Sensors | None:
     """The robots' sensors, or None where they show every reading as it is."""
     late = scenario.latency is not None and round(scenario.latency.observation / dt) > 0
-    return Sensors(scenario, num_envs, dt) if late or scenario.noise is not None else None
+    return Sensors(robot, scenario, num_envs, dt) if late or scenario.noise is not None else None
 
 
-def _deviations(noise: SensorNoise) -> NDArray[np.float32]:
+def _deviations(noise: SensorNoise, table: ObservationTable) -> NDArray[np.float32]:
     """Standard deviation of each sensed entry, (33,)."""
-    out = np.zeros(_WIDTH, np.float32)
+    out = np.zeros(table.sensed.stop, np.float32)
     for term, deviation in noise.deviations.items():
-        out[OBSERVATION[term]] = deviation
+        out[table.slices[term]] = deviation
     return out

@@ -25,8 +25,7 @@ import numpy as np
 from quad_env.columns import Array, Mask, Rows, total
 from quad_env.config import GRAVITY
 from quad_env.robots.kinematics import foot_positions
-from quad_env.robots.robot import FOOT_RADIUS, HIP_POSITIONS, LEG_NAMES
-from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.robots.robot import Robot
 
 TILT_TIME = 2.0
 """s over which the accelerometer corrects the gyroscope; of 1, 2 and 4 s, 4 s is the best without biases."""
@@ -62,8 +61,8 @@ class Read(NamedTuple):
 class Estimator:
     """Estimates of n robots, base frame, moved on by `dt`, s, at a time; `spacing`, s, is between encoder samples."""
 
-    def __init__(self, num_envs: int, dt: float, spacing: float) -> None:
-        self._dt, self._spacing = dt, spacing
+    def __init__(self, robot: Robot, num_envs: int, dt: float, spacing: float) -> None:
+        self._robot, self._dt, self._spacing = robot, dt, spacing
         self.gravity = np.zeros((num_envs, 3))
         """Unit vectors"""
         self.velocity = np.zeros((num_envs, 3))
@@ -82,7 +81,7 @@ class Estimator:
         gravity = _unit(gravity + dt * cross(gravity, turning))
         acceleration = read.accelerometer + GRAVITY * gravity - cross(turning, velocity)
         velocity = velocity + dt * acceleration
-        by_feet, known = leg_velocity(read, turning, gravity, self._spacing)
+        by_feet, known = leg_velocity(self._robot, read, turning, gravity, self._spacing)
         error = by_feet - (velocity - 0.5 * self._spacing * acceleration)
         velocity = np.where(known, velocity + min(1.0, dt / VELOCITY_TIME) * error, velocity)
         measured = (cross(read.gyro, velocity) - read.accelerometer) / GRAVITY
@@ -90,20 +89,20 @@ class Estimator:
         self.gravity[rows], self.velocity[rows] = _unit(gravity), velocity
 
 
-def leg_velocity(read: Read, turning: Array, gravity: Array, spacing: float) -> tuple[Array, Mask]:
+def leg_velocity(robot: Robot, read: Read, turning: Array, gravity: Array, spacing: float) -> tuple[Array, Mask]:
     """Velocity of the trunk's centre by its standing feet, m/s, (k, 3), and of whom it is known, (k, 1).
 
     It is that of the middle between the two samples of the encoders. The foot is a ball that rolls: its centre p moves
     with ω_calf × (-r g), so v = ω_calf × (-r g) - ω × p - dp/dt, averaged over the feet that stand.
     """
-    shape = (-1, len(LEG_NAMES), 3)
+    shape = (-1, len(robot.leg_names), 3)
     joints, before = read.joints.reshape(shape), read.joints_before.reshape(shape)
-    now, then = foot_positions(SIMPLE_QUAD, joints), foot_positions(SIMPLE_QUAD, before)
+    now, then = foot_positions(robot, joints), foot_positions(robot, before)
     speed = (joints - before) / spacing
     hip, bend = 0.5 * (joints + before)[..., 0], speed[..., 1] + speed[..., 2]
     calf = turning[:, None] + np.stack((speed[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
-    foot = HIP_POSITIONS + 0.5 * (now + then)
-    each = cross(calf, -FOOT_RADIUS * gravity[:, None]) - cross(turning[:, None], foot) - (now - then) / spacing
+    foot = robot.hip_positions + 0.5 * (now + then)
+    each = cross(calf, -robot.foot_radius * gravity[:, None]) - cross(turning[:, None], foot) - (now - then) / spacing
     standing = read.standing.astype(np.float64)
     count = total(standing.T)[:, None]
     summed = total((standing[..., None] * each).transpose(1, 0, 2))

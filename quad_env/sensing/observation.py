@@ -9,17 +9,15 @@ from numpy.typing import NDArray
 from quad_env.columns import Rows
 from quad_env.physics.probe import Probe
 from quad_env.physics.simulation import Simulation
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.channel import Clock
-from quad_env.sensing.disturbance import SENSED, Sensors, sensors_of
+from quad_env.sensing.disturbance import Sensors, sensors_of
 from quad_env.sensing.estimator import Estimator, Read
 from quad_env.sensing.instruments import Instruments
 from quad_env.sensing.suite import SensorSuite
-from quad_env.task.observations import BOUND, OBSERVATION
-
-_BOUND = BOUND[SENSED]
+from quad_env.task.observations import observation_table
 
 
 class SensedObservation:
@@ -31,15 +29,23 @@ class SensedObservation:
     """
 
     def __init__(
-        self, suite: SensorSuite, probe: Probe, num_envs: int, control_rate: float, disturbed: Sensors | None = None
+        self,
+        robot: Robot,
+        suite: SensorSuite,
+        probe: Probe,
+        num_envs: int,
+        control_rate: float,
+        disturbed: Sensors | None = None,
     ) -> None:
         self._probe, self._disturbed = probe, disturbed
-        self._instruments = Instruments(suite, num_envs, control_rate)
+        self._home, self._table = robot.home_pose, observation_table(robot)
+        self._bound = self._table.bound[self._table.sensed]
+        self._instruments = Instruments(robot, suite, num_envs, control_rate)
         encoders = self._instruments.channels["joint_position"]
-        self._estimator = Estimator(num_envs, 1 / control_rate, encoders.spacing)
+        self._estimator = Estimator(robot, num_envs, 1 / control_rate, encoders.spacing)
         self._looked = np.full(num_envs, -1)
         """Control step of each robot's last look, since its start."""
-        self._shown = np.zeros((num_envs, SENSED.stop), np.float32)
+        self._shown = np.zeros((num_envs, len(self._bound)), np.float32)
         self._rows = np.arange(num_envs)
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
@@ -54,7 +60,7 @@ class SensedObservation:
         new = self._looked[rows] != clock
         if new.any():
             self._look(clock[new], rows[new])
-        observation[:, SENSED] = self._shown[rows]
+        observation[:, self._table.sensed] = self._shown[rows]
         if self._disturbed is not None:
             self._disturbed.sense(observation, clock, rows)
 
@@ -79,13 +85,13 @@ class SensedObservation:
             "projected_gravity": self._estimator.gravity[rows],
             "angular_velocity": channels["gyro"].value(clock, rows),
             "linear_velocity": self._estimator.velocity[rows],
-            "joint_position": joints - HOME_POSE,
+            "joint_position": joints - self._home,
             "joint_velocity": (joints - encoders.before(clock, rows)) / encoders.spacing,
         }
-        shown = np.empty((len(rows), SENSED.stop))
+        shown = np.empty((len(rows), len(self._bound)))
         for name, values in in_order.items():
-            shown[:, OBSERVATION[name]] = values
-        self._shown[rows] = np.clip(shown, -_BOUND, _BOUND)
+            shown[:, self._table.slices[name]] = values
+        self._shown[rows] = np.clip(shown, -self._bound, self._bound)
 
     def _estimate(self, up: NDArray[np.float64], clock: Clock, rows: Rows) -> None:
         """Move the estimates on, from the start at clock 0, when no time has passed."""
@@ -112,8 +118,9 @@ def shown_by(
     suite: SensorSuite | None, simulation: Simulation, scenario: Scenario, num_envs: int, control_rate: float
 ) -> SensedObservation | Sensors | None:
     """What stands between the robots' states and their observations; None where they show every reading as it is."""
-    disturbed = sensors_of(scenario, num_envs, 1 / control_rate)
+    robot = simulation.robot
+    disturbed = sensors_of(robot, scenario, num_envs, 1 / control_rate)
     if suite is None:
         return disturbed
     assert simulation.probe is not None, "a simulation of robots without sensors"
-    return SensedObservation(suite, simulation.probe, num_envs, control_rate, disturbed)
+    return SensedObservation(robot, suite, simulation.probe, num_envs, control_rate, disturbed)

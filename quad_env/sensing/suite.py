@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass, field
 
 from quad_env.config import check_kinds
-from quad_env.robots.robot import TORQUE_LIMIT
 from quad_env.scenarios.disturbances import check_amount, check_positive
 
 _CONTROL_RATE = 100.0
@@ -112,20 +111,21 @@ class FootContact(_Sampled):
 
 @dataclass(frozen=True)
 class JointTorque(_Sampled):
-    """Torque of each joint's drive; the defaults are one per cent of the range."""
+    """Torque of each joint's drive; the defaults are one per cent of SimpleQuad's range."""
 
     bias: float = 1.0
     """N·m, standard deviation over episodes and joints, constant within an episode"""
     noise: float = 1.0
     """N·m, standard deviation of the white noise on each sample"""
-    range: float = TORQUE_LIMIT
-    """N·m; readings saturate at ± this"""
+    range: float | None = None
+    """N·m; readings saturate at ± this; None: the robot's rated torque"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_amount("the torque sensors' bias", self.bias, "N·m")
         check_amount("the torque sensors' noise", self.noise, "N·m")
-        check_positive("the torque sensors' range", self.range, "N·m")
+        if self.range is not None:
+            check_positive("the torque sensors' range", self.range, "N·m")
 
 
 @dataclass(frozen=True)

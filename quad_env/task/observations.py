@@ -1,6 +1,7 @@
 """The observation as one table: name, width, unit, frame, bound and scale of each term, in order."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,9 +9,8 @@ from numpy.typing import NDArray
 from quad_env.columns import Column, Vector, differences, in_single_precision
 from quad_env.config import COMMAND_BOUND
 from quad_env.physics.state import QuadState
-from quad_env.robots.robot import HOME_POSE, NUM_JOINTS
-
-_HOME: list[float] = HOME_POSE.tolist()
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
@@ -26,44 +26,55 @@ class Term:
     """Factor that brings the reading to about unit size for a learner."""
 
 
-TERMS = (
-    Term("projected_gravity", 3, "1, body", 1.0, 1.0),
-    Term("angular_velocity", 3, "rad/s, body", 100.0, 0.25),
-    Term("linear_velocity", 3, "m/s, body", 100.0, 1.0),
-    Term("joint_position", NUM_JOINTS, "rad, minus the home pose", 10.0, 1.0),
-    Term("joint_velocity", NUM_JOINTS, "rad/s", 1000.0, 0.05),
-    Term("previous_action", NUM_JOINTS, "rad, as clipped, minus the home pose", 10.0, 1.0),
-    Term("command", 3, "forward m/s, lateral m/s, yaw rate rad/s", COMMAND_BOUND, 1.0),
-)
+class ObservationTable:
+    """The terms of a robot's observation, in order, and what follows from them; to be had from `observation_table`."""
+
+    def __init__(self, robot: Robot) -> None:
+        joints = robot.num_joints
+        self.terms = (
+            Term("projected_gravity", 3, "1, body", 1.0, 1.0),
+            Term("angular_velocity", 3, "rad/s, body", 100.0, 0.25),
+            Term("linear_velocity", 3, "m/s, body", 100.0, 1.0),
+            Term("joint_position", joints, "rad, minus the home pose", 10.0, 1.0),
+            Term("joint_velocity", joints, "rad/s", 1000.0, 0.05),
+            Term("previous_action", joints, "rad, as clipped, minus the home pose", 10.0, 1.0),
+            Term("command", 3, "forward m/s, lateral m/s, yaw rate rad/s", COMMAND_BOUND, 1.0),
+        )
+        widths = [term.width for term in self.terms]
+        ends = np.cumsum(widths).tolist()
+        self.size = sum(widths)
+        """Entries of the observation."""
+        self.slices = {t.name: slice(end - t.width, end) for t, end in zip(self.terms, ends, strict=True)}
+        """Name of each term -> its slice of the observation."""
+        self.sensed = slice(0, self.slices["previous_action"].start)
+        """The terms that sensors measure; what was asked for and the command are known without."""
+        self.bound = np.repeat([term.bound for term in self.terms], widths).astype(np.float32)
+        """The observation space is [-bound, bound], shape (size,)."""
+        self.scale = np.repeat([term.scale for term in self.terms], widths).astype(np.float32)
+        """Scale of every entry, shape (size,)."""
+        self._lower_bound = -self.bound
+        self._home: list[float] = robot.home_pose.tolist()
+        self.bound.flags.writeable = self.scale.flags.writeable = False
+
+    def observe(self, state: QuadState[Column], command: Vector[Column]) -> NDArray[np.float32]:
+        """Fresh observation, (size,) or (n, size); `command`, (3), is the one to follow next."""
+        in_order = (  # of the terms
+            state.projected_gravity,
+            state.angular_velocity,
+            state.linear_velocity,
+            differences(state.joint_position, self._home),
+            state.joint_velocity,
+            differences(state.action, self._home),
+            command,
+        )
+        out = in_single_precision(in_order).T
+        np.minimum(out, self.bound, out=out)
+        return np.maximum(out, self._lower_bound, out=out)
 
 
-def _slices() -> dict[str, slice]:
-    ends = np.cumsum([term.width for term in TERMS])
-    return {term.name: slice(int(end) - term.width, int(end)) for term, end in zip(TERMS, ends, strict=True)}
-
-
-OBSERVATION = _slices()
-"""Name of each term -> its slice of the observation."""
-OBSERVATION_SIZE = sum(term.width for term in TERMS)
-BOUND = np.repeat([term.bound for term in TERMS], [term.width for term in TERMS]).astype(np.float32)
-"""The observation space is [-BOUND, BOUND], shape (OBSERVATION_SIZE,)."""
-SCALE = np.repeat([term.scale for term in TERMS], [term.width for term in TERMS]).astype(np.float32)
-"""Scale of every entry, shape (OBSERVATION_SIZE,)."""
-_LOWER_BOUND = -BOUND
-BOUND.flags.writeable = SCALE.flags.writeable = False
-
-
-def observe(state: QuadState[Column], command: Vector[Column]) -> NDArray[np.float32]:
-    """Fresh observation, (OBSERVATION_SIZE,) or (n, OBSERVATION_SIZE); `command`, (3), is the one to follow next."""
-    in_order = (  # of TERMS
-        state.projected_gravity,
-        state.angular_velocity,
-        state.linear_velocity,
-        differences(state.joint_position, _HOME),
-        state.joint_velocity,
-        differences(state.action, _HOME),
-        command,
-    )
-    out = in_single_precision(in_order).T
-    np.minimum(out, BOUND, out=out)
-    return np.maximum(out, _LOWER_BOUND, out=out)
+observation_table = cache(ObservationTable)
+"""The observation of a robot."""
+OBSERVATION = observation_table(SIMPLE_QUAD).slices
+"""Name of each term of SimpleQuad's observation -> its slice."""
+OBSERVATION_SIZE = observation_table(SIMPLE_QUAD).size
+SCALE = observation_table(SIMPLE_QUAD).scale

@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.kinematics import feet_in_world
-from quad_env.robots.robot import FOOT_RADIUS
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Readings = dict[str, NDArray[np.generic]]
 _NO_COMMAND = (np.zeros(1),) * 3
@@ -36,10 +34,10 @@ def readings(simulation: Simulation) -> Readings:
 
     Motors with a thermal model add `winding_temperature`, (n, 12), °C.
     """
-    state = simulation.state(_NO_COMMAND)
+    robot, state = simulation.robot, simulation.state(_NO_COMMAND)
     position, joints = np.transpose(state.position), np.transpose(state.joint_position)
     rotation = np.moveaxis(np.array(state.rotation), -1, 0)
-    feet = feet_in_world(SIMPLE_QUAD, position, rotation, joints)
+    feet = feet_in_world(robot, position, rotation, joints)
     feet_contact, leg_contact = simulation.ground_contacts()
     temperature = simulation.winding_temperature
     return {
@@ -53,7 +51,7 @@ def readings(simulation: Simulation) -> Readings:
         "joint_torque": np.transpose(state.joint_torque).copy(),
         "action": np.transpose(state.action).copy(),
         "foot_position": feet,
-        "foot_height": feet[..., 2] - simulation.terrain.height(feet[..., 0], feet[..., 1]) - FOOT_RADIUS,
+        "foot_height": feet[..., 2] - simulation.terrain.height(feet[..., 0], feet[..., 1]) - robot.foot_radius,
         "foot_contact": feet_contact,
         "leg_contact": leg_contact,
         "trunk_contact": np.asarray(state.trunk_contact),

@@ -10,7 +10,7 @@ from benchmarks.support import bare
 from benchmarks.training import seconds_to
 from benchmarks.vector_env import Walkers
 from quad_env import ENV_ID, OBSERVATION
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def test_bare_loop_ends_where_the_environment_does() -> None:
@@ -35,7 +35,7 @@ def test_bare_batch_walks_as_the_environment_does(scenario: str) -> None:
     for _ in range(20):
         walkers.step()
         robots.run(walkers.action[None])
-    joints = walkers.observation[:, OBSERVATION["joint_position"]] + HOME_POSE
+    joints = walkers.observation[:, OBSERVATION["joint_position"]] + SIMPLE_QUAD.home_pose
     np.testing.assert_allclose(robots.qpos[:, 7:], joints, atol=1e-6)
 
 

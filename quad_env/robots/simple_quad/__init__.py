@@ -21,9 +21,12 @@ SIMPLE_QUAD = Robot(
     thigh_length=0.3,
     calf_length=0.3,
     foot_radius=0.02,
+    thigh_radius=0.03,
     trunk_size=np.array((0.6, 0.3, 0.1)),
     servo_stiffness=300.0,
     servo_damping=10.0,
     rated_torque=100.0,
     rated_speed=10.0,
 )
+JOINT_NAMES = SIMPLE_QUAD.joint_names
+"""In the order of actions."""

@@ -9,6 +9,7 @@ import quad_env
 from evaluate.__main__ import main
 from evaluate.rollouts import battery
 from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.disturbances import Motors
 from quad_env.serialisation import from_plain, to_plain
 
 WRITTEN = """
@@ -133,6 +134,14 @@ def test_a_file_that_is_not_there_is_said(tmp_path) -> None:
 @pytest.mark.parametrize("scenario", battery.full(), ids=lambda scenario: scenario.name)
 def test_every_scenario_is_written_down_and_read_back(scenario) -> None:
     assert from_plain(to_plain(scenario)) == scenario
+
+
+@pytest.mark.parametrize(("written", "read"), [(100.0, None), (50.0, 50.0)])
+def test_results_up_to_2026_named_the_only_robots_own_torque_where_nothing_was_said(written, read) -> None:
+    """A scenario of theirs is today's, not a changed one."""
+    then = to_plain(Motors(written, 5.0)) | {"type": "quad_env.disturbances.Motors"}
+    assert from_plain(then) == Motors(read, 5.0)
+    assert from_plain(to_plain(Motors(written))) == Motors(written)
 
 
 @pytest.mark.parametrize(

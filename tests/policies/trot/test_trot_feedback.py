@@ -28,7 +28,7 @@ from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
-from quad_env.task.observations import BOUND, observe
+from quad_env.task.observations import observation_table
 from train.scenarios import practice
 
 FRONT, HIND = slice(0, 2), slice(2, 4)
@@ -313,7 +313,7 @@ def test_the_same_actions_whatever_the_heading():
     qpos[1, 3:7] = quarter * np.array([w - z, x - y, y + x, z + w])
     qvel[0, :2], qvel[1, :2] = (speed_x, speed_y), (-speed_y, speed_x)
     command = tuple(np.full(2, value) for value in (0.5, 0.2, -0.3))
-    reading = observe(env.simulation.state(command), command)
+    reading = observation_table(SIMPLE_QUAD).observe(env.simulation.state(command), command)
     env.close()
     policy = policies.make("trot_feedback")
     policy.reset(2)
@@ -397,7 +397,7 @@ def test_within_the_limits_every_action_is_finite_whatever_is_read(data):
         name: data.draw(st.floats(low, high) | st.sampled_from((low, high))) for name, (low, high) in LIMITS.items()
     }
     policy = TrotFeedback(FeedbackParameters(**drawn))
-    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
+    rng, bound = np.random.default_rng(data.draw(st.integers(0, 1000))), observation_table(SIMPLE_QUAD).bound
     for scale in itertools.chain((0.01, 1.0), (1.0,) * 3):
-        row = (scale * rng.uniform(-BOUND, BOUND)).astype(np.float32)
+        row = (scale * rng.uniform(-bound, bound)).astype(np.float32)
         assert np.isfinite(policy.act(row)).all()

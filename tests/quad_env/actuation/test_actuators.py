@@ -11,7 +11,7 @@ import pytest
 import policies
 from quad_env.actuation.models import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
 from quad_env.physics.simulation import Simulation
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.terrain import Flat
 
@@ -23,14 +23,14 @@ HOT = Thermal(resistance=2.0, time_constant=2.0, derated=0.25)
 
 
 def simulate(actuator: Actuator, rate: float = EVERY_SUBSTEP, motors: Motors | None = None, robots: int = 1):
-    simulation = Simulation(Flat(), robots, 1, rate, motors=motors, actuator=actuator)
+    simulation = Simulation(SIMPLE_QUAD, Flat(), robots, 1, rate, motors=motors, actuator=actuator)
     simulation.reset(np.arange(robots), np.zeros((robots, 35)))
     return simulation
 
 
 def wild(steps: int) -> np.ndarray:
     """Targets anywhere within the joint limits, (steps, 1, 12), rad."""
-    return np.random.default_rng(0).uniform(JOINT_LOWER, JOINT_UPPER, (steps, 1, 12))
+    return np.random.default_rng(0).uniform(SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper, (steps, 1, 12))
 
 
 def motion(simulation: Simulation) -> np.ndarray:
@@ -40,7 +40,7 @@ def motion(simulation: Simulation) -> np.ndarray:
 def torque_at(speed: float, target: np.ndarray, actuator: Actuator, motors: Motors | None = None) -> np.ndarray:
     """Torques of a robot with its joints at their middle, turning at that speed, at the first physics step."""
     simulation = simulate(actuator, motors=motors)
-    simulation._qpos[0, 7:] = (JOINT_LOWER + JOINT_UPPER) / 2
+    simulation._qpos[0, 7:] = (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2
     simulation._qvel[0, 6:] = speed
     simulation.step(target[None], None)
     return simulation._torque[0]
@@ -54,19 +54,22 @@ def test_the_largest_torque_lies_on_the_curve_and_braking_is_held_to_the_current
     speed: float, torque: float
 ) -> None:
     """A positive speed with an upward target drives, a negative one brakes; above 10 rad/s only braking is left."""
-    stiff = Simulation(Flat(), 1, 1, EVERY_SUBSTEP).model.actuator_gainprm[0, 0]
+    stiff = Simulation(SIMPLE_QUAD, Flat(), 1, 1, EVERY_SUBSTEP).model.actuator_gainprm[0, 0]
     assert stiff * 0.5 - 10 * 9 >= 10  # half a radian of error asks for more than the curve gives up to 9 rad/s
     far = 100 * np.ones(12)
     for sign in (1, -1):
         found = torque_at(sign * speed, sign * far, Actuator(CURVE), None)
-        asked = np.clip(sign * far, JOINT_LOWER, JOINT_UPPER) - (JOINT_LOWER + JOINT_UPPER) / 2
+        asked = (
+            np.clip(sign * far, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
+            - (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2
+        )
         servo = stiff * asked - 10 * sign * speed
         expected = sign * np.minimum(torque, np.maximum(sign * servo, -100.0))
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 def test_below_the_curve_the_motor_is_the_ideal_servo() -> None:
-    target = (JOINT_LOWER + JOINT_UPPER) / 2 + 0.05
+    target = (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2 + 0.05
     for speed in (0.0, 1.0, -3.0):
         np.testing.assert_allclose(torque_at(speed, target, Actuator(CURVE)), 15 - 10 * speed, atol=1e-9)
 
@@ -106,7 +109,7 @@ def test_the_joint_feels_the_rotor_times_the_ratio_squared() -> None:
 
     added = inertia(Gear(6.0, 3e-4)) - inertia(Gear(6.0, 0.0))
     np.testing.assert_allclose(added, np.diag([0.0] * 6 + [3e-4 * 36] * 12), atol=1e-12)
-    assert Gear().reflected_inertia == pytest.approx(Simulation(Flat(), 1, 1, 100.0).model.dof_armature[6])
+    assert Gear().reflected_inertia == pytest.approx(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0).model.dof_armature[6])
 
 
 @pytest.mark.parametrize("parts", [{}, {"curve": CURVE}, {"curve": CURVE, "bandwidth": 20.0, "thermal": Thermal()}])
@@ -118,7 +121,7 @@ def test_a_delay_is_exact_in_physics_steps(parts: dict, steps: int) -> None:
         simulate(Actuator(**parts)),
     )
     targets = wild(12)
-    sequence = [HOME_POSE[None]] * steps + [target for target in targets for _ in range(5)]
+    sequence = [SIMPLE_QUAD.home_pose[None]] * steps + [target for target in targets for _ in range(5)]
     for number, target in enumerate(targets):
         late.step(target, None)
         for told in sequence[5 * number : 5 * number + 5]:
@@ -170,7 +173,9 @@ def test_at_the_bandwidth_a_sine_loses_3_decibels_and_45_degrees(
     motors = None if of_the_scenario is None else Motors(bandwidth=of_the_scenario)
     simulation = simulate(Actuator(curve, bandwidth=own), motors=motors)
     angle = 2 * math.pi * 8.0 * SUBSTEP * np.arange(1250)  # 20 periods
-    found = np.array([heard(simulation, HOME_POSE + 0.02 * math.sin(a)) for a in angle]) - HOME_POSE
+    found = (
+        np.array([heard(simulation, SIMPLE_QUAD.home_pose + 0.02 * math.sin(a)) for a in angle]) - SIMPLE_QUAD.home_pose
+    )
     settled = slice(625, None)
     transfer = 2 * np.mean(found[settled] * np.exp(-1j * angle[settled])[:, None], axis=0) / 0.02 * 1j
     np.testing.assert_allclose(20 * np.log10(np.abs(transfer)), -3.01, atol=0.05)
@@ -198,24 +203,24 @@ def test_a_hot_motor_gives_less_then_nothing_until_the_next_episode() -> None:
     """100 N·m to 100 °C, 25 N·m just below 115 °C, then none."""
     simulation = simulate(Actuator(CURVE, thermal=HOT))
     off, torques = np.zeros(12, bool), []
-    held = np.concatenate([[0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], JOINT_LOWER])
+    held = np.concatenate([[0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], SIMPLE_QUAD.joint_lower])
     for step in range(2000):
         temperature = simulation.winding_temperature[0]
         off |= temperature >= 115
         limit = np.where(off, 0.0, 25 + 75 * np.clip((115 - temperature) / 15, 0, 1))
         simulation._qpos[0], simulation._qvel[0] = held, 0.0
-        simulation.step(JOINT_UPPER[None] if step < 1000 else JOINT_LOWER[None], None)
+        simulation.step(SIMPLE_QUAD.joint_upper[None] if step < 1000 else SIMPLE_QUAD.joint_lower[None], None)
         np.testing.assert_allclose(simulation._torque[0], limit if step < 1000 else 0.0, atol=1e-9)
         torques.append(simulation._torque[0, 0])
     assert sum(25 < torque < 99 for torque in torques) > 5
     assert off.all()
     assert (simulation.winding_temperature < 100).all()
-    simulation.step(JOINT_UPPER[None], None)
+    simulation.step(SIMPLE_QUAD.joint_upper[None], None)
     assert (simulation._torque == 0).all()
     assert simulation.snapshot(0).actuator_force == pytest.approx(np.zeros(12))
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     assert (simulation.winding_temperature == 25).all()
-    simulation.step(JOINT_UPPER[None], None)
+    simulation.step(SIMPLE_QUAD.joint_upper[None], None)
     assert (simulation._torque > 20).all()
 
 

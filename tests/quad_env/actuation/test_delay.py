@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Latency, SteadyForce
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.disturbance import SENSED
-from quad_env.task.observations import OBSERVATION
+from quad_env.task.observations import OBSERVATION, observation_table
+
+SENSED = observation_table(SIMPLE_QUAD).sensed
 
 ROBOTS, STEPS, FIRST_SEED = 4, 120, 5
 SHOWN = np.random.default_rng(0).normal(0, 0.1, (STEPS, ROBOTS, 12))
-ACTIONS = np.clip(HOME_POSE + SHOWN, JOINT_LOWER, JOINT_UPPER)
+ACTIONS = np.clip(SIMPLE_QUAD.home_pose + SHOWN, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
 
 
 def observations(scenario: Scenario, actions: np.ndarray = ACTIONS) -> np.ndarray:
@@ -30,11 +31,11 @@ PLAIN = Scenario("plain")
 
 @pytest.mark.parametrize("late", [1, 3])
 def test_an_action_acts_exactly_so_many_steps_later(late: int) -> None:
-    arriving = np.concatenate((np.tile(HOME_POSE, (late, ROBOTS, 1)), ACTIONS[:-late]))
+    arriving = np.concatenate((np.tile(SIMPLE_QUAD.home_pose, (late, ROBOTS, 1)), ACTIONS[:-late]))
     delayed = observations(Scenario("late", latency=Latency(action=0.01 * late, observation=0.0)))
     np.testing.assert_array_equal(delayed[..., SENSED], observations(PLAIN, arriving)[..., SENSED])
     asked = delayed[1:, :, OBSERVATION["previous_action"]]
-    np.testing.assert_array_equal(asked, (ACTIONS - HOME_POSE).astype(np.float32))
+    np.testing.assert_array_equal(asked, (ACTIONS - SIMPLE_QUAD.home_pose).astype(np.float32))
 
 
 @pytest.mark.parametrize("late", [1, 4])
@@ -52,7 +53,7 @@ def test_a_joint_that_hears_nothing_holds_its_last_target() -> None:
     scenario = Scenario("lost", dropouts=dropouts)
     heard = ACTIONS.copy()
     for robot in range(ROBOTS):
-        plan = Episode(scenario, FIRST_SEED + robot, 0, 0.01).dropouts
+        plan = Episode(SIMPLE_QUAD, scenario, FIRST_SEED + robot, 0, 0.01).dropouts
         assert plan is not None
         for first, joint in zip(plan.first_step, plan.joint, strict=True):
             heard[first : first + 20, robot, joint] = heard[first - 1, robot, joint]
@@ -64,7 +65,7 @@ def test_a_joint_that_hears_nothing_holds_its_last_target() -> None:
 
 def test_every_joint_drops_out_and_every_dropout_lies_in_its_window() -> None:
     scenario = Scenario("lost", dropouts=Dropouts(count=4, duration=0.5, window=(1.0, 9.0)))
-    plans = [Episode(scenario, seed, 0, 0.01).dropouts for seed in range(100)]
+    plans = [Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01).dropouts for seed in range(100)]
     assert {int(joint) for plan in plans if plan for joint in plan.joint} == set(range(12))
     first = np.array([plan.first_step for plan in plans if plan])
     assert first.shape == (100, 4)
@@ -86,7 +87,7 @@ def test_a_steady_force_pushes_all_the_time_in_its_own_direction() -> None:
     assert np.abs(applied[:, 2:]).max() == 0
     assert np.hypot(*applied[:, :2].mean(axis=0)) < 10, "directions spread over the circle"
     for _ in range(30):
-        env.step(np.tile(HOME_POSE, (64, 1)))
+        env.step(np.tile(SIMPLE_QUAD.home_pose, (64, 1)))
     np.testing.assert_array_equal(applied, [env.simulation.snapshot(robot).xfrc_applied[1] for robot in range(64)])
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from quad_env.physics.simulation import Simulation
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, MASS
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Motors, Payload
 from quad_env.scenarios.terrain import Flat
 
-TARGET = HOME_POSE + 0.1
+TARGET = SIMPLE_QUAD.home_pose + 0.1
 
 
 def start(simulation: Simulation, loads: np.ndarray | None = None) -> Simulation:
@@ -20,10 +20,10 @@ def start(simulation: Simulation, loads: np.ndarray | None = None) -> Simulation
 
 
 def largest_torque(motors: Motors) -> float:
-    simulation, rng = start(Simulation(Flat(), 1, 1, 100.0, motors=motors)), np.random.default_rng(0)
+    simulation, rng = start(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0, motors=motors)), np.random.default_rng(0)
     torques = []
     for _ in range(50):
-        simulation.step(rng.uniform(JOINT_LOWER, JOINT_UPPER, (1, 12)), None)
+        simulation.step(rng.uniform(SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper, (1, 12)), None)
         torques.append(simulation.state_of_one((0.0, 0.0, 0.0), simulation.motion_of_one()).joint_torque)
     return float(np.abs(torques).max())
 
@@ -36,44 +36,48 @@ def test_torque_reaches_its_limit_and_never_goes_above(limit: float) -> None:
 @pytest.mark.parametrize("bandwidth", [2.0, 10.0])
 def test_a_slow_servo_goes_63_percent_of_a_step_in_one_time_constant(bandwidth: float) -> None:
     """Torque kp (heard - q) - kv q̇ tells what target the servo goes by."""
-    simulation = start(Simulation(Flat(), 1, 1, 100.0, motors=Motors(bandwidth=bandwidth)))
+    simulation = start(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0, motors=Motors(bandwidth=bandwidth)))
     for step in range(1, 21):
         simulation.step(TARGET[None], None)
         data = simulation.snapshot(0)
         heard = (data.actuator_force + 10 * data.qvel[6:]) / 300 + data.qpos[7:]
         share = 1 - math.exp(-0.01 * step * 2 * math.pi * bandwidth)
-        np.testing.assert_allclose(heard, HOME_POSE + share * 0.1, atol=1e-9)
+        np.testing.assert_allclose(heard, SIMPLE_QUAD.home_pose + share * 0.1, atol=1e-9)
 
 
 def test_a_restarted_robot_with_slow_servos_stands() -> None:
-    simulation = start(Simulation(Flat(), 2, 1, 100.0, motors=Motors(bandwidth=2.0)))
+    simulation = start(Simulation(SIMPLE_QUAD, Flat(), 2, 1, 100.0, motors=Motors(bandwidth=2.0)))
     for _ in range(30):
         simulation.step(np.tile(TARGET, (2, 1)), None)
-    start(simulation).step(np.tile(HOME_POSE, (2, 1)), None)
+    start(simulation).step(np.tile(SIMPLE_QUAD.home_pose, (2, 1)), None)
     assert np.abs(simulation.state(np.zeros((3, 2))).joint_torque).max() < 15
 
 
 def test_a_payload_adds_its_mass_where_it_is() -> None:
     loads = np.array([(0.2, 0.0), (-0.1, 0.1)])
-    simulation = start(Simulation(Flat(), 2, 1, 100.0, payload=Payload(6.0)), loads)
+    simulation = start(Simulation(SIMPLE_QUAD, Flat(), 2, 1, 100.0, payload=Payload(6.0)), loads)
     for robot, load in enumerate(loads):
         data = simulation.snapshot(robot)
         trunk = simulation.model.body("base_link").id
-        assert simulation.model.body_subtreemass[trunk] == pytest.approx(MASS + 6.0)
+        assert simulation.model.body_subtreemass[trunk] == pytest.approx(SIMPLE_QUAD.mass + 6.0)
         along, left = data.subtree_com[trunk, :2] - data.xpos[trunk, :2]
         legs = com_of_the_bare_robot()
-        np.testing.assert_allclose((along, left), (6 * load + MASS * legs) / (MASS + 6), atol=1e-9)
+        np.testing.assert_allclose(
+            (along, left), (6 * load + SIMPLE_QUAD.mass * legs) / (SIMPLE_QUAD.mass + 6), atol=1e-9
+        )
 
 
 def com_of_the_bare_robot() -> np.ndarray:
-    data = start(Simulation(Flat(), 1, 1, 100.0)).snapshot(0)
+    data = start(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0)).snapshot(0)
     return np.array(data.subtree_com[1, :2] - data.xpos[1, :2])
 
 
 def test_the_legs_under_a_payload_carry_it() -> None:
-    simulation = start(Simulation(Flat(), 2, 1, 100.0, payload=Payload(6.0)), np.array([(0.2, 0.0), (-0.2, 0.0)]))
+    simulation = start(
+        Simulation(SIMPLE_QUAD, Flat(), 2, 1, 100.0, payload=Payload(6.0)), np.array([(0.2, 0.0), (-0.2, 0.0)])
+    )
     for _ in range(100):
-        simulation.step(np.tile(HOME_POSE, (2, 1)), None)
+        simulation.step(np.tile(SIMPLE_QUAD.home_pose, (2, 1)), None)
     knees = np.array(simulation.state(np.zeros((3, 2))).joint_torque)[2::3]
     # Between hips 0.5 m apart, 6 kg moves by 0.4 m: 0.8 of it goes to the other pair; the lever is 0.3 sin(0.5) m.
     moved = 0.8 * 6.0 * 9.81 * 0.3 * np.sin(0.5)

@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 
 import quad_env
 from quad_env.envs.env import SimpleQuadEnv
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def test_gymnasiums_checker_has_nothing_to_say_but_for_the_action_range() -> None:
@@ -36,8 +36,8 @@ def test_stable_baselines3s_checker_has_nothing_to_say_but_for_the_action_range(
 def test_make_finds_it_by_both_names_and_limits_the_time(name: str) -> None:
     env = gym.make(name, max_episode_steps=2)
     env.reset(seed=0)
-    assert env.step(HOME_POSE.astype(np.float32))[3] is False
-    assert env.step(HOME_POSE.astype(np.float32))[3] is True
+    assert env.step(SIMPLE_QUAD.home_pose.astype(np.float32))[3] is False
+    assert env.step(SIMPLE_QUAD.home_pose.astype(np.float32))[3] is True
     assert env.unwrapped.dt == 0.01
 
 
@@ -45,7 +45,7 @@ def test_the_same_seed_gives_the_same_rollout_and_another_another() -> None:
     def rollout(seed: int) -> np.ndarray:
         env = gym.make("SimpleQuad-v0", scenario="push")
         rows = [env.reset(seed=seed)[0]]
-        rows += [env.step(HOME_POSE.astype(np.float32))[0] for _ in range(150)]
+        rows += [env.step(SIMPLE_QUAD.home_pose.astype(np.float32))[0] for _ in range(150)]
         return np.array(rows)
 
     assert (rollout(3) == rollout(3)).all()
@@ -57,7 +57,7 @@ def test_writing_to_the_snapshot_or_the_model_changes_nothing() -> None:
     env.reset(seed=0), twin.reset(seed=0)
     env.data.qpos[:] = 0
     env.model.body_mass[:] *= 10
-    action = HOME_POSE.astype(np.float32)
+    action = SIMPLE_QUAD.home_pose.astype(np.float32)
     for _ in range(5):
         assert (env.step(action)[0] == twin.step(action)[0]).all()
 
@@ -85,7 +85,7 @@ def test_a_scenario_of_ones_own_goes_through_make_and_specs_copy_and_pickle() ->
 def _first_step(_: int) -> list[float]:
     env = gym.make("quad_env:SimpleQuad-v0", scenario="rough")
     env.reset(seed=0)
-    return env.step(HOME_POSE.astype(np.float32))[0].tolist()  # type: ignore[no-any-return]
+    return env.step(SIMPLE_QUAD.home_pose.astype(np.float32))[0].tolist()  # type: ignore[no-any-return]
 
 
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
@@ -101,13 +101,13 @@ def test_worker_processes_make_it_under_every_start_method(method: str) -> None:
 def test_info_keys_are_those_of_the_contract() -> None:
     env = gym.make("SimpleQuad-v0")
     _, info = env.reset(seed=0)
-    after = env.step(HOME_POSE.astype(np.float32))[4]
+    after = env.step(SIMPLE_QUAD.home_pose.astype(np.float32))[4]
     for found in (info, after):
         assert {"command", "heading_velocity", "fall", "diverged"} <= set(found)
         assert found["command"].shape == found["heading_velocity"].shape == (3,)
         assert found["fall"] == 0
         assert found["diverged"] is False
-    reward = env.step(HOME_POSE.astype(np.float32))
+    reward = env.step(SIMPLE_QUAD.home_pose.astype(np.float32))
     assert reward[1] == pytest.approx(sum(value for key, value in reward[4].items() if key.startswith("reward_")))
 
 

@@ -10,9 +10,9 @@ from gymnasium.vector import AutoresetMode
 
 import quad_env
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-HOME = HOME_POSE.astype(np.float32)
+HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 FOLDED = np.tile(np.array([0.0, 1.5, -2.5], np.float32), 4)
 CALM = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(0, 0, 0, 0, 0, 0))
 
@@ -61,7 +61,7 @@ def test_observation_slices_hold_what_they_are_called() -> None:
     observation, *_, info = env.step(np.tile(target, (2, 1)))
     part = {name: observation[0, where] for name, where in quad_env.OBSERVATION.items()}
     data = env.simulation.snapshot(0)
-    np.testing.assert_allclose(part["joint_position"], data.qpos[7:] - HOME_POSE, atol=1e-6)
+    np.testing.assert_allclose(part["joint_position"], data.qpos[7:] - SIMPLE_QUAD.home_pose, atol=1e-6)
     np.testing.assert_allclose(part["joint_velocity"], data.qvel[6:], rtol=1e-6)
     np.testing.assert_allclose(
         part["previous_action"], np.minimum(target, 0.5 * np.tile([1, 3, 9], 4)) - HOME, atol=1e-6

@@ -4,38 +4,38 @@ import numpy as np
 import pytest
 
 from quad_env.physics.simulation import Simulation
-from quad_env.robots.robot import FOOT_RADIUS, HOME_POSE, LEG_NAMES, MASS
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Ground
 from quad_env.scenarios.terrain import Flat, Stairs, Terrain
 
-WEIGHT = MASS * 9.81
+WEIGHT = SIMPLE_QUAD.mass * 9.81
 
 
 def stand(simulation: Simulation, steps: int, force: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
     """Feet of a robot that has stood in its home pose under a steady force on its trunk, (4, 3)."""
     simulation.reset(np.arange(1), np.zeros((1, 35)), np.array([force]))
     for _ in range(steps):
-        simulation.step(HOME_POSE[None], None)
+        simulation.step(SIMPLE_QUAD.home_pose[None], None)
     data = simulation.snapshot(0)
-    return np.array([data.site(f"{leg}_foot").xpos for leg in LEG_NAMES])
+    return np.array([data.site(f"{leg}_foot").xpos for leg in SIMPLE_QUAD.leg_names])
 
 
 @pytest.mark.parametrize("depth", [0.005, 0.02, 0.08])
 @pytest.mark.parametrize("terrain", [Flat(), Stairs()])
 def test_standing_feet_sink_to_the_depth_that_was_asked_for(terrain: Terrain, depth: float) -> None:
-    feet = stand(Simulation(terrain, 1, 1, 100.0, ground=Ground(sink_depth=depth)), 300)
-    assert FOOT_RADIUS - feet[:, 2].mean() == pytest.approx(depth, rel=0.05)
+    feet = stand(Simulation(SIMPLE_QUAD, terrain, 1, 1, 100.0, ground=Ground(sink_depth=depth)), 300)
+    assert SIMPLE_QUAD.foot_radius - feet[:, 2].mean() == pytest.approx(depth, rel=0.05)
 
 
 def test_hard_ground_hardly_yields() -> None:
-    assert FOOT_RADIUS - stand(Simulation(Flat(), 1, 1, 100.0), 300)[:, 2].mean() < 0.0005
+    assert SIMPLE_QUAD.foot_radius - stand(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0), 300)[:, 2].mean() < 0.0005
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 @pytest.mark.parametrize("terrain", [Flat(), Stairs()])
 def test_a_robot_slides_where_the_side_force_exceeds_friction_times_weight(terrain: Terrain, friction: float) -> None:
     def slid(share: float) -> float:
-        simulation = Simulation(terrain, 1, 1, 100.0, ground=Ground(friction=friction))
+        simulation = Simulation(SIMPLE_QUAD, terrain, 1, 1, 100.0, ground=Ground(friction=friction))
         side = (0.0, share * friction * WEIGHT)
         return float((stand(simulation, 150, side) - stand(simulation, 50, side))[:, 1].mean())
 

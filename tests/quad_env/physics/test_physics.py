@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from quad_env.robots.robot import HOME_POSE, LEG_NAMES, MODEL_PATH
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Trace = NDArray[np.float64]
 
 
 def load(**options: float) -> mujoco.MjModel:
-    model = mujoco.MjModel.from_xml_path(str(MODEL_PATH))
+    model = mujoco.MjModel.from_xml_path(str(SIMPLE_QUAD.mjcf))
     for name, value in options.items():
         setattr(model.opt, name, value)
     return model
@@ -34,7 +34,7 @@ def stride(model: mujoco.MjModel) -> Trace:
     for tick in range(40):
         swing = np.sin(2 * np.pi * 2.5 * tick * 0.01)
         lift = np.maximum(0.0, np.array([swing, -swing, -swing, swing]))
-        data.ctrl[:] = (HOME_POSE.reshape(4, 3) + lift[:, None] * np.array([0.0, 0.3, -0.6])).ravel()
+        data.ctrl[:] = (SIMPLE_QUAD.home_pose.reshape(4, 3) + lift[:, None] * np.array([0.0, 0.3, -0.6])).ravel()
         run(model, data, 0.01)
         rows.append(np.concatenate((data.qpos[:3], data.qpos[7:])))
     return np.array(rows)
@@ -51,7 +51,7 @@ def test_standing_settles_fast_and_holds_the_weight() -> None:
     early = data.qpos[2]
     run(model, data, 2.0)
     assert abs(early - data.qpos[2]) < 0.001  # settled within a millimetre after 0.1 s
-    assert np.abs(data.qpos[7:] - HOME_POSE).max() < 0.02
+    assert np.abs(data.qpos[7:] - SIMPLE_QUAD.home_pose).max() < 0.02
     assert np.abs(data.qvel).max() < 1e-3  # nothing chatters
 
 
@@ -61,7 +61,7 @@ def test_a_standing_foot_neither_sinks_nor_creeps_under_a_side_load() -> None:
     run(model, data, 1.0)
     data.xfrc_applied[model.body("base_link").id, 1] = 20.0
     run(model, data, 0.5)
-    sites = [model.site(f"{leg}_foot").id for leg in LEG_NAMES]
+    sites = [model.site(f"{leg}_foot").id for leg in SIMPLE_QUAD.leg_names]
     before = data.site_xpos[sites].copy()
     run(model, data, 1.0)
     after = data.site_xpos[sites]
@@ -94,7 +94,7 @@ def test_a_push_of_1_newton_second_changes_the_momentum_by_as_much(axis: int) ->
     model = load(gravity=(0, 0, 0))
     data = mujoco.MjData(model)
     data.qpos[2] = 2.0
-    data.ctrl[:] = data.qpos[7:] = HOME_POSE
+    data.ctrl[:] = data.qpos[7:] = SIMPLE_QUAD.home_pose
     data.xfrc_applied[model.body("base_link").id, axis] = 10.0
     run(model, data, 0.1)
     mujoco.mj_subtreeVel(model, data)

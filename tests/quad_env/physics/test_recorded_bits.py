@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import SCENARIOS
 
 HERE = (platform.machine(), version("mujoco"), "X86_V4" in np.show_config(mode="dicts")["SIMD Extensions"]["found"])
@@ -22,7 +22,9 @@ FIRST_START = [-0.01023829, 0.08331609, 0.0267184, -0.04115704, 1.452156]
 def rollout(scenario: str) -> np.ndarray:
     """Observations of 200 steps of 8 robots that wave their legs, (201, 8, 63)."""
     env, rng = SimpleQuadVectorEnv(8, scenario), np.random.default_rng(0)
-    actions = np.clip(HOME_POSE + rng.normal(0, 0.15, (200, 8, 12)), JOINT_LOWER, JOINT_UPPER)
+    actions = np.clip(
+        SIMPLE_QUAD.home_pose + rng.normal(0, 0.15, (200, 8, 12)), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper
+    )
     return np.array([env.reset(seed=3)[0]] + [env.step(action)[0] for action in actions])
 
 

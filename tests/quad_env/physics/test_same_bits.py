@@ -10,7 +10,7 @@ import pytest
 from quad_env.actuation.models import ACTUATORS, Thermal
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 
 STEPS = 1000
@@ -22,7 +22,9 @@ def random_actions(robot: int) -> np.ndarray:
     """The same actions for a robot wherever it is; wild enough that some fall and others time out."""
     rng = np.random.default_rng(robot)
     wild = 0.15 + 0.25 * (robot % 3)
-    return np.clip(HOME_POSE + rng.normal(0, wild, (STEPS, 12)), JOINT_LOWER, JOINT_UPPER).astype(np.float32)
+    return np.clip(
+        SIMPLE_QUAD.home_pose + rng.normal(0, wild, (STEPS, 12)), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper
+    ).astype(np.float32)
 
 
 def digest(observation: Any, reward: Any, terminated: Any, truncated: Any, info: dict[str, Any], row: int) -> bytes:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import Rotation, heading_velocity, rotation_matrix, to_body
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_NAMES, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Terrain
 
 angle = st.floats(-3.0, 3.0)
@@ -60,11 +60,11 @@ def test_gravity_points_forward_in_the_body_of_a_robot_that_looks_down() -> None
 
 @pytest.fixture
 def moving() -> Simulation:
-    simulation = Simulation(Flat(), 3, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, Flat(), 3, 1, 100.0)
     rng = np.random.default_rng(0)
     simulation.reset(np.arange(3), rng.uniform(-0.2, 0.2, (3, 35)))
     for _ in range(20):
-        simulation.step(HOME_POSE + rng.normal(0, 0.2, (3, 12)), np.zeros((3, 2)))
+        simulation.step(SIMPLE_QUAD.home_pose + rng.normal(0, 0.2, (3, 12)), np.zeros((3, 2)))
     return simulation
 
 
@@ -79,7 +79,7 @@ def test_every_reading_is_of_the_current_state_not_of_a_substep_earlier(moving: 
         velocity = np.empty(6)
         mujoco.mj_objectVelocity(moving.model, data, mujoco.mjtObj.mjOBJ_SITE, moving.model.site("imu").id, velocity, 1)
         np.testing.assert_allclose(robot(state.linear_velocity), velocity[3:], atol=1e-12)
-        joints = [data.joint(name) for name in JOINT_NAMES]
+        joints = [data.joint(name) for name in SIMPLE_QUAD.joint_names]
         np.testing.assert_array_equal(robot(state.joint_position), [joint.qpos[0] for joint in joints])
         np.testing.assert_array_equal(robot(state.joint_velocity), [joint.qvel[0] for joint in joints])
 
@@ -87,14 +87,16 @@ def test_every_reading_is_of_the_current_state_not_of_a_substep_earlier(moving: 
 @pytest.mark.parametrize("terrain", [Flat(), SmoothRandom(half_size=6.0)])
 def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(terrain: Terrain) -> None:
     rng, touches = np.random.default_rng(0), 0
-    simulation = Simulation(terrain, 1, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, terrain, 1, 1, 100.0)
     start = np.zeros((1, 35))
     start[0, 3] = 3.0  # rad of roll: it lies on its back
     simulation.reset(np.arange(1), start)
     data = simulation.snapshot(0)
     data.qacc_warmstart[:] = 0.0
     for _ in range(200):
-        action = np.clip(HOME_POSE + rng.normal(0, 0.6, 12), JOINT_LOWER, JOINT_UPPER)
+        action = np.clip(
+            SIMPLE_QUAD.home_pose + rng.normal(0, 0.6, 12), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper
+        )
         simulation.step(action[None], None)
         data.ctrl[:] = action
         mujoco.mj_step(simulation.model, data, nstep=simulation.substeps)
@@ -108,7 +110,7 @@ def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(terrain: Terra
 
 def test_heading_velocity_is_the_trunks_displacement_over_time(moving: Simulation) -> None:
     before = moving.state(np.zeros((3, 3)))
-    moving.step(np.tile(HOME_POSE, (3, 1)), np.zeros((3, 2)))
+    moving.step(np.tile(SIMPLE_QUAD.home_pose, (3, 1)), np.zeros((3, 2)))
     after = moving.state(np.zeros((3, 3)))
     displacement = np.subtract(after.position, before.position) / 0.01
     mean_velocity = (
@@ -119,10 +121,10 @@ def test_heading_velocity_is_the_trunks_displacement_over_time(moving: Simulatio
 
 
 def test_knee_torques_hold_the_weight() -> None:
-    simulation = Simulation(Flat(), 1, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     for _ in range(100):
-        simulation.step(HOME_POSE[None], np.zeros((1, 2)))
+        simulation.step(SIMPLE_QUAD.home_pose[None], np.zeros((1, 2)))
     torque = np.reshape(simulation.state_of_one((0.0, 0.0, 0.0)).joint_torque, (4, 3))
     # The ground's force F at the lever d = 0.3 sin(0.5) m ahead of the knee, less the calf's weight at d/2.
     lever = 0.3 * np.sin(0.5)

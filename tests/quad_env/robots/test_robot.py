@@ -1,34 +1,36 @@
-"""The constants in `quad_env.robots.robot` are the compiled model's."""
+"""What SIMPLE_QUAD says of itself is what its compiled model says."""
 
 import mujoco
 import numpy as np
 import pytest
 
 from quad_env.physics.model import compile_model
-from quad_env.robots import robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.terrain import Flat
 
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    return compile_model(Flat())
+    return compile_model(SIMPLE_QUAD, Flat())
 
 
 def test_the_robot_has_13_links_12_joints_and_weighs_14_2_kg(model: mujoco.MjModel) -> None:
     assert model.nbody - 1 == 13
     assert model.njnt - 1 == 12 == model.nu
-    assert model.body_mass.sum() == pytest.approx(robot.MASS)
+    assert model.body_mass.sum() == pytest.approx(SIMPLE_QUAD.mass)
     masses = {"base_link": 5.0, "fl_hip_link": 0.5, "hr_thigh_link": 1.0, "hl_calf_link": 0.8}
     assert {name: model.body(name).mass[0] for name in masses} == masses
 
 
 def test_joint_order_limits_and_torque_limit_are_the_models(model: mujoco.MjModel) -> None:
-    assert tuple(model.joint(i).name for i in range(1, 13)) == robot.JOINT_NAMES
-    assert tuple(model.actuator(i).name for i in range(12)) == robot.JOINT_NAMES
+    assert tuple(model.joint(i).name for i in range(1, 13)) == SIMPLE_QUAD.joint_names
+    assert tuple(model.actuator(i).name for i in range(12)) == SIMPLE_QUAD.joint_names
     assert [int(model.actuator_trnid[i, 0]) for i in range(12)] == list(range(1, 13))
-    np.testing.assert_array_equal(model.jnt_range[1:, 0], robot.JOINT_LOWER)
-    np.testing.assert_array_equal(model.jnt_range[1:, 1], robot.JOINT_UPPER)
-    np.testing.assert_array_equal(model.actuator_forcerange, [[-robot.TORQUE_LIMIT, robot.TORQUE_LIMIT]] * 12)
+    np.testing.assert_array_equal(model.jnt_range[1:, 0], SIMPLE_QUAD.joint_lower)
+    np.testing.assert_array_equal(model.jnt_range[1:, 1], SIMPLE_QUAD.joint_upper)
+    np.testing.assert_array_equal(
+        model.actuator_forcerange, [[-SIMPLE_QUAD.rated_torque, SIMPLE_QUAD.rated_torque]] * 12
+    )
 
 
 def test_everything_in_the_model_is_named(model: mujoco.MjModel) -> None:
@@ -43,12 +45,14 @@ def test_home_stands_with_the_feet_just_touching_the_ground(model: mujoco.MjMode
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
     mujoco.mj_forward(model, data)
-    np.testing.assert_array_equal(data.qpos[7:], robot.HOME_POSE)
+    np.testing.assert_array_equal(data.qpos[7:], SIMPLE_QUAD.home_pose)
     assert data.qpos[2] == pytest.approx(0.6 * np.cos(0.5) + 0.02, abs=1e-6)
-    assert pytest.approx(data.qpos[2], abs=1e-6) == robot.HOME_HEIGHT
-    for leg, hip, side in zip(robot.LEG_NAMES, robot.HIP_POSITIONS, robot.SIDE, strict=True):
+    assert pytest.approx(data.qpos[2], abs=1e-6) == SIMPLE_QUAD.home_height
+    for leg, hip, side in zip(SIMPLE_QUAD.leg_names, SIMPLE_QUAD.hip_positions, SIMPLE_QUAD.side, strict=True):
         foot = data.site(f"{leg}_foot").xpos
-        np.testing.assert_allclose(foot, [hip[0], hip[1] + side * robot.HIP_OFFSET, robot.FOOT_RADIUS], atol=1e-6)
+        np.testing.assert_allclose(
+            foot, [hip[0], hip[1] + side * SIMPLE_QUAD.hip_offset, SIMPLE_QUAD.foot_radius], atol=1e-6
+        )
 
 
 def test_positive_hip_angle_swings_the_foot_to_the_left_and_positive_thigh_angle_backward(

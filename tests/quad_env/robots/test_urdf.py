@@ -7,30 +7,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from quad_env.robots.robot import (
-    CALF_LENGTH,
-    FOOT_RADIUS,
-    JOINT_LOWER,
-    JOINT_NAMES,
-    JOINT_UPPER,
-    LEG_NAMES,
-    MODEL_PATH,
-    TORQUE_LIMIT,
-    URDF_PATH,
-    VELOCITY_LIMIT,
-)
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-LINKS = ("base_link", *(f"{leg}_{link}_link" for leg in LEG_NAMES for link in ("hip", "thigh", "calf")))
+LINKS = ("base_link", *(f"{leg}_{link}_link" for leg in SIMPLE_QUAD.leg_names for link in ("hip", "thigh", "calf")))
 
 
 @pytest.fixture(scope="module")
 def urdf() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(URDF_PATH))
+    return mujoco.MjModel.from_xml_path(str(SIMPLE_QUAD.urdf))
 
 
 @pytest.fixture(scope="module")
 def mjcf() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(MODEL_PATH))
+    return mujoco.MjModel.from_xml_path(str(SIMPLE_QUAD.mjcf))
 
 
 def posed(model: mujoco.MjModel, angles: NDArray[np.float64]) -> mujoco.MjData:
@@ -45,8 +34,8 @@ def posed(model: mujoco.MjModel, angles: NDArray[np.float64]) -> mujoco.MjData:
 
 def foot_positions(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
     """End points of the calves in the world frame, shape (4, 3), m."""
-    calves = [data.body(f"{leg}_calf_link") for leg in LEG_NAMES]
-    return np.array([calf.xpos + calf.xmat.reshape(3, 3) @ (0, 0, -CALF_LENGTH) for calf in calves])
+    calves = [data.body(f"{leg}_calf_link") for leg in SIMPLE_QUAD.leg_names]
+    return np.array([calf.xpos + calf.xmat.reshape(3, 3) @ (0, 0, -SIMPLE_QUAD.calf_length) for calf in calves])
 
 
 def inertia_in_link_frame(model: mujoco.MjModel, link: str) -> NDArray[np.float64]:
@@ -58,14 +47,14 @@ def inertia_in_link_frame(model: mujoco.MjModel, link: str) -> NDArray[np.float6
 
 
 def random_angles(count: int) -> NDArray[np.float64]:
-    return np.random.default_rng(20).uniform(JOINT_LOWER, JOINT_UPPER, (count, 12))
+    return np.random.default_rng(20).uniform(SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper, (count, 12))
 
 
 def test_has_the_thirteen_links_and_twelve_joints_in_order(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
     assert [urdf.body(i).name for i in range(1, urdf.nbody)] == list(LINKS)
     assert [mjcf.body(link).name for link in LINKS] == list(LINKS)
-    assert [urdf.joint(i).name for i in range(urdf.njnt)] == list(JOINT_NAMES)
-    assert [mjcf.joint(i).name for i in range(1, 13)] == list(JOINT_NAMES)
+    assert [urdf.joint(i).name for i in range(urdf.njnt)] == list(SIMPLE_QUAD.joint_names)
+    assert [mjcf.joint(i).name for i in range(1, 13)] == list(SIMPLE_QUAD.joint_names)
 
 
 def test_weighs_fourteen_point_two_kilograms(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
@@ -97,7 +86,7 @@ def test_inertias_are_the_printed_ones(
     np.testing.assert_allclose(inertia_in_link_frame(urdf, part), np.diag(inertia), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", JOINT_NAMES)
+@pytest.mark.parametrize("name", SIMPLE_QUAD.joint_names)
 def test_joints_turn_about_the_same_axes_within_the_same_limits(
     urdf: mujoco.MjModel, mjcf: mujoco.MjModel, name: str
 ) -> None:
@@ -110,17 +99,17 @@ def test_joints_turn_about_the_same_axes_within_the_same_limits(
     assert reference.limited
 
 
-@pytest.mark.parametrize("name", JOINT_NAMES)
+@pytest.mark.parametrize("name", SIMPLE_QUAD.joint_names)
 def test_effort_limits_agree(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, name: str) -> None:
-    limit = (-TORQUE_LIMIT, TORQUE_LIMIT)
+    limit = (-SIMPLE_QUAD.rated_torque, SIMPLE_QUAD.rated_torque)
     np.testing.assert_array_equal(urdf.jnt_actfrcrange[urdf.joint(name).id], limit)
     np.testing.assert_array_equal(mjcf.actuator(name).forcerange, limit)
 
 
 def test_velocity_limits_are_the_rated_speed() -> None:
     """MuJoCo does not read them, ROS does."""
-    limits = ElementTree.parse(URDF_PATH).getroot().findall("joint/limit")
-    assert [float(limit.attrib["velocity"]) for limit in limits] == [VELOCITY_LIMIT] * 12
+    limits = ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")
+    assert [float(limit.attrib["velocity"]) for limit in limits] == [SIMPLE_QUAD.rated_speed] * 12
 
 
 def test_feet_are_in_the_same_places_at_any_joint_angles(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
@@ -139,14 +128,18 @@ def test_foot_spheres_collide_at_the_calf_ends(urdf: mujoco.MjModel, mjcf: mujoc
     data = posed(urdf, random_angles(1)[0])
     spheres = [i for i in range(urdf.ngeom) if urdf.geom_type[i] == mujoco.mjtGeom.mjGEOM_SPHERE]
     colliding = [i for i in spheres if urdf.geom_contype[i] and urdf.geom_conaffinity[i]]
-    assert [urdf.body(urdf.geom_bodyid[i]).name for i in colliding] == [f"{leg}_calf_link" for leg in LEG_NAMES]
-    np.testing.assert_array_equal(urdf.geom_size[colliding, 0], FOOT_RADIUS)
+    assert [urdf.body(urdf.geom_bodyid[i]).name for i in colliding] == [
+        f"{leg}_calf_link" for leg in SIMPLE_QUAD.leg_names
+    ]
+    np.testing.assert_array_equal(urdf.geom_size[colliding, 0], SIMPLE_QUAD.foot_radius)
     np.testing.assert_allclose(data.geom_xpos[colliding], foot_positions(urdf, data), atol=1e-9)
-    np.testing.assert_array_equal([mjcf.geom(f"{leg}_foot").size[0] for leg in LEG_NAMES], FOOT_RADIUS)
+    np.testing.assert_array_equal(
+        [mjcf.geom(f"{leg}_foot").size[0] for leg in SIMPLE_QUAD.leg_names], SIMPLE_QUAD.foot_radius
+    )
 
 
 def test_hip_boxes_are_seen_but_do_not_collide(urdf: mujoco.MjModel) -> None:
-    for leg in LEG_NAMES:
+    for leg in SIMPLE_QUAD.leg_names:
         (hip,) = np.flatnonzero(urdf.geom_bodyid == urdf.body(f"{leg}_hip_link").id)
         assert urdf.geom_contype[hip] == urdf.geom_conaffinity[hip] == 0
 

@@ -8,7 +8,7 @@ import pytest
 
 from quad_env.config import CommandRanges, StartNoise
 from quad_env.physics.simulation import Simulation
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.disturbances import Dropouts, Latency, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.episode import Episode, at_reset
@@ -58,19 +58,19 @@ def test_a_disturbance_shifts_no_other_draw() -> None:
         noise=SensorNoise(),
         dropouts=Dropouts(),
     )
-    a, b = (Episode(scenario, 5, 2, 0.01) for scenario in (plain, troubled))
+    a, b = (Episode(SIMPLE_QUAD, scenario, 5, 2, 0.01) for scenario in (plain, troubled))
     np.testing.assert_array_equal(a.start, b.start)
     np.testing.assert_array_equal(a.pushes.force, b.pushes.force)
     np.testing.assert_array_equal([a.next_command(), a.next_command()], [b.next_command(), b.next_command()])
-    alone = Episode(replace(plain, payload=Payload()), 5, 2, 0.01)
+    alone = Episode(SIMPLE_QUAD, replace(plain, payload=Payload()), 5, 2, 0.01)
     np.testing.assert_array_equal(alone.load, b.load)
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) -> None:
     scenario = AXES[name].level(4)
-    simulation = Simulation.of(scenario, 16, 1, 100.0)
-    simulation.reset(np.arange(16), *at_reset([Episode(scenario, seed, 0, 0.01) for seed in range(16)]))
+    simulation = Simulation.of(SIMPLE_QUAD, scenario, 16, 1, 100.0)
+    simulation.reset(np.arange(16), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(16)]))
     for robot in range(16):
         data = simulation.snapshot(robot)
         depths = [-contact.dist for contact in data.contact]
@@ -83,12 +83,12 @@ def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) ->
 @pytest.mark.parametrize("terrain", [Slope(), Slope(0.3)])
 def test_a_robot_starts_aligned_with_a_slope_and_stands_on_it(terrain: Slope) -> None:
     scenario = Scenario("slope", terrain=terrain, start=replace(StartNoise(), tilt=0.0))
-    simulation = Simulation.of(scenario, 8, 1, 100.0)
-    simulation.reset(np.arange(8), *at_reset([Episode(scenario, seed, 0, 0.01) for seed in range(8)]))
+    simulation = Simulation.of(SIMPLE_QUAD, scenario, 8, 1, 100.0)
+    simulation.reset(np.arange(8), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]))
     up = np.array(simulation.state(np.zeros((3, 8))).rotation)[:, 2]
     np.testing.assert_allclose(up.T, np.tile([-np.sin(terrain.angle), 0, np.cos(terrain.angle)], (8, 1)), atol=1e-12)
     for _ in range(100):
-        simulation.step(np.tile(HOME_POSE, (8, 1)), None)
+        simulation.step(np.tile(SIMPLE_QUAD.home_pose, (8, 1)), None)
     state = simulation.state(np.zeros((3, 8)))
     np.testing.assert_allclose(state.height * np.cos(terrain.angle), 0.54, atol=0.05)
 
@@ -108,12 +108,14 @@ def test_no_robot_leaves_its_field_within_ten_seconds() -> None:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> None:
     scenario, rng = SCENARIOS[name], np.random.default_rng(0)
-    simulation = Simulation.of(scenario, 2, 1, 100.0)
-    simulation.reset(np.arange(2), *at_reset([Episode(scenario, seed, 0, 0.01) for seed in range(2)]))
+    simulation = Simulation.of(SIMPLE_QUAD, scenario, 2, 1, 100.0)
+    simulation.reset(np.arange(2), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(2)]))
     data = simulation.snapshot(1)
     data.qacc_warmstart[:] = 0.0
     for _ in range(60):
-        action = np.clip(HOME_POSE + rng.normal(0, 0.2, 12), JOINT_LOWER, JOINT_UPPER)
+        action = np.clip(
+            SIMPLE_QUAD.home_pose + rng.normal(0, 0.2, 12), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper
+        )
         simulation.step(np.tile(action, (2, 1)), None)
         data.ctrl[:] = action
         mujoco.mj_step(simulation.model, data, nstep=simulation.substeps)

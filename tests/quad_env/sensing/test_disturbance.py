@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import SensorNoise
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.disturbance import SENSED
 from quad_env.sensing.noise import BLOCK
-from quad_env.task.observations import BOUND, OBSERVATION
+from quad_env.task.observations import OBSERVATION, observation_table
+
+SENSED = observation_table(SIMPLE_QUAD).sensed
 
 ROBOTS, STEPS = 6, 4 * BLOCK + 7
 GYRO = 0.1
@@ -19,7 +20,7 @@ def observations(scenario: Scenario, wobble: float = 0.0) -> np.ndarray:
     env = SimpleQuadVectorEnv(ROBOTS, scenario, terminate_on_fall=False)
     rng = np.random.default_rng(1)
     rows = [env.reset(seed=0)[0]]
-    rows += [env.step(HOME_POSE + rng.normal(0, wobble, (ROBOTS, 12)))[0] for _ in range(STEPS)]
+    rows += [env.step(SIMPLE_QUAD.home_pose + rng.normal(0, wobble, (ROBOTS, 12)))[0] for _ in range(STEPS)]
     return np.array(rows, np.float64)
 
 
@@ -48,7 +49,7 @@ def test_gravity_is_noisy_within_the_observation_space(standing: np.ndarray) -> 
     x, y, _ = np.moveaxis(standing[..., OBSERVATION["projected_gravity"]], -1, 0)
     assert (x.std(), y.std()) == pytest.approx((0.25 * GYRO, 0.25 * GYRO), rel=0.06)
     seen = observations(Scenario("noisy", noise=SensorNoise(3.0)))
-    assert (np.abs(seen) <= BOUND).all()
+    assert (np.abs(seen) <= observation_table(SIMPLE_QUAD).bound).all()
 
 
 def test_what_needs_no_sensor_has_no_noise(standing: np.ndarray) -> None:

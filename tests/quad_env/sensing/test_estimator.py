@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quad_env.robots.robot import CALF_LENGTH, FOOT_RADIUS, HOME_POSE, THIGH_LENGTH
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.estimator import TILT_TIME, VELOCITY_TIME, Estimator, Read, leg_velocity
 
 DT, ROW = 0.01, np.zeros(1, np.intp)
@@ -12,13 +12,13 @@ ALL, NONE = np.ones((1, 4), bool), np.zeros((1, 4), bool)
 REST = np.array([[0.0, 0.0, 9.81]])
 
 
-def read(gyro=STILL, force=REST, joints=HOME_POSE, before=None, standing=ALL) -> Read:
+def read(gyro=STILL, force=REST, joints=SIMPLE_QUAD.home_pose, before=None, standing=ALL) -> Read:
     joints = np.reshape(joints, (1, 12))
     return Read(np.array(gyro), np.array(force), joints, joints if before is None else before.reshape(1, 12), standing)
 
 
 def estimator(at_rest=REST, gyro=STILL) -> Estimator:
-    out = Estimator(1, DT, DT)
+    out = Estimator(SIMPLE_QUAD, 1, DT, DT)
     out.begin(ROW, at_rest, np.array(gyro))
     return out
 
@@ -26,42 +26,48 @@ def estimator(at_rest=REST, gyro=STILL) -> Estimator:
 def moving(thigh: float, calf: float) -> tuple[np.ndarray, np.ndarray]:
     """Joints of four legs in the middle of a sample at home, and a sample before, that turn at these rates, rad/s."""
     change = np.tile((0.0, thigh, calf), 4) * DT / 2
-    return HOME_POSE + change, HOME_POSE - change
+    return SIMPLE_QUAD.home_pose + change, SIMPLE_QUAD.home_pose - change
 
 
 def by_legs(joints: np.ndarray, before: np.ndarray, turning=STILL, standing=ALL) -> np.ndarray:
-    velocity, known = leg_velocity(read(joints=joints, before=before, standing=standing), np.array(turning), DOWN, DT)
+    velocity, known = leg_velocity(
+        SIMPLE_QUAD, read(joints=joints, before=before, standing=standing), np.array(turning), DOWN, DT
+    )
     assert known.all()
     return velocity[0]
 
 
 def test_shins_that_keep_their_direction_push_the_trunk_along_the_thighs_circle() -> None:
-    expected = (THIGH_LENGTH * np.cos(0.5) * 2, 0, -THIGH_LENGTH * np.sin(0.5) * 2)
+    expected = (SIMPLE_QUAD.thigh_length * np.cos(0.5) * 2, 0, -SIMPLE_QUAD.thigh_length * np.sin(0.5) * 2)
     np.testing.assert_allclose(by_legs(*moving(2.0, -2.0)), expected, atol=1e-4)
 
 
 def test_a_shin_that_turns_rolls_on_its_foot() -> None:
     """The shin stands at thigh + calf = -0.5 rad."""
-    expected = (2 * (FOOT_RADIUS + CALF_LENGTH * np.cos(-0.5)), 0, -2 * CALF_LENGTH * np.sin(-0.5))
+    expected = (
+        2 * (SIMPLE_QUAD.foot_radius + SIMPLE_QUAD.calf_length * np.cos(-0.5)),
+        0,
+        -2 * SIMPLE_QUAD.calf_length * np.sin(-0.5),
+    )
     np.testing.assert_allclose(by_legs(*moving(0.0, 2.0)), expected, atol=1e-4)
 
 
 def test_on_one_still_leg_the_trunk_circles_about_the_foot() -> None:
     one = np.array([[True, False, False, False]])  # front left, its foot 0.25 m ahead and 0.25 m to the left
-    velocity = by_legs(HOME_POSE, HOME_POSE, [[0.0, 0.0, 2.0]], one)
+    velocity = by_legs(SIMPLE_QUAD.home_pose, SIMPLE_QUAD.home_pose, [[0.0, 0.0, 2.0]], one)
     np.testing.assert_allclose(velocity, (2 * 0.25, -2 * 0.25, 0), atol=1e-12)
 
 
 def test_a_hip_that_turns_moves_the_trunk_sideways_over_the_foot() -> None:
     legs = np.zeros(12)
     change = np.tile((1.0, 0.0, 0.0), 4) * DT / 2
-    length = THIGH_LENGTH + CALF_LENGTH + FOOT_RADIUS
+    length = SIMPLE_QUAD.thigh_length + SIMPLE_QUAD.calf_length + SIMPLE_QUAD.foot_radius
     velocity = by_legs(legs + change, legs - change)
     np.testing.assert_allclose(velocity[:2], (0, -length), atol=1e-4)
 
 
 def test_without_a_standing_foot_nothing_is_known_and_the_accelerometer_goes_on() -> None:
-    velocity, known = leg_velocity(read(standing=NONE), STILL, DOWN, DT)
+    velocity, known = leg_velocity(SIMPLE_QUAD, read(standing=NONE), STILL, DOWN, DT)
     assert not known.any()
     assert (velocity == 0).all()
     flying = estimator()

@@ -10,13 +10,13 @@ import pytest
 
 from quad_env import JOINT_NAMES, SENSORS, Encoders, FootContact, Imu, JointTorque, Scenario, SensorSuite, StartNoise
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE, LEG_NAMES
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 IDEAL = SENSORS["ideal"]
 NAMES = ("gyro", "accelerometer", "joint_position", "foot_contact", "joint_torque")
 CALM = Scenario("calm", start=StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 ROBOTS, STEPS = 8, 120
-HOME = np.tile(HOME_POSE, (ROBOTS, 1))
+HOME = np.tile(SIMPLE_QUAD.home_pose, (ROBOTS, 1))
 
 
 def ideal(**changes: Any) -> SensorSuite:
@@ -128,7 +128,7 @@ def test_readings_are_of_the_present_and_of_no_substep_earlier() -> None:
         np.testing.assert_allclose(now["gyro"], data.sensor("imu_angular_velocity").data, atol=1e-9)
         np.testing.assert_allclose(now["joint_position"], [data.joint(name).qpos[0] for name in JOINT_NAMES])
         np.testing.assert_allclose(now["joint_torque"], data.qfrc_actuator[6:], atol=1e-6)
-        force = np.array([data.sensor(f"{leg}_foot_touch").data[0] for leg in LEG_NAMES])
+        force = np.array([data.sensor(f"{leg}_foot_touch").data[0] for leg in SIMPLE_QUAD.leg_names])
         assert now["foot_contact"].tolist() == (force >= 60.0).tolist()
         stood |= set(zip(now["foot_contact"].tolist(), (force > 0).tolist(), strict=True))
     assert stood == {(False, False), (False, True), (True, True)}
@@ -203,7 +203,7 @@ def test_a_bias_stays_for_the_episode_and_is_drawn_anew_for_each(name: str) -> N
         added = [[each.reset(seed=seed)[1][f"sensor_{name}"]] for each in (env, plain)]
         for _ in range(5):
             for run, values in zip((env, plain), added, strict=True):
-                values.append(run.step(np.tile(HOME_POSE, (64, 1)))[4][f"sensor_{name}"])
+                values.append(run.step(np.tile(SIMPLE_QUAD.home_pose, (64, 1)))[4][f"sensor_{name}"])
         difference = np.subtract(*added)
         np.testing.assert_allclose(difference, np.tile(difference[0], (6, 1, 1)), atol=1e-9)
         biases.append(difference[0])

@@ -10,8 +10,10 @@ import pytest
 import policies
 from quad_env import OBSERVATION, SCENARIOS, SENSORS, CommandRanges, Latency, SensorNoise, SensorSuite
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE
-from quad_env.sensing.disturbance import SENSED
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.task.observations import observation_table
+
+SENSED = observation_table(SIMPLE_QUAD).sensed
 
 IDEAL = SENSORS["ideal"]
 STEPS = 150
@@ -20,7 +22,7 @@ Run = tuple[np.ndarray, list[dict[str, Any]], np.ndarray]
 
 def actions(robots: int, size: float = 0.15) -> np.ndarray:
     """Of each robot its own, whatever the number of robots."""
-    each = [HOME_POSE + size * np.random.default_rng(i).normal(0, 1, (STEPS, 12)) for i in range(robots)]
+    each = [SIMPLE_QUAD.home_pose + size * np.random.default_rng(i).normal(0, 1, (STEPS, 12)) for i in range(robots)]
     return np.stack(each, axis=1).astype(np.float32)
 
 
@@ -43,7 +45,7 @@ def test_what_the_sensors_read_is_what_the_observation_shows() -> None:
     read = {name: np.array([info[f"sensor_{name}"] for info in infos]) for name in ("gyro", "joint_position")}
     shown = {name: observations[..., where] for name, where in OBSERVATION.items()}
     np.testing.assert_allclose(shown["angular_velocity"], read["gyro"], rtol=1e-6)
-    np.testing.assert_allclose(shown["joint_position"], read["joint_position"] - HOME_POSE, atol=1e-6)
+    np.testing.assert_allclose(shown["joint_position"], read["joint_position"] - SIMPLE_QUAD.home_pose, atol=1e-6)
     speed = np.diff(read["joint_position"], axis=0, prepend=read["joint_position"][:1]) / 0.01
     np.testing.assert_allclose(shown["joint_velocity"], speed, rtol=1e-5, atol=1e-4)
 

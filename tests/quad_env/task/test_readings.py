@@ -8,7 +8,7 @@ import pytest
 import policies
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulation import Simulation, compile_model
-from quad_env.robots.robot import FOOT_RADIUS, HOME_POSE, LEG_NAMES, TORQUE_LIMIT
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.terrain import Flat
 
 SEED = 5
@@ -48,7 +48,7 @@ def test_every_reading_has_its_shape_and_a_copy_of_its_own() -> None:
     _, infos = env.reset(seed=SEED)
     assert {name: infos[name].shape[1:] for name in WIDTHS} == WIDTHS
     before = {name: infos[name].copy() for name in WIDTHS}
-    env.step(np.tile(HOME_POSE.astype(np.float32), (3, 1)))
+    env.step(np.tile(SIMPLE_QUAD.home_pose.astype(np.float32), (3, 1)))
     for name in WIDTHS:
         assert infos[name].shape[0] == 3
         np.testing.assert_array_equal(infos[name], before[name], err_msg=name)
@@ -83,7 +83,7 @@ def test_readings_are_those_of_mujoco_after_the_same_step(scenario: str) -> None
             continue
         data, read = env.simulation.snapshot(1), {name: infos[name][1] for name in WIDTHS}
         trunk = data.body("base_link")
-        feet = np.array([data.site(f"{leg}_foot").xpos for leg in LEG_NAMES])
+        feet = np.array([data.site(f"{leg}_foot").xpos for leg in SIMPLE_QUAD.leg_names])
         np.testing.assert_allclose(read["position"], trunk.xpos, atol=1e-12)
         np.testing.assert_allclose(read["quaternion"], trunk.xquat, atol=1e-12)
         np.testing.assert_allclose(read["angular_velocity"], data.qvel[3:6], atol=1e-12)
@@ -93,13 +93,13 @@ def test_readings_are_those_of_mujoco_after_the_same_step(scenario: str) -> None
         np.testing.assert_allclose(read["action"], data.ctrl, atol=1e-12)
         np.testing.assert_allclose(read["foot_position"], feet, atol=1e-12)
         ground = env.scenario.terrain.height(feet[:, 0], feet[:, 1])
-        np.testing.assert_allclose(read["foot_height"], feet[:, 2] - FOOT_RADIUS - ground, atol=1e-12)
-        assert (np.abs(read["joint_torque"]) <= TORQUE_LIMIT).all()
+        np.testing.assert_allclose(read["foot_height"], feet[:, 2] - SIMPLE_QUAD.foot_radius - ground, atol=1e-12)
+        assert (np.abs(read["joint_torque"]) <= SIMPLE_QUAD.rated_torque).all()
 
 
 def test_contacts_are_those_of_the_last_substep() -> None:
     """Single substeps make the state before the last one visible: MuJoCo's own contacts there are what is read."""
-    simulation = Simulation(Flat(), 1, 1, 500.0, contacts=True)
+    simulation = Simulation(SIMPLE_QUAD, Flat(), 1, 1, 500.0, contacts=True)
     model = simulation.model
     rng = np.random.default_rng(0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))
@@ -107,11 +107,11 @@ def test_contacts_are_those_of_the_last_substep() -> None:
     for step in range(600):
         before = simulation.snapshot(0)
         legs_folded = step > 300
-        simulation.step(HOME_POSE + (0.9 * legs_folded) * rng.normal(0, 1.0, (1, 12)), np.zeros((1, 2)))
+        simulation.step(SIMPLE_QUAD.home_pose + (0.9 * legs_folded) * rng.normal(0, 1.0, (1, 12)), np.zeros((1, 2)))
         ground = model.geom("ground").id
         touching = {model.geom(int(geom)).name for pair in before.contact.geom if ground in pair for geom in pair}
         feet, leg = simulation.ground_contacts()
-        assert feet[0].tolist() == [f"{name}_foot" in touching for name in LEG_NAMES]
+        assert feet[0].tolist() == [f"{name}_foot" in touching for name in SIMPLE_QUAD.leg_names]
         assert leg[0] == any(name.endswith(("thigh", "calf")) for name in touching)
         seen.add((*feet[0].tolist(), bool(leg[0])))
     assert {leg for *_, leg in seen} == {False, True}
@@ -124,17 +124,17 @@ def test_the_push_is_the_force_of_the_step_just_taken() -> None:
     total, steps = np.zeros((4, 2)), 0
     for _ in range(1000):
         force = env._schedule.force().copy()
-        *_, infos = env.step(np.tile(HOME_POSE.astype(np.float32), (4, 1)))
+        *_, infos = env.step(np.tile(SIMPLE_QUAD.home_pose.astype(np.float32), (4, 1)))
         np.testing.assert_array_equal(infos["push"], force)
         total, steps = total + np.abs(force), steps + force.any(axis=1)
     assert steps.tolist() == [20] * 4
 
 
 def test_every_contact_sensor_watches_a_geom_against_the_world() -> None:
-    model = compile_model(Flat())
+    model = compile_model(SIMPLE_QUAD, Flat())
     contact = [i for i in range(model.nsensor) if model.sensor_type[i] == mujoco.mjtSensor.mjSENS_CONTACT]
     watched = {model.geom(model.sensor_objid[i]).name for i in contact}
-    legs = {f"{leg}_{part}" for leg in LEG_NAMES for part in ("thigh", "calf", "foot")}
+    legs = {f"{leg}_{part}" for leg in SIMPLE_QUAD.leg_names for part in ("thigh", "calf", "foot")}
     assert watched == {"trunk", *legs}
     for i in contact:
         assert model.sensor(i).name == f"{model.geom(model.sensor_objid[i]).name}_ground"
