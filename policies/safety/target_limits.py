@@ -8,6 +8,7 @@ import numpy as np
 from policies.base import CONTROL_PERIOD, Floats
 from quad_env.actuation.models import Actuator, actuator
 from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER, TORQUE_LIMIT
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 SERVO_STIFFNESS, SERVO_DAMPING = 300.0, 10.0
 """Gains of the robot's joint servos, N·m/rad and N·m·s/rad: torque = stiffness (target - angle) - damping · speed."""
@@ -41,8 +42,9 @@ class SafetyLimits:
         servo = actuator(which)
         if servo.curve is None:
             return cls(delay=servo.delay)
-        torque = min(TORQUE_LIMIT, servo.curve.stall_torque)
-        return cls(torque=torque, no_load_speed=servo.curve.no_load_speed, delay=servo.delay)
+        line = servo.curve.on(SIMPLE_QUAD)
+        torque = min(SIMPLE_QUAD.rated_torque, line.stall_torque)
+        return cls(torque=torque, no_load_speed=line.no_load_speed, delay=servo.delay)
 
 
 def limited(targets: Floats, previous: Floats, joints: Floats, speeds: Floats, limits: SafetyLimits) -> Floats:
