@@ -16,7 +16,7 @@ from train.config import TrainConfig, ValidationConfig
 from train.run import make_env
 from train.sb3.callbacks import Memory, current_policy, schedules
 from train.sb3.ppo import build
-from train.sb3.vec_env import TrainingEnv
+from train.sb3.vec_env import TrainingVecEnv
 from train.validation import validate
 
 JUDGED = "flat"
@@ -145,13 +145,13 @@ def train_and_judge(
     env = make_env(config)
     try:
         model = _learner(config, env)
-        judge = _Judge(config, env, every, episodes, goal, report, begin)
+        judge = _Judge(config, every, episodes, goal, report, begin)
         model.learn(config.steps, [judge, *schedules(config, model, Memory())])
     finally:
         env.close()
 
 
-def _learner(config: TrainConfig, env: TrainingEnv) -> PPO:
+def _learner(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     model = build(config, env)
     model.set_logger(Logger(None, []))
     return model
@@ -163,7 +163,6 @@ class _Judge(BaseCallback):
     def __init__(
         self,
         config: TrainConfig,
-        env: TrainingEnv,
         every: int,
         episodes: int,
         goal: float,
@@ -171,7 +170,7 @@ class _Judge(BaseCallback):
         begin: float,
     ) -> None:
         super().__init__()
-        self._config, self._env = config, env
+        self._config = config
         self._every, self._goal, self._report = every, goal, report
         self._validation = ValidationConfig(episodes=episodes, scenarios=(JUDGED,))
         self._begin, self._next, self._reached = begin, 0, False
@@ -190,7 +189,7 @@ class _Judge(BaseCallback):
     def _judge(self) -> None:
         paused = time.perf_counter()
         config = self._config
-        policy = current_policy(config, cast(PPO, self.model), self._env)
+        policy = current_policy(config, cast(PPO, self.model))
         error = validate(policy, self._validation, config.threads)[JUDGED]["velocity_error"]
         self._report(Judgement(self.num_timesteps, paused - self._begin, error))
         self._reached = error <= self._goal

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
+import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -20,10 +21,10 @@ from policies.bundle import save as save_bundle
 from train.config import TrainConfig, to_dict
 from train.display import Display
 from train.interrupt import Interrupt
+from train.robots import TrainingRobots
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network, lower_noise
-from train.sb3.vec_env import TrainingEnv
 from train.validation import score, validate
 
 CHECKPOINT_PERIOD = 30.0
@@ -66,16 +67,16 @@ def recall(remembered: Mapping[str, Any]) -> Memory:
 class Progress(BaseCallback):
     """Shows and logs the figures of each rollout."""
 
-    def __init__(self, env: TrainingEnv, display: Display) -> None:
+    def __init__(self, robots: TrainingRobots, display: Display) -> None:
         super().__init__()
-        self._env = env
+        self._robots = robots
         self._display = display
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_end(self) -> None:
-        figures = self._env.take_statistics().means()
+        figures = self._robots.take_statistics().means()
         for name, value in figures.items():
             self.logger.record(name if "/" in name else f"rollout/{name}", value)
         self._display.update(self.num_timesteps, figures)
@@ -123,21 +124,18 @@ def schedules(config: TrainConfig, model: PPO, memory: Memory) -> list[BaseCallb
     return [LowerNoise(config)]
 
 
-def current_policy(config: TrainConfig, model: PPO, env: TrainingEnv) -> ResidualPolicy:
+def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     """The actor as it would be shipped: on a fresh base, without exploration noise."""
     network = actor_network(model, config.ppo.activation)
-    return ResidualPolicy(policies.make(config.base), network, env.authority, config.policy)
+    return ResidualPolicy(policies.make(config.base), network, np.array(config.authority, np.float32), config.policy)
 
 
 class Keeper(BaseCallback):
     """Validates, keeps the best and the last bundle, writes checkpoints, and ends the run when asked to."""
 
-    def __init__(
-        self, config: TrainConfig, env: TrainingEnv, display: Display, memory: Memory, interrupt: Interrupt
-    ) -> None:
+    def __init__(self, config: TrainConfig, display: Display, memory: Memory, interrupt: Interrupt) -> None:
         super().__init__()
         self._config = config
-        self._env = env
         self._display = display
         self._memory = memory
         self._interrupt = interrupt
@@ -164,7 +162,7 @@ class Keeper(BaseCallback):
         self._keep()
 
     def _policy(self) -> ResidualPolicy:
-        return current_policy(self._config, cast(PPO, self.model), self._env)
+        return current_policy(self._config, cast(PPO, self.model))
 
     def _validate(self) -> bool:
         """Judge the policy; whether it is the best so far, and is kept as that."""

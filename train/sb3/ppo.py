@@ -7,11 +7,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnv
 from torch import nn
 
 from policies.network import Network
 from train.config import PpoConfig, TrainConfig
-from train.sb3.vec_env import TrainingEnv
 
 ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "elu": nn.ELU}
 
@@ -57,7 +57,7 @@ def learning_rate(config: PpoConfig) -> AdaptiveRate | LinearRate | float:
     return config.learning_rate
 
 
-def build(config: TrainConfig, env: TrainingEnv) -> PPO:
+def build(config: TrainConfig, env: VecEnv) -> PPO:
     """A fresh learner whose mean correction is zero everywhere."""
     # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
     torch.set_num_threads(1)

@@ -11,7 +11,9 @@ from policies.bundle import load, save
 from policies.residual import ResidualPolicy
 from quad_env.scenarios.named import SCENARIOS
 from quad_env.seeding import PURPOSES, episode_seeds
+from quad_env.task.observations import SCALE
 from train.config import PpoConfig, TrainConfig
+from train.robots import make_robots, training_seeds
 from train.run import make_env
 from train.sb3.callbacks import LowerNoise
 from train.sb3.ppo import AdaptiveRate, LinearRate, actor_network, build
@@ -75,17 +77,18 @@ def test_the_exported_network_does_not_follow_the_learner():
 def test_a_bundle_of_a_run_acts_as_the_learner_does(tmp_path):
     config, model = learner()
     shaken(model)
-    env = model.get_env()
+    authority = np.array(config.authority, np.float32)
     network = actor_network(model, config.ppo.activation)
-    save(tmp_path, ResidualPolicy(policies.make("trot"), network, env.authority), {}, "unknown")
-    policy = load(tmp_path)
-    observation = np.concatenate([batch.reset(seed=0)[0] for batch in env.batches])
+    save(tmp_path, ResidualPolicy(policies.make("trot"), network, authority), {}, "unknown")
+    policy, base = load(tmp_path), policies.make("trot")
+    inputs = model.get_env().reset()
+    observation = inputs[:, : len(SCALE)] / SCALE
     policy.reset(len(observation))
-    env.base.reset(len(observation))
-    base_action, inputs = env._look(env.base, observation)
+    base.reset(len(observation))
+    base_action = base.act(observation)
     with torch.no_grad():
         mean = model.policy.get_distribution(torch.from_numpy(inputs)).distribution.mean.numpy()
-    expected = base_action + env.authority * mean.clip(-1, 1)
+    expected = base_action + authority * mean.clip(-1, 1)
     action = policy.act(observation)
     inside = (action > policies.base.LOWER) & (action < policies.base.UPPER)
     np.testing.assert_allclose(action[inside], expected[inside], atol=1e-5)
@@ -112,9 +115,7 @@ def test_the_adaptive_rate_steers_towards_its_target():
 
 def test_no_robot_trains_on_an_episode_that_it_is_judged_on():
     config = dataclasses.replace(TrainConfig(), ppo=SMALL)
-    trained = {
-        seed for run in range(3) for env in [make_env(config, resumed=run)] for seed in env._robot_seeds.tolist()
-    }
+    trained = {seed for run in range(3) for seed in training_seeds(config, resumed=run).tolist()}
     assert len(trained) == 3 * SMALL.envs
     for purpose in PURPOSES:
         if purpose != "training":
@@ -131,8 +132,8 @@ def test_training_and_validation_walk_on_other_ground_than_the_evaluation():
 
 
 def test_robots_train_on_harder_ground_and_pushes_than_they_are_judged_on():
-    env = make_env(dataclasses.replace(TrainConfig(), hardness=2.0, pushes=3, ppo=dataclasses.replace(SMALL, envs=8)))
-    flat, push, rough = (batch.scenario for batch in env.batches)
+    config = dataclasses.replace(TrainConfig(), hardness=2.0, pushes=3, ppo=dataclasses.replace(SMALL, envs=8))
+    flat, push, rough = (batch.scenario for batch in make_robots(config, training_seeds(config)).batches)
     assert flat == SCENARIOS["flat"]
     assert (push.pushes.impulse, push.pushes.count) == (70.0, 3)
     assert rough.terrain.peak_to_valley == pytest.approx(0.24)

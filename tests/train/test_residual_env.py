@@ -1,0 +1,197 @@
+"""Base and correction as one environment: the base's walk, honest ends of episodes, clocks that nothing disturbs."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
+
+import policies
+from policies.residual import DEFAULT_AUTHORITY, compose, features
+from quad_env import OBSERVATION
+from quad_env.robots.robot import HOME_POSE
+from quad_env.seeding import episode_seeds
+from train.residual_env import ResidualVectorEnv
+
+SEEDS = episode_seeds("training", 3, 5).tolist()
+WILD = np.full(12, 3.0, np.float32)
+"""Authority, rad, with which noise makes robots fall."""
+
+
+def robots(n, steps=1000, scenario="push", mode="DISABLED"):
+    return gym.make_vec(
+        "SimpleQuad-v0", num_envs=n, scenario=scenario, nthread=1, autoreset_mode=mode, max_episode_steps=steps
+    )
+
+
+def residual(n, base="trot", hold=1, authority=DEFAULT_AUTHORITY, **options):
+    """The environment and its first features."""
+    env = ResidualVectorEnv(robots(n, **options), policies.make(base), authority, hold)
+    seen, _ = env.reset(seed=SEEDS[:n])
+    return env, seen
+
+
+def noise(step, n):
+    """Corrections that make robots fall at different times."""
+    return np.random.default_rng(step).uniform(-1, 1, (n, 12)).astype(np.float32)
+
+
+def test_a_zero_correction_walks_the_base_bit_for_bit():
+    env, seen = residual(3)
+    reference, trot = robots(3), policies.make("trot")
+    trot.reset(3)
+    observation, _ = reference.reset(seed=SEEDS[:3])
+    for _ in range(120):
+        action = trot.act(observation)
+        np.testing.assert_array_equal(seen, features(observation, trot.phase, action))
+        observation, rewards, terminated, _, _ = reference.step(action)
+        assert not terminated.any()
+        seen, mine, *_ = env.step(np.zeros((3, 12)))
+        np.testing.assert_array_equal(mine, rewards)
+
+
+def test_corrections_reach_the_joints_scaled_by_the_authority():
+    env, seen = residual(1)
+    targets = compose(seen[:, -12:] + HOME_POSE.astype(np.float32), np.full((1, 12), np.float32(0.5)), env.authority)
+    seen, *_ = env.step(np.full((1, 12), 0.5))
+    np.testing.assert_allclose(seen[0, OBSERVATION["previous_action"]], targets[0] - HOME_POSE, atol=1e-6)
+
+
+def test_the_final_observation_is_the_last_one_seen_by_a_robot_that_was_never_reset():
+    """Robots of 20 steps here, of 40 there: at step 20 the ones end in the very state that the others pass through."""
+    (short, _), (long, _) = residual(2, steps=20), residual(2, steps=40)
+    for step in range(20):
+        after_reset, _, terminated, truncated, infos = short.step(noise(step, 2))
+        passing, _, _, _, passing_infos = long.step(noise(step, 2))
+    assert truncated.all()
+    assert not terminated.any()
+    np.testing.assert_array_equal(infos["final_obs"], passing)
+    np.testing.assert_array_equal(infos["final_info"]["heading_velocity"], passing_infos["heading_velocity"])
+    assert infos["_final_obs"].all()
+    assert np.abs(after_reset - passing).max(axis=1).min() > 0.01
+
+
+def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_next_episode():
+    env, _ = residual(2, steps=10)
+    for step in range(10):
+        seen, _, _, _, infos = env.step(noise(step, 2))
+    reference, trot = robots(2), policies.make("trot")
+    reference.reset(seed=SEEDS[:2])
+    observation, fresh = reference.reset()
+    trot.reset(2)
+    action = trot.act(observation)
+    np.testing.assert_array_equal(seen, features(observation, trot.phase, action))
+    np.testing.assert_array_equal(infos["command"], fresh["command"])
+
+
+def test_the_clock_starts_anew_for_finished_robots_and_ticks_once_for_the_others():
+    """Robots that fall at times of their own; the phase is read off the features, one tick ahead of the walk."""
+    env, _ = residual(4, authority=WILD, scenario="flat")
+    ticks, restarts = np.zeros(4), 0
+    for step in range(120):
+        seen, _, terminated, truncated, infos = env.step(noise(step, 4))
+        finished = terminated | truncated
+        ticks += 1
+        for shown, rows, clock in ((infos.get("final_obs"), finished, ticks), (seen, slice(None), ticks * ~finished)):
+            if shown is not None:
+                turned = 2 * np.pi * env.base.frequency * 0.01 * (clock + 1)
+                np.testing.assert_allclose(shown[rows, 48], np.sin(turned)[rows], atol=1e-5)
+                np.testing.assert_allclose(shown[rows, 49], np.cos(turned)[rows], atol=1e-5)
+        ticks[finished] = 0
+        restarts += finished.sum()
+        assert not finished.all()
+    assert restarts >= 3
+
+
+def test_only_time_limits_count_as_truncation():
+    env, _ = residual(4, base="stand", authority=WILD, scenario="flat", steps=300)
+    falls = 0
+    for step in range(100):
+        _, _, terminated, truncated, infos = env.step(noise(step, 4))
+        assert not truncated.any()
+        falls += terminated.sum()
+        if terminated.any():
+            np.testing.assert_array_equal(infos["_final_obs"], terminated)
+            assert (infos["final_info"]["fall"][terminated] > 0).all()
+            assert (infos["fall"] == 0).all()
+    assert falls >= 4
+
+
+def test_robots_that_go_on_keep_their_infos_when_another_restarts():
+    env, _ = residual(4, base="stand", authority=WILD, scenario="flat")
+    for step in range(100):
+        _, rewards, terminated, _, infos = env.step(noise(step, 4))
+        terms = sum(value for key, value in infos.items() if key.startswith("reward_"))
+        np.testing.assert_allclose(terms[~terminated], rewards[~terminated])
+        assert not terms[terminated].any()
+        if terminated.any() and not terminated.all():
+            return
+    raise AssertionError("100 steps and none fell alone")
+
+
+def test_a_held_correction_is_added_to_each_of_the_base_actions():
+    (env, _), (plain, _) = residual(2, hold=3), residual(2)
+    for step in range(10):
+        held, rewards, *_ = env.step(noise(step, 2))
+        total = np.zeros(2)
+        for _ in range(3):
+            single, more, *_ = plain.step(noise(step, 2))
+            total += more
+        np.testing.assert_array_equal(held, single)
+        np.testing.assert_allclose(rewards, total)
+
+
+def test_a_robot_that_falls_while_a_correction_is_held_ends_there():
+    (env, _), (plain, _) = (residual(1, base="stand", authority=WILD, scenario="flat", hold=hold) for hold in (7, 1))
+    for step in range(40):
+        _, rewards, terminated, _, infos = env.step(noise(step, 1))
+        total, fell = 0.0, False
+        for _ in range(7):
+            if not fell:
+                _, more, ended, _, plain_infos = plain.step(noise(step, 1))
+                total, fell = total + more[0], ended[0]
+        assert terminated[0] == fell
+        assert rewards[0] == pytest.approx(total)
+        if fell:
+            np.testing.assert_array_equal(infos["final_obs"], plain_infos["final_obs"])
+            return
+    raise AssertionError("280 control steps and no fall")
+
+
+def test_features_grow_by_the_clock_and_the_base_action_over_a_gait_only():
+    for base, width in (("trot", 48 + 2 + 12), ("stand", 48)):
+        env, seen = residual(2, base=base)
+        assert env.single_observation_space.shape == (width,)
+        assert env.observation_space.contains(seen)
+        assert env.action_space.shape == (2, 12)
+
+
+def test_reset_starts_the_same_episodes_again():
+    env, first = residual(2)
+    for step in range(5):
+        env.step(noise(step, 2))
+    np.testing.assert_array_equal(env.reset(seed=SEEDS[:2])[0], first)
+
+
+def test_other_peoples_wrappers_count_its_episodes():
+    """Gymnasium's own, which goes by the autoreset mode that the environment names."""
+    env = RecordEpisodeStatistics(residual(3, steps=4)[0])
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    env.reset(seed=SEEDS[:3])
+    rewards = []
+    for step in range(8):
+        _, reward, _, _, infos = env.step(noise(step, 3))
+        rewards.append(reward)
+        if step in (3, 7):
+            assert infos["episode"]["l"].tolist() == [4, 4, 4]
+            np.testing.assert_allclose(infos["episode"]["r"], np.sum(rewards[-4:], axis=0))
+
+
+def test_what_it_cannot_work_with_is_refused_with_a_remedy():
+    with pytest.raises(ValueError, match='autoreset_mode="DISABLED"'):
+        ResidualVectorEnv(robots(1, mode="NEXT_STEP"), policies.make("trot"))
+    env, _ = residual(2)
+    with pytest.raises(ValueError, match=r"\(2, 12\)"):
+        env.step(np.zeros(12))
+    with pytest.raises(ValueError, match="by themselves"):
+        env.reset(options={"reset_mask": np.ones(2, bool)})

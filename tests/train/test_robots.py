@@ -1,0 +1,92 @@
+"""The robots of a run: batches side by side, first episodes cut, an account that can be done by hand."""
+
+import numpy as np
+import pytest
+
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.robot import HOME_POSE
+from quad_env.seeding import episode_seeds
+from train.robots import TrainingRobots
+
+SEEDS = episode_seeds("training", 3, 5).tolist()
+HOME = HOME_POSE.astype(np.float32)
+
+
+def batches(*counts, steps=1000):
+    return [SimpleQuadVectorEnv(n, "push", 1, "DISABLED", max_episode_steps=steps) for n in counts]
+
+
+def lunges(step, n):
+    """Targets that are other for every robot and step."""
+    return HOME + np.random.default_rng(step).uniform(-0.3, 0.3, (n, 12)).astype(np.float32)
+
+
+def test_robots_walk_the_same_whatever_their_split_into_batches():
+    split, whole = TrainingRobots(batches(3, 2)), TrainingRobots(batches(5))
+    np.testing.assert_array_equal(split.reset(seed=SEEDS)[0], whole.reset(seed=SEEDS)[0])
+    for step in range(30):
+        mine, other = split.step(lunges(step, 5)), whole.step(lunges(step, 5))
+        for a, b in zip(mine[:4], other[:4], strict=True):
+            np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(mine[4]["heading_velocity"], other[4]["heading_velocity"])
+    assert split.take_statistics().means() == pytest.approx(whole.take_statistics().means(), nan_ok=True)
+
+
+def test_a_seed_alone_is_that_of_the_first_robot():
+    observations = [TrainingRobots(batches(2, 1)).reset(seed=seed)[0] for seed in (7, [7, 8, 9])]
+    np.testing.assert_array_equal(*observations)
+
+
+def test_first_episodes_are_cut_where_they_are_told_to_and_later_ones_are_not():
+    robots = TrainingRobots(batches(2, 1, steps=6), first_episode_steps=np.array([2, 9, 5]))
+    for _ in range(2):  # all of it again after a reset
+        robots.reset(seed=SEEDS[:3])
+        ends = []
+        for step in range(12):
+            _, _, terminated, truncated, infos = robots.step(np.tile(HOME, (3, 1)))
+            assert not terminated.any()
+            np.testing.assert_array_equal(infos["_episode"], truncated)
+            ends += [(step + 1, int(i), int(infos["episode"]["l"][i])) for i in np.flatnonzero(truncated)]
+            if truncated.any():
+                robots.reset(options={"reset_mask": truncated})
+        assert ends == [(2, 0, 2), (5, 2, 5), (6, 1, 6), (8, 0, 6), (11, 2, 6), (12, 1, 6)]
+
+
+def test_an_episode_is_worth_the_sum_of_its_rewards():
+    robots = TrainingRobots(batches(2, steps=4))
+    robots.reset(seed=SEEDS[:2])
+    total = 0.0
+    for step in range(4):
+        _, rewards, _, _, infos = robots.step(lunges(step, 2))
+        total = total + rewards
+    np.testing.assert_allclose(infos["episode"]["r"], total)
+    robots.reset(options={"reset_mask": np.array([True, False])})
+    statistics = robots.take_statistics()
+    assert (statistics.episodes, statistics.falls) == (1, 0)
+    assert statistics.episode_return == pytest.approx(total[0])
+    assert statistics.steps == 8
+    assert robots.take_statistics().steps == 0
+    _, rewards, _, _, infos = robots.step(lunges(4, 2))
+    np.testing.assert_allclose(infos["episode"]["r"][0], rewards[0])
+
+
+def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
+    """Two robots whose readings are replaced, so that the sums can be done by hand."""
+    (batch,) = batches(2)
+    infos = {
+        "command": np.array([[1.0, 0.0, 0.5], [0.0, 0.0, 0.0]]),
+        "heading_velocity": np.array([[0.4, 0.8, 0.0], [0.0, -0.5, -0.25]]),
+        "reward_tilt": np.array([-1.0, -3.0]),
+    }
+    ends = np.zeros((2, 48), np.float32), np.array([4.0, 10.0]), np.array([False, True]), np.zeros(2, bool)
+    robots = TrainingRobots([batch])
+    robots.reset(seed=SEEDS[:2])
+    monkeypatch.setattr(batch, "step", lambda _: (*ends, infos))
+    robots.step(np.tile(HOME, (2, 1)))
+    robots.reset(options={"reset_mask": np.array([False, True])})
+    means = robots.take_statistics().means()
+    assert means.pop("reward/tilt") == pytest.approx(-2.0)
+    assert means == pytest.approx(
+        {"velocity_error": (1.0 + 0.5) / 2, "yaw_rate_error": (0.5 + 0.25) / 2, "falls": 1.0, "return": 10.0}
+    )
+    assert np.isnan(robots.take_statistics().means()["falls"])

@@ -1,0 +1,128 @@
+"""A base policy and a learner's correction as a Gymnasium vector environment: features in, corrections out.
+
+Any learner that takes a `VectorEnv` with same-step autoreset can train on it:
+
+    robots = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=256, autoreset_mode="DISABLED")
+    env = ResidualVectorEnv(robots, policies.make("trot"))
+"""
+
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from policies.base import GaitedPolicy, Policy
+from policies.residual import DEFAULT_AUTHORITY, compose, feature_count, features
+
+FloatArray = NDArray[np.float32]
+BoolArray = NDArray[np.bool_]
+Infos = dict[str, Any]
+Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
+
+
+class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[Any]]):
+    """Robots that walk as `base` does, plus what the learner adds.
+
+    Observation: `policies.residual.features`, shape (n, m). Action: the correction in shares of the authority, -1 … 1,
+    shape (n, 12), held for `hold` control steps while the base goes on at every one: noise that lasts moves a robot,
+    where noise that changes each 10 ms only shakes it.
+
+    A finished robot restarts in the same step: its row shows the new episode, and `infos["final_obs"]`,
+    `infos["final_info"]` the end of the old one, with the base's clock still running.
+
+    Args:
+        env: robots with `autoreset_mode` DISABLED; they are restarted here, once their last features have been taken.
+        base: the policy that is corrected.
+        authority: largest correction of each joint, rad, shape (12,).
+        hold: control steps of one step of the learner.
+    """
+
+    def __init__(
+        self,
+        env: VectorEnv[FloatArray, FloatArray, NDArray[Any]],
+        base: Policy,
+        authority: FloatArray = DEFAULT_AUTHORITY,
+        hold: int = 1,
+    ) -> None:
+        super().__init__(env)
+        if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
+            raise ValueError(f'the robots must be made with autoreset_mode="DISABLED", not {mode}: they restart here')
+        self.base = base
+        self.authority = authority
+        self._hold = hold
+        self.single_observation_space = Box(-np.inf, np.inf, (feature_count(base),), np.float32)
+        self.single_action_space = Box(-1.0, 1.0, env.single_action_space.shape, np.float32)
+        self.observation_space = batch_space(self.single_observation_space, env.num_envs)
+        self.action_space = batch_space(self.single_action_space, env.num_envs)
+        self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[FloatArray, Infos]:
+        """Start new episodes of all robots; `seed` and `options` as the robots take them, but for "reset_mask"."""
+        if options and "reset_mask" in options:
+            raise ValueError("finished robots restart by themselves: leave options['reset_mask'] out")
+        observation, infos = self.env.reset(seed=seed, options=options)
+        # Two rows of the base a robot, its episode's and a spare one for its next: where an episode ends and the next
+        # begins, both are asked for an action in one tick, and no clock runs twice.
+        self.base.reset(2 * self.num_envs)
+        self._row, self._spare = np.split(np.arange(2 * self.num_envs), 2)
+        self._tick(observation, observation)
+        return self._features(observation), infos
+
+    def step(self, actions: FloatArray) -> Step:
+        """Move the robots by `hold` control steps; rewards are summed. Raises ValueError for actions of another shape.
+
+        A robot that finishes within them stays where it is until their end.
+        """
+        correction = np.asarray(actions, np.float32)
+        if correction.shape != self.action_space.shape:
+            raise ValueError(f"corrections have shape {self.action_space.shape}, not {correction.shape}")
+        observation, rewards, terminated, truncated, infos = self._move(correction)
+        for _ in range(self._hold - 1):
+            self._tick(observation, observation)
+            observation, more, terminated, truncated, infos = self._move(correction)
+            rewards += more
+        if (finished := terminated | truncated).any():
+            observation, infos = self._restart(observation, finished, infos)
+        else:
+            self._tick(observation, observation)
+        return self._features(observation), rewards, terminated, truncated, infos
+
+    def _move(self, correction: FloatArray) -> Step:
+        """One control step of the robots."""
+        return self.env.step(compose(self._base_action[self._row], correction, self.authority))
+
+    def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> tuple[FloatArray, Infos]:
+        """Observations after the finished robots' restart, and the infos with the end of their episodes."""
+        observation, fresh = self.env.reset(options={"reset_mask": finished})
+        self.base.reset_where(np.isin(np.arange(2 * self.num_envs), self._spare[finished]))
+        self._tick(final, observation)
+        ends = {
+            "final_obs": np.where(finished[:, None], self._features(final), np.float32(0.0)),
+            "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
+        }
+        self._row, self._spare = np.where(finished, (self._spare, self._row), (self._row, self._spare))
+        masks = {f"_{key}": finished.copy() for key in ends}
+        return observation, _merged(finished, fresh, infos) | ends | masks
+
+    def _tick(self, observation: FloatArray, following: FloatArray) -> None:
+        """Ask the base for its actions on the present episodes' observations and, in the spare rows, on others."""
+        rows = np.empty((2 * self.num_envs, observation.shape[1]), np.float32)
+        rows[self._row], rows[self._spare] = observation, following
+        self._base_action = self.base.act(rows)
+
+    def _features(self, observation: FloatArray) -> FloatArray:
+        """Features of observations (n, k) that the base has answered in the present episodes' rows."""
+        phase = self.base.phase[self._row] if isinstance(self.base, GaitedPolicy) else None
+        return features(observation, phase, self._base_action[self._row])
+
+
+def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:
+    """Infos with the rows where the mask is true taken from `fresh`, as far as that has them."""
+    return {key: _rows(mask, fresh[key], value) if key in fresh else value for key, value in infos.items()}
+
+
+def _rows(mask: BoolArray, fresh: NDArray[Any], value: NDArray[Any]) -> NDArray[Any]:
+    return np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), fresh, value)

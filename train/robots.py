@@ -1,0 +1,187 @@
+"""The robots that a run trains: native batches side by side, one a scenario, and the account of what they do."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from quad_env.config import TaskConfig
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.terrain import SmoothRandom
+from quad_env.seeding import episode_seeds
+from train.config import TrainConfig, robots_per_scenario
+from train.residual_env import BoolArray, FloatArray, Infos, Step
+from train.scenarios import practice
+
+REWARD = "reward_"
+"""What the infos' keys of reward terms begin with."""
+NEVER = np.iinfo(np.int64).max
+"""Control steps after which no episode is cut."""
+
+
+@dataclasses.dataclass
+class Statistics:
+    """Sums over the steps since the last look, for the progress display."""
+
+    steps: int = 0
+    velocity_error: float = 0.0
+    """Planar velocity error in the heading frame, m/s, summed over steps."""
+    yaw_rate_error: float = 0.0
+    """Yaw-rate error, rad/s, summed over steps."""
+    reward_terms: dict[str, float] = dataclasses.field(default_factory=dict)
+    """Reward of each term, summed over steps."""
+    episodes: int = 0
+    falls: int = 0
+    episode_return: float = 0.0
+    """Return, summed over finished episodes."""
+
+    def means(self) -> dict[str, float]:
+        """Means a step (errors, reward terms) and a finished episode (return, falls); NaN where there was none."""
+        step, episode = max(self.steps, 1), self.episodes or float("nan")
+        return {
+            "velocity_error": self.velocity_error / step,
+            "yaw_rate_error": self.yaw_rate_error / step,
+            "falls": self.falls / episode,
+            "return": self.episode_return / episode,
+            **{f"reward/{name}": total / step for name, total in self.reward_terms.items()},
+        }
+
+
+class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
+    """Several batches as one, whose first episodes end at different times and whose steps are counted.
+
+    Like its batches it restarts no robot by itself. A robot whose episode has ended has its return and length, control
+    steps, in `infos["episode"]`, as with Gymnasium's RecordEpisodeStatistics.
+
+    Args:
+        batches: made with `AutoresetMode.DISABLED`.
+        first_episode_steps: control steps, (n,), after which each robot's first episode is cut, so that not all are at
+            the same point of their gait and episode; no cut when None.
+    """
+
+    def __init__(
+        self, batches: Sequence[SimpleQuadVectorEnv], first_episode_steps: NDArray[np.int64] | None = None
+    ) -> None:
+        self.batches = tuple(batches)
+        ends = np.cumsum([batch.num_envs for batch in batches])
+        self._parts = [slice(int(end) - batch.num_envs, int(end)) for end, batch in zip(ends, batches, strict=True)]
+        self.num_envs = n = int(ends[-1])
+        self.single_observation_space = batches[0].single_observation_space
+        self.single_action_space = batches[0].single_action_space
+        self.observation_space = batch_space(self.single_observation_space, n)
+        self.action_space = batch_space(self.single_action_space, n)
+        self.metadata = batches[0].metadata | {"autoreset_mode": AutoresetMode.DISABLED}
+        self._first_cuts = np.full(n, NEVER) if first_episode_steps is None else first_episode_steps
+        self._cuts = self._first_cuts.copy()
+        self._elapsed, self._returns = np.zeros(n, np.int64), np.zeros(n)
+        self._fell = np.zeros(n, np.bool_)
+        self._statistics = Statistics()
+
+    def reset(
+        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[FloatArray, Infos]:
+        """Start the first episodes of all robots, or the next ones of those in a "reset_mask".
+
+        Robot i gets seed + i, or the i-th of a sequence.
+        """
+        seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
+        mask = (options or {}).get("reset_mask")
+        chosen = np.ones(self.num_envs, np.bool_) if mask is None else mask
+        results = [
+            batch.reset(seed=None if seeds is None else seeds[part], options={"reset_mask": chosen[part]})
+            for batch, part in zip(self.batches, self._parts, strict=True)
+        ]
+        if mask is not None:
+            self._count_episodes(mask)
+        self._cuts[chosen] = NEVER if mask is not None else self._first_cuts
+        self._elapsed[chosen] = 0
+        self._returns[chosen] = 0.0
+        return np.concatenate([observation for observation, _ in results]), _joined([infos for _, infos in results])
+
+    def step(self, actions: FloatArray) -> Step:
+        """Move all robots by one control step."""
+        results = [batch.step(actions[part]) for batch, part in zip(self.batches, self._parts, strict=True)]
+        observation, rewards, terminated, truncated = (
+            np.concatenate([result[k] for result in results]) for k in range(4)
+        )
+        infos = _joined([result[4] for result in results])
+        self._elapsed += 1
+        self._returns += rewards
+        self._fell = terminated
+        truncated |= self._elapsed >= self._cuts
+        self._count_step(infos)
+        infos["episode"] = {"r": self._returns.copy(), "l": self._elapsed.copy()}
+        infos["_episode"] = terminated | truncated
+        return observation, rewards, terminated, truncated, infos
+
+    def take_statistics(self) -> Statistics:
+        """What was counted since the last call."""
+        taken, self._statistics = self._statistics, Statistics()
+        return taken
+
+    def close_extras(self, **_: Any) -> None:
+        """Close the batches."""
+        for batch in self.batches:
+            batch.close()
+
+    def _count_step(self, infos: Infos) -> None:
+        statistics = self._statistics
+        error = infos["command"] - infos["heading_velocity"]
+        statistics.steps += len(error)
+        statistics.velocity_error += float(np.hypot(error[:, 0], error[:, 1]).sum())
+        statistics.yaw_rate_error += float(np.abs(error[:, 2]).sum())
+        for key, values in infos.items():
+            if key.startswith(REWARD):
+                name = key.removeprefix(REWARD)
+                statistics.reward_terms[name] = statistics.reward_terms.get(name, 0.0) + float(values.sum())
+
+    def _count_episodes(self, finished: BoolArray) -> None:
+        statistics = self._statistics
+        statistics.episodes += int(finished.sum())
+        statistics.falls += int((finished & self._fell).sum())
+        statistics.episode_return += float(self._returns[finished].sum())
+
+
+def _joined(infos: Sequence[Infos]) -> Infos:
+    """Infos of several batches as those of one."""
+    return {key: np.concatenate([each[key] for each in infos]) for key in infos[0]}
+
+
+def training_seeds(config: TrainConfig, resumed: int = 0) -> NDArray[np.int64]:
+    """Seed of each robot of a run, (n,); others each time that it is resumed."""
+    robots = config.ppo.envs
+    return episode_seeds("training", config.seed, robots * (resumed + 1))[-robots:]
+
+
+def make_robots(config: TrainConfig, seeds: NDArray[np.int64]) -> TrainingRobots:
+    """The robots of a run on their scenarios; their seeds, (n,), decide where the first episodes are cut."""
+    batches = [
+        SimpleQuadVectorEnv(
+            count,
+            scenario=_hardened(practice(name, "training", config.seed), config),
+            nthread=config.threads,
+            autoreset_mode=AutoresetMode.DISABLED,
+            max_episode_steps=config.max_episode_steps,
+            config=TaskConfig(reward_weights=config.rewards),
+        )
+        for name, count in robots_per_scenario(config).items()
+    ]
+    first = np.random.default_rng(seeds).integers(1, config.max_episode_steps, len(seeds), endpoint=True)
+    return TrainingRobots(batches, first)
+
+
+def _hardened(original: Scenario, config: TrainConfig) -> Scenario:
+    """The scenario with the run's number of pushes, if it has any, and its severity times the run's hardness."""
+    pushes, terrain, severity = original.pushes, original.terrain, original.severity
+    if pushes is not None:
+        pushes = dataclasses.replace(pushes, count=config.pushes, impulse=config.hardness * pushes.impulse)
+        severity *= config.hardness
+    if isinstance(terrain, SmoothRandom):
+        terrain = dataclasses.replace(terrain, peak_to_valley=config.hardness * terrain.peak_to_valley)
+        severity *= config.hardness
+    return dataclasses.replace(original, pushes=pushes, terrain=terrain, severity=severity)
