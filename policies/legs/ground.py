@@ -42,10 +42,10 @@ class GroundSense:
             }
         )
 
-    def feel(self, senses: Senses, standing: NDArray[np.bool_], calm: NDArray[np.bool_]) -> None:
+    def update(self, senses: Senses, standing: NDArray[np.bool_], undisturbed: NDArray[np.bool_]) -> None:
         """One control period later, with the standing legs, (4, n), on the ground; at first all are.
 
-        What a robot that is not calm, (n,), feels of unevenness is its own tumbling.
+        What a robot that is disturbed, (n,), feels of unevenness is its own tumbling.
         """
         memory, share = self.memory, self._share
         prints = carried(self._prints, senses.velocity, senses.yaw_rate, CONTROL_PERIOD)
@@ -61,7 +61,7 @@ class GroundSense:
         uneven = np.sqrt(0.25 * total(residual * residual)) + HALF_BASE * length(change_forward, change_lateral)
         rise = np.clip(uneven - EVEN, 0.0, LARGEST_ROUGHNESS) - memory["roughness"]
         memory["roughness"] = (
-            memory["roughness"] + np.where(rise > 0.0, share * calm, CONTROL_PERIOD / ROUGHNESS_MEMORY) * rise
+            memory["roughness"] + np.where(rise > 0.0, share * undisturbed, CONTROL_PERIOD / ROUGHNESS_MEMORY) * rise
         )
         memory["worst"] = np.maximum((1.0 - CONTROL_PERIOD / WORST_MEMORY) * memory["worst"], memory["roughness"])
 

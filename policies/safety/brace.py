@@ -19,31 +19,31 @@ DAMPING = 0.04
 """Turn of the feet's plane per turning speed of the trunk, s; the legs of a trunk that does not turn are rigid."""
 SHORTEST_DROP = 0.08
 """Least distance of a foot below the trunk's centre, m."""
-CALM_SPEED, CALM_TURNING, CALM_TILT = 0.5, 1.5, np.deg2rad(30.0)
+REST_SPEED, REST_TURNING, REST_TILT = 0.5, 1.5, np.deg2rad(30.0)
 """Of the trunk of a robot that has come to rest: m/s, rad/s about each axis, rad."""
-CALM_TIME = 0.1
+REST_TIME = 0.1
 """s at rest before the robot gets up."""
 RELEASE_TIME = 0.15
 """From the brace to the policy's targets, s."""
 
 
 class Brace:
-    """How far each robot is braced while a fall is being caught: wholly until it is calm, then less and less."""
+    """How far each robot is braced while a fall is being caught: wholly until it is at rest, then less and less."""
 
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
         self.share = np.ones(num_envs)
         """Of the brace in the targets, (n,)."""
-        self._calm, self._released = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.bool_)
+        self._rest_steps, self._released = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.bool_)
 
     def start(self, mask: Mask) -> None:
         """Brace those robots."""
-        self._calm[mask], self._released[mask] = 0, False
+        self._rest_steps[mask], self._released[mask] = 0, False
 
     def advance(self, catching: Mask, alarm: Mask, observation: Floats) -> Mask:
         """One control step of the robots that are being caught; which of them, (n,), follow their policy again."""
-        self._calm = np.where(catching & is_calm(observation), self._calm + 1, 0)
-        rested = self._calm >= round(CALM_TIME / CONTROL_PERIOD)
+        self._rest_steps = np.where(catching & is_at_rest(observation), self._rest_steps + 1, 0)
+        rested = self._rest_steps >= round(REST_TIME / CONTROL_PERIOD)
         self._released = catching & (rested | (self._released & ~alarm))
         self.share = np.where(self._released, self.share - CONTROL_PERIOD / RELEASE_TIME, 1.0)
         done: Mask = self._released & (self.share <= 0.0)
@@ -55,13 +55,13 @@ class Brace:
         return targets + weight * (braced(observation) - targets)
 
 
-def is_calm(observation: Floats) -> Mask:
+def is_at_rest(observation: Floats) -> Mask:
     """Whether the trunk is slow and upright, (n,), by observations (n, m)."""
     velocity, turning = observation[:, OBSERVATION["linear_velocity"]], observation[:, OBSERVATION["angular_velocity"]]
-    upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(CALM_TILT)
-    slow = (np.abs(velocity) < CALM_SPEED).all(axis=1) & (np.abs(turning) < CALM_TURNING).all(axis=1)
-    calm: Mask = upright & slow
-    return calm
+    upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(REST_TILT)
+    slow = (np.abs(velocity) < REST_SPEED).all(axis=1) & (np.abs(turning) < REST_TURNING).all(axis=1)
+    at_rest: Mask = upright & slow
+    return at_rest
 
 
 def braced(observation: Floats) -> Floats:

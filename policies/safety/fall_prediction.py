@@ -37,7 +37,7 @@ def next_recent(recent: Floats, observation: NDArray[np.float32]) -> Floats:
     return averaged
 
 
-def surprise(observation: NDArray[np.float32], reference: Floats, recent: Floats) -> Floats:
+def velocity_deviation(observation: NDArray[np.float32], reference: Floats, recent: Floats) -> Floats:
     """Planar speed off both the reference and the velocity of late, (n, 2) each: the lesser of the two, m/s, (n,)."""
     velocity = _planar_velocity(observation)
     off, jump = velocity - reference, velocity - recent
@@ -52,11 +52,11 @@ def _planar_velocity(observation: NDArray[np.float32]) -> Floats:
 
 @cache
 def fitted_threshold() -> float:
-    """The surprise above which a fall is predicted, m/s. Raises PolicyError where THRESHOLD_FILE is bad."""
+    """The velocity deviation above which a fall is predicted, m/s. Raises PolicyError where THRESHOLD_FILE is bad."""
     try:
-        threshold = float(json.loads(THRESHOLD_FILE.read_text())["surprise"])
+        threshold = float(json.loads(THRESHOLD_FILE.read_text())["velocity_deviation"])
         if not 0.0 < threshold < np.inf:
-            raise ValueError("surprise must be positive and finite")
+            raise ValueError("velocity_deviation must be positive and finite")
         return threshold
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise PolicyError(

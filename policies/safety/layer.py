@@ -12,7 +12,7 @@ from policies.base import CONTROL_PERIOD, Actions, Floats, Policy, to_actions
 from policies.behaviour.event_log import Ring
 from policies.behaviour.motion import Damp, Mask, Motion
 from policies.safety.brace import Brace
-from policies.safety.fall_prediction import fitted_threshold, next_recent, next_reference, surprise
+from policies.safety.fall_prediction import fitted_threshold, next_recent, next_reference, velocity_deviation
 from policies.safety.stop import Stop
 from policies.safety.target_limits import SafetyLimits, limited
 from quad_env import OBSERVATION
@@ -25,7 +25,7 @@ class Mode(IntEnum):
     FOLLOW = 0
     """The policy."""
     CATCH = 1
-    """The brace, until the robot is calm, and back to the policy from there: a fall was predicted."""
+    """The brace, until the robot is at rest, and back to the policy from there: a fall was predicted."""
     STOP = 2
     """Controlled stop, until a reset."""
     FALLBACK = 3
@@ -39,13 +39,13 @@ REASONS = (
     "policy returned targets of a wrong shape or type",
     "policy returned non-finite targets",
     "fall predicted",
-    "calm again",
+    "at rest again",
     "emergency stop requested",
     "command timed out",
     "fallen",
     "started anew",
 )
-RAISED, MISSHAPEN, NOT_FINITE, PREDICTED, CALM, REQUESTED, STALE, FALLEN, STARTED = range(len(REASONS))
+RAISED, MISSHAPEN, NOT_FINITE, PREDICTED, RESTED, REQUESTED, STALE, FALLEN, STARTED = range(len(REASONS))
 
 FALLEN_TILT = np.deg2rad(65.0)
 LOG_CAPACITY = 4096
@@ -68,7 +68,7 @@ class Safe(Policy):
     Args:
         policy: what to guard; put it into `policies.safety.Watched` if it might hang.
         limits: of every target.
-        alarm_above: surprise, see `prediction`, at which a fall is predicted, m/s; None for the fitted one.
+        alarm_above: `velocity_deviation` at which a fall is predicted, m/s; None for the fitted one.
         on_failure: what takes over for good when the policy fails.
         fallback: the policy of `on_failure="fallback"`.
         command_timeout: s without `command_received` after which the command counts as zero; None for never.
@@ -151,7 +151,7 @@ class Safe(Policy):
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + HOME_POSE
         self._watch(observation, rows)
-        targets = self._asked(observation)
+        targets = self._policy_targets(observation)
         caught = np.flatnonzero(self._mode == Mode.CATCH)
         if len(caught):
             targets[caught] = self._brace.blended(caught, targets[caught], rows[caught])
@@ -167,24 +167,24 @@ class Safe(Policy):
         self._targets = limited(targets, self._targets, joints, speeds, self._limits)
         return to_actions(self._targets)
 
-    def _asked(self, observation: NDArray[np.float32]) -> Floats:
+    def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:
         """Targets (n, 12) of the policy, or of its fallback, for the robots that follow one; the others' are spare."""
         targets = self._targets.copy()
         following = self._mode <= Mode.CATCH
         if following.any():
             try:
-                answer = self.policy.act(self._resting(observation))
+                answer = self.policy.act(self._slowed(observation))
             except Exception as error:
                 self._failures.append(f"step {self._step}: {type(error).__name__}: {error}")
                 self._enter(following, self._after_failure, RAISED)
             else:
-                self._take(answer, following, targets)
+                self._accept(answer, following, targets)
         if self._fallback is not None:  # walks along all the time, so as to take over in step
             own = self._fallback.act(observation).astype(np.float64)
             targets = np.where((self._mode == Mode.FALLBACK)[:, None], own, targets)
         return targets
 
-    def _take(self, answer: object, following: Mask, targets: Floats) -> None:
+    def _accept(self, answer: object, following: Mask, targets: Floats) -> None:
         """Put what the policy answered for the following robots into `targets`, if it is good."""
         if not isinstance(answer, np.ndarray) or answer.shape != targets.shape or answer.dtype.kind != "f":
             self._enter(following, self._after_failure, MISSHAPEN)
@@ -195,7 +195,7 @@ class Safe(Policy):
         if not finite.all():
             self._enter(following & ~finite, self._after_failure, NOT_FINITE)
 
-    def _resting(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _slowed(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observation, the command nearer to zero as far as a robot is braced."""
         catching = self._mode == Mode.CATCH
         if not catching.any():
@@ -206,9 +206,9 @@ class Safe(Policy):
         return observation
 
     def _watch(self, observation: NDArray[np.float32], rows: Floats) -> None:
-        """Catch where a fall is predicted, follow again where it is calm; a fallen robot is past catching."""
+        """Catch where a fall is predicted, follow again where it is at rest; a fallen robot is past catching."""
         self._reference = next_reference(self._reference, observation)
-        alarm = surprise(observation, self._reference, self._recent) > self._alarm_above
+        alarm = velocity_deviation(observation, self._reference, self._recent) > self._alarm_above
         self._recent = next_recent(self._recent, observation)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(FALLEN_TILT)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
@@ -216,7 +216,7 @@ class Safe(Policy):
         self._enter(predicted, Mode.CATCH, PREDICTED)
         catching = self._mode == Mode.CATCH
         if catching.any():
-            self._enter(self._brace.advance(catching, alarm, rows), Mode.FOLLOW, CALM)
+            self._enter(self._brace.advance(catching, alarm, rows), Mode.FOLLOW, RESTED)
             self._enter(tilted & (self._mode == Mode.CATCH), Mode.FOLLOW, FALLEN)
         self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, FALLEN)
 

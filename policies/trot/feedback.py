@@ -1,9 +1,9 @@
 """A diagonal trot that feels: footholds by velocity error, legs by attitude and height, the plan by the ground.
 
 The feet are planned in the level frame (see `policies.legs.level_frame`). A standing foot passes under the trunk at the
-velocity wanted there; a swinging one goes to a foothold that moves with the velocity error until it lands. A robot that
-is far too fast for any foothold puts all feet down, wide and low, and slides to rest: it braces. On ground too steep or
-too rough to walk on it stands still.
+reference velocity there; a swinging one goes to a foothold that moves with the velocity error until it lands. A robot
+that is far too fast for any foothold puts all feet down, wide and low, and slides to rest: it braces. On ground too
+steep or too rough to walk on it stands still.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ BRACE_TIME = 0.03
 """From the trot to all feet down, s."""
 BRACE_RANGE = 0.4
 """Excess speed from the beginning of bracing to all feet down, m/s."""
-CALMING_TIME = 0.6
+RECOVERY_TIME = 0.6
 """From the end of an excess speed until what the feet feel is the ground again, s."""
 STEEP_RANGE = 0.1
 """The same of the ground's slope."""
@@ -70,13 +70,13 @@ class TrotFeedback(GaitedPolicy):
         ahead, aside = self._neutral[0][:, 0], self._neutral[1][:, 0]
         self._memory = Memory(
             {
-                "wanted": np.zeros(3),
+                "reference": np.zeros(3),
                 "correction": np.zeros(3),
                 "error_x": one,
                 "error_y": one,
                 "brace": one,
                 "hold": one,
-                "upset": one,
+                "disturbed": one,
                 "swinging": legs,
                 "foot_x": ahead,
                 "foot_y": aside,
@@ -102,59 +102,59 @@ class TrotFeedback(GaitedPolicy):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         columns = np.ascontiguousarray(observation.T, dtype=np.float64)
         senses = sense(columns)
-        wanted = self._follow(columns[OBSERVATION["command"]])
-        error = np.stack((*senses.velocity[:2], senses.yaw_rate)) - wanted
+        reference = self._reference_velocity(columns[OBSERVATION["command"]])
+        error = np.stack((*senses.velocity[:2], senses.yaw_rate)) - reference
         errors = (error[0], error[1], error[2])
-        excess = length(*senses.velocity[:2]) - length(wanted[0], wanted[1]) - self.parameters.brace_error
+        excess = length(*senses.velocity[:2]) - length(reference[0], reference[1]) - self.parameters.brace_error
         brace = self._brace(excess)
-        calm = (self._memory["upset"] == 0.0) & ((brace == 0.0) | (self._memory["hold"] > 0.0))
-        self._pace(errors, brace)
+        undisturbed = (self._memory["disturbed"] == 0.0) & ((brace == 0.0) | (self._memory["hold"] > 0.0))
+        self._advance_clock(errors, brace)
         cycle = self._gait.places((self._phase + self._offsets) % TURN)
-        self.ground.feel(senses, (~cycle.swing & (cycle.progress > SETTLED)) | (brace > BRACED_LOAD), calm)
-        gait = self._asked(wanted, error)
-        self._step(senses.frame, cycle, gait, errors, brace)
-        feet = self._planted(senses, cycle, errors, brace)
+        self.ground.update(senses, (~cycle.swing & (cycle.progress > SETTLED)) | (brace > BRACED_LOAD), undisturbed)
+        gait = self._gait_velocity(reference, error)
+        self._plan_feet(senses.frame, cycle, gait, errors, brace)
+        feet = self._foot_targets(senses, cycle, errors, brace)
         weight = np.maximum(load(cycle), brace)
-        joints = _joints(self._tilted(senses, feet, weight, brace), self._force(cycle, brace))
+        joints = _joints(self._levelled(senses, feet, weight, brace), self._force(cycle, brace))
         return to_actions(self._blended(joints, self.parameters.blend_time))
 
-    def _follow(self, command: Floats) -> Floats:
-        """The velocity wanted now, (3, n): the command, less of it on bad ground, approached within the limits."""
+    def _reference_velocity(self, command: Floats) -> Floats:
+        """The velocity to have now, (3, n): the command, less of it on bad ground, approached within the limits."""
         p, memory = self.parameters, self._memory
-        rough, steep = p.caution * self.ground.roughness, p.slope_caution * self.ground.steepness
+        rough, steep = p.rough_slowdown * self.ground.roughness, p.slope_slowdown * self.ground.steepness
         goal = command * (1.0 - memory["brace"]) / (1.0 + rough * rough + steep * steep)
         reach = CONTROL_PERIOD * self._acceleration
-        memory["wanted"] = memory["wanted"] + np.clip(goal - memory["wanted"], -reach, reach)
-        return memory["wanted"]
+        memory["reference"] = memory["reference"] + np.clip(goal - memory["reference"], -reach, reach)
+        return memory["reference"]
 
     def _brace(self, excess: Floats) -> Floats:
         """How far all feet are down, 0 … 1, by the excess speed: quickly on and slowly off; (n,)."""
         p, memory = self.parameters, self._memory
         steep = np.clip((self.ground.steepness - p.slope_brace) / STEEP_RANGE, 0.0, 1.0)
         rough = np.clip((self.ground.worst_roughness - p.rough_brace) / ROUGH_RANGE, 0.0, 1.0)
-        upset = np.maximum(memory["upset"] - CONTROL_PERIOD / CALMING_TIME, 0.0)
-        memory["upset"] = np.where(excess > 0.0, 1.0, upset)
-        memory["hold"] = rough * (1.0 - steep) * (1.0 - memory["upset"])
+        disturbed = np.maximum(memory["disturbed"] - CONTROL_PERIOD / RECOVERY_TIME, 0.0)
+        memory["disturbed"] = np.where(excess > 0.0, 1.0, disturbed)
+        memory["hold"] = rough * (1.0 - steep) * (1.0 - memory["disturbed"])
         due = np.maximum(np.clip(excess / BRACE_RANGE, 0.0, 1.0), np.maximum(steep, rough))
         change = np.clip(due - memory["brace"], -CONTROL_PERIOD / p.brace_release, CONTROL_PERIOD / BRACE_TIME)
         memory["brace"] = memory["brace"] + change
         return memory["brace"]
 
-    def _pace(self, errors: Vector, brace: Floats) -> None:
+    def _advance_clock(self, errors: Vector, brace: Floats) -> None:
         """Move the clock on: faster while a push is being caught, not at all while all feet are down."""
         p = self.parameters
-        hurry = 1.0 + p.hurry * np.clip(length(*errors[:2]) - p.capture_threshold, 0.0, 1.0)
-        cycles = (CONTROL_PERIOD * p.frequency) * hurry * (1.0 - brace)
+        faster = 1.0 + p.frequency_gain * np.clip(length(*errors[:2]) - p.capture_threshold, 0.0, 1.0)
+        cycles = (CONTROL_PERIOD * p.frequency) * faster * (1.0 - brace)
         self._phase = (self._phase + TURN * cycles) % TURN
         self._ticks = self._ticks + 1.0
 
-    def _asked(self, wanted: Floats, error: Floats) -> Vector:
-        """Velocity of the gait: feedforward of the wanted one and the integral of the small errors."""
+    def _gait_velocity(self, reference: Floats, error: Floats) -> Vector:
+        """Velocity of the gait: feedforward of the reference and the integral of the small errors."""
         memory = self._memory
         small = (np.abs(error) < SMALL_ERROR).all(axis=0)
         correction = memory["correction"] - np.where(small, CONTROL_PERIOD * self._integral * error, 0.0)
         memory["correction"] = np.clip(correction, -LARGEST_CORRECTION, LARGEST_CORRECTION)
-        p, (forward, lateral, yaw_rate) = self.parameters, wanted
+        p, (forward, lateral, yaw_rate) = self.parameters, reference
         lead = p.turn_lead * yaw_rate
         more_forward, more_lateral, more_yaw = memory["correction"]
         return (
@@ -176,7 +176,7 @@ class TrotFeedback(GaitedPolicy):
         further_x, further_y = captured((error_x, error_y), p.capture_threshold, p.capture_gain)
         return within_reach(x + further_x, y + further_y, neutral)
 
-    def _step(self, frame: LevelFrame, cycle: LegCycle, gait: Vector, errors: Vector, brace: Floats) -> None:
+    def _plan_feet(self, frame: LevelFrame, cycle: LegCycle, gait: Vector, errors: Vector, brace: Floats) -> None:
         """Move the planned feet: the standing ones with the ground, the swinging ones towards their footholds."""
         p, memory = self.parameters, self._memory
         neutral = self._uphill(_under(frame, self._neutral))
@@ -215,7 +215,7 @@ class TrotFeedback(GaitedPolicy):
         shift = self.parameters.slope_shift
         return places[0] + shift * forward, places[1] + shift * lateral
 
-    def _planted(self, senses: Senses, cycle: LegCycle, errors: Vector, brace: Floats) -> Vector:
+    def _foot_targets(self, senses: Senses, cycle: LegCycle, errors: Vector, brace: Floats) -> Vector:
         """Feet in the base frame, m: the plan, the lead of the servos, and the standing legs' push against errors."""
         p, memory, ground = self.parameters, self._memory, self.ground
         x, y = memory["foot_x"], memory["foot_y"]
@@ -227,7 +227,8 @@ class TrotFeedback(GaitedPolicy):
         lifted = (p.step_height + p.rough_step * ground.roughness) * lift(cycle) * (1.0 - brace)
         rising = (lifted - memory["lift"]) / CONTROL_PERIOD
         memory["lift"] = lifted
-        z = ground.slope[0] * x + ground.slope[1] * y - tall + weight * (p.conform * ground.unevenness - lengthening)
+        shortening = p.terrain_compliance * ground.unevenness - lengthening
+        z = ground.slope[0] * x + ground.slope[1] * y - tall + weight * shortening
         x, y = x + p.servo_lead * memory["speed_x"], y + p.servo_lead * memory["speed_y"]
         # Standing feet are pushed along with the error, so that the trunk is pushed against it.
         push = weight * (1.0 - brace)
@@ -235,7 +236,7 @@ class TrotFeedback(GaitedPolicy):
         push_y = push * (p.stance_push * errors[1] + p.yaw_push * errors[2] * x)
         return senses.frame.to_body((x + push_x, y + push_y, z + lifted + p.servo_lead * rising))
 
-    def _tilted(self, senses: Senses, feet: Vector, weight: Floats, brace: Floats) -> Vector:
+    def _levelled(self, senses: Senses, feet: Vector, weight: Floats, brace: Floats) -> Vector:
         """Feet in the base frame turned against the turn that the trunk is to make, by their weight (4, n).
 
         The trunk is to lean with the ground; a trunk turns by (roll, pitch) on feet that turn by the opposite.

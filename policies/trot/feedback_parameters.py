@@ -14,7 +14,7 @@ PARAMETERS_FILE = Path(__file__).with_name("trot_feedback.json")
 
 @dataclass(frozen=True)
 class FeedbackParameters:
-    """Gait and gains; velocity errors are measured minus wanted.
+    """Gait and gains; velocity errors are measured minus reference.
 
     The defaults are where the search starts: the gait's own set by hand, those for rough ground, slopes and pushes
     between the outcomes of two earlier searches, which weighed falls less and more.
@@ -41,21 +41,21 @@ class FeedbackParameters:
     blend_time: float = 0.3
     """From the home pose to the gait at the start of an episode, s."""
     linear_acceleration: float = 30.0
-    """Fastest change of the forward and of the lateral velocity that is wanted, m/s²."""
+    """Fastest change of the forward and of the lateral reference velocity, m/s²."""
     yaw_acceleration: float = 60.0
-    """Fastest change of the yaw rate that is wanted, rad/s²."""
+    """Fastest change of the reference yaw rate, rad/s²."""
     forward_gain: float = 1.17
-    """Feedforward: the gait's forward velocity per wanted."""
+    """Feedforward: the gait's forward velocity per reference."""
     forward_bias: float = 0.16
     """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
     lateral_gain: float = 0.93
-    """Feedforward: the gait's lateral velocity per wanted."""
+    """Feedforward: the gait's lateral velocity per reference."""
     yaw_gain: float = 1.15
-    """Feedforward: the gait's yaw rate per wanted."""
+    """Feedforward: the gait's yaw rate per reference."""
     yaw_per_lateral: float = -0.19
-    """Feedforward: added to the yaw rate per wanted lateral velocity, rad/m: walking sideways turns the robot."""
+    """Feedforward: added to the yaw rate per lateral reference velocity, rad/m: walking sideways turns the robot."""
     turn_lead: float = 0.08
-    """How far ahead the gait's velocity is turned at the wanted yaw rate, s: in a curve the body lags behind."""
+    """How far ahead the gait's velocity is turned at the reference yaw rate, s: in a curve the body lags behind."""
     integral_gain: float = 3.0
     """Change of the gait's velocity per velocity error and second, 1/s."""
     yaw_integral_gain: float = 2.0
@@ -78,7 +78,7 @@ class FeedbackParameters:
     """Velocity error beyond which a step is to catch a push, m/s."""
     capture_gain: float = 0.0939
     """Foothold further out per velocity error beyond the threshold, s; √(height / g) is the capture point's."""
-    hurry: float = 0.219
+    frequency_gain: float = 0.219
     """Rise of the frequency, as a share, per m/s of velocity error beyond the threshold."""
     tilt_gain: float = 0.3
     """Legs' answer to a tilt error, as a share of the turn that would undo it."""
@@ -92,19 +92,19 @@ class FeedbackParameters:
     """Time constant of the ground plane's slope, s."""
     slope_share: float = 0.865
     """Share of the ground's slope that the trunk leans with."""
-    conform: float = 0.882
+    terrain_compliance: float = 0.882
     """Share of a footprint's height above the plane that its leg is shortened by."""
     rough_height: float = 0.538
     """Rise of the trunk per roughness of the ground, m/m."""
     rough_step: float = 1.56
     """Rise of the steps per roughness of the ground, m/m."""
-    caution: float = 55.8
+    rough_slowdown: float = 55.8
     """Slowing down by the square of this times the roughness of the ground, 1/m."""
     slope_height: float = 0.141
     """Rise of the trunk per slope of the ground, m: longer legs reach further fore and aft."""
     slope_shift: float = 0.0841
     """Shift of the strides uphill per slope of the ground, m."""
-    slope_caution: float = 1.23
+    slope_slowdown: float = 1.23
     """Slowing down by the square of this times the slope of the ground."""
     slope_brace: float = 0.588
     """Slope of the ground that is too steep to walk on: the robot stands with all feet down."""
@@ -117,7 +117,7 @@ class FeedbackParameters:
     hold_length: float = 0.543
     """Between the front and the hind feet while it does, m."""
     brace_error: float = 0.79
-    """Speed beyond the wanted one at which the robot begins to put all feet down to slide to rest, m/s."""
+    """Speed beyond the reference at which the robot begins to put all feet down to slide to rest, m/s."""
     brace_height: float = 0.135
     """Trunk's centre above the feet while it does, m."""
     brace_width: float = 0.768
@@ -169,20 +169,20 @@ LIMITS: dict[str, tuple[float, float]] = {
     "yaw_step": _GAIN,
     "capture_threshold": (0.0, 100.0),
     "capture_gain": _GAIN,
-    "hurry": _SHARE,
+    "frequency_gain": _SHARE,
     "tilt_gain": _GAIN,
     "tilt_damping": _GAIN,
     "height_gain": _GAIN,
     "height_damping": _GAIN,
     "plane_filter": (1e-3, 100.0),
     "slope_share": _SHARE,
-    "conform": _SHARE,
+    "terrain_compliance": _SHARE,
     "rough_height": _GAIN,
     "rough_step": _GAIN,
-    "caution": (0.0, 1e3),
+    "rough_slowdown": (0.0, 1e3),
     "slope_height": _GAIN,
     "slope_shift": _GAIN,
-    "slope_caution": (0.0, 1e3),
+    "slope_slowdown": (0.0, 1e3),
     "slope_brace": (0.0, 1e3),
     "rough_brace": (0.0, 1e3),
     "hold_height": (0.01, 1.0),
@@ -228,20 +228,20 @@ SEARCH_RANGES: dict[str, tuple[float, float]] = {
     "yaw_step": (0.0, 0.2),
     "capture_threshold": (0.2, 1.2),
     "capture_gain": (0.0, 0.2),
-    "hurry": (0.0, 0.5),
+    "frequency_gain": (0.0, 0.5),
     "tilt_gain": (0.0, 2.5),
     "tilt_damping": (0.0, 0.1),
     "height_gain": (0.0, 1.5),
     "height_damping": (0.0, 0.05),
     "plane_filter": (0.05, 0.6),
     "slope_share": (0.0, 1.2),
-    "conform": (0.0, 1.0),
+    "terrain_compliance": (0.0, 1.0),
     "rough_height": (0.0, 3.0),
     "rough_step": (0.0, 3.0),
-    "caution": (0.0, 120.0),
+    "rough_slowdown": (0.0, 120.0),
     "slope_height": (-0.1, 0.4),
     "slope_shift": (-0.1, 0.2),
-    "slope_caution": (0.0, 5.0),
+    "slope_slowdown": (0.0, 5.0),
     "slope_brace": (0.3, 0.9),
     "rough_brace": (0.01, 0.12),
     "hold_height": (0.15, 0.4),
@@ -266,10 +266,13 @@ def searched_parameters() -> FeedbackParameters:
 
 
 def read_parameters(path: Path) -> FeedbackParameters:
-    """Parameters from a JSON file; raises PolicyError where it is missing or damaged."""
+    """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
     try:
-        return FeedbackParameters(**json.loads(path.read_text()))
-    except (OSError, OverflowError, TypeError, ValueError) as error:
+        values = json.loads(path.read_text())
+        if missing := sorted(FeedbackParameters.__dataclass_fields__.keys() - values.keys()):
+            raise ValueError(f"without {', '.join(missing)}")
+        return FeedbackParameters(**values)
+    except (AttributeError, OSError, OverflowError, TypeError, ValueError) as error:
         raise PolicyError(
             f"cannot read {path} ({error}); `python -m train search feedback` writes such a file"
         ) from None

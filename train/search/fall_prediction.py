@@ -15,11 +15,11 @@ from evaluate.terminal import launcher
 from evaluate.terminal.command_line import UsageError, fail, parse
 from policies.base import CONTROL_PERIOD, Policy
 from policies.files import write_atomically
-from policies.safety.fall_prediction import THRESHOLD_FILE, next_recent, next_reference, surprise
+from policies.safety.fall_prediction import THRESHOLD_FILE, next_recent, next_reference, velocity_deviation
 from quad_env.seeding import episode_seeds
 
 MARGIN = 0.2
-"""Between the threshold and the largest surprise that undisturbed walking gave, m/s."""
+"""Between the threshold and the largest velocity deviation that undisturbed walking gave, m/s."""
 STEPS = 1000
 AT_ONCE = 512
 """Episodes simulated side by side."""
@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
             raise UsageError("--hours must be positive, --seed not negative, and --policies name at least one")
         seeds = episode_seeds("search", options.seed * 100 + 50, max(1, round(options.hours * 360)))
         largest = max(undisturbed(policies.resolve(name), seeds) for name in options.policies)
-        values = {"surprise": round(largest + MARGIN, 4)}
+        values = {"velocity_deviation": round(largest + MARGIN, 4)}
         write_atomically(options.out, (json.dumps(values, indent=2) + "\n").encode())
     except (UsageError, ValueError, OSError) as error:
         return fail(str(error))
@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
-    """The largest surprise in undisturbed walking on flat ground, m/s."""
+    """The largest velocity deviation in undisturbed walking on flat ground, m/s."""
     return max(_undisturbed(policy, chunk) for chunk in np.array_split(seeds, -(-len(seeds) // AT_ONCE)))
 
 
@@ -70,7 +70,7 @@ def _undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
     for _ in range(STEPS):
         observation, *_ = env.step(policy.act(observation))
         reference = next_reference(reference, observation)
-        largest = max(largest, float(surprise(observation, reference, recent).max()))
+        largest = max(largest, float(velocity_deviation(observation, reference, recent).max()))
         recent = next_recent(recent, observation)
     env.close()
     return largest

@@ -56,7 +56,7 @@ class SearchOptions:
     threads: int = 2
     """Threads of the simulation."""
     start: Path | None = None
-    """Parameters to start from, JSON; by default, and where it does not name them, the defaults in the code."""
+    """Parameters to start from, JSON; by default the defaults in the code."""
     out: Path = PARAMETERS_FILE
     """Where the parameters go, JSON; the account of the search goes beside it, TROT_FEEDBACK.md."""
 

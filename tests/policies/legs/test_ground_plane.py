@@ -10,7 +10,7 @@ from policies.legs.level_frame import level_frame
 from policies.legs.proprioception import Senses
 
 FEET_X, FEET_Y = np.array([[0.3, 0.2, -0.2, -0.3]]).T, np.array([[0.2, -0.3, 0.3, -0.2]]).T
-CALM = np.ones(1, bool)
+UNDISTURBED = np.ones(1, bool)
 
 
 def number(value):
@@ -70,7 +70,7 @@ def feet_on(forward, lateral, twist=0.0):
 def felt(senses, seconds=1.0, plane_filter=0.1):
     ground = GroundSense(plane_filter)
     for _ in range(round(seconds / CONTROL_PERIOD)):
-        ground.feel(senses, np.ones((4, 1), bool), CALM)
+        ground.update(senses, np.ones((4, 1), bool), UNDISTURBED)
     return ground
 
 
@@ -94,7 +94,7 @@ def test_even_ground_is_not_rough_and_twisted_ground_is_by_what_is_beyond_even()
 def test_what_a_tumbling_robot_feels_is_not_taken_for_rough_ground():
     ground = GroundSense(0.1)
     for _ in range(100):
-        ground.feel(feet_on(0.0, 0.0, twist=0.1), np.ones((4, 1), bool), ~CALM)
+        ground.update(feet_on(0.0, 0.0, twist=0.1), np.ones((4, 1), bool), ~UNDISTURBED)
     assert ground.roughness.item() == ground.worst_roughness.item() == 0.0
 
 
@@ -103,7 +103,7 @@ def test_the_roughest_ground_is_remembered_longest():
     learnt = ground.worst_roughness.item()
     assert learnt == ground.roughness.item()
     for _ in range(300):
-        ground.feel(feet_on(0.0, 0.0), np.ones((4, 1), bool), CALM)
+        ground.update(feet_on(0.0, 0.0), np.ones((4, 1), bool), UNDISTURBED)
     assert ground.roughness.item() < 0.3 * learnt
     assert ground.worst_roughness.item() > 0.8 * learnt
 
@@ -112,5 +112,5 @@ def test_rough_ground_is_learnt_sooner_than_forgotten():
     ground = felt(feet_on(0.0, 0.0, twist=0.1), seconds=0.3)
     learnt = ground.roughness.item()
     for _ in range(30):
-        ground.feel(feet_on(0.0, 0.0), np.ones((4, 1), bool), CALM)
+        ground.update(feet_on(0.0, 0.0), np.ones((4, 1), bool), UNDISTURBED)
     assert 0.8 * learnt < ground.roughness.item() < learnt

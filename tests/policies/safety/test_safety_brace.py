@@ -6,8 +6,8 @@ from evaluate.studies.safety import run
 from policies.base import CONTROL_PERIOD, Policy
 from policies.legs.kinematics import foot_positions
 from policies.safety import Mode, Safe, SafetyLimits
-from policies.safety.brace import CALM_TIME, RELEASE_TIME, braced
-from policies.safety.fall_prediction import RECENT_TIME, next_recent, next_reference, surprise
+from policies.safety.brace import RELEASE_TIME, REST_TIME, braced
+from policies.safety.fall_prediction import RECENT_TIME, next_recent, next_reference, velocity_deviation
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
@@ -41,7 +41,7 @@ def moving(velocity, robots=1, command=(0.0, 0.0, 0.0), up=(0, 0, 1), turning=(0
 PUSHED = (0.0, 2.0, 0.0)
 
 
-def test_predicted_fall_is_braced_for_until_the_robot_is_calm_and_then_blended_back_to_the_policy():
+def test_predicted_fall_is_braced_for_until_the_robot_is_at_rest_and_then_blended_back_to_the_policy():
     told = Told()
     policy = Safe(told, SafetyLimits(torque=1e6, target_rate=1e6, joint_speed=1e6), alarm_above=1.0)
     policy.reset(1)
@@ -58,19 +58,19 @@ def test_predicted_fall_is_braced_for_until_the_robot_is_calm_and_then_blended_b
         action = policy.act(moving((0.0, 0.0, 0.0), command=(0.5, 0.0, 1.0)))
         distance.append(np.abs(action - wide).max())
         told_of.append(told.notes[-1][0, 0])
-    assert len(distance) * CONTROL_PERIOD == pytest.approx(CALM_TIME + RELEASE_TIME, abs=CONTROL_PERIOD)
+    assert len(distance) * CONTROL_PERIOD == pytest.approx(REST_TIME + RELEASE_TIME, abs=CONTROL_PERIOD)
     assert (np.diff(distance) >= 0.0).all()
     assert (np.diff(told_of) >= 0.0).all()
     assert distance[0] < 1e-6 < distance[-1]
     np.testing.assert_array_equal(action, 0.0)
-    assert [event.reason for event in policy.events()] == ["fall predicted", "calm again"]
+    assert [event.reason for event in policy.events()] == ["fall predicted", "at rest again"]
 
 
 def test_push_while_getting_up_is_braced_for_again():
     policy = Safe(Told(), alarm_above=1.0)
     policy.reset(1)
     policy.act(moving(PUSHED))
-    for _ in range(round((CALM_TIME + RELEASE_TIME / 2.0) / CONTROL_PERIOD)):
+    for _ in range(round((REST_TIME + RELEASE_TIME / 2.0) / CONTROL_PERIOD)):
         policy.act(moving((0.0, 0.0, 0.0)))
     assert 0.0 < policy._brace.share[0] < 1.0
     policy.act(moving(PUSHED))
@@ -151,14 +151,14 @@ def test_pushed_robots_that_fall_alone_recover_with_the_layer_and_each_has_the_b
         fell |= terminated
     env.close()
     assert fell.sum() <= 1
-    assert sum(event.reason == "calm again" for event in together.events()) >= 8
+    assert sum(event.reason == "at rest again" for event in together.events()) >= 8
 
 
-def test_surprise_is_the_lesser_of_the_speeds_off_the_reference_and_off_the_velocity_of_late():
+def test_velocity_deviation_is_the_lesser_of_the_speeds_off_the_reference_and_off_the_velocity_of_late():
     observation = moving((4.0, 5.0, 9.0))
     near, far = np.array([[1.0, 1.0]]), np.array([[-50.0, 0.0]])
-    np.testing.assert_allclose(surprise(observation, near, far), [5.0])
-    np.testing.assert_allclose(surprise(observation, far, near), [5.0])
+    np.testing.assert_allclose(velocity_deviation(observation, near, far), [5.0])
+    np.testing.assert_allclose(velocity_deviation(observation, far, near), [5.0])
 
 
 def test_velocity_of_late_lags_by_its_time():

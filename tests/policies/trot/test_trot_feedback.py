@@ -44,7 +44,7 @@ OFF = {
     "raibert_lateral": 0.0,
     "yaw_step": 0.0,
     "capture_gain": 0.0,
-    "hurry": 0.0,
+    "frequency_gain": 0.0,
     "tilt_gain": 0.0,
     "tilt_damping": 0.0,
     "height_gain": 0.0,
@@ -52,11 +52,11 @@ OFF = {
     "slope_share": 0.0,
     "slope_shift": 0.0,
     "slope_height": 0.0,
-    "conform": 0.0,
+    "terrain_compliance": 0.0,
     "rough_height": 0.0,
     "rough_step": 0.0,
-    "caution": 0.0,
-    "slope_caution": 0.0,
+    "rough_slowdown": 0.0,
+    "slope_slowdown": 0.0,
     "stance_load": 0.0,
     "servo_lead": 0.0,
     "brace_error": 100.0,
@@ -96,9 +96,9 @@ def feet(action):
 def answer(changes, steps=3, **readings):
     """How far the targets of the feet move for those readings, (4, 3) m, with only some feedback on, and who stands."""
     parameters = dataclasses.replace(BARE, **changes)
-    felt, calm = TrotFeedback(parameters), TrotFeedback(parameters)
+    felt, level = TrotFeedback(parameters), TrotFeedback(parameters)
     for _ in range(steps):
-        moved, usual = felt.act(observation(**readings)), calm.act(observation())
+        moved, usual = felt.act(observation(**readings)), level.act(observation())
     standing = ~felt._gait.legs(felt.phase).swing[0]
     assert standing.sum() == 2
     return feet(moved) - feet(usual), standing
@@ -137,8 +137,8 @@ def test_pitching_forward_lengthens_the_front_legs_by_damping_times_rate_times_a
 def test_a_robot_that_is_too_low_stands_taller():
     crouched = np.tile([0.0, 0.4, -0.8], 4)  # added to the home pose
     low, standing = answer({"height_gain": 0.5}, joint_position=crouched)
-    calm, _ = answer({}, joint_position=crouched)
-    assert ((low - calm)[standing, 2] < -0.001).all()
+    plain, _ = answer({}, joint_position=crouched)
+    assert ((low - plain)[standing, 2] < -0.001).all()
 
 
 def test_rising_shortens_the_standing_legs():
@@ -163,12 +163,12 @@ def test_a_push_beyond_the_threshold_is_caught_by_a_step_to_its_side():
 
 
 def test_while_a_push_is_caught_the_clock_runs_faster():
-    hurried, calm = (
-        TrotFeedback(dataclasses.replace(BARE, hurry=share, capture_threshold=0.5)) for share in (0.4, 0.0)
+    faster, plain = (
+        TrotFeedback(dataclasses.replace(BARE, frequency_gain=share, capture_threshold=0.5)) for share in (0.4, 0.0)
     )
-    for policy in (hurried, calm):
+    for policy in (faster, plain):
         policy.act(observation(linear_velocity=(1.0, 0.0, 0.0)))
-    assert hurried.phase[0] == pytest.approx(calm.phase[0] * (1.0 + 0.4 * 0.5))
+    assert faster.phase[0] == pytest.approx(plain.phase[0] * (1.0 + 0.4 * 0.5))
 
 
 def test_turning_too_fast_turns_the_swinging_feet_about_the_trunk():
@@ -282,7 +282,7 @@ def test_on_ground_too_rough_to_walk_on_it_stands_still_on_all_feet_and_remember
     for _ in range(100):
         action = policy.act(on_slope(0.0, 0.0))
     assert policy.phase[0] == phase
-    assert not policy._memory["wanted"].any()
+    assert not policy._memory["reference"].any()
     # The slope that the stone seemed to be is forgotten by now.
     np.testing.assert_allclose(np.abs(feet(action)), np.tile([0.3, 0.28, 0.34], (4, 1)), atol=2e-3)
 
@@ -295,12 +295,12 @@ def test_even_ground_is_walked_on():
 
 
 def test_steep_ground_and_rough_ground_slow_the_robot_down():
-    policy = TrotFeedback(dataclasses.replace(BARE, slope_caution=2.0, plane_filter=0.05))
+    policy = TrotFeedback(dataclasses.replace(BARE, slope_slowdown=2.0, plane_filter=0.05))
     row = on_slope(0.3, 0.0)
     row[OBSERVATION["command"]] = (1.0, 0.0, 0.0)
     for _ in range(200):
         policy.act(row)
-    assert policy._memory["wanted"][0, 0] == pytest.approx(1.0 / (1.0 + (2.0 * 0.3) ** 2), rel=0.02)
+    assert policy._memory["reference"][0, 0] == pytest.approx(1.0 / (1.0 + (2.0 * 0.3) ** 2), rel=0.02)
 
 
 def test_the_same_actions_whatever_the_heading():
@@ -377,12 +377,12 @@ def test_impossible_parameters_are_refused(change):
         dataclasses.replace(BARE, **change)
 
 
-@pytest.mark.parametrize("content", [None, "{", '{"gallop": 1}', '{"frequency": "fast"}'])
+@pytest.mark.parametrize("content", [None, "{", "[]", '{"gallop": 1}', '{"frequency": "fast"}', '{"frequency": 7}'])
 def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, content):
     file = tmp_path / "trot_feedback.json"
     if content is not None:
         file.write_text(content)
-    with pytest.raises(policies.PolicyError, match=r"train\.tune_feedback"):
+    with pytest.raises(policies.PolicyError, match="train search feedback"):
         read_parameters(file)
 
 
