@@ -19,12 +19,14 @@ import quad_env
 from evaluate.measures import metrics, tracking
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import evaluation_seeds
+from policies.base import Policy
 from quad_env import seeding
 from quad_env.columns import Vector
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.robot import HOME_POSE
+from quad_env.task import rewards
 
 FORWARD = {"command": (0.5, 0.0, 0.0)}
 TILTED = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(tilt=0.4))
@@ -164,7 +166,164 @@ def check_evaluation_seeds_are_never_drawn_elsewhere() -> None:
     assert min(evaluated) >= 2**48, "small seeds are the ones that people type"
 
 
+def check_rewards_are_their_terms_of_this_step() -> None:
+    """Tracking, tilt and vertical velocity are those of MuJoCo's data after the step, weighted as documented."""
+    env = gym.make("SimpleQuad-v0", scenario=TILTED)
+    command = np.array((0.6, -0.3, 0.8))
+    policy = policies.make("trot")
+    policy.reset()
+    observation, _ = env.reset(seed=1, options={"command": command})
+    for _ in range(30):
+        observation, reward, _, _, info = env.step(policy.act(observation))
+        data = env.unwrapped.data
+        axes = trunk_axes(data)
+        nose = axes[:2, 0] / np.linalg.norm(axes[:2, 0])
+        velocity = np.array((nose @ data.qvel[:2], nose[0] * data.qvel[1] - nose[1] * data.qvel[0]))
+        yaw_rate = axes[2] @ data.qvel[3:6]
+        by_hand = {
+            "linear_velocity_tracking": 0.012 * np.exp(-np.linalg.norm(command[:2] - velocity) / 0.25),
+            "yaw_rate_tracking": 0.008 * np.exp(-abs(command[2] - yaw_rate) / 0.25),
+            "tilt": -0.005 * (1 - axes[2, 2] ** 2),
+            "vertical_velocity": -0.005 * data.qvel[2] ** 2,
+            "roll_pitch_rate": -0.0002 * (data.qvel[3:5] ** 2).sum(),
+        }
+        for name, value in by_hand.items():
+            assert info[f"reward_{name}"] == pytest.approx(value, abs=1e-9), name
+        terms = [value for key, value in info.items() if key.startswith("reward_")]
+        assert reward == pytest.approx(sum(terms), abs=1e-12)
+
+
+def check_a_fall_is_paid_for_once_with_one() -> None:
+    """The step in which a robot falls costs 1 more than its other terms, and no step before it costs that."""
+    env = gym.make("SimpleQuad-v0")
+    env.reset(seed=0, options={"command": (0.0, 0.0, 0.0)})
+    folded = np.tile((0.0, 1.5, 0.0), 4).astype(np.float32)  # straight legs, far forward: the trunk comes down
+    paid = []
+    for _ in range(200):
+        _, _, fell, _, info = env.step(folded)
+        paid.append(info["reward_fall"])
+        if fell:
+            break
+    assert fell
+    assert paid == [0.0] * (len(paid) - 1) + [-1.0]
+
+
+def check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands() -> None:
+    """Positive lateral command: along the trunk's own left; positive yaw rate: anticlockwise seen from above."""
+    for command in ((0.0, 0.4, 0.0), (0.0, 0.0, 0.8)):
+        env = gym.make("SimpleQuad-v0")
+        policy = policies.make("trot")
+        policy.reset()
+        observation, _ = env.reset(seed=0, options={"command": command})
+        before = env.unwrapped.data
+        for _ in range(150):
+            observation, *_ = env.step(policy.act(observation))
+        after = env.unwrapped.data
+        moved = after.body("base_link").xpos[:2] - before.body("base_link").xpos[:2]
+        nose = [trunk_axes(data)[:2, 0] for data in (before, after)]
+        turned = np.arctan2(nose[0][0] * nose[1][1] - nose[0][1] * nose[1][0], nose[0] @ nose[1])
+        if command[1]:
+            assert np.array((-nose[0][1], nose[0][0])) @ moved > 0.2
+        else:
+            assert turned > 0.5
+
+
+def check_what_a_scenario_asks_for_reaches_the_physics() -> None:
+    """Friction, torque limit, payload and delay of the model that is stepped are those of the scenario."""
+    slippery = gym.make("SimpleQuad-v0", scenario=quad_env.AXES["slippery"].level(4)).unwrapped.model
+    assert slippery.geom("ground").friction[0] == 0.1
+    weak = gym.make("SimpleQuad-v0", scenario=quad_env.AXES["weak_motors"].level(4)).unwrapped.model
+    assert (weak.actuator_forcerange[:, 1] == 10.0).all()
+    heavy = gym.make("SimpleQuad-v0", scenario=quad_env.AXES["payload"].level(4)).unwrapped.model
+    assert heavy.body_mass.sum() == pytest.approx(14.2 + 20.0)
+
+
+def check_latency_delays_actions_and_readings_by_its_whole_steps() -> None:
+    """With 40 ms a joint does not move for 4 steps after its target does, nor does its reading for 4 more."""
+    target = HOME_POSE.astype(np.float32)
+    target[2] -= 0.4
+    first: dict[str, tuple[int, int]] = {}
+    for name in ("flat", "latency:3"):
+        where = quad_env.SCENARIOS["flat"] if name == "flat" else quad_env.AXES["latency"].level(3)
+        still = replace(where, start=quad_env.StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        env = gym.make("SimpleQuad-v0", scenario=still)
+        env.reset(seed=0, options={"command": (0.0, 0.0, 0.0)})
+        moved, read = [], []
+        for _ in range(15):
+            observation, *_ = env.step(target)
+            moved.append(abs(env.unwrapped.data.joint("fl_calf_joint").qpos[0] - HOME_POSE[2]) > 0.05)
+            read.append(abs(part(observation, "joint_position")[2]) > 0.05)
+        first[name] = moved.index(True), read.index(True)
+    assert first["latency:3"] == (first["flat"][0] + 4, first["flat"][1] + 8)
+
+
 Plant = Callable[[pytest.MonkeyPatch], None]
+
+
+def reward_term(name: str, change: Callable[[Any], Any]) -> Plant:
+    """The term is `change` of itself."""
+    key = f"reward_{name}"
+    true_term = rewards.TERMS[key]
+    return lambda patch: patch.setitem(rewards.TERMS, key, lambda state: change(true_term)(state))
+
+
+def weight_of(name: str, value: float) -> Plant:
+    """Both environments weigh that term so, whatever the configuration says."""
+
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        for module in ("env", "vector_env"):
+            patch.setattr(
+                f"quad_env.envs.{module}.step_weights",
+                lambda weights, dt: rewards.step_weights(replace(weights, **{name: value}), dt),
+            )
+
+    return plant
+
+
+def forward_for_yaw(term: Any) -> Any:
+    """The term of a state whose commanded yaw rate is read at the place of the forward velocity."""
+    return lambda state: term(state._replace(command=(state.command[0], state.command[1], state.command[0])))
+
+
+def command_turned(index: int) -> Plant:
+    """Policies see that entry of the command with the other sign."""
+
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        true_act = Policy.act
+        place = quad_env.OBSERVATION["command"].start + index
+
+        def faulty(self: Policy, observation: np.ndarray) -> np.ndarray:
+            turned = np.array(observation)
+            turned[..., place] *= -1
+            return true_act(self, turned)
+
+        patch.setattr(Policy, "act", faulty)
+
+    return plant
+
+
+def dropped(name: str) -> Plant:
+    """The simulation is made without that part of the scenario."""
+
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        true_of = Simulation.of.__func__  # type: ignore[attr-defined]
+        default = getattr(quad_env.SCENARIOS["flat"], name)
+
+        def without(argument: Any) -> Any:
+            return replace(argument, **{name: default}) if isinstance(argument, quad_env.Scenario) else argument
+
+        def faulty(cls: type[Simulation], *args: Any, **kwargs: Any) -> Simulation:
+            return true_of(cls, *map(without, args), **{key: without(value) for key, value in kwargs.items()})
+
+        patch.setattr(Simulation, "of", classmethod(faulty))
+
+    return plant
+
+
+def latency_one_step_short(patch: pytest.MonkeyPatch) -> None:
+    level = quad_env.AXES["latency"].level
+    short = replace(level(3), latency=quad_env.Latency(action=0.03, observation=0.04))
+    patch.setattr(type(quad_env.AXES["latency"]), "level", lambda self, number: short)
 
 
 def state_with(change: Callable[[QuadState], QuadState]) -> Plant:
@@ -274,6 +433,19 @@ FAULTS: list[tuple[Plant, Callable[[], None]]] = [
     (steps_after_a_fall_billed_nothing, check_an_earlier_fall_costs_more),
     (evaluation_draws_training_seeds, check_evaluation_seeds_are_never_drawn_elsewhere),
     (purposes_share_their_seeds, check_evaluation_seeds_are_never_drawn_elsewhere),
+    (
+        reward_term("linear_velocity_tracking", lambda term: lambda state: -term(state)),
+        check_rewards_are_their_terms_of_this_step,
+    ),
+    (reward_term("yaw_rate_tracking", forward_for_yaw), check_rewards_are_their_terms_of_this_step),
+    (weight_of("tilt", 0.5), check_rewards_are_their_terms_of_this_step),
+    (weight_of("fall", 1.0), check_a_fall_is_paid_for_once_with_one),
+    (command_turned(1), check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands),
+    (command_turned(2), check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands),
+    (dropped("ground"), check_what_a_scenario_asks_for_reaches_the_physics),
+    (dropped("motors"), check_what_a_scenario_asks_for_reaches_the_physics),
+    (dropped("payload"), check_what_a_scenario_asks_for_reaches_the_physics),
+    (latency_one_step_short, check_latency_delays_actions_and_readings_by_its_whole_steps),
 ]
 IDS = (
     "world for heading frame",
@@ -287,6 +459,16 @@ IDS = (
     "an early fall lowers the error: nothing billed",
     "evaluation on training seeds",
     "one family of seeds for every purpose",
+    "tracking reward negated",
+    "yaw term reads another index",
+    "tilt is paid for",
+    "falls are paid for",
+    "lateral command with the other sign",
+    "yaw rate command with the other sign",
+    "friction of the scenario dropped",
+    "torque limit of the scenario dropped",
+    "payload of the scenario dropped",
+    "latency a step short",
 )
 
 

@@ -1,0 +1,311 @@
+"""Faults in training, validation and searches: what episodes, ground and settings really reach the robots and PPO."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+
+import policies
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import SmoothRandom
+from quad_env.seeding import PURPOSES, episode_seeds
+from train import validation
+from train.config import PpoConfig, TrainConfig, ValidationConfig
+from train.run import make_env
+from train.sb3.ppo import build
+from train.search import evolution, feedback_cost, trot_cost
+from train.search.evolution import evolve
+
+Plant = Callable[[pytest.MonkeyPatch], None]
+SETTINGS = PpoConfig(
+    envs=6,
+    rollout_steps=2,
+    minibatch=6,
+    epochs=3,
+    gamma=0.91,
+    gae_lambda=0.83,
+    clip_range=0.17,
+    entropy=0.013,
+    value_weight=0.37,
+    max_gradient=0.71,
+    learning_rate=3e-4,
+    learning_rate_schedule="constant",
+    log_std_init=-1.3,
+    actor=(5, 4),
+    critic=(3,),
+    activation="tanh",
+)
+SMALL = TrainConfig(
+    threads=1, seed=7, mixture=(("flat", 0.5), ("push", 1 / 6), ("rough", 1 / 3)), pushes=3, hardness=1.5, ppo=SETTINGS
+)
+
+
+BRIEF = 120
+"""Control steps of an episode, just longer than the second that measures leave out."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Episodes that a batch began."""
+
+    scenario: Scenario
+    seeds: tuple[int, ...]
+
+
+@contextlib.contextmanager
+def recorded() -> Iterator[list[Start]]:
+    """Every batch that is reset with seeds while this lasts, with the scenario it simulates."""
+    found: list[Start] = []
+    true_reset = SimpleQuadVectorEnv.reset
+
+    def reset(self: SimpleQuadVectorEnv, *, seed: Any = None, options: Any = None) -> Any:
+        if seed is not None:
+            found.append(Start(self.scenario, tuple(int(each) for each in np.atleast_1d(seed))))
+        return true_reset(self, seed=seed, options=options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SimpleQuadVectorEnv, "reset", reset)
+        yield found
+
+
+def families(starts: list[Start]) -> set[str]:
+    """Purposes that the seeds belong to: the bits above the 48th."""
+    assert starts
+    return {PURPOSES[seed >> 48] for start in starts for seed in start.seeds}
+
+
+def surfaces(starts: list[Start]) -> set[int]:
+    """Seeds of the random ground that was walked on."""
+    found = {start.scenario.terrain.seed for start in starts if isinstance(start.scenario.terrain, SmoothRandom)}
+    assert found
+    return found
+
+
+EXAM_SURFACE = SCENARIOS["rough"].terrain.seed  # type: ignore[union-attr]
+
+
+def check_validation_is_on_its_own_episodes_and_ground() -> None:
+    with recorded() as starts, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(validation, "run", partial(validation.run, steps=BRIEF))
+        found = validation.validate(policies.make("stand"), ValidationConfig(episodes=1), nthread=1)
+    assert families(starts) == {"validation"}
+    assert EXAM_SURFACE not in surfaces(starts)
+    assert list(found) == ["flat", "push", "rough"] == [start.scenario.axis for start in starts]
+
+
+def check_searches_are_on_their_own_episodes_and_ground() -> None:
+    with recorded() as starts:
+        trot_cost.judge([trot_cost.TrotParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
+        feedback_cost.judge([feedback_cost.FeedbackParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
+    assert EXAM_SURFACE not in surfaces(starts)
+    seen: list[int] = []
+
+    def costs(candidates: list[Any], seeds: np.ndarray) -> list[float]:
+        seen.extend(seeds.tolist())
+        return [float(place) for place, _ in enumerate(candidates)]
+
+    @dataclass(frozen=True)
+    class Effort:
+        generations: int = 2
+        candidates: int = 4
+        episodes: int = 3
+        seed: int = 0
+
+    ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
+    list(evolve(Effort(), trot_cost.TrotParameters(), ranges, costs, spread=0.1))
+    assert {PURPOSES[seed >> 48] for seed in seen} == {"search"}
+    assert len(set(seen)) == 6, "every generation has new episodes"
+
+
+def check_training_robots_have_their_own_episodes_ground_and_hardness() -> None:
+    with recorded() as starts:
+        env = make_env(SMALL)
+        env.reset()
+        env.close()
+    assert families(starts) == {"training"}
+    assert EXAM_SURFACE not in surfaces(starts)
+    by_axis = {start.scenario.axis: start for start in starts}
+    assert {axis: len(start.seeds) for axis, start in by_axis.items()} == {"flat": 3, "push": 1, "rough": 2}
+    push, rough = SCENARIOS["push"].pushes, SCENARIOS["rough"].terrain
+    hard = by_axis["push"].scenario.pushes, by_axis["rough"].scenario.terrain
+    assert (hard[0].count, hard[0].impulse) == (3, 1.5 * push.impulse)  # type: ignore[union-attr]
+    assert hard[1].peak_to_valley == 1.5 * rough.peak_to_valley  # type: ignore[union-attr]
+    seeds = [seed for start in by_axis.values() for seed in start.seeds]
+    assert len(set(seeds)) == 6
+
+
+def check_every_setting_of_the_learner_reaches_it() -> None:
+    env = make_env(SMALL)
+    model = build(SMALL, env)
+    env.close()
+    taken = {
+        "rollout_steps": model.n_steps,
+        "minibatch": model.batch_size,
+        "epochs": model.n_epochs,
+        "gamma": model.gamma,
+        "gae_lambda": model.gae_lambda,
+        "clip_range": model.clip_range(1.0),
+        "entropy": model.ent_coef,
+        "value_weight": model.vf_coef,
+        "max_gradient": model.max_grad_norm,
+        "learning_rate": model.lr_schedule(0.5),
+        "envs": model.n_envs,
+    }
+    assert taken == {name: getattr(SETTINGS, name) for name in taken}
+    buffer = model.rollout_buffer
+    assert (buffer.gamma, buffer.gae_lambda) == (0.91, 0.83)
+    widths = [[layer.out_features for layer in net if hasattr(layer, "out_features")] for net in _nets(model)]
+    assert widths == [[5, 4], [3]]
+    assert {type(layer).__name__ for net in _nets(model) for layer in net} == {"Linear", "Tanh"}
+    np.testing.assert_allclose(model.policy.log_std.detach().numpy(), -1.3, rtol=1e-6)
+
+
+def _nets(model: Any) -> list[Any]:
+    return [model.policy.mlp_extractor.policy_net, model.policy.mlp_extractor.value_net]
+
+
+def check_the_validation_score_counts_both_errors_of_every_scenario() -> None:
+    found = {
+        "flat": {"velocity_error": 0.1, "yaw_rate_error": 0.4, "fall_rate": 0.0},
+        "rough": {"velocity_error": 0.3, "yaw_rate_error": 0.8, "fall_rate": 0.5},
+    }
+    assert validation.score(found) == pytest.approx((0.1 + 0.5 * 0.4 + 0.3 + 0.5 * 0.8) / 2)
+
+
+def seeds_of_evaluation(module: str) -> Plant:
+    """The module draws its episodes from the evaluation's family."""
+    return lambda patch: patch.setattr(
+        f"{module}.episode_seeds", lambda _, seed, count: episode_seeds("evaluation", seed, count)
+    )
+
+
+def ground_of_evaluation(module: str) -> Plant:
+    """The module has the evaluation's own surface."""
+    return lambda patch: patch.setattr(
+        f"{module}.practice", lambda name, *_, **__: SCENARIOS[name] if isinstance(name, str) else name
+    )
+
+
+def ppo_with(change: Callable[[dict[str, Any]], dict[str, Any]]) -> Plant:
+    """PPO is made with other arguments than it was called with."""
+
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        from train.sb3 import ppo
+
+        true_ppo = ppo.PPO
+        patch.setattr(ppo, "PPO", lambda *args, **kwargs: true_ppo(*args, **change(kwargs)))
+
+    return plant
+
+
+def without(name: str) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    return lambda arguments: {key: value for key, value in arguments.items() if key != name}
+
+
+def gamma_and_lambda_swapped(arguments: dict[str, Any]) -> dict[str, Any]:
+    return arguments | {"gamma": arguments["gae_lambda"], "gae_lambda": arguments["gamma"]}
+
+
+def one_scenario_for_all_robots(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("train.robots.robots_per_scenario", lambda config: {"rough": config.ppo.envs})
+
+
+def hardness_forgotten(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("train.robots._hardened", lambda original, config: original)
+
+
+def validation_on_flat_ground_alone(patch: pytest.MonkeyPatch) -> None:
+    true_validate = validation.validate
+    patch.setattr(
+        validation,
+        "validate",
+        lambda policy, config, nthread: true_validate(policy, replace(config, scenarios=("flat",)), nthread),
+    )
+
+
+def the_same_episodes_in_every_generation(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(
+        evolution, "episode_seeds", lambda purpose, seed, count: np.resize(episode_seeds(purpose, seed, 3), count)
+    )
+
+
+CHECKS = [value for name, value in sorted(globals().items()) if name.startswith("check_")]
+FAULTS: dict[str, tuple[Plant, Callable[[], None]]] = {
+    "best checkpoint on evaluation seeds": (
+        seeds_of_evaluation("train.validation"),
+        check_validation_is_on_its_own_episodes_and_ground,
+    ),
+    "validation on evaluation ground": (
+        ground_of_evaluation("train.validation"),
+        check_validation_is_on_its_own_episodes_and_ground,
+    ),
+    "validation on flat ground alone": (
+        validation_on_flat_ground_alone,
+        check_validation_is_on_its_own_episodes_and_ground,
+    ),
+    "searches on evaluation seeds": (
+        seeds_of_evaluation("train.search.evolution"),
+        check_searches_are_on_their_own_episodes_and_ground,
+    ),
+    "search of the trot on evaluation ground": (
+        ground_of_evaluation("train.search.trot_cost"),
+        check_searches_are_on_their_own_episodes_and_ground,
+    ),
+    "search of the feedback on evaluation ground": (
+        ground_of_evaluation("train.search.feedback_cost"),
+        check_searches_are_on_their_own_episodes_and_ground,
+    ),
+    "searches on the same episodes in every generation": (
+        the_same_episodes_in_every_generation,
+        check_searches_are_on_their_own_episodes_and_ground,
+    ),
+    "training on evaluation seeds": (
+        seeds_of_evaluation("train.robots"),
+        check_training_robots_have_their_own_episodes_ground_and_hardness,
+    ),
+    "training on evaluation ground": (
+        ground_of_evaluation("train.robots"),
+        check_training_robots_have_their_own_episodes_ground_and_hardness,
+    ),
+    "training with the mixture ignored": (
+        one_scenario_for_all_robots,
+        check_training_robots_have_their_own_episodes_ground_and_hardness,
+    ),
+    "training without its hardness": (
+        hardness_forgotten,
+        check_training_robots_have_their_own_episodes_ground_and_hardness,
+    ),
+    "gamma and lambda swapped": (ppo_with(gamma_and_lambda_swapped), check_every_setting_of_the_learner_reaches_it),
+    "clip range never passed to PPO": (ppo_with(without("clip_range")), check_every_setting_of_the_learner_reaches_it),
+    "gradient norm never passed to PPO": (
+        ppo_with(without("max_grad_norm")),
+        check_every_setting_of_the_learner_reaches_it,
+    ),
+    "yaw dropped from the validation score": (
+        lambda patch: patch.setattr(validation, "YAW_WEIGHT", 0.0),
+        check_the_validation_score_counts_both_errors_of_every_scenario,
+    ),
+}
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("check_"))
+def test_the_code_passes(check: Callable[[], None]) -> None:
+    check()
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_fault_turns_its_check_red(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    plant, check = FAULTS[fault]
+    plant(monkeypatch)
+    with pytest.raises(AssertionError):
+        check()
+
+
+def test_every_check_has_a_fault_that_turns_it_red() -> None:
+    assert {check for _, check in FAULTS.values()} == set(CHECKS)
