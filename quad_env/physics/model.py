@@ -18,6 +18,7 @@ TRUNK_SENSOR = "trunk_ground"
 PAYLOAD = "payload"
 """Name of the payload's body."""
 _GROUND, _TERRAIN = "ground", "terrain"
+_DEFAULT_LOG = "MUJOCO_LOG.TXT"
 _FLOOR_DEPTH = 1.0
 """m of solid ground below a height field or a tread."""
 
@@ -31,6 +32,7 @@ def compile_model(
     actuator: Actuator | None = None,
 ) -> mujoco.MjModel:
     """The robot on that terrain; None is the robot's own, undisturbed."""
+    _log_to_the_console()
     ground, motors, actuator = ground or Ground(), motors or Motors(), actuator or Actuator()
     spec = mujoco.MjSpec.from_file(str(robot.mjcf))
     if isinstance(terrain, SmoothRandom):
@@ -57,6 +59,14 @@ def compile_model(
     if ground != Ground():
         _set_ground(model, ground, robot)
     return model
+
+
+def _log_to_the_console() -> None:
+    """Keep MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder; a file that somebody has chosen is kept."""
+    log = mujoco.MjLogConfig.get()
+    if log.logfile == _DEFAULT_LOG:
+        log.logto_file = False
+        log.set()
 
 
 def stepped_model(model: mujoco.MjModel, sensors: tuple[str, ...] = (TRUNK_SENSOR,)) -> mujoco.MjModel:

@@ -1,0 +1,31 @@
+"""MuJoCo's log of a simulation that diverges does not appear in the folder where somebody happens to work."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+DIVERGING = """
+import mujoco
+import numpy as np
+from quad_env.physics.simulation import Simulation
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.terrain import Flat
+
+def diverge():
+    simulation = Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0)
+    simulation.reset(np.arange(1), np.zeros((1, 35)))
+    simulation._batch.bind("qvel")[0, 4] = 1e12
+    simulation.step(np.zeros((1, 12)), None)
+    assert simulation.diverged().all()
+
+diverge()
+config = mujoco.MjLogConfig.get()
+config.logfile, config.logto_file = "chosen.txt", True
+config.set()
+diverge()
+"""
+
+
+def test_a_log_is_written_only_where_somebody_has_chosen_its_file(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-c", DIVERGING], cwd=tmp_path, check=True, capture_output=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["chosen.txt"]
