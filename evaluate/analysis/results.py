@@ -43,7 +43,7 @@ class Results:
     @property
     def hardware(self) -> Hardware:
         """Of the robots; ideal where it is not known."""
-        return Hardware(**self.provenance.get("hardware", {}))
+        return _hardware(self.provenance)
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -71,13 +71,13 @@ def analyse(
 ) -> Results:
     """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
     made_with = dict(provenance or {"versions": versions()})
-    points, ratios = breaking_points(cells)
+    robot, (points, ratios) = _hardware(made_with).robot, breaking_points(cells)
     return Results(
         seed=seed,
         episodes=episodes,
         complete=complete,
         cells=tuple(cells),
-        summaries={(cell.scenario.name, cell.policy): summarise(cell) for cell in cells},
+        summaries={(cell.scenario.name, cell.policy): summarise(cell, robot) for cell in cells},
         comparisons=tuple(compare(cells)),
         breaking_points=tuple(points),
         breaking_point_ratios=tuple(ratios),
@@ -85,6 +85,10 @@ def analyse(
         versions=made_with.pop("versions"),
         provenance=made_with,
     )
+
+
+def _hardware(provenance: Mapping[str, Any]) -> Hardware:
+    return Hardware(**provenance.get("hardware", {}))
 
 
 def as_json(results: Results) -> dict[str, Any]:

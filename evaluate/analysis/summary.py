@@ -6,12 +6,13 @@ import numpy as np
 
 from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_transport
-from evaluate.measures.episodes import weight_in
+from evaluate.measures.episodes import weight
 from evaluate.measures.metrics import Measures
 from evaluate.measures.response import Response, responses
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.improvement import interquartile_mean, interquartile_mean_interval
 from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, wilson_interval
+from quad_env.robots.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,8 @@ class Summary:
     """Of each axis of the command."""
 
 
-def summarise(cell: Cell) -> Summary:
-    """All figures of a cell."""
+def summarise(cell: Cell, robot: Robot) -> Summary:
+    """All figures of a cell of that robot."""
     measures = cell.measures
     falls = int(measures.fell.sum())
     return Summary(
@@ -79,7 +80,7 @@ def summarise(cell: Cell) -> Summary:
         mean_velocity_error_ci=bootstrap_interval(measures.mean_velocity_error),
         yaw_rate_error=_mean(measures.yaw_rate_error),
         yaw_rate_error_ci=bootstrap_interval(measures.yaw_rate_error),
-        cost_of_transport=total_cost_of_transport(measures, weight_in(cell.scenario)),
+        cost_of_transport=total_cost_of_transport(measures, weight(robot, cell.scenario)),
         overspeed=_mean(measures.overspeed),
         energy=_mean(measures.energy),
         distance=_mean(measures.distance),

@@ -1,6 +1,6 @@
 """The table of measures: what each means, in which unit and frame, by which formula; headings are taken from here.
 
-Formulas: e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the 12 joints; dt: control
+Formulas: e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the joints; dt: control
 step; <x>: mean over the judged steps, those after the first second; [x]: share in which x holds. "While upright" means:
 of the steps and pushes before a fall alone, which can flatter a robot that falls; nothing else improves by falling.
 """
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from evaluate.measures import effort, footfalls, pushes, residual_use, tracking
-from quad_env.robots.robot import VELOCITY_LIMIT
 
 Direction = Literal["less", "more", "neither"]
 Scope = Literal["whole episode", "while upright"]
@@ -80,17 +79,17 @@ MEASURES = (
     Measure("joint_limit", "joints at a limit", "", "joints",
             f"[q within {effort.LIMIT_MARGIN:g} rad of a limit or beyond] of joints and time", "", "less", UPRIGHT),
     Measure("overspeed", "joints above rated speed", "", "joints",
-            f"[|dq/dt| > {VELOCITY_LIMIT:g} rad/s] of joints and time", "", "less", UPRIGHT),
+            "[|dq/dt| > rated speed] of joints and time", "", "less", UPRIGHT),
     Measure("action_rate", "action rate", "rad/s", "joints",
             "sqrt <((a - a one step before) / dt)^2>", "root mean square of legged_gym's action_rate", "less", UPRIGHT),
     Measure("foot_slip", "foot slip", "m/s", "world, horizontal",
-            "path of the feet's centres while in contact / contact time; rolling of the 2 cm foot included",
+            "path of the feet's centres while in contact / contact time; rolling of the foot included",
             "", "less", UPRIGHT),
     Measure("foot_clearance", "foot clearance", "m", "world, vertical",
             f"peak height of the foot above the terrain in a swing, mean of all swings; {FOOTFALL}", "", "neither",
             UPRIGHT),
     Measure("phase_error", "phase error of the diagonals", "cycles", "",
-            f"|touch-down of fl to the nearest of hr| / stride, likewise fr and hl, at most 0.5; strides up to "
+            f"|touch-down of a front foot to the nearest of the hind foot across| / stride, at most 0.5; strides up to "
             f"{footfalls.LONGEST_STRIDE:g} s", "", "neither", UPRIGHT),
     Measure("roll_rate", "roll rate", "rad/s", "body", "sqrt <omega_x^2>", "", "less", UPRIGHT),
     Measure("pitch_rate", "pitch rate", "rad/s", "body", "sqrt <omega_y^2>", "", "less", UPRIGHT),
@@ -104,7 +103,7 @@ MEASURES = (
             f"[correction opposes the base's motion] of joints and time with the base's target faster than "
             f"{residual_use.SLOW:g} rad/s and |correction| >= {residual_use.SLIGHT:g} authority; 0.5 if unrelated",
             "", "neither", UPRIGHT),
-    Measure("duty_factor", "duty factor", "", "", f"[foot on the ground], fl, fr, hl, hr; {FOOTFALL}",
+    Measure("duty_factor", "duty factor", "", "", f"[foot on the ground], of each foot; {FOOTFALL}",
             "Alexander & Jayes 1983", "neither", UPRIGHT),
     Measure("commands", "commands", "m/s, m/s, rad/s", "heading", "of each command interval", "", "neither", UPRIGHT),
     Measure("mean_velocities", "mean velocities", "m/s, m/s, rad/s", "heading",

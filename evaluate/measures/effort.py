@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, total, upright_mean, upright_share
-from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT
 
 Recorded = NDArray[np.float32]
 
@@ -53,15 +52,15 @@ def torque_saturation(torque: Recorded, limit: float, upright: Bools) -> Floats:
     return upright_share(np.abs(torque) >= SATURATED * limit, upright)
 
 
-def joint_limit(angle: Recorded, upright: Bools) -> Floats:
-    """Share of joints and time at a joint limit, or beyond it, (n,)."""
-    low, high = ((JOINT_LOWER + LIMIT_MARGIN), (JOINT_UPPER - LIMIT_MARGIN))
+def joint_limit(angle: Recorded, lower: Floats, upper: Floats, upright: Bools) -> Floats:
+    """Share of joints and time at a joint limit, or beyond it, (n,); `lower` and `upper` are the limits, (12,), rad."""
+    low, high = lower + LIMIT_MARGIN, upper - LIMIT_MARGIN
     return upright_share((angle <= low.astype(np.float32)) | (angle >= high.astype(np.float32)), upright)
 
 
-def overspeed(speed: Recorded, upright: Bools) -> Floats:
-    """Share of joints and time above the rated joint speed, (n,)."""
-    return upright_share(np.abs(speed) > VELOCITY_LIMIT, upright)
+def overspeed(speed: Recorded, rated: float, upright: Bools) -> Floats:
+    """Share of joints and time above the rated joint speed, rad/s, (n,)."""
+    return upright_share(np.abs(speed) > rated, upright)
 
 
 def action_rate(action: Recorded, upright: Bools, dt: float) -> Floats:

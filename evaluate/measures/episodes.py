@@ -7,46 +7,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.config import GRAVITY
-from quad_env.robots.robot import MASS, TORQUE_LIMIT
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 Recorded = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-WEIGHT = MASS * GRAVITY
-"""Of the robot, N."""
-
-READINGS: dict[str, tuple[int, ...]] = {
-    "position": (3,),
-    "quaternion": (4,),
-    "angular_velocity": (3,),
-    "height": (),
-    "tilt": (),
-    "joint_position": (12,),
-    "joint_velocity": (12,),
-    "joint_torque": (12,),
-    "action": (12,),
-    "foot_position": (4, 3),
-    "foot_height": (4,),
-    "foot_contact": (4,),
-    "leg_contact": (),
-    "trunk_contact": (),
-    "push": (2,),
-}
-"""Signals that come from `quad_env.task.readings`, where they are described -> shape of one robot's value."""
-INFOS: dict[str, tuple[int, ...]] = {"command": (3,), "heading_velocity": (3,)}
-"""Signals that every environment's info holds."""
-OF_POLICY: dict[str, tuple[int, ...]] = {"phase": (), "correction": (12,), "base_action": (12,)}
-"""Signals that only some policies have."""
-SIGNALS = INFOS | READINGS | OF_POLICY
+OF_POLICY = ("phase", "correction", "base_action")
+"""Signals that only some policies have; all others are in the environment's infos."""
 TRUTHS = ("foot_contact", "leg_contact", "trunk_contact")
 """Signals of truth values; all others are single-precision numbers."""
+
+
+def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
+    """Signal -> shape of one robot's value; `quad_env.task.readings` describes most of them."""
+    joints, feet = robot.num_joints, len(robot.leg_names)
+    return {
+        "command": (3,),
+        "heading_velocity": (3,),
+        "position": (3,),
+        "quaternion": (4,),
+        "angular_velocity": (3,),
+        "height": (),
+        "tilt": (),
+        "joint_position": (joints,),
+        "joint_velocity": (joints,),
+        "joint_torque": (joints,),
+        "action": (joints,),
+        "foot_position": (feet, 3),
+        "foot_height": (feet,),
+        "foot_contact": (feet,),
+        "leg_contact": (),
+        "trunk_contact": (),
+        "push": (2,),
+        "phase": (),
+        "correction": (joints,),
+        "base_action": (joints,),
+    }
 
 
 @dataclass(frozen=True)
 class Episodes:
     """n episodes; signals are float32 or bool, shape (steps, n, …), and mean nothing from the fall on."""
 
+    robot: Robot
     seeds: NDArray[np.int64]
     """`env.reset(seed=seeds[i])` starts episode i again, (n,)."""
     command: Recorded
@@ -90,9 +94,9 @@ class Episodes:
     """Control step, s."""
     command_steps: int
     """Steps that a command lasts."""
-    weight: float = WEIGHT
-    """N."""
-    torque_limit: float = TORQUE_LIMIT
+    weight: float
+    """Weight of the robot and what it carries, N."""
+    torque_limit: float
     """Largest torque of a joint, N·m."""
     after_falls: bool = False
     """Whether robots went on after their fall, and their record with them."""
@@ -114,16 +118,20 @@ class Episodes:
         return ended
 
 
-def weight_in(scenario: Scenario) -> float:
+def weight(robot: Robot, scenario: Scenario) -> float:
     """Weight of the robot and what it carries in that scenario, N."""
-    return WEIGHT if scenario.payload is None else WEIGHT + scenario.payload.mass * GRAVITY
+    own = robot.mass * GRAVITY
+    return own if scenario.payload is None else own + scenario.payload.mass * GRAVITY
 
 
-def uneventful(steps: int, count: int = 1, *, dt: float = 0.01, command_steps: int = 500, **changes: Any) -> Episodes:
+def uneventful(
+    robot: Robot, steps: int, count: int = 1, *, dt: float = 0.01, command_steps: int = 500, **changes: Any
+) -> Episodes:
     """Episodes in which nothing happens, every signal zero, but for `changes`: to try measures on."""
     nothing: dict[str, Any] = {
+        "robot": robot,
         "seeds": np.arange(count),
-        **{name: blank(name, steps, count) for name in (*INFOS, *READINGS)},
+        **{name: blank(robot, name, steps, count) for name in shapes(robot)},
         **dict.fromkeys(OF_POLICY),
         "push_step": np.empty((count, 0), np.int64),
         "push_impulse": np.empty((count, 0, 2)),
@@ -131,10 +139,12 @@ def uneventful(steps: int, count: int = 1, *, dt: float = 0.01, command_steps: i
         "fall_step": np.full(count, steps, np.int64),
         "fall_reason": np.full(count, None, dtype=object),
         "divergence_step": np.full(count, steps, np.int64),
+        "weight": robot.mass * GRAVITY,
+        "torque_limit": robot.rated_torque,
     }
     return Episodes(**nothing | {"dt": dt, "command_steps": command_steps} | changes)
 
 
-def blank(name: str, steps: int, count: int) -> NDArray[np.generic]:
+def blank(robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic]:
     """An empty record of that signal: zeros, or False."""
-    return np.zeros((steps, count, *SIGNALS[name]), np.bool_ if name in TRUTHS else np.float32)
+    return np.zeros((steps, count, *shapes(robot)[name]), np.bool_ if name in TRUTHS else np.float32)

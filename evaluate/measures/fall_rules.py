@@ -10,13 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.episodes import Bools, Episodes, Recorded
+from evaluate.measures.episodes import Bools, Episodes
 from quad_env.config import FALL_RULE
 from quad_env.config import FallRule as EnvironmentsRule
-from quad_env.robots.robot import HOME_HEIGHT
 
-Holds = Callable[[Recorded, Recorded, Bools, Bools], Bools]
-"""Height above the terrain, m; tilt, rad; trunk contact; leg contact; whether the rule holds: all (steps, n)."""
+Holds = Callable[[Episodes], Bools]
+"""Whether the rule holds at each step, (steps, n)."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +31,8 @@ class FallRule:
 
 _OWN = EnvironmentsRule()
 _OWN_TILT = f"{np.rad2deg(_OWN.tilt):g}°"
-LOW = 0.2 / 0.75 * HOME_HEIGHT
-"""m, trunk centre above the terrain: Ant-v5's lower bound, 0.2 m of a torso that starts at 0.75 m, in proportion."""
+LOW = 0.2 / 0.75
+"""Share of its height in the home pose: Ant-v5's lower bound, 0.2 m of a torso that starts at 0.75 m."""
 
 RULES: dict[str, FallRule] = {
     rule.name: rule
@@ -42,37 +41,37 @@ RULES: dict[str, FallRule] = {
             FALL_RULE,
             f"the trunk touches the ground, tilts over {_OWN_TILT}, or its centre is lower than {_OWN.height:g} m",
             "this project",
-            lambda height, tilt, trunk, leg: trunk | (tilt > _OWN.tilt) | (height < _OWN.height),
+            lambda it: it.trunk_contact | (it.tilt > _OWN.tilt) | (it.height < _OWN.height),
         ),
         FallRule(
             "height-only",
-            f"the trunk's centre is lower than {LOW:.3f} m",
+            f"the trunk's centre is lower than {LOW:.3f} of its height in the home pose",
             "Gymnasium Ant-v5, in proportion; does not see a robot that lies on its side",
-            lambda height, tilt, trunk, leg: height < LOW,
+            lambda it: it.height < LOW * it.robot.home_height,
         ),
         FallRule(
             "tilt-70",
             "the trunk tilts over 70°",
             "mjlab, flat ground",
-            lambda height, tilt, trunk, leg: tilt > np.deg2rad(70),
+            lambda it: it.tilt > np.deg2rad(70),
         ),
         FallRule(
             "tilt-90",
             "the trunk tilts over 90°",
             "MuJoCo Playground Go1; legged_control",
-            lambda height, tilt, trunk, leg: tilt > np.deg2rad(90),
+            lambda it: it.tilt > np.deg2rad(90),
         ),
         FallRule(
             "trunk-contact",
             "the trunk touches the ground",
             "legged_gym and IsaacLab, there with a force over 1 N",
-            lambda height, tilt, trunk, leg: trunk,
+            lambda it: it.trunk_contact,
         ),
         FallRule(
             "non-foot-contact",
             "trunk, thigh or calf touches the ground",
-            "gym-quadruped; here a hard landing is enough, which brings the calf's end down beside the 2 cm foot",
-            lambda height, tilt, trunk, leg: trunk | leg,
+            "gym-quadruped; here a hard landing is enough, which brings the calf's end down beside the foot",
+            lambda it: it.trunk_contact | it.leg_contact,
         ),
     )
 }
@@ -99,5 +98,5 @@ def fall_step(rule: FallRule, episodes: Episodes) -> NDArray[np.int64]:
 
 def first_step(rule: FallRule, episodes: Episodes) -> NDArray[np.int64]:
     """First step at which the rule holds in the record, (n,); `steps` if it never does."""
-    holds = rule.holds(episodes.height, episodes.tilt, episodes.trunk_contact, episodes.leg_contact)
+    holds = rule.holds(episodes)
     return np.where(holds.any(axis=0), holds.argmax(axis=0), episodes.steps)

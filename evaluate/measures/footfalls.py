@@ -44,7 +44,7 @@ class Footfalls:
 
 def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     """Footfalls of (steps, n, 4) contacts; `upright`, (steps, n), says which of them count."""
-    steps = len(contact)
+    steps, feet = len(contact), contact.shape[-1]
     stance = without_rattling(contact & upright[..., None], round(SHORTEST_SWING / dt))
     rows = np.ascontiguousarray(np.moveaxis(stance, 0, -1)).reshape(-1, steps)
     change = np.diff(rows.astype(np.int8), axis=1)
@@ -55,7 +55,7 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     owner = np.append(lifted_row, -1)[latest]  # of no lift-off, -1: nobody
     whole = owner == landed_row
     row = landed_row[whole]
-    return Footfalls(stance, lifted[latest[whole]] + 1, landed[whole] + 1, row // 4, row % 4)
+    return Footfalls(stance, lifted[latest[whole]] + 1, landed[whole] + 1, row // feet, row % feet)
 
 
 def without_rattling(contact: Bools, shortest: int) -> Bools:

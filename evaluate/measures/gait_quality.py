@@ -6,15 +6,10 @@ from numpy.typing import NDArray
 from evaluate.measures.averages import Bools, Floats, count, over_steps, quotient, total, upright_rms
 from evaluate.measures.footfalls import LONGEST_STRIDE, Footfalls
 from quad_env.config import GRAVITY
-from quad_env.robots.robot import CALF_LENGTH, LEG_NAMES, THIGH_LENGTH
 
 Recorded = NDArray[np.float32]
 Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Episodes and their steps."""
-
-LEG_LENGTH = THIGH_LENGTH + CALF_LENGTH
-"""Thigh joint to foot with the knee straight, m."""
-DIAGONALS = tuple((LEG_NAMES.index(front), LEG_NAMES.index(hind)) for front, hind in (("fl", "hr"), ("fr", "hl")))
 
 
 def duty_factor(stance: Bools, upright: Bools) -> Floats:
@@ -39,8 +34,8 @@ def foot_clearance(height: Recorded, falls: Footfalls, episodes: int) -> Floats:
 def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> Floats:
     """Mean horizontal speed of the feet on the ground, (n,) m/s.
 
-    A foot counts between two steps that both find it on the ground. Its centre is followed: a 2 cm sphere that rolls
-    as the leg turns over it adds its rolling.
+    A foot counts between two steps that both find it on the ground. Its centre is followed: a sphere that rolls as the
+    leg turns over it adds its rolling.
     """
     held = contact[1:] & contact[:-1] & upright[1:, :, None]
     x, y = (np.diff(position[..., axis].astype(np.float64), axis=0) for axis in (0, 1))
@@ -48,15 +43,18 @@ def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> 
     return quotient(total(travel).sum(axis=-1), count(held).sum(axis=-1) * dt)
 
 
-def phase_error(falls: Footfalls, first: int, episodes: int, steps: int, dt: float) -> Floats:
+def phase_error(
+    falls: Footfalls, diagonals: tuple[tuple[int, int], ...], first: int, episodes: int, steps: int, dt: float
+) -> Floats:
     """How far the diagonal pairs are out of step, in cycles, 0 … 0.5, mean over the strides of both pairs, (n,).
 
     For each stride of the front foot: the time from its first touch-down to the nearest one of the hind foot, over the
     stride's length; 0.5 where the hind foot comes no nearer. Strides count if both swings began at `first` or later.
+    `diagonals` are the front and the hind foot of each pair.
     """
     errors, owners = [], []
     late = falls.after(first)
-    for front, hind in DIAGONALS:
+    for front, hind in diagonals:
         episode, step = late.of(front)
         length = np.diff(step)
         stride = (np.diff(episode) == 0) & (length * dt <= LONGEST_STRIDE)
@@ -90,10 +88,10 @@ def vertical_speed(position: Recorded, upright: Bools, dt: float) -> Floats:
     return upright_rms(np.diff(position[..., 2].astype(np.float64), axis=0) / dt, upright[1:])
 
 
-def froude_number(distance: Floats, upright: Bools, dt: float) -> Floats:
+def froude_number(distance: Floats, leg_length: float, upright: Bools, dt: float) -> Floats:
     """v² / (g · leg length) of the mean speed `distance` over the upright time, (n,)."""
     speed = quotient(distance, count(upright) * dt)
-    return speed * speed / (GRAVITY * LEG_LENGTH)
+    return speed * speed / (GRAVITY * leg_length)
 
 
 def _nearest(falls: Places, wanted: Places, steps: int) -> Floats:

@@ -129,7 +129,7 @@ def _tracking(episodes: Episodes, upright: Bools) -> tuple[dict[str, Floats], Fl
 
 def _effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
     """What the motors did."""
-    settling, dt = _settling(episodes), episodes.dt
+    robot, settling, dt = episodes.robot, _settling(episodes), episodes.dt
     settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
     torque, speed, judged = episodes.joint_torque[settled], episodes.joint_velocity[settled], upright[settled]
     power = effort.mechanical_power(torque, speed)
@@ -142,8 +142,10 @@ def _effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, F
         "peak_torque": effort.peak_torque(torque, judged),
         "mean_torque": effort.mean_torque(torque, judged),
         "torque_saturation": effort.torque_saturation(torque, episodes.torque_limit, judged),
-        "joint_limit": effort.joint_limit(episodes.joint_position[settled], judged),
-        "overspeed": effort.overspeed(speed, judged),
+        "joint_limit": effort.joint_limit(
+            episodes.joint_position[settled], robot.joint_lower, robot.joint_upper, judged
+        ),
+        "overspeed": effort.overspeed(speed, robot.rated_speed, judged),
         "action_rate": effort.action_rate(action, upright[with_the_step_before], dt),
     }
 
@@ -166,11 +168,11 @@ def _gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Flo
         "duty_factor": gait_quality.duty_factor(falls.stance[settled], judged),
         "foot_slip": gait_quality.foot_slip(feet, contact, judged_before, dt),
         "foot_clearance": gait_quality.foot_clearance(episodes.foot_height, swings, count),
-        "phase_error": gait_quality.phase_error(falls, settling, count, episodes.steps, dt),
+        "phase_error": gait_quality.phase_error(falls, episodes.robot.diagonals, settling, count, episodes.steps, dt),
         "roll_rate": gait_quality.turning_rate(rate[..., 0], judged),
         "pitch_rate": gait_quality.turning_rate(rate[..., 1], judged),
         "vertical_speed": gait_quality.vertical_speed(position, judged_before, dt),
-        "froude_number": gait_quality.froude_number(distance, judged, dt),
+        "froude_number": gait_quality.froude_number(distance, episodes.robot.leg_length, judged, dt),
     }
 
 

@@ -16,9 +16,11 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.episodes import OF_POLICY, SIGNALS, TRUTHS, Episodes, blank
+from evaluate.measures.episodes import OF_POLICY, TRUTHS, Episodes, blank, shapes
 from evaluate.rollouts.experiment import TraceWriter
+from evaluate.rollouts.hardware import IDEAL
 from policies.files import write_atomically
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 FOLDER = "traces"
@@ -74,7 +76,7 @@ def write(episodes: Episodes, header: Header, path: Path) -> None:
 
     if not episodes.after_falls:
         raise ValueError("these episodes were not recorded beyond their falls; run them with after_falls=True")
-    wanted = SIGNALS if header.kind == "full" else COMPACT
+    wanted = shapes(episodes.robot) if header.kind == "full" else COMPACT
     signals = [name for name in wanted if getattr(episodes, name) is not None]
     table: dict[str, Any] = {name: getattr(episodes, name).tolist() for name in PER_EPISODE}
     for name in signals:
@@ -109,12 +111,11 @@ def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
     header, steps, count = Header(**about["header"]), about["steps"], table.num_rows
     if (header.kind, kind) == ("compact", "full"):
         raise ValueError(f"{path} is a compact trace: it lacks signals that measures need")
-    signals = {
-        name: _signal(table, name, steps, count) if name in table.column_names else _missing(name, steps, count)
-        for name in SIGNALS
-    }
+    robot = IDEAL.robot
+    signals = {name: _signal(table, robot, name, steps, count) for name in shapes(robot)}
     pushes = len(table["push_step"][0])
     return header, Episodes(
+        robot=robot,
         **signals,  # type: ignore[arg-type]
         **about["numbers"],
         seeds=_column(table, "seeds", np.int64),
@@ -130,12 +131,10 @@ def _column(table: Any, name: str, kind: type[np.generic]) -> NDArray[Any]:
     return np.array(table[name].to_pylist(), dtype=kind)
 
 
-def _signal(table: Any, name: str, steps: int, count: int) -> NDArray[np.generic]:
-    values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
-    rows: NDArray[np.generic] = values.reshape(count, *SIGNALS[name], steps)
-    return np.ascontiguousarray(np.moveaxis(np.moveaxis(rows, -1, 1), 0, 1))
-
-
-def _missing(name: str, steps: int, count: int) -> NDArray[np.generic] | None:
+def _signal(table: Any, robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic] | None:
     """A policy without a clock has no phase; what a compact trace leaves out is zero."""
-    return None if name in OF_POLICY else blank(name, steps, count)
+    if name not in table.column_names:
+        return None if name in OF_POLICY else blank(robot, name, steps, count)
+    values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+    rows: NDArray[np.generic] = values.reshape(count, *shapes(robot)[name], steps)
+    return np.ascontiguousarray(np.moveaxis(np.moveaxis(rows, -1, 1), 0, 1))

@@ -1,6 +1,10 @@
 """What the robots of a run are built of. It imports nothing, for the options are to be shown quickly."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from quad_env.robots.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -9,6 +13,13 @@ class Hardware:
 
     actuator: str = "ideal"
     sensors: str = "truth"
+
+    @property
+    def robot(self) -> "Robot":
+        """The robot that has them; there is one so far."""
+        from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+        return SIMPLE_QUAD
 
 
 IDEAL = Hardware()

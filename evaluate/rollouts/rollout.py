@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.episodes import INFOS, OF_POLICY, READINGS, Episodes, blank, weight_in
+from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes, weight
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.base import Policy
 from quad_env.config import FALL_REASONS
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -62,12 +63,13 @@ def run(
         max_episode_steps=steps,
         terminate_on_fall=not after_falls,
         readings=True,
+        robot=hardware.robot,
         **asdict(hardware),
     )
     try:
         observation, _ = env.reset(seed=seeds.tolist())
         policy.reset(num_envs=len(seeds), seed=0)
-        recorder = _Recorder(steps, len(seeds), policy)
+        recorder = _Recorder(hardware.robot, steps, len(seeds), policy)
         for step in range(steps):
             observation, _, terminated, _, infos = env.step(policy.act(observation))
             recorder.record(step, terminated, infos)
@@ -84,10 +86,10 @@ def run(
 class _Recorder:
     """Arrays of a run in the making; an episode counts until its fall."""
 
-    def __init__(self, steps: int, count: int, policy: Policy) -> None:
+    def __init__(self, robot: Robot, steps: int, count: int, policy: Policy) -> None:
         self.policy = policy
-        of_policy = [name for name in OF_POLICY if getattr(policy, name, None) is not None]
-        self.signals = {name: blank(name, steps, count) for name in (*INFOS, *READINGS, *of_policy)}
+        absent = [name for name in OF_POLICY if getattr(policy, name, None) is None]
+        self.signals = {name: blank(robot, name, steps, count) for name in shapes(robot) if name not in absent}
         self.fall_step = np.full(count, steps, dtype=np.int64)
         self.fall_reason = np.full(count, None, dtype=object)
         self.divergence_step = np.full(count, steps, dtype=np.int64)
@@ -105,6 +107,7 @@ class _Recorder:
     def episodes(self, seeds: NDArray[np.int64], env: "SimpleQuadVectorEnv") -> Episodes:
         """The finished record."""
         return Episodes(
+            robot=env.robot,
             seeds=seeds,
             **dict.fromkeys(OF_POLICY) | self.signals,  # type: ignore[arg-type]
             push_step=env.pushes.first_step.copy(),
@@ -114,7 +117,7 @@ class _Recorder:
             fall_reason=self.fall_reason,
             divergence_step=self.divergence_step,
             after_falls=not env.terminate_on_fall,
-            weight=weight_in(env.scenario),
+            weight=weight(env.robot, env.scenario),
             torque_limit=float(env.simulation.model.actuator_forcerange.max()),
             dt=env.dt,
             command_steps=round(env.scenario.commands.interval / env.dt),

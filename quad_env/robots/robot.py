@@ -79,6 +79,18 @@ class Robot:
         return _constant(np.sign(self.hip_positions[:, 1]))
 
     @cached_property
+    def diagonals(self) -> tuple[tuple[int, int], ...]:
+        """Places of the front and the hind leg of each diagonal pair."""
+        before, left = (np.sign(self.hip_positions[:, axis]) for axis in (0, 1))
+        pairs = [np.flatnonzero((before == -1) & (left == -side)) for side in left[before == 1]]
+        return tuple((int(front), int(hind)) for front, (hind,) in zip(np.flatnonzero(before == 1), pairs, strict=True))
+
+    @property
+    def leg_length(self) -> float:
+        """From the thigh joint to the centre of the foot with the knee straight, m."""
+        return self.thigh_length + self.calf_length
+
+    @cached_property
     def home_height(self) -> float:
         """Trunk's centre above flat ground in the home pose with the feet just touching, m."""
         _, thigh, calf = self.home_pose[:3]

@@ -4,21 +4,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.report.plots.drawing import Margins, figure, short_name, svg
-from quad_env.robots.robot import LEG_NAMES
-
-ORDER = ("fl", "hr", "fr", "hl")
-"""Diagonal pairs stand together: in a trot their bars agree."""
+from quad_env.robots.robot import Robot
 
 
-def gait_diagram(contact: NDArray[np.bool_], start: float, dt: float, colour: str, title: str) -> bytes:
-    """A bar wherever a foot is on the ground; contact (steps, 4) in the order of LEG_NAMES, from `start` on, s."""
+def gait_diagram(robot: Robot, contact: NDArray[np.bool_], start: float, dt: float, colour: str, title: str) -> bytes:
+    """A bar wherever a foot is on the ground; contact (steps, 4) in the order of the robot's legs, from `start` on, s.
+
+    Diagonal pairs stand together: in a trot their bars agree.
+    """
+    order = [leg for pair in robot.diagonals for leg in pair]
     drawn, axes = figure(1.5, margins=Margins(left=0.35, top=0.28))
-    for row, leg in enumerate(ORDER):
-        bars = [(start + first * dt, count * dt) for first, count in stances(contact[:, LEG_NAMES.index(leg)])]
+    for row, leg in enumerate(order):
+        bars = [(start + first * dt, count * dt) for first, count in stances(contact[:, leg])]
         axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=colour)
-    axes.set_yticks(range(len(ORDER)), [leg.upper() for leg in ORDER])
+    axes.set_yticks(range(len(order)), [robot.leg_names[leg].upper() for leg in order])
     axes.set(
-        ylim=(len(ORDER) - 0.5, -0.5), xlim=(start, start + len(contact) * dt), xlabel="s", title=short_name(title)
+        ylim=(len(order) - 0.5, -0.5), xlim=(start, start + len(contact) * dt), xlabel="s", title=short_name(title)
     )
     return svg(drawn)
 

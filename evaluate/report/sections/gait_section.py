@@ -35,11 +35,11 @@ def gaits(results: Results) -> str:
         if not len(contact):
             left_out.append(f"{policy} (fallen by then)")
             continue
-        drawn = gait_diagram(contact, START, dt, style(results, policy)[0], policy)
+        drawn = gait_diagram(results.hardware.robot, contact, START, dt, style(results, policy)[0], policy)
         images.append(image(drawn, f"When each foot of {policy} is on the ground"))
     lead = note(
         f"Feet on the ground from {START:g} to {END:g} s of an episode on level ground, commanded {SPEED:g} m/s ahead. "
-        "FL: front left, HR: hind right; diagonal pairs stand together."
+        "A row a foot, front or hind, left or right; diagonal pairs stand together."
     )
     missing = note(f"Without {', '.join(left_out)}.") if left_out else ""
     return section("Gait", lead, grid(images, 2), missing) if images else ""
@@ -51,5 +51,5 @@ def footfalls(policy: str, seed: int, hardware: Hardware) -> tuple[NDArray[np.bo
     steps = round(END * TaskConfig().control_rate)
     probe = rollout.run(resolved, SCENARIO, np.array([seed]), nthread=1, steps=steps, hardware=hardware)
     if probe.fall_step[0] < probe.steps:
-        return np.empty((0, 4), dtype=np.bool_), probe.dt
+        return probe.foot_contact[:0, 0], probe.dt
     return probe.foot_contact[round(START / probe.dt) :, 0], probe.dt

@@ -7,10 +7,9 @@ from evaluate.measures.catalogue import BY_NAME, FIGURES, MEASURES
 from evaluate.report.html import heading, note, table
 from evaluate.report.sections.figures import policy_label
 from evaluate.terminal.format import ABSENT
-from quad_env.robots.robot import LEG_NAMES
 
 DEFINITIONS = (
-    "e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the 12 joints; dt: control step; "
+    "e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the joints; dt: control step; "
     "<x>: mean over the judged steps, those after the first second; [x]: share in which x holds. While upright: of the "
     "steps and pushes before a fall alone, which can flatter a robot that falls."
 )
@@ -26,7 +25,7 @@ def figures_table(results: Results, scenario: str) -> str:
     ]
     rows += [
         [f"duty factor, {leg}", *(_figure(summary.duty_factor[foot]) for summary in found.values())]
-        for foot, leg in enumerate(LEG_NAMES)
+        for foot, leg in enumerate(results.hardware.robot.leg_names)
     ]
     return table(["measure", *(policy_label(results, policy) for policy in found)], rows)
 

@@ -18,6 +18,7 @@ from evaluate.analysis.comparison import compare
 from evaluate.measures import metrics
 from evaluate.measures.episodes import blank, uneventful
 from evaluate.rollouts.experiment import Cell, evaluation_seeds
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 CELL_NUMBERS = (
     "fall_rate",
@@ -135,7 +136,7 @@ def replay(row) -> metrics.Measures:
     policy.reset()
     observation, _ = env.reset(seed=row["seed"])
     names = ("command", "heading_velocity", "joint_velocity", "joint_torque")
-    record = {name: blank(name, 1000, 1) for name in names}
+    record = {name: blank(SIMPLE_QUAD, name, 1000, 1) for name in names}
     terminated = truncated = False
     step = -1
     while not (terminated or truncated):
@@ -146,7 +147,7 @@ def replay(row) -> metrics.Measures:
         for name in names:
             record[name][step, 0] = (info | joints)[name]
     fall_step = np.array([step if terminated else 1000])
-    return metrics.measure(uneventful(1000, seeds=np.array([row["seed"]]), fall_step=fall_step, **record))
+    return metrics.measure(uneventful(SIMPLE_QUAD, 1000, seeds=np.array([row["seed"]]), fall_step=fall_step, **record))
 
 
 @pytest.mark.parametrize(("policy", "scenario"), [("trot", "push"), ("stand", "push"), ("trot", "flat")])
@@ -187,7 +188,7 @@ def cell(policy: str, seeds, fell, error) -> Cell:
         seeds=np.asarray(seeds),
         fall_reason=np.full(count, None, dtype=object),
         measures=replace(
-            metrics.measure(uneventful(200, count)),
+            metrics.measure(uneventful(SIMPLE_QUAD, 200, count)),
             fell=np.asarray(fell),
             velocity_error=values,
             yaw_rate_error=values,

@@ -8,7 +8,7 @@ import pytest
 from evaluate.measures import effort, metrics, residual_use
 from evaluate.measures.averages import upright_mean, upright_share
 from evaluate.measures.episodes import blank, uneventful
-from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 DT = 0.1
 STEPS = 50
@@ -20,7 +20,7 @@ FALL = 30
 
 def signal(name: str, change: Callable[[np.ndarray], None]) -> np.ndarray:
     """An empty record of one episode after `change` has written to its steps, (steps, …)."""
-    record = blank(name, STEPS, 1)
+    record = blank(SIMPLE_QUAD, name, STEPS, 1)
     change(record[:, 0])
     return record
 
@@ -36,7 +36,7 @@ def joints(name: str, *places: tuple[slice | int, slice | int, float]) -> dict[s
 
 
 def measured(name: str, **changes) -> float:
-    return getattr(metrics.measure(uneventful(STEPS, dt=DT, **changes)), name)[0]
+    return getattr(metrics.measure(uneventful(SIMPLE_QUAD, STEPS, dt=DT, **changes)), name)[0]
 
 
 ALL, FELL = slice(None), {"fall_step": np.array([FALL])}
@@ -79,13 +79,13 @@ def torque_saturation() -> None:
 
 
 def joint_limit() -> None:
-    middle = (JOINT_LOWER + JOINT_UPPER) / 2
+    middle = (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2
 
     def change(record: np.ndarray) -> None:
         record[:] = middle
-        record[20:24, 0] = JOINT_LOWER[0] + 0.009
-        record[20:28, 1] = JOINT_UPPER[1] + 0.1
-        record[20:28, 2] = JOINT_UPPER[2] - 0.02
+        record[20:24, 0] = SIMPLE_QUAD.joint_lower[0] + 0.009
+        record[20:28, 1] = SIMPLE_QUAD.joint_upper[1] + 0.1
+        record[20:28, 2] = SIMPLE_QUAD.joint_upper[2] - 0.02
 
     assert measured("joint_limit", joint_position=signal("joint_position", change)) == pytest.approx(12 / (JUDGED * 12))
 
@@ -168,12 +168,12 @@ FAULTS = {
     "lower limits alone": (
         joint_limit,
         replaced(
-            effort, "joint_limit", lambda angle, upright: upright_share(angle <= JOINT_LOWER + 0.01, upright)
+            effort, "joint_limit", lambda angle, lower, _, upright: upright_share(angle <= lower + 0.01, upright)
         ),
     ),
     "forward speeds alone": (
         overspeed,
-        replaced(effort, "overspeed", lambda speed, upright: upright_share(speed > 10, upright)),
+        replaced(effort, "overspeed", lambda speed, rated, upright: upright_share(speed > rated, upright)),
     ),
     "change a step for rate": (
         action_rate,
@@ -213,7 +213,7 @@ def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_every_measure_of_motors_and_residuals_is_checked_and_has_a_fault() -> None:
-    episodes = uneventful(STEPS, dt=DT)
+    episodes = uneventful(SIMPLE_QUAD, STEPS, dt=DT)
     upright = np.ones((STEPS, 1), bool)
     names = {*metrics._effort(episodes, upright, np.ones(1)), *metrics._residual(episodes, upright)}
     assert {check.__name__ for check in CHECKS} == {check.__name__ for check, _ in FAULTS.values()} == names

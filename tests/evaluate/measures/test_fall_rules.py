@@ -12,6 +12,7 @@ from evaluate.measures.episodes import blank, uneventful
 from evaluate.records import trace
 from evaluate.statistics.intervals import wilson_interval
 from quad_env.config import FALL_RULE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 STEPS = 6
 UPRIGHT = {"height": 0.5, "tilt": 0.0, "trunk_contact": False, "leg_contact": False}
@@ -28,12 +29,12 @@ FALLS = {
 
 def episode(change: dict, **more):
     """Upright for two steps, then as `change` says for one, then upright again."""
-    signals = {name: blank(name, STEPS, 1) for name in UPRIGHT}
+    signals = {name: blank(SIMPLE_QUAD, name, STEPS, 1) for name in UPRIGHT}
     for name, signal in signals.items():
         signal[:] = UPRIGHT[name]
     for name, value in change.items():
         signals[name][2] = value
-    return uneventful(STEPS, after_falls=True, **signals | more)
+    return uneventful(SIMPLE_QUAD, STEPS, after_falls=True, **signals | more)
 
 
 @pytest.mark.parametrize("name", FALLS)

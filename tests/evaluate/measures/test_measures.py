@@ -1,14 +1,16 @@
 """The table of measures: complete, and true to the columns it heads."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
 from evaluate.measures import catalogue as measures
 from evaluate.measures import metrics
 from evaluate.measures.catalogue import BY_NAME, FIGURES, LISTS, MEASURES, OUTCOMES, heading
-from evaluate.measures.episodes import SIGNALS, TRUTHS, Episodes, uneventful
+from evaluate.measures.episodes import TRUTHS, Episodes, blank, shapes, uneventful
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def test_every_measure_is_in_the_table_once() -> None:
@@ -29,7 +31,7 @@ def test_every_measure_says_what_it_is() -> None:
 
 
 def test_figures_are_numbers_of_an_episode_and_lists_are_lists() -> None:
-    measured = metrics.measure(uneventful(200, 3))
+    measured = metrics.measure(uneventful(SIMPLE_QUAD, 200, 3))
     for name in FIGURES:
         assert getattr(measured, name).shape == (3,), name
         assert getattr(measured, name).dtype == np.float64, name
@@ -58,5 +60,17 @@ def test_what_could_flatter_a_robot_that_falls_is_labelled() -> None:
 
 def test_every_signal_is_recorded() -> None:
     names = [field.name for field in fields(Episodes)]
-    assert set(SIGNALS) < set(names)
-    assert set(TRUTHS) < set(SIGNALS)
+    assert set(shapes(SIMPLE_QUAD)) < set(names)
+    assert set(TRUTHS) < set(shapes(SIMPLE_QUAD))
+
+
+def test_measures_go_by_the_figures_of_the_recorded_robot() -> None:
+    """A robot with legs a third as long that is rated at half the speed."""
+    other = replace(SIMPLE_QUAD, thigh_length=0.1, calf_length=0.1, rated_speed=5.0)
+    moving = {
+        "joint_velocity": blank(SIMPLE_QUAD, "joint_velocity", 200, 1) + np.float32(7.0),
+        "heading_velocity": blank(SIMPLE_QUAD, "heading_velocity", 200, 1) + np.float32(1.0),
+    }
+    ours, others = (metrics.measure(uneventful(robot, 200, **moving)) for robot in (SIMPLE_QUAD, other))
+    assert (ours.overspeed[0], others.overspeed[0]) == (0.0, 1.0)
+    assert others.froude_number[0] == pytest.approx(3 * ours.froude_number[0])

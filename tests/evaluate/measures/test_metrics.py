@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from evaluate.measures import metrics, tracking
 from evaluate.measures.averages import upright_mean
 from evaluate.measures.catalogue import FIGURES, MEASURES
-from evaluate.measures.episodes import INFOS, READINGS, Episodes, blank, uneventful
+from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes, uneventful
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 DT = 0.1
 STEPS = 100
@@ -20,9 +21,10 @@ COMMAND_STEPS = 50
 
 def episodes(velocity, command=(1.0, 0.0, 0.5), fall_step=STEPS, power=71.0) -> Episodes:
     """One episode with a constant, or a per-step, heading velocity."""
-    speed, torque = blank("joint_velocity", STEPS, 1), blank("joint_torque", STEPS, 1)
+    speed, torque = blank(SIMPLE_QUAD, "joint_velocity", STEPS, 1), blank(SIMPLE_QUAD, "joint_torque", STEPS, 1)
     speed[..., :4], torque[..., 0] = (10.0, 11.0, 11.0, -11.0), power / 10  # three of twelve joints are too fast
     return uneventful(
+        SIMPLE_QUAD,
         STEPS,
         dt=DT,
         command_steps=COMMAND_STEPS,
@@ -184,7 +186,7 @@ def test_a_summary_is_the_plain_mean_over_episodes() -> None:
     per_episode = ("seeds", "push_step", "push_impulse", "fall_step", "fall_reason", "divergence_step")
     both = {
         name: np.concatenate([getattr(fallen, name), getattr(steady, name)], axis=axis)
-        for names, axis in (((*INFOS, *READINGS), 1), (per_episode, 0))
+        for names, axis in ((set(shapes(SIMPLE_QUAD)) - set(OF_POLICY), 1), (per_episode, 0))
         for name in names
     }
     summary = metrics.summarise(replace(steady, **both))

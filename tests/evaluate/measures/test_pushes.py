@@ -8,6 +8,7 @@ import pytest
 
 from evaluate.measures import metrics, pushes
 from evaluate.measures.episodes import blank, uneventful
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 DT = 0.01
 STEPS = 1000
@@ -19,6 +20,7 @@ LENGTH = 10
 def measured(name: str, fall: int = STEPS, onset: tuple[int, ...] = (FIRST, SECOND), **changes: Any) -> Any:
     impulse = np.tile((30.0, 0.0), (1, len(onset), 1))
     episodes = uneventful(
+        SIMPLE_QUAD,
         STEPS,
         **{"push_step": np.array([onset]), "push_impulse": impulse, "push_steps": LENGTH, **changes},
         fall_step=np.array([fall]),
@@ -28,7 +30,7 @@ def measured(name: str, fall: int = STEPS, onset: tuple[int, ...] = (FIRST, SECO
 
 def slowed(*stretches: tuple[int, int, float]) -> dict[str, np.ndarray]:
     """The robot sways by ±0.5 m/s within each 0.1 s; over stretches of steps it is slower than commanded too."""
-    velocity = blank("heading_velocity", STEPS, 1)
+    velocity = blank(SIMPLE_QUAD, "heading_velocity", STEPS, 1)
     velocity[:, 0, 1] = 0.5 * np.sign((np.arange(STEPS) % 10) - 4.5)
     for start, stop, error in stretches:
         velocity[start:stop, 0, 0] -= error
@@ -45,7 +47,7 @@ def push_impulse() -> None:
     yaw, pitch = np.pi / 4, 0.2
     facing = (np.cos(yaw) * np.cos(pitch), -np.sin(yaw) * np.sin(pitch), np.cos(yaw) * np.sin(pitch),
               np.sin(yaw) * np.cos(pitch))  # fmt: skip
-    quaternion = blank("quaternion", STEPS, 1)
+    quaternion = blank(SIMPLE_QUAD, "quaternion", STEPS, 1)
     quaternion[..., 0] = 1.0
     quaternion[FIRST - 1] = facing
     np.testing.assert_allclose(measured("push_impulse", quaternion=quaternion), [(0, -30), (30, 0)], atol=1e-5)
@@ -159,5 +161,5 @@ def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_every_measure_of_pushes_is_checked_and_has_a_fault() -> None:
-    names = set(metrics._pushes(uneventful(STEPS)))
+    names = set(metrics._pushes(uneventful(SIMPLE_QUAD, STEPS)))
     assert {check.__name__ for check in CHECKS} == {check.__name__ for check, _ in FAULTS.values()} == names

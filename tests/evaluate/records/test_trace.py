@@ -14,6 +14,7 @@ from evaluate.records import trace
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from quad_env.config import FALL_RULE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 STEPS = 250
 HARD = replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(count=2, impulse=70.0, window=(0.5, 1.9)))
@@ -76,7 +77,7 @@ def test_a_policy_without_a_clock_and_a_scenario_without_pushes_can_be_traced(tm
 
 def test_episodes_that_stopped_at_their_falls_are_refused(tmp_path) -> None:
     with pytest.raises(ValueError, match="after_falls"):
-        trace.write(uneventful(10), trace.Header("stand", "flat", 0, "full"), tmp_path / "trace")
+        trace.write(uneventful(SIMPLE_QUAD, 10), trace.Header("stand", "flat", 0, "full"), tmp_path / "trace")
 
 
 def test_a_file_that_is_no_trace_is_refused(run, tmp_path) -> None:

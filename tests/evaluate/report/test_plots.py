@@ -5,6 +5,7 @@ import pytest
 
 from evaluate.report.plots.gait_diagram import gait_diagram, stances
 from evaluate.report.plots.push_plot import DIRECTIONS, fall_shares, push_plot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def test_stances_are_the_stretches_on_the_ground() -> None:
@@ -41,7 +42,7 @@ def test_plots_are_small_svg_images() -> None:
     contact = np.random.default_rng(0).random((200, 4)) > 0.5
     for drawn in (
         push_plot(impulses, np.ones(200), "trot"),
-        gait_diagram(contact, 2.0, 0.01, "#000000", "a_rather_long_name/of/a/policy"),
+        gait_diagram(SIMPLE_QUAD, contact, 2.0, 0.01, "#000000", "a_rather_long_name/of/a/policy"),
     ):
         assert b"<svg" in drawn[:500]
         assert len(drawn) < 200_000

@@ -8,11 +8,12 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.measures.episodes import INFOS, READINGS, blank
+from evaluate.measures.episodes import OF_POLICY, blank, shapes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import battery, rollout
 from evaluate.rollouts.experiment import EPISODES_PER_CHUNK, LabelledPolicy, Settings, evaluation_seeds, run_cell
 from policies.base import Policy
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 STEPS = 150
 PUSHED = replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(count=1, impulse=20.0, window=(0.1, 0.4)))
@@ -51,7 +52,7 @@ def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:
     together, threads = run(nthread=2), run(nthread=1)
     alone = rollout.run(policies.make("stand"), PUSHED, evaluation_seeds(0, 12)[5:6], steps=STEPS, nthread=1)
     fall = together.fall_step[5]
-    for name in (*INFOS, *READINGS):
+    for name in set(shapes(SIMPLE_QUAD)) - set(OF_POLICY):
         np.testing.assert_array_equal(getattr(together, name)[:fall], getattr(threads, name)[:fall])
         np.testing.assert_array_equal(getattr(together, name)[:fall, 5], getattr(alone, name)[:fall, 0])
     assert alone.fall_step[0] == fall
@@ -83,13 +84,13 @@ def test_progress_rises_and_ends_with_one_exactly_once() -> None:
 
 def infos(fall: list[str], diverged: list[bool]) -> dict[str, Any]:
     """What an environment says after a step in which nothing else happened."""
-    nothing = {name: blank(name, 1, len(fall))[0] for name in (*INFOS, *READINGS)}
+    nothing = {name: blank(SIMPLE_QUAD, name, 1, len(fall))[0] for name in set(shapes(SIMPLE_QUAD)) - set(OF_POLICY)}
     codes = np.array([quad_env.FALL_REASONS.index(reason) for reason in fall], np.int8)
     return nothing | {"fall": codes, "diverged": np.array(diverged)}
 
 
 def test_a_diverged_episode_is_a_fall_with_its_own_column() -> None:
-    recorder = rollout._Recorder(3, 2, policies.make("stand"))
+    recorder = rollout._Recorder(SIMPLE_QUAD, 3, 2, policies.make("stand"))
     recorder.record(0, np.array([True, False]), infos(["none", "none"], [True, False]))
     np.testing.assert_array_equal(recorder.fall_step, [0, 3])
     np.testing.assert_array_equal(recorder.divergence_step, [0, 3])
@@ -97,7 +98,7 @@ def test_a_diverged_episode_is_a_fall_with_its_own_column() -> None:
 
 
 def test_the_first_fall_counts() -> None:
-    recorder = rollout._Recorder(5, 1, policies.make("stand"))
+    recorder = rollout._Recorder(SIMPLE_QUAD, 5, 1, policies.make("stand"))
     for step, reason in enumerate(("none", "tilt", "height", "height")):
         recorder.record(step, np.array([reason != "none"]), infos([reason], [False]))
     assert recorder.fall_step.tolist() == [1]

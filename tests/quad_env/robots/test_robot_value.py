@@ -37,6 +37,13 @@ def test_servos_and_geometry_are_those_of_the_compiled_model(model: mujoco.MjMod
         assert model.geom(f"{leg}_foot").size[0] == SIMPLE_QUAD.foot_radius
 
 
+def test_diagonal_legs_lie_across_whatever_their_order() -> None:
+    names = [[SIMPLE_QUAD.leg_names[leg] for leg in pair] for pair in SIMPLE_QUAD.diagonals]
+    assert names == [["fl", "hr"], ["fr", "hl"]]
+    turned = replace(SIMPLE_QUAD, hip_positions=SIMPLE_QUAD.hip_positions[[3, 0, 2, 1]])
+    assert turned.diagonals == ((1, 0), (3, 2))
+
+
 def test_nothing_of_a_robot_can_be_written() -> None:
     with pytest.raises(AttributeError):
         SIMPLE_QUAD.hip_offset = 0.2  # type: ignore[misc]
