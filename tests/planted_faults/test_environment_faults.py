@@ -25,7 +25,7 @@ from quad_env.columns import Vector
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task import rewards
 
 FORWARD = {"command": (0.5, 0.0, 0.0)}
@@ -94,7 +94,7 @@ def check_turning_rates_are_about_their_own_axes() -> None:
         env.reset(seed=seed)
         before = env.unwrapped.data.body("base_link").xquat.copy()
         for _ in range(4):
-            observation, *_ = env.step(HOME_POSE.astype(np.float32))
+            observation, *_ = env.step(SIMPLE_QUAD.home_pose.astype(np.float32))
             after, rotation = env.unwrapped.data.body("base_link").xquat.copy(), np.zeros(3)
             mujoco.mju_subQuat(rotation, after, before)
             before = after
@@ -110,7 +110,7 @@ def check_joints_are_read_under_their_own_names() -> None:
     for observation, _, data in walk(env, 0, 30):
         angles = [data.joint(name).qpos[0] for name in quad_env.JOINT_NAMES]
         rates = [data.joint(name).qvel[0] for name in quad_env.JOINT_NAMES]
-        np.testing.assert_allclose(part(observation, "joint_position") + HOME_POSE, angles, atol=1e-5)
+        np.testing.assert_allclose(part(observation, "joint_position") + SIMPLE_QUAD.home_pose, angles, atol=1e-5)
         np.testing.assert_allclose(part(observation, "joint_velocity"), rates, rtol=1e-5, atol=1e-5)
 
 
@@ -118,13 +118,13 @@ def check_joints_move_when_their_own_target_does() -> None:
     """A target that differs from the home pose in one entry moves the joint of that name, most of all."""
     env = gym.make("SimpleQuad-v0", terminate_on_fall=False)
     for index, name in enumerate(quad_env.JOINT_NAMES):
-        target = HOME_POSE.astype(np.float32)
+        target = SIMPLE_QUAD.home_pose.astype(np.float32)
         target[index] += 0.3
         env.reset(seed=0, options=FORWARD)
         for _ in range(10):
             env.step(target)
         data = env.unwrapped.data
-        moved = np.array([data.joint(joint).qpos[0] for joint in quad_env.JOINT_NAMES]) - HOME_POSE
+        moved = np.array([data.joint(joint).qpos[0] for joint in quad_env.JOINT_NAMES]) - SIMPLE_QUAD.home_pose
         assert quad_env.JOINT_NAMES[np.argmax(moved)] == name
 
 
@@ -240,7 +240,7 @@ def check_what_a_scenario_asks_for_reaches_the_physics() -> None:
 
 def check_latency_delays_actions_and_readings_by_its_whole_steps() -> None:
     """With 40 ms a joint does not move for 4 steps after its target does, nor does its reading for 4 more."""
-    target = HOME_POSE.astype(np.float32)
+    target = SIMPLE_QUAD.home_pose.astype(np.float32)
     target[2] -= 0.4
     first: dict[str, tuple[int, int]] = {}
     for name in ("flat", "latency:3"):
@@ -251,7 +251,7 @@ def check_latency_delays_actions_and_readings_by_its_whole_steps() -> None:
         moved, read = [], []
         for _ in range(15):
             observation, *_ = env.step(target)
-            moved.append(abs(env.unwrapped.data.joint("fl_calf_joint").qpos[0] - HOME_POSE[2]) > 0.05)
+            moved.append(abs(env.unwrapped.data.joint("fl_calf_joint").qpos[0] - SIMPLE_QUAD.home_pose[2]) > 0.05)
             read.append(abs(part(observation, "joint_position")[2]) > 0.05)
         first[name] = moved.index(True), read.index(True)
     assert first["latency:3"] == (first["flat"][0] + 4, first["flat"][1] + 8)

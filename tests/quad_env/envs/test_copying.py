@@ -13,7 +13,7 @@ from gymnasium.error import ResetNeeded
 import quad_env
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 COPIES: list[Callable[[Any], Any]] = [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))]
 MAKERS: dict[str, Callable[[], Any]] = {
@@ -26,7 +26,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
 
 def rollout(env: Any, seed: int | None) -> list[bytes]:
     observation, _ = env.reset(seed=seed)
-    action = np.broadcast_to(HOME_POSE.astype(np.float32), env.action_space.shape)
+    action = np.broadcast_to(SIMPLE_QUAD.home_pose.astype(np.float32), env.action_space.shape)
     out = [observation.tobytes()]
     for _ in range(5):
         observation, reward, *_ = env.step(action)
@@ -43,7 +43,7 @@ def test_a_copy_steps_to_the_same_bits_and_goes_on_with_the_next_episode(
     first = rollout(env, 5)
     twin = copied(env)
     with pytest.raises(ResetNeeded):
-        twin.step(np.broadcast_to(HOME_POSE, env.action_space.shape))
+        twin.step(np.broadcast_to(SIMPLE_QUAD.home_pose, env.action_space.shape))
     second = rollout(env, None)
     assert second != first
     assert rollout(twin, None) == second

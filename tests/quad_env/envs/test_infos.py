@@ -11,9 +11,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 import quad_env
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-HOME = HOME_POSE.astype(np.float32)
+HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 LOW = np.tile(np.float32([0, -1.5, 0]), 4)
 """Joint targets that let the trunk down to the ground, rad."""
 

@@ -12,7 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 
 import quad_env
 from quad_env import serialisation
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 TERRAINS = (quad_env.Flat(0.5), quad_env.Slope(0.3), quad_env.Stairs(rise=0.05), quad_env.SmoothRandom(half_size=6.0))
 STORM = quad_env.Scenario(
@@ -48,7 +48,7 @@ def test_a_scenario_of_ones_own_survives_json(terrain: Any) -> None:
     assert again.unwrapped.config == OPTIONS["config"]
     assert again.spec.to_json() == env.spec.to_json()
     np.testing.assert_array_equal(again.reset(seed=3)[0], env.reset(seed=3)[0])
-    one, other = (each.step(HOME_POSE.astype(np.float32)) for each in (env, again))
+    one, other = (each.step(SIMPLE_QUAD.home_pose.astype(np.float32)) for each in (env, again))
     np.testing.assert_array_equal(one[0], other[0])
     assert (one[1], one[4]["sensor_gyro"].tolist()) == (other[1], other[4]["sensor_gyro"].tolist())
 
