@@ -96,7 +96,8 @@ def against_base(runs: list[TrainedRun], shipped: TrainedRun, results: Results) 
     """Each run's paired differences from the shipped policy's base, in Markdown, a row for each run and scenario."""
     base = shipped.config.base
     lines = [
-        f"Minus `{base}`, paired by episode; below zero is better; falls in percentage points, p in brackets:",
+        f"Minus `{base}`, paired by episode; below zero is better; falls in percentage points; p in brackets, "
+        f"corrected by Holm's method over the {len(runs) * len(results.scenarios)} comparisons of a column:",
         "",
         "| scenario | policy | seed | falls | velocity error m/s | yaw-rate error rad/s | mean velocity error m/s |",
         "|---|---|---|---|---|---|---|",
@@ -110,9 +111,9 @@ def against_base(runs: list[TrainedRun], shipped: TrainedRun, results: Results) 
 
 
 def difference(comparison: Comparison) -> str:
-    """A difference and how likely one as large is by chance."""
+    """A difference and its p-value, corrected for the number of comparisons."""
     digits = points if comparison.metric == FALL_RATE else number
-    return f"{digits(comparison.difference)} ({p_value(comparison.p_value)})"
+    return f"{digits(comparison.difference)} ({p_value(comparison.p_value_holm)})"
 
 
 def seed(run: TrainedRun, shipped: TrainedRun) -> str:

@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE
 from evaluate.statistics.intervals import (
-    FEWER_RESAMPLES,
     Bools,
     Floats,
     Interval,
-    bootstrap_interval,
-    percentile_interval,
-    resamples,
+    difference_interval,
+    newcombe_interval,
     share_difference_interval,
-    wilson_interval,
+    two_sample_interval,
 )
 from evaluate.statistics.significance import fall_rates_test, mcnemar, relabelling_test, sign_flip_test
 
@@ -59,7 +57,7 @@ def compare_samples(a: Sample, b: Sample, *, paired: bool) -> Iterator[MetricDif
 def _of_means(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDifference:
     means = float(a.mean()), float(b.mean())
     if paired:
-        interval, p_value, test = bootstrap_interval(b - a), sign_flip_test(b - a), "paired sign-flip permutation"
+        interval, p_value, test = difference_interval(b - a), sign_flip_test(b - a), "paired sign-flip permutation"
         return MetricDifference(metric, *means, float((b - a).mean()), interval, p_value, test)
     p_value = relabelling_test(b, a)
     return MetricDifference(metric, *means, means[1] - means[0], two_sample_interval(a, b), p_value, "permutation")
@@ -67,27 +65,3 @@ def _of_means(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDiffe
 
 def _paired_shares(a: Bools, b: Bools) -> Interval:
     return share_difference_interval(int((b & ~a).sum()), int((a & ~b).sum()), len(a))
-
-
-def newcombe_interval(a: Bools, b: Bools) -> Interval:
-    """Interval of the difference of two shares that are not paired, b − a, from the Wilson intervals of both.
-
-    Newcombe 1998, Statistics in Medicine 17, 873, method 10.
-    """
-    (low_a, high_a), (low_b, high_b) = (wilson_interval(int(x.sum()), len(x)) for x in (a, b))
-    share_a, share_b = a.mean(), b.mean()
-    below = float(np.hypot(share_b - low_b, high_a - share_a))
-    above = float(np.hypot(high_b - share_b, share_a - low_a))
-    return (float(share_b - share_a) - below, float(share_b - share_a) + above)
-
-
-def two_sample_interval(a: Floats, b: Floats) -> Interval:
-    """Percentile bootstrap of mean(b) − mean(a), each resampled by itself; (NaN, NaN) for fewer than two values."""
-    if min(len(a), len(b)) < 2:
-        return (np.nan, np.nan)
-    return percentile_interval(_resampled_means(b, 0) - _resampled_means(a, 1))
-
-
-def _resampled_means(values: Floats, seed: int) -> Floats:
-    blocks = resamples(len(values), FEWER_RESAMPLES, seed)
-    return np.concatenate([counts @ values for counts in blocks]) / len(values)

@@ -43,7 +43,7 @@ class Summary:
     """rad/s"""
     yaw_rate_error_ci: Interval
     cost_of_transport: float
-    """Energy of all episodes over weight times the distance of all."""
+    """Of all episodes together: their energy over weight times their distance; the same in `figures`."""
     overspeed: float
     """Share of joints and time above the rated joint speed."""
     energy: float
@@ -51,7 +51,8 @@ class Summary:
     distance: float
     """Mean of an episode, m."""
     figures: dict[str, float]
-    """Mean of every figure of `evaluate.measures.catalogue` over the episodes that have it."""
+    """Every figure of `evaluate.measures.catalogue`: the mean over the episodes that have it, but for the cost of
+    transport, which is that of all episodes together."""
     duty_factor: tuple[float, ...]
     """Mean of each foot."""
     response: dict[str, Response]
@@ -62,6 +63,7 @@ def summarise(cell: Cell, robot: Robot) -> Summary:
     """All figures of a cell of that robot."""
     measures = cell.measures
     falls = int(measures.fell.sum())
+    transport = total_cost_of_transport(measures, weight(robot, cell.scenario))
     return Summary(
         episodes=cell.episodes,
         severity=cell.scenario.severity,
@@ -80,11 +82,11 @@ def summarise(cell: Cell, robot: Robot) -> Summary:
         mean_velocity_error_ci=bootstrap_interval(measures.mean_velocity_error),
         yaw_rate_error=_mean(measures.yaw_rate_error),
         yaw_rate_error_ci=bootstrap_interval(measures.yaw_rate_error),
-        cost_of_transport=total_cost_of_transport(measures, weight(robot, cell.scenario)),
+        cost_of_transport=transport,
         overspeed=_mean(measures.overspeed),
         energy=_mean(measures.energy),
         distance=_mean(measures.distance),
-        figures={name: _mean(getattr(measures, name)) for name in FIGURES},
+        figures={name: _mean(getattr(measures, name)) for name in FIGURES} | {"cost_of_transport": transport},
         duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
         response=responses(measures.commands, measures.mean_velocities),
     )

@@ -69,7 +69,8 @@ MEASURES = (
     Measure("energy", "energy", "J", "joints", "sum |tau dq/dt| dt", "", "neither", UPRIGHT),
     Measure("distance", "distance", "m", "heading", "sum |mean v| T of the command intervals", "", "neither", UPRIGHT),
     Measure("cost_of_transport", "cost of transport", "", "",
-            f"energy / (weight distance); none below {effort.SHORTEST_DISTANCE:g} m",
+            f"energy / (weight distance), of several episodes that of all together; none below a mean distance of "
+            f"{effort.SHORTEST_DISTANCE:g} m",
             "Tucker 1975, with mechanical energy", "less", UPRIGHT),
     Measure("mechanical_power", "mechanical power", "W", "joints", "<sum |tau dq/dt|>", "", "less", UPRIGHT),
     Measure("peak_torque", "peak torque", "N·m", "joints", "max |tau|, of 100 readings a second", "", "less", UPRIGHT),

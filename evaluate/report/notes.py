@@ -13,11 +13,12 @@ NOTES = (
     "distance, where the distance of a command interval is its time times its mean planar speed: swaying on the spot "
     "covers none.",
     "Intervals are 95 %: Wilson for falls, bootstrap (BCa) over episodes for means, Tango's score interval for "
-    "differences of falls. Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation "
-    "for means. p-values are corrected by Holm's method, metric by metric, over the comparisons with the baseline on "
-    "every scenario of the run; those of the other pairs are families of their own. A difference is claimed below "
-    "0.05: the chance of any false claim in a family is then at most 5 %. Where none is claimed there may still be one "
-    "that so many episodes cannot show.",
+    "differences of falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means.",
+    "Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation for means. p-values are "
+    "corrected by Holm's method, metric by metric, over the comparisons with the baseline on every scenario of the "
+    "run; those of the other pairs are families of their own. A difference is claimed below 0.05: the chance of any "
+    "false claim in a family is then at most 5 %. Where none is claimed there may still be one that so many episodes "
+    "cannot show.",
     "A breaking point is where a logistic curve with a floor and a lapse, fitted to the falls over the logarithm of "
     "severity, crosses one half; its interval is a bootstrap over episodes, which are the same at every level and for "
     "every policy, so that ratios of breaking points are paired too.",

@@ -27,7 +27,9 @@ from evaluate.statistics.intervals import (
     Interval,
     bootstrap_interval,
     difference_interval,
+    newcombe_interval,
     share_difference_interval,
+    two_sample_interval,
     wilson_interval,
 )
 from evaluate.statistics.significance import mcnemar, relabelling_test, sign_flip_test
@@ -73,6 +75,8 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
         "BCa bootstrap, mean error": partial(_mean, count, fall_probability),
         "score, paired difference of falls": partial(_fall_difference, count, fall_probability),
         "bootstrap, paired difference of errors": partial(_mean_difference, count, fall_probability),
+        "Newcombe, falls of disjoint episodes": partial(_disjoint_fall_difference, count, fall_probability),
+        "bootstrap, errors of disjoint episodes": partial(_disjoint_mean_difference, count, fall_probability),
         "bootstrap, interquartile mean": partial(_interquartile_mean, count, fall_probability),
         "score, improvement by episode": partial(_improvement_by_episode, count, fall_probability),
         "bootstrap, probability of improvement": partial(_improvement, count, fall_probability),
@@ -143,6 +147,11 @@ def _two_policies(generator: np.random.Generator, count: int, fall_probability: 
     return episodes(generator, (fall_probability, EASIER * fall_probability), count)
 
 
+def _two_disjoint(generator: np.random.Generator, count: int, fall_probability: float) -> list[Episodes]:
+    """The same two policies on different episodes."""
+    return [_one_policy(generator, count, p) for p in (fall_probability, EASIER * fall_probability)]
+
+
 def _equal_policies(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
     return episodes(generator, (fall_probability, fall_probability), count)
 
@@ -168,6 +177,16 @@ def _mean_difference(count: int, fall_probability: float, generator: np.random.G
     return _within(difference_interval(a - b), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
 
 
+def _disjoint_fall_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = (each.fell[0] for each in _two_disjoint(generator, count, fall_probability))
+    return _within(newcombe_interval(b, a), (1.0 - EASIER) * fall_probability)
+
+
+def _disjoint_mean_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = (each.error[0] for each in _two_disjoint(generator, count, fall_probability))
+    return _within(two_sample_interval(b, a), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
+
+
 @cache
 def _true_interquartile_mean(fall_probability: float) -> float:
     return interquartile_mean(_one_policy(np.random.default_rng(0), LARGE, fall_probability).error[0])
@@ -190,9 +209,7 @@ def _improvement_by_episode(count: int, fall_probability: float, generator: np.r
 
 
 def _improvement(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    """Of policies that ran different episodes."""
-    a = _one_policy(generator, count, fall_probability).error[0]
-    b = _one_policy(generator, count, EASIER * fall_probability).error[0]
+    a, b = (each.error[0] for each in _two_disjoint(generator, count, fall_probability))
     return _within(probability_of_improvement(a, b)[1], _true_improvement(fall_probability, False))
 
 

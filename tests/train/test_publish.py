@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 import policies
+from evaluate.analysis.comparison import Comparison
 from evaluate.terminal.command_line import UsageError
 from train.__main__ import main, parse
 from train.config import DEFAULTS, PpoConfig, to_dict
-from train.model_card import TrainedRun, command
+from train.model_card import TrainedRun, command, difference
 from train.publish import choose
 from train.publish import main as publish
 
@@ -54,6 +55,11 @@ def test_the_command_of_the_card_repeats_the_run(kind):
     assert PpoConfig().gamma != 0.9
 
 
+def test_the_cards_p_values_are_corrected_for_their_number():
+    found = Comparison("flat", "runs/0", "trot", "velocity_error", -0.1, (-0.2, 0.0), 0.01, "", 0.5, (0.4, 0.6), 0.04)
+    assert difference(found).replace("\u00a0", " ") == "−0.100 (p = 0.040)"
+
+
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
@@ -76,6 +82,7 @@ def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, caps
     # Figures and differences of all runs, the shipped one or not.
     assert card.count("| flat | residual | ") == 4
     assert card.count("p\u00a0") == 2 * 4
+    assert "corrected by Holm's method over the 2 comparisons of a column" in card
     assert str(tmp_path) not in card
     assert str(runs) not in card
 

@@ -16,7 +16,7 @@ DEFINITIONS = (
 
 
 def figures_table(results: Results, scenario: str) -> str:
-    """Mean of every measure over the episodes that have it: a measure a row, a policy a column."""
+    """Every measure of the catalogue: a measure a row, a policy a column."""
     found = {policy: summary for (name, policy), summary in results.summaries.items() if name == scenario}
     rows = [
         [_title(name), *(_figure(summary.figures[name]) for summary in found.values())]

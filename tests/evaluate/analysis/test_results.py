@@ -63,6 +63,14 @@ def test_results_json_has_the_contracts_shape(run) -> None:
                 assert low <= cell[name.removesuffix("_ci")] <= high
 
 
+def test_a_measure_has_one_value_wherever_it_stands(run) -> None:
+    for policy in run.results["policies"].values():
+        for cell in policy["scenarios"].values():
+            twice = [name for name in cell["figures"] if name in cell]
+            assert {"velocity_error", "cost_of_transport", "energy", "distance", "overspeed"} <= set(twice)
+            assert {name: cell[name] for name in twice} == {name: cell["figures"][name] for name in twice}
+
+
 def test_versions_are_those_in_use(run) -> None:
     versions = run.results["versions"]
     assert versions["python"] == platform.python_version()

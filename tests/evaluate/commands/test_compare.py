@@ -8,11 +8,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
-from scipy import stats
 
 import quad_env
 from evaluate.__main__ import main
-from evaluate.analysis.run_comparison import Sample, compare_samples, newcombe_interval, two_sample_interval
 from evaluate.records import manifest
 from evaluate.records.episode_table import read_table, write_table
 
@@ -127,29 +125,3 @@ def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
     assert (code, "--policies ONE_OF_A ONE_OF_B" in said) == (2, True)
     code, said = compare(capsys, run.folder, tmp_path / "nothing")
     assert (code, said.count("\n")) == (2, 1)
-
-
-def test_newcombes_interval_as_published() -> None:
-    # Newcombe 1998, Statistics in Medicine 17, Table II, method 10: 56/70 against 48/80, and 0/20 against 0/10.
-    def share(fallen: int, count: int) -> np.ndarray:
-        return np.arange(count) < fallen
-
-    assert newcombe_interval(share(48, 80), share(56, 70)) == pytest.approx((0.0524, 0.3339), abs=5e-5)
-    assert newcombe_interval(share(0, 10), share(0, 20)) == pytest.approx((-0.2775, 0.1611), abs=5e-5)
-
-
-def test_two_samples_interval_is_as_wide_as_welchs_for_many_values() -> None:
-    generator = np.random.default_rng(0)
-    a, b = generator.normal(1.0, 0.5, 300), generator.normal(1.2, 1.0, 200)
-    expected = stats.ttest_ind(b, a, equal_var=False).confidence_interval()
-    assert two_sample_interval(a, b) == pytest.approx(tuple(expected), abs=0.02)
-    assert np.isnan(two_sample_interval(a[:1], b)).all()
-
-
-def test_unpaired_samples_may_differ_in_size() -> None:
-    a = Sample(np.arange(4), np.array([True] * 4), {"velocity_error": np.ones(4)})
-    b = Sample(np.arange(9), np.array([False] * 9), {"velocity_error": np.zeros(9)})
-    falls, velocity = compare_samples(a, b, paired=False)
-    assert (falls.difference, velocity.difference) == (-1.0, -1.0)
-    assert falls.p_value < 0.01
-    assert velocity.p_value < 0.01
