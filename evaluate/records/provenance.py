@@ -4,6 +4,7 @@ import hashlib
 import platform
 import subprocess
 from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -75,6 +76,8 @@ def _pieces(value: Any, within: tuple[int, ...]) -> Iterator[bytes]:
         yield f"{value.dtype} {value.shape}".encode() + value.tobytes()
     elif value is None or isinstance(value, bool | int | float | str | bytes):
         yield f"{kind} {value!r}".encode()
+    elif isinstance(value, Path):
+        yield value.name.encode()  # a file of the packages, whose contents are in the code's digest
     elif callable(value) and hasattr(value, "__qualname__"):
         yield value.__qualname__.encode()
     elif id(value) in within:
@@ -93,6 +96,8 @@ def _contents(value: Any) -> list[tuple[Any, Any]]:
         return sorted(value.items(), key=lambda item: repr(item[0]))
     if isinstance(value, list | tuple):
         return list(enumerate(value))
+    if is_dataclass(value):  # which may keep what it has worked out beside its fields
+        return sorted((field.name, getattr(value, field.name)) for field in fields(value))
     slots = {name: getattr(value, name) for name in getattr(type(value), "__slots__", ()) if hasattr(value, name)}
     return sorted((slots | getattr(value, "__dict__", {})).items())
 

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import pytest
 import policies
 from evaluate.records import provenance
 from evaluate.records.provenance import code_digest, policy_digest
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def test_every_policy_has_a_digest_of_its_own() -> None:
@@ -65,3 +68,17 @@ def test_the_codes_digest_is_of_names_and_contents(tmp_path, monkeypatch) -> Non
     code_digest.cache_clear()
     assert len(set(found)) == 4
     assert found[3] == found[4]
+
+
+def test_a_policys_robot_shows_wherever_its_files_lie_and_whatever_was_asked_of_it() -> None:
+    """Figures that a robot works out are kept with it; they define nothing."""
+
+    def digest(robot: Robot) -> str:
+        policy = policies.make("stand")
+        policy.robot = robot
+        return policy_digest(policy)
+
+    fresh, asked = replace(SIMPLE_QUAD), replace(SIMPLE_QUAD, mjcf=Path("/elsewhere") / SIMPLE_QUAD.mjcf.name)
+    assert asked.side[0] == 1.0
+    assert digest(fresh) == digest(asked)
+    assert digest(replace(SIMPLE_QUAD, foot_radius=0.03)) != digest(fresh)
