@@ -1,4 +1,4 @@
-"""The trained policies that ship with the project are there and better than what they correct."""
+"""The trained policies that ship with the project are there and follow commands better than what they correct."""
 
 import numpy as np
 import pytest
@@ -7,25 +7,27 @@ import policies
 from evaluate.measures.metrics import Measures, measure
 from evaluate.rollouts import rollout
 from quad_env.seeding import episode_seeds
+from train.scenarios import practice
 
-EPISODES = 32
-
-
-@pytest.fixture(scope="module")
-def measured() -> dict[str, Measures]:
-    """The trot and the shipped residual on the same flat episodes, which no training has seen."""
-    seeds = episode_seeds("search", 3, EPISODES)
-    return {name: measure(rollout.run(policies.make(name), "flat", seeds)) for name in ("trot", "residual")}
+EPISODES = 24
+MOST = {"flat": (0.75, 0.6), "push": (0.85, 0.65), "rough": (0.65, 0.6)}
+"""Velocity and yaw-rate error of the residual, as a share of the trot's: what it is shipped for."""
 
 
-def test_the_shipped_residual_does_not_fall(measured: dict[str, Measures]) -> None:
-    assert not measured["residual"].fell.any()
+@pytest.fixture(scope="module", params=MOST)
+def measured(request: pytest.FixtureRequest) -> tuple[str, Measures, Measures]:
+    """The trot and the shipped residual in the same episodes, on ground and seeds that no training has seen."""
+    seeds, scenario = episode_seeds("search", 3, EPISODES), practice(request.param, "search")
+    trot, residual = (measure(rollout.run(policies.make(name), scenario, seeds)) for name in ("trot", "residual"))
+    return request.param, trot, residual
 
 
-@pytest.mark.parametrize("error", ["velocity_error", "yaw_rate_error"])
-def test_the_shipped_residual_follows_commands_better_than_the_trot(measured: dict[str, Measures], error: str) -> None:
-    np.testing.assert_array_equal(measured["residual"].commands, measured["trot"].commands)  # paired
-    assert getattr(measured["residual"], error).mean() < getattr(measured["trot"], error).mean()
+def test_the_shipped_residual_falls_and_errs_less_than_the_trot(measured: tuple[str, Measures, Measures]) -> None:
+    scenario, trot, residual = measured
+    np.testing.assert_array_equal(residual.commands, trot.commands)  # paired
+    assert not residual.fell.any()
+    for error, most in zip(("velocity_error", "yaw_rate_error"), MOST[scenario], strict=True):
+        assert getattr(residual, error).mean() <= most * getattr(trot, error).mean(), error
 
 
 def test_the_shipped_residual_is_over_the_shipped_trot() -> None:

