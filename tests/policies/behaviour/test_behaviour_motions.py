@@ -42,7 +42,7 @@ def test_a_jump_without_a_thrust_does_not_rise():
 
 
 def test_nearly_every_robot_gets_up_from_any_pose():
-    """At the 99.6 % that `python -m evaluate recovery` counts, 62 of 64 are missed in 0.1 % of samples; at 95 % in 63 %."""
+    """At the 99.6 % that the whole study counts, 62 of 64 are missed in 0.2 % of samples; at 95 % in 63 %."""
     outcome = recover(episode_seeds("search", 3, 64))
     assert (outcome.standing_since <= 5.0).sum() >= 62
     assert outcome.peak_torque <= TORQUE_LIMIT + 1e-9
