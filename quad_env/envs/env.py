@@ -80,6 +80,7 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         self.config = task_config(setting(config))
         self.robot = robot
         """Names, geometry and limits of the robot; everything that the environment knows of it."""
+        self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.dt = 1 / self.config.control_rate
         """Control period, s."""
         self.terminate_on_fall = terminate_on_fall

@@ -60,7 +60,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
         autoreset_mode: an `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
             finished robot stands still in time, its last observation repeated with zero reward, until
             `reset(options={"reset_mask": mask})`.
-        max_episode_steps: time limit in control steps of 0.01 s; None or -1 for no limit.
+        max_episode_steps: time limit in control steps; None or -1 for no limit.
         terminate_on_fall: False keeps a fallen robot going.
         render_mode: None, "rgb_array" or "depth_array"; `render` gives a frame a robot. A window shows single ones.
         config: control rate, fall rule and reward weights.
@@ -103,7 +103,11 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {
+            "render_modes": list(RENDER_MODES),
+            "render_fps": round(self.config.control_rate),
+            "autoreset_mode": self.autoreset_mode,
+        }
         self._table = observation_table(robot)
         self.single_observation_space, self.single_action_space = observation_space(self._table), action_space(robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -16,15 +16,16 @@ class Channel:
 
     Args:
         num_envs, width: of the samples, (num_envs, width).
-        rate: samples a second.
+        rate: samples a second; None for one a control step.
         delay: s from taking a sample to seeing it.
         control_rate: Hz, a whole multiple of the rate.
         oldest: control steps back in time to which the samples are asked for; at least the delay.
     """
 
     def __init__(
-        self, num_envs: int, width: int, rate: float, delay: float, control_rate: float, oldest: int = 0
+        self, num_envs: int, width: int, rate: float | None, delay: float, control_rate: float, oldest: int = 0
     ) -> None:
+        rate = control_rate if rate is None else rate
         self.period = round(control_rate / rate)
         """Control steps from sample to sample."""
         if self.period < 1 or abs(self.period * rate - control_rate) > 1e-9:

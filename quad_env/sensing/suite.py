@@ -11,18 +11,17 @@ from dataclasses import dataclass, field
 from quad_env.config import check_kinds
 from quad_env.scenarios.disturbances import check_amount, check_positive
 
-_CONTROL_RATE = 100.0
-
 
 @dataclass(frozen=True)
 class _Sampled:
-    rate: float = _CONTROL_RATE
-    """Samples a second; the control rate is a whole multiple of it"""
+    rate: float | None = None
+    """Samples a second; the control rate is a whole multiple of it. None: one a control step"""
     delay: float = 0.01
     """s; one control step by default: what is measured in a step is acted on in the next"""
 
     def __post_init__(self) -> None:
-        check_positive("a sensor's rate", self.rate, "Hz")
+        if self.rate is not None:
+            check_positive("a sensor's rate", self.rate, "Hz")
         if not 0 <= self.delay <= 10:
             raise ValueError(f"a sensor's delay must lie between 0 s and 10 s, got {self.delay}")
 
@@ -32,7 +31,7 @@ class Imu(_Sampled):
     """Gyroscope and accelerometer on the trunk, which share clock and mounting.
 
     The ranges are those of a MEMS device for robots (Bosch BMI088: ±2000 °/s, ±24 g). Noise is what densities of
-    0.014 °/s/√Hz and 175 µg/√Hz leave in a band of 50 Hz, half the default rate; biases are of the size that such
+    0.014 °/s/√Hz and 175 µg/√Hz leave in a band of 50 Hz, half a rate of 100 Hz; biases are of the size that such
     devices have after a moment of standing still (gyroscope) and as soldered, 20 mg (accelerometer).
     """
 
@@ -142,10 +141,10 @@ class SensorSuite:
 
 
 IDEAL = SensorSuite(
-    Imu(_CONTROL_RATE, 0.0, 0.0, 0.0, 1e3, 0.0, 0.0, 1e5, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-    Encoders(_CONTROL_RATE, 0.0, None, 0.0, 0.0),
-    FootContact(_CONTROL_RATE, 0.0, noise=0.0),
-    JointTorque(_CONTROL_RATE, 0.0, 0.0, 0.0, 1e4),
+    Imu(None, 0.0, 0.0, 0.0, 1e3, 0.0, 0.0, 1e5, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    Encoders(None, 0.0, None, 0.0, 0.0),
+    FootContact(None, 0.0, noise=0.0),
+    JointTorque(None, 0.0, 0.0, 0.0, 1e4),
 )
 """No noise, bias, offset or delay: what is left is the error of estimating."""
 TRUTH = "truth"

@@ -1,9 +1,12 @@
 """What sensors can be asked for, and what is refused."""
 
+import math
+
 import gymnasium as gym
+import numpy as np
 import pytest
 
-from quad_env import SENSORS, Encoders, FootContact, Imu, JointTorque, SensorSuite
+from quad_env import SENSORS, Encoders, FootContact, Imu, JointTorque, SensorSuite, TaskConfig
 from quad_env.sensing.suite import sensor_suite
 
 
@@ -60,3 +63,13 @@ def test_what_no_sensor_can_be_is_refused_by_name(kind: type, wrong: dict[str, o
 def test_a_rate_that_does_not_divide_the_control_rate_is_refused(rate: float) -> None:
     with pytest.raises(ValueError, match="control rate"):
         gym.make("SimpleQuad-v0", sensors=SensorSuite(torque=JointTorque(rate=rate)))
+
+
+@pytest.mark.parametrize("control_rate", [50.0, 250.0])
+def test_by_default_sensors_sample_once_a_control_step_and_are_seen_10_ms_later(control_rate: float) -> None:
+    env = gym.make("SimpleQuad-v0", sensors="typical", config=TaskConfig(control_rate=control_rate))
+    env.reset(seed=0)
+    times = [env.step(env.unwrapped.robot.home_pose)[-1]["sensor_gyro_time"] for _ in range(6)]
+    late = math.ceil(0.01 * control_rate)
+    np.testing.assert_allclose(times, np.maximum(np.arange(1, 7) - late, 0) / control_rate)
+    assert env.metadata["render_fps"] == control_rate
