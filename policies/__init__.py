@@ -1,17 +1,17 @@
 """Controllers of the SimpleQuad: batched, from observations to joint targets, in NumPy alone.
 
-policy = policies.make("trot")
+policy = policies.make("trot", robot=env.robot, control_period=env.dt)
 policy.reset(num_envs=n)
 action = policy.act(observation)  # (n, k) -> (n, 12) rad
 """
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 from policies.article.printed import Document
 from policies.article.repaired import DocumentRepaired
-from policies.base import GaitedPolicy, Policy, PolicyError
+from policies.base import CONTROL_PERIOD, GaitedPolicy, Policy, PolicyError
 from policies.behaviour import Behaviour
 from policies.bundle import load
 from policies.gaits.policy import Gaits
@@ -21,18 +21,39 @@ from policies.stand import Stand
 from policies.trot.feedback import TrotFeedback
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env.actuation.models import Actuator
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 """The trained policies that ship with the project."""
 
 
-def _shipped_residual() -> Policy:
+class Maker(Protocol):
+    """Makes a fresh policy."""
+
+    def __call__(self, *, robot: Robot, control_period: float) -> Policy:
+        """A policy for that robot and that control period, s."""
+        ...
+
+
+def _shipped_residual(*, robot: Robot, control_period: float) -> Policy:
     if not MODELS.joinpath("residual").is_dir():
         raise PolicyError(f"no trained residual in {MODELS / 'residual'}; make one with `python -m train`")
-    return load(MODELS / "residual")
+    return _loaded(MODELS / "residual", robot, control_period)
 
 
-_MAKERS: dict[str, Callable[[], Policy]] = {
+def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
+    """The policy of a bundle, which was trained for one robot and one control period."""
+    policy = load(folder)
+    if not policy.fits(robot, control_period):
+        raise PolicyError(
+            f"the policy in {folder} was trained for {policy.robot.name} with a control period of "
+            f"{policy.control_period:g} s, not for {robot.name} with one of {control_period:g} s; take another policy"
+        )
+    return policy
+
+
+_MAKERS: dict[str, Maker] = {
     "behaviour": Behaviour,
     "bound": partial(Gaits, "bound", name="bound"),
     "document": Document,
@@ -57,24 +78,38 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(_MAKERS))
 
 
-def make(name: str, *, actuator: str | Actuator = "ideal") -> Policy:
-    """A fresh policy by name, for `safe:NAME` within the safety layer, whose limits are those of the actuator.
+def make(
+    name: str,
+    *,
+    robot: Robot = SIMPLE_QUAD,
+    control_period: float = CONTROL_PERIOD,
+    actuator: str | Actuator = "ideal",
+) -> Policy:
+    """A fresh policy by name, for an environment's `robot` and `dt`, s; for `safe:NAME` within the safety layer, whose
+    limits are those of the actuator.
 
-    Raises PolicyError for a name that does not exist or a model that is not there.
+    Raises PolicyError for a name that does not exist or a model that is not there or was trained for others.
     """
     if name.startswith(SAFE):
-        return Safe(make(name.removeprefix(SAFE)), SafetyLimits.of(actuator))
+        policy = make(name.removeprefix(SAFE), robot=robot, control_period=control_period)
+        return Safe(policy, SafetyLimits.of(robot, actuator))
     if name not in _MAKERS:
         raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
-    return _MAKERS[name]()
+    return _MAKERS[name](robot=robot, control_period=control_period)
 
 
-def resolve(name_or_path: str | Path, *, actuator: str | Actuator = "ideal") -> Policy:
+def resolve(
+    name_or_path: str | Path,
+    *,
+    robot: Robot = SIMPLE_QUAD,
+    control_period: float = CONTROL_PERIOD,
+    actuator: str | Actuator = "ideal",
+) -> Policy:
     """A fresh policy by name, see `make`, else from the bundle in the folder of that path. Raises PolicyError."""
     if isinstance(name_or_path, str) and name_or_path.removeprefix(SAFE) in _MAKERS:
-        return make(name_or_path, actuator=actuator)
+        return make(name_or_path, robot=robot, control_period=control_period, actuator=actuator)
     if Path(name_or_path).is_dir():
-        return load(name_or_path)
+        return _loaded(name_or_path, robot, control_period)
     raise PolicyError(
         f"no policy {str(name_or_path)!r}: name one of {', '.join(names())}, or the folder of a trained policy"
     )

@@ -1,5 +1,6 @@
 """What every policy is: observation in, joint targets out, for any number of robots at once."""
 
+import math
 from abc import ABC, abstractmethod
 
 import numpy as np
@@ -8,17 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 from policies.easing import smoothstep
 from policies.gait import advance
 from quad_env import OBSERVATION_SIZE
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS
+from quad_env.config import TaskConfig
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
 
-CONTROL_PERIOD = 0.01
-"""Time between two calls of `act`, s."""
-
-LOWER: Actions = JOINT_LOWER.astype(np.float32)
-"""The action space's lower limits, rad, shape (12,)."""
-UPPER: Actions = JOINT_UPPER.astype(np.float32)
+CONTROL_PERIOD = 1.0 / TaskConfig().control_rate
+"""The environment's control period unless it is told another, s."""
 
 
 class PolicyError(ValueError):
@@ -26,15 +25,36 @@ class PolicyError(ValueError):
 
 
 class Policy(ABC):
-    """A batched controller with its own clock and state.
+    """A batched controller with its own clock and state, made for one robot and one control period.
 
     One row's actions depend on that row's observations and resets alone: the same bits in any batch.
+
+    Args:
+        robot: whose joints it moves.
+        control_period: time between two calls of `act`, s: an environment's `dt`.
     """
 
     name: str
 
-    def __init__(self) -> None:
+    def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
+        if not 0.0 < control_period < math.inf:
+            raise ValueError(f"control_period must be a time above 0 s, not {control_period}")
+        self.robot = robot
+        self.control_period = control_period
         self.num_envs = 1
+
+    def fits(self, robot: Robot, control_period: float) -> bool:
+        """Whether it was made for that robot and that control period, s."""
+        return self.robot == robot and math.isclose(self.control_period, control_period)
+
+    def check_fits(self, robot: Robot, control_period: float) -> None:
+        """Raise ValueError, which names the remedy, unless it was made for that robot and that control period, s."""
+        if not self.fits(robot, control_period):
+            raise ValueError(
+                f"{self.name} was made for {self.robot.name} with a control period of {self.control_period:g} s, not "
+                f"for {robot.name} with one of {control_period:g} s: make it for its environment, "
+                f"policies.make({self.name!r}, robot=env.unwrapped.robot, control_period=env.unwrapped.dt)"
+            )
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
         """Start `num_envs` robots anew. `seed` is for policies that draw; none here does."""
@@ -92,8 +112,8 @@ class GaitedPolicy(Policy):
     frequency: float
     """Gait cycles a second, Hz."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
+        super().__init__(robot=robot, control_period=control_period)
         self._allocate(1)
 
     @property
@@ -111,27 +131,33 @@ class GaitedPolicy(Policy):
 
     def _tick(self) -> None:
         # A fresh array each time, so that a phase handed out earlier stays what it was.
-        self._phase = advance(self._phase, self.frequency, CONTROL_PERIOD)
+        self._phase = advance(self._phase, self.frequency, self.control_period)
         self._ticks = self._ticks + 1.0
 
     def _blended(self, targets: Floats, duration: float) -> Floats:
         """Targets (n, 12) approached from the home pose over the first `duration` s of an episode, smoothly."""
-        share = np.minimum(self._ticks * (CONTROL_PERIOD / duration), 1.0)
+        share = np.minimum(self._ticks * (self.control_period / duration), 1.0)
         if share.min() >= 1.0:
             return targets
         weight = smoothstep(share)[:, None]
         # One formula for blended and settled rows: with weight 1 the home pose's part is exactly zero.
-        return weight * targets + (1.0 - weight) * HOME_POSE
+        return weight * targets + (1.0 - weight) * self.robot.home_pose
 
 
-def to_actions(targets: Floats) -> Actions:
+def to_actions(robot: Robot, targets: Floats) -> Actions:
     """Raw targets (n, 12) in rad as float32 actions, clipped to the action space as a real joint would stop.
 
     Adding zero turns -0.0 into 0.0, so that adding a zero correction later changes no bit.
     """
-    return np.clip(targets.astype(np.float32), LOWER, UPPER) + np.float32(0.0)
+    return within_limits(robot, targets.astype(np.float32)) + np.float32(0.0)
+
+
+def within_limits(robot: Robot, actions: Actions) -> Actions:
+    """Actions (n, 12), rad, clipped to the joint limits."""
+    lower, upper = robot.joint_lower.astype(np.float32), robot.joint_upper.astype(np.float32)
+    return np.clip(actions, lower, upper)
 
 
 def flat_joints(legs: Floats) -> Floats:
     """Joint angles (..., 4, 3) as (..., 12)."""
-    return legs.reshape(*legs.shape[:-2], NUM_JOINTS)
+    return legs.reshape(*legs.shape[:-2], legs.shape[-2] * legs.shape[-1])

@@ -20,14 +20,15 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_safetensors
 from safetensors.numpy import save as format_safetensors
 
-from policies.base import Actions, Policy, PolicyError
+from policies.base import CONTROL_PERIOD, Actions, Policy, PolicyError
 from policies.files import write_atomically
 from policies.network import ACTIVATIONS, Network
 from policies.residual import ResidualPolicy, feature_count
 from policies.stand import Stand
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import ENV_ID, OBSERVATION
-from quad_env.robots.robot import NUM_JOINTS
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task.observations import SCALE
 
 SCHEMA_VERSION = 1
@@ -48,6 +49,9 @@ _FIELDS = {
     "git_revision",
     "weights_sha256",
 }
+_ROBOTS = {SIMPLE_QUAD.name: SIMPLE_QUAD}
+_LATER_FIELDS = {"robot": SIMPLE_QUAD.name, "control_period": CONTROL_PERIOD}
+"""Fields that older bundles lack, and what these were made for."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
 _LARGEST_FEATURE = 1e12
@@ -55,6 +59,7 @@ _LARGEST_FEATURE = 1e12
 _LARGEST_OUTPUT = 1e37
 """Below what float32 can hold, 3e38, by enough for the rounding of sums."""
 _LARGEST_AUTHORITY = math.pi
+_LONGEST_PERIOD = 1.0
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
@@ -69,6 +74,8 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "schema_version": SCHEMA_VERSION,
         "name": policy.name,
         "env_id": ENV_ID,
+        "robot": policy.robot.name,
+        "control_period": policy.control_period,
         "observation": _layout(),
         "observation_scale": SCALE.tolist(),
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
@@ -94,12 +101,13 @@ def load(path: str | Path) -> ResidualPolicy:
     weights = _read(folder / WEIGHTS)
     if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
         _fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
-    base = _base(folder, description["base"])
-    network = _network(folder, description["network"], weights, feature_count(base))
+    robot, control_period = _made_for(folder, description)
+    base = _base(folder, description["base"], robot, control_period)
+    network = _network(folder, description["network"], weights, feature_count(base), robot.num_joints)
     name = description["name"]
     if not isinstance(name, str) or not name:
         _fail(folder, "name must be a non-empty text")
-    return ResidualPolicy(base, network, _authority(folder, description["authority"]), name)
+    return ResidualPolicy(base, network, _authority(folder, description["authority"], robot.num_joints), name)
 
 
 def _bundle(folder: Path) -> Path:
@@ -140,9 +148,9 @@ def _parse(file: Path) -> dict[str, Any]:
         _fail(file.parent, f"schema_version must be {SCHEMA_VERSION}, not {description.get('schema_version')!r}")
     if missing := sorted(_FIELDS - set(description)):
         _fail(file.parent, f"{file.name} lacks {', '.join(missing)}")
-    if unknown := sorted(set(description) - _FIELDS):
+    if unknown := sorted(set(description) - _FIELDS - set(_LATER_FIELDS)):
         _fail(file.parent, f"{file.name} has unknown fields {', '.join(unknown)}")
-    return description
+    return _LATER_FIELDS | description
 
 
 def _check_environment(folder: Path, description: dict[str, Any]) -> None:
@@ -156,14 +164,23 @@ def _check_environment(folder: Path, description: dict[str, Any]) -> None:
         _fail(folder, "training must be an object and git_revision a text")
 
 
-def _network(folder: Path, shape: Any, weights: bytes, inputs: int) -> Network:
+def _made_for(folder: Path, description: dict[str, Any]) -> tuple[Robot, float]:
+    robot, control_period = description["robot"], description["control_period"]
+    if not isinstance(robot, str) or robot not in _ROBOTS:
+        _fail(folder, f"robot must be one of {', '.join(_ROBOTS)}, not {robot!r}")
+    if not _is_number(control_period) or not 0.0 < control_period <= _LONGEST_PERIOD:
+        _fail(folder, f"control_period must be a time above 0 s, at most {_LONGEST_PERIOD:g} s")
+    return _ROBOTS[robot], float(control_period)
+
+
+def _network(folder: Path, shape: Any, weights: bytes, inputs: int, outputs: int) -> Network:
     if not isinstance(shape, dict) or set(shape) != {"sizes", "activation"}:
         _fail(folder, "network must have sizes and activation")
     sizes, activation = shape["sizes"], shape["activation"]
     if not isinstance(sizes, list) or not all(type(s) is int and 0 < s <= _LARGEST_WIDTH for s in sizes):
         _fail(folder, f"network sizes must be whole numbers from 1 to {_LARGEST_WIDTH}")
-    if not 2 <= len(sizes) <= _MOST_LAYERS + 1 or sizes[0] != inputs or sizes[-1] != NUM_JOINTS:
-        _fail(folder, f"network sizes must lead from {inputs} inputs to {NUM_JOINTS} outputs")
+    if not 2 <= len(sizes) <= _MOST_LAYERS + 1 or sizes[0] != inputs or sizes[-1] != outputs:
+        _fail(folder, f"network sizes must lead from {inputs} inputs to {outputs} outputs")
     if not isinstance(activation, str) or activation not in ACTIVATIONS:
         _fail(folder, f"activation must be one of {', '.join(sorted(ACTIVATIONS))}")
     tensors = _parse_weights(folder, weights)
@@ -202,12 +219,12 @@ def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
         _fail(folder, f"{WEIGHTS} is not a safetensors file of plain numbers")
 
 
-def _base(folder: Path, base: Any) -> Policy:
+def _base(folder: Path, base: Any, robot: Robot, control_period: float) -> Policy:
     if not isinstance(base, dict) or set(base) != {"name", "parameters"} or not isinstance(base["parameters"], dict):
         _fail(folder, "base must have a name and parameters")
     name, parameters = base["name"], base["parameters"]
     if name == Stand.name and not parameters:
-        return Stand()
+        return Stand(robot=robot, control_period=control_period)
     if name != Trot.name:
         _fail(folder, f"base must be {Stand.name!r} (without parameters) or {Trot.name!r}, not {name!r}")
     if set(parameters) != {field.name for field in fields(TrotParameters)}:
@@ -215,14 +232,14 @@ def _base(folder: Path, base: Any) -> Policy:
     if not all(_is_number(value) for value in parameters.values()):
         _fail(folder, "the base's parameters must be finite numbers")
     try:
-        return Trot(TrotParameters(**parameters))
+        return Trot(TrotParameters(**parameters), robot=robot, control_period=control_period)
     except ValueError as error:
         _fail(folder, f"the base's parameters are out of range ({error})")
 
 
-def _authority(folder: Path, values: Any) -> Actions:
-    if not isinstance(values, list) or len(values) != NUM_JOINTS:
-        _fail(folder, f"authority must be {NUM_JOINTS} numbers of rad")
+def _authority(folder: Path, values: Any, joints: int) -> Actions:
+    if not isinstance(values, list) or len(values) != joints:
+        _fail(folder, f"authority must be {joints} numbers of rad")
     if not all(_is_number(value) and 0.0 <= value <= _LARGEST_AUTHORITY for value in values):
         _fail(folder, "authority must be finite numbers from 0 to π rad")
     return np.array(values, dtype=np.float32)

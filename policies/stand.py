@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Policy, to_actions
-from quad_env.robots.robot import HOME_POSE
 
 
 class Stand(Policy):
@@ -13,4 +12,4 @@ class Stand(Policy):
     name = "stand"
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        return np.tile(to_actions(HOME_POSE), (self.num_envs, 1))
+        return np.tile(to_actions(self.robot, self.robot.home_pose), (self.num_envs, 1))

@@ -113,11 +113,6 @@ class TrainConfig:
         """Run folder."""
         return self.out if self.out is not None else Path("runs") / f"{self.policy}-{self.seed}"
 
-    @property
-    def authority(self) -> tuple[float, ...]:
-        """Largest correction of each of the 12 joints, rad."""
-        return (self.hip_authority, self.joint_authority, self.joint_authority) * 4
-
 
 DEFAULTS: dict[PolicyKind, TrainConfig] = {
     "residual": TrainConfig(),

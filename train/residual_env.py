@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from policies.base import GaitedPolicy, Policy
-from policies.residual import DEFAULT_AUTHORITY, compose, feature_count, features
+from policies.residual import authority_of, compose, feature_count, features
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -35,8 +35,8 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
 
     Args:
         env: robots with `autoreset_mode` DISABLED; they are restarted here, once their last features have been taken.
-        base: the policy that is corrected.
-        authority: largest correction of each joint, rad, shape (12,).
+        base: the policy that is corrected; made for the robots and their control period.
+        authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
     """
 
@@ -44,14 +44,16 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         self,
         env: VectorEnv[FloatArray, FloatArray, NDArray[Any]],
         base: Policy,
-        authority: FloatArray = DEFAULT_AUTHORITY,
+        authority: FloatArray | None = None,
         hold: int = 1,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
             raise ValueError(f'the robots must be made with autoreset_mode="DISABLED", not {mode}: they restart here')
+        robots: Any = env.unwrapped
+        base.check_fits(robots.robot, robots.dt)
         self.base = base
-        self.authority = authority
+        self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
         self.single_observation_space = Box(-np.inf, np.inf, (feature_count(base),), np.float32)
         self.single_action_space = Box(-1.0, 1.0, env.single_action_space.shape, np.float32)
@@ -92,7 +94,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
 
     def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots."""
-        return self.env.step(compose(self._base_action[self._row], correction, self.authority))
+        return self.env.step(compose(self.base.robot, self._base_action[self._row], correction, self.authority))
 
     def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> tuple[FloatArray, Infos]:
         """Observations after the finished robots' restart, and the infos with the end of their episodes."""
@@ -116,7 +118,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
     def _features(self, observation: FloatArray) -> FloatArray:
         """Features of observations (n, k) that the base has answered in the present episodes' rows."""
         phase = self.base.phase[self._row] if isinstance(self.base, GaitedPolicy) else None
-        return features(observation, phase, self._base_action[self._row])
+        return features(self.base.robot, observation, phase, self._base_action[self._row])
 
 
 def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:

@@ -71,6 +71,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         ends = np.cumsum([batch.num_envs for batch in batches])
         self._parts = [slice(int(end) - batch.num_envs, int(end)) for end, batch in zip(ends, batches, strict=True)]
         self.num_envs = n = int(ends[-1])
+        self.robot, self.dt = batches[0].robot, batches[0].dt
         self.single_observation_space = batches[0].single_observation_space
         self.single_action_space = batches[0].single_action_space
         self.observation_space = batch_space(self.single_observation_space, n)

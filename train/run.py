@@ -3,12 +3,12 @@
 import json
 from typing import cast
 
-import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 
 import policies
 from policies.files import write_atomically
+from policies.residual import authority_of
 from train.config import TrainConfig, to_dict
 from train.display import make_display
 from train.interrupt import Interrupt
@@ -74,6 +74,8 @@ def _learn(config: TrainConfig, env: TrainingVecEnv, model: PPO, memory: Memory,
 def make_env(config: TrainConfig, resumed: int = 0) -> TrainingVecEnv:
     """The robots of a run as its learner sees them; each time that it is resumed they get other seeds."""
     seeds = training_seeds(config, resumed)
-    base, authority = policies.make(config.base), np.array(config.authority, np.float32)
-    env = ResidualVectorEnv(make_robots(config, seeds), base, authority, config.ppo.hold)
+    robots = make_robots(config, seeds)
+    base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
+    authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
+    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold)
     return TrainingVecEnv(env, seeds.tolist(), config.ppo.reward_scale)

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import Actions, GaitedPolicy, flat_joints, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import TROT_OFFSETS, Floats, leg_phases
-from quad_env.robots.robot import CALF_LENGTH, SIDE, THIGH_LENGTH
+from policies.legs.kinematics import shortest_leg
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 class UnreachableFootWarning(UserWarning):
@@ -34,7 +36,7 @@ class PrintedGait:
     foot_line: float = 0.15
     """Lateral distance of the foot from the hip joint, outboard, m."""
 
-    def feet(self, phase: ArrayLike, stance_start: float) -> Floats:
+    def feet(self, robot: Robot, phase: ArrayLike, stance_start: float) -> Floats:
         """Feet in their hip frames, m; shape (..., 4, 3) for a global phase in rad of shape (...).
 
         Swing runs from -s/2 to s/2 under a half sine, stance backward by s from `stance_start` m on the ground.
@@ -44,25 +46,25 @@ class PrintedGait:
         t = np.where(swing, phases, phases - np.pi) / np.pi
         x = np.where(swing, -self.step_length / 2.0 + self.step_length * t, stance_start - self.step_length * t)
         z = np.where(swing, -self.body_height + self.step_height * np.sin(np.pi * t), -self.body_height)
-        return np.stack([x, np.broadcast_to(self.foot_line * SIDE, x.shape), z], axis=-1)
+        return np.stack([x, np.broadcast_to(self.foot_line * robot.side, x.shape), z], axis=-1)
 
 
-def unreachable(feet: Floats) -> NDArray[np.bool_]:
+def unreachable(robot: Robot, feet: Floats) -> NDArray[np.bool_]:
     """Which feet (..., 3) the document calls so: farther in the leg's plane than it is long, or too near; (...)."""
     distance = np.sqrt(feet[..., 0] ** 2 + feet[..., 2] ** 2)
-    return (distance > THIGH_LENGTH + CALF_LENGTH) | (distance < abs(THIGH_LENGTH - CALF_LENGTH))
+    return (distance > robot.leg_length) | (distance < shortest_leg(robot))
 
 
-def printed_joint_angles(feet: Floats) -> Floats:
+def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
     """The document's inverse kinematics: roll, pitch, knee in rad, zeros for unreachable feet; shape (..., 3)."""
     x, y, z = np.moveaxis(feet, -1, 0)
     distance = np.sqrt(x**2 + z**2)
-    missed = unreachable(feet)
-    squares = THIGH_LENGTH**2 + CALF_LENGTH**2
-    knee = np.arccos(np.clip((squares - distance**2) / (2.0 * THIGH_LENGTH * CALF_LENGTH), -1.0, 1.0)) - np.pi
+    missed = unreachable(robot, feet)
+    upper, lower = robot.thigh_length, robot.calf_length
+    knee = np.arccos(np.clip((upper**2 + lower**2 - distance**2) / (2.0 * upper * lower), -1.0, 1.0)) - np.pi
     # A foot on the hip joint itself (distance 0) has no direction: the printed quotient is 0/0 there.
-    safe = np.where(missed | (distance == 0.0), THIGH_LENGTH + CALF_LENGTH, distance)
-    inner = np.arccos(np.clip((THIGH_LENGTH**2 + safe**2 - CALF_LENGTH**2) / (2.0 * THIGH_LENGTH * safe), -1.0, 1.0))
+    safe = np.where(missed | (distance == 0.0), robot.leg_length, distance)
+    inner = np.arccos(np.clip((upper**2 + safe**2 - lower**2) / (2.0 * upper * safe), -1.0, 1.0))
     pitch = np.arctan2(z, x) - inner
     roll = np.arctan2(y, distance)
     return np.where(missed[..., None], 0.0, np.stack([roll, pitch, knee], axis=-1))
@@ -77,24 +79,30 @@ class Document(GaitedPolicy):
 
     name = "document"
 
-    def __init__(self, parameters: PrintedGait | None = None) -> None:
+    def __init__(
+        self,
+        parameters: PrintedGait | None = None,
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
         self.parameters = parameters if parameters is not None else PrintedGait()
         self.frequency = self.parameters.frequency
         self._warned = False
-        super().__init__()
+        super().__init__(robot=robot, control_period=control_period)
 
     def targets(self, phase: ArrayLike) -> Floats:
         """The 12 raw targets in rad, before any clipping, for a global phase in rad; shape (..., 12) for (...)."""
-        feet = self.parameters.feet(phase, stance_start=0.0)
-        if not self._warned and (missed := unreachable(feet)).any():
+        feet = self.parameters.feet(self.robot, phase, stance_start=0.0)
+        if not self._warned and (missed := unreachable(self.robot, feet)).any():
             self._warned = True
             x, y, z = feet[missed][0]
             message = (
                 f"a foot at ({x:.3g}, {y:.3g}, {z:.3g}) m from its hip is out of reach; its joints are sent to zero"
             )
             warnings.warn(message, UnreachableFootWarning, stacklevel=2)
-        return flat_joints(printed_joint_angles(feet))
+        return flat_joints(printed_joint_angles(self.robot, feet))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()
-        return to_actions(self.targets(self._phase))
+        return to_actions(self.robot, self.targets(self._phase))

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.article.printed import PrintedGait
-from policies.base import Actions, GaitedPolicy, flat_joints, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import Floats
 from policies.legs.kinematics import joint_angles
+from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
@@ -23,17 +24,22 @@ class DocumentRepaired(GaitedPolicy):
     blend_time = 0.5
     """From the home pose to the gait, s: one cycle."""
 
-    def __init__(self, parameters: PrintedGait | None = None) -> None:
+    def __init__(
+        self,
+        parameters: PrintedGait | None = None,
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
         self.parameters = parameters if parameters is not None else PrintedGait()
         self.frequency = self.parameters.frequency
-        super().__init__()
+        super().__init__(robot=robot, control_period=control_period)
 
     def targets(self, phase: ArrayLike) -> Floats:
         """The 12 targets in rad, before blending and clipping, for a global phase in rad; shape (..., 12) for (...)."""
-        return flat_joints(
-            joint_angles(SIMPLE_QUAD, self.parameters.feet(phase, stance_start=self.parameters.step_length / 2.0))
-        )
+        feet = self.parameters.feet(self.robot, phase, stance_start=self.parameters.step_length / 2.0)
+        return flat_joints(joint_angles(self.robot, feet))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()
-        return to_actions(self._blended(self.targets(self._phase), self.blend_time))
+        return to_actions(self.robot, self._blended(self.targets(self._phase), self.blend_time))

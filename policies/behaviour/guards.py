@@ -3,19 +3,18 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD
 from policies.behaviour.transitions import TIME_LIMIT, State
 from policies.legs.kinematics import foot_positions
 from quad_env import OBSERVATION
-from quad_env.robots.robot import FOOT_RADIUS, HIP_POSITIONS, HOME_POSE
-from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.config import FallRule
+from quad_env.robots.robot import Robot
 
 Mask = NDArray[np.bool_]
 
 UPRIGHT_TILT = np.deg2rad(35.0)
 FALLEN_TILT = np.deg2rad(60.0)
 STANDING_TILT = np.deg2rad(10.0)
-FALLEN_HEIGHT = 0.12
+FALLEN_HEIGHT = FallRule().height
 """Of the trunk's centre above its lowest foot, m."""
 POSE_TOLERANCE = 0.15
 """Of each joint from the home pose, rad; a servo under the robot's weight gives 0.02."""
@@ -28,12 +27,16 @@ MINIMUM_TIME = 0.1
 JUMP_TIME = 0.9
 """s after which a jump that was made has landed."""
 
-_LIMIT_TICKS = np.array(
-    [round(TIME_LIMIT.get(state, np.inf) / CONTROL_PERIOD) if state in TIME_LIMIT else 2**62 for state in State]
-)
+_NEVER = 2**62
 
 
-def conditions(observation: NDArray[np.float32], state: NDArray[np.int8], ticks: NDArray[np.int64]) -> dict[str, Mask]:
+def conditions(
+    robot: Robot,
+    control_period: float,
+    observation: NDArray[np.float32],
+    state: NDArray[np.int8],
+    ticks: NDArray[np.int64],
+) -> dict[str, Mask]:
     """Name -> whether it holds, for observations (n, k), states (n,) and control steps spent in them (n,)."""
     rows = observation.astype(np.float64)
     gravity = rows[:, OBSERVATION["projected_gravity"]]
@@ -43,24 +46,25 @@ def conditions(observation: NDArray[np.float32], state: NDArray[np.int8], ticks:
     still = (_largest(rows[:, OBSERVATION["linear_velocity"]]) < STILL_LINEAR) & (turning < STILL_ANGULAR)
     upright = up > np.cos(UPRIGHT_TILT)
     standing = (up > np.cos(STANDING_TILT)) & still & (_largest(joints) < POSE_TOLERANCE)
-    begun = ticks >= round(MINIMUM_TIME / CONTROL_PERIOD)
+    begun = ticks >= round(MINIMUM_TIME / control_period)
+    limits = [round(TIME_LIMIT[each] / control_period) if each in TIME_LIMIT else _NEVER for each in State]
     return {
         "still": still,
         "upright": upright,
         "tilted": ~upright,
         "standing": standing & begun,
-        "fallen": (up < np.cos(FALLEN_TILT)) | (leg_height(gravity, joints + HOME_POSE) < FALLEN_HEIGHT),
-        "landed": standing & (ticks >= round(JUMP_TIME / CONTROL_PERIOD)),
+        "fallen": (up < np.cos(FALLEN_TILT)) | (leg_height(robot, gravity, joints + robot.home_pose) < FALLEN_HEIGHT),
+        "landed": standing & (ticks >= round(JUMP_TIME / control_period)),
         "settled": begun & (turning < SETTLED_ANGULAR),
-        "late": ticks >= _LIMIT_TICKS[state],
+        "late": ticks >= np.array(limits)[state],
     }
 
 
-def leg_height(gravity: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
+def leg_height(robot: Robot, gravity: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
     """Trunk's centre above the underside of its lowest foot, (n,), m, from gravity (n, 3) and joint angles (n, 12)."""
-    feet = foot_positions(SIMPLE_QUAD, joints.reshape(-1, 4, 3)) + HIP_POSITIONS
+    feet = foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3)) + robot.hip_positions
     depth = feet[:, :, 0] * gravity[:, 0:1] + feet[:, :, 1] * gravity[:, 1:2] + feet[:, :, 2] * gravity[:, 2:3]
-    height: NDArray[np.float64] = depth.max(axis=1) + FOOT_RADIUS
+    height: NDArray[np.float64] = depth.max(axis=1) + robot.foot_radius
     return height
 
 

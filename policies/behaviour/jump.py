@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Floats
+from policies.base import Floats
 from policies.behaviour.motion import Mask, Motion, approach
 from policies.legs.kinematics import joint_angles
-from quad_env.robots.robot import FOOT_RADIUS, HIP_OFFSET, HOME_HEIGHT, HOME_POSE, SIDE
-from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.robots.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -26,29 +25,35 @@ class Keyframe:
     """s there before the next."""
 
 
-JUMP = (
-    Keyframe(0.007, 0.377, 0.35, 0.1),
-    Keyframe(-0.051, 0.551, 0.06, 0.02),
-    Keyframe(0.08, 0.422, 0.1, 0.58),
-    Keyframe(0.0, HOME_HEIGHT - FOOT_RADIUS, 0.4),
-)
-"""Crouch, thrust, flight and landing, stand. From a random search for the least pitch at 0.165 m of rise or more: knees
-that all bend backward turn the trunk, and the feet behind the hips at take-off make up for part of it."""
+def keyframes_of(robot: Robot) -> tuple[Keyframe, ...]:
+    """Crouch, thrust, flight and landing, stand.
+
+    From a random search for the least pitch at 0.165 m of rise or more: knees that all bend backward turn the trunk,
+    and the feet behind the hips at take-off make up for part of it.
+    """
+    return (
+        Keyframe(0.007, 0.377, 0.35, 0.1),
+        Keyframe(-0.051, 0.551, 0.06, 0.02),
+        Keyframe(0.08, 0.422, 0.1, 0.58),
+        Keyframe(0.0, robot.home_height - robot.foot_radius, 0.4),
+    )
 
 
 class Jump(Motion):
     """Keyframes by the clock; the joint servos take the landing."""
 
-    def __init__(self, keyframes: tuple[Keyframe, ...] = JUMP) -> None:
-        feet = [[(key.forward, side * HIP_OFFSET, -key.height) for side in SIDE] for key in keyframes]
-        self._poses = joint_angles(SIMPLE_QUAD, feet).reshape(len(keyframes), -1)
+    def __init__(self, robot: Robot, control_period: float, keyframes: tuple[Keyframe, ...] | None = None) -> None:
+        super().__init__(robot, control_period)
+        keyframes = keyframes_of(robot) if keyframes is None else keyframes
+        feet = [[(key.forward, side * robot.hip_offset, -key.height) for side in robot.side] for key in keyframes]
+        self._poses = joint_angles(robot, feet).reshape(len(keyframes), -1)
         self._durations = np.array([key.duration for key in keyframes])
         ends = np.cumsum([key.duration + key.hold for key in keyframes])
         self._begins = np.concatenate(([0.0], ends[:-1]))
 
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
-        self._target, self._ticks = np.tile(HOME_POSE, (num_envs, 1)), np.zeros(num_envs, np.int64)
+        self._target, self._ticks = np.tile(self._robot.home_pose, (num_envs, 1)), np.zeros(num_envs, np.int64)
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Begin with those robots' joints."""
@@ -56,9 +61,10 @@ class Jump(Motion):
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Targets of those robots."""
-        time = self._ticks[rows] * CONTROL_PERIOD
+        time = self._ticks[rows] * self._period
         frame = np.searchsorted(self._begins, time + 1e-9, side="right") - 1
-        target = approach(self._target[rows], self._poses[frame], time - self._begins[frame], self._durations[frame])
+        elapsed, duration = time - self._begins[frame], self._durations[frame]
+        target = approach(self._target[rows], self._poses[frame], elapsed, duration, self._period)
         self._target[rows] = target
         self._ticks[rows] += 1
         return target

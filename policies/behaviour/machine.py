@@ -5,9 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from policies.base import CONTROL_PERIOD
 from policies.behaviour.event_log import Ring
 from policies.behaviour.guards import Mask, conditions
 from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, valid_requests
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LOG_CAPACITY = 4096
 """Entries of each log; older ones are dropped."""
@@ -54,7 +57,16 @@ class Refusal:
 class BehaviourMachine:
     """States of n robots. `request` asks, `observe` looks and lets happen what happens by itself."""
 
-    def __init__(self, num_envs: int = 1, start: State = State.PASSIVE, capacity: int = LOG_CAPACITY) -> None:
+    def __init__(
+        self,
+        num_envs: int = 1,
+        start: State = State.PASSIVE,
+        capacity: int = LOG_CAPACITY,
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
+        self._robot, self._period = robot, control_period
         self._start = start
         self._capacity = capacity
         self.reset(num_envs)
@@ -115,7 +127,7 @@ class BehaviourMachine:
         """One control step: look at the observations (n, k) and let happen what happens by itself."""
         self.step += 1
         self._ticks += 1
-        self._conditions = conditions(observation, self._state, self._ticks)
+        self._conditions = conditions(self._robot, self._period, observation, self._state, self._ticks)
         self._apply(self._rows("", _HAPPENS[self._state]))
 
     def changes(self) -> list[Change]:

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD, Floats
-from quad_env.robots.robot import HOME_POSE, NUM_JOINTS
+from policies.base import Floats
+from quad_env.robots.robot import Robot
 
 Mask = NDArray[np.bool_]
 Floating = NDArray[np.floating[Any]]
@@ -15,6 +15,10 @@ Floating = NDArray[np.floating[Any]]
 
 class Motion(ABC):
     """Joint targets over time for n robots; one robot's depend on its own starts and readings alone."""
+
+    def __init__(self, robot: Robot, control_period: float) -> None:
+        """`control_period`: time between two calls of `targets`, s."""
+        self._robot, self._period = robot, control_period
 
     @abstractmethod
     def reset(self, num_envs: int) -> None:
@@ -29,9 +33,9 @@ class Motion(ABC):
         """One control step of the robots `rows`, (k,): targets (k, 12), rad, for those robots' observations (k, m)."""
 
 
-def approach(current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike) -> Floats:
+def approach(current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike, control_period: float) -> Floats:
     """The next target on the way to `goal` (k, 12), which takes `duration` s, `elapsed` s of which are over."""
-    steps_left = np.maximum((np.asarray(duration) - elapsed) / CONTROL_PERIOD, 0.0) + 1.0
+    steps_left = np.maximum((np.asarray(duration) - elapsed) / control_period, 0.0) + 1.0
     nearer: Floats = current + (goal - current) / steps_left[:, None]
     return nearer
 
@@ -39,12 +43,13 @@ def approach(current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLi
 class Hold(Motion):
     """The home pose, approached within `duration` s."""
 
-    def __init__(self, duration: float = 0.4) -> None:
+    def __init__(self, robot: Robot, control_period: float, duration: float = 0.4) -> None:
+        super().__init__(robot, control_period)
         self._duration = duration
 
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
-        self._target, self._elapsed = np.tile(HOME_POSE, (num_envs, 1)), np.zeros(num_envs)
+        self._target, self._elapsed = np.tile(self._robot.home_pose, (num_envs, 1)), np.zeros(num_envs)
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Begin with those robots' joints."""
@@ -52,11 +57,10 @@ class Hold(Motion):
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Targets of those robots."""
-        target = approach(
-            self._target[rows], np.broadcast_to(HOME_POSE, (len(rows), NUM_JOINTS)), self._elapsed[rows], self._duration
-        )
+        home = np.broadcast_to(self._robot.home_pose, joints.shape)
+        target = approach(self._target[rows], home, self._elapsed[rows], self._duration, self._period)
         self._target[rows] = target
-        self._elapsed[rows] += CONTROL_PERIOD
+        self._elapsed[rows] += self._period
         return target
 
 

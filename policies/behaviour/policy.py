@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import Actions, Floats, Policy, to_actions
+from policies.base import CONTROL_PERIOD, Actions, Floats, Policy, to_actions
 from policies.behaviour.jump import Jump
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.motion import Damp, Hold, Mask, Motion
@@ -11,7 +11,8 @@ from policies.behaviour.recovery import Recovery, RecoveryParameters
 from policies.behaviour.transitions import State
 from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 WALKING_SPEED = 0.6
 """Fastest that a walking robot is asked for, m/s; a running one is asked for the command."""
@@ -31,7 +32,7 @@ class Behaviour(Policy):
     Args:
         start: state after a reset.
         follow: ask for stand, walk and run by the commanded velocity; for others, requests alone count.
-        gait: walks and runs.
+        gait: walks and runs; made for the same robot and control period.
         recovery: how it gets up; None for the searched parameters.
     """
 
@@ -43,18 +44,21 @@ class Behaviour(Policy):
         follow: bool = True,
         gait: Policy | None = None,
         recovery: RecoveryParameters | None = None,
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
     ) -> None:
-        self._gait = gait if gait is not None else Trot()
+        super().__init__(robot=robot, control_period=control_period)
+        self._gait = gait if gait is not None else Trot(robot=robot, control_period=control_period)
+        self._gait.check_fits(robot, control_period)
         self._follow = follow
-        self.machine = BehaviourMachine(start=start)
-        hold, getting_up = Hold(), Recovery(recovery)
+        self.machine = BehaviourMachine(start=start, robot=robot, control_period=control_period)
         self._motions: tuple[tuple[tuple[State, ...], Motion], ...] = (
-            ((State.PASSIVE, State.FALL, State.EMERGENCY_STOP), Damp()),
-            ((State.STAND,), hold),
-            ((State.STAND_UP, State.RECOVER), getting_up),
-            ((State.JUMP,), Jump()),
+            ((State.PASSIVE, State.FALL, State.EMERGENCY_STOP), Damp(robot, control_period)),
+            ((State.STAND,), Hold(robot, control_period)),
+            ((State.STAND_UP, State.RECOVER), Recovery(robot, control_period, recovery)),
+            ((State.JUMP,), Jump(robot, control_period)),
         )
-        super().__init__()
         self._allocate(1)
 
     @property
@@ -71,13 +75,13 @@ class Behaviour(Policy):
         self._gait.reset(num_envs)
         for _, motion in self._motions:
             motion.reset(num_envs)
-        self._targets = np.tile(HOME_POSE, (num_envs, 1))
+        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
         self._was_moving = np.zeros(num_envs, np.bool_)
 
     def _restart(self, mask: Mask) -> None:
         self.machine.restart(mask)
         self._gait.reset_where(mask)
-        self._targets[mask] = HOME_POSE
+        self._targets[mask] = self.robot.home_pose
         self._was_moving[mask] = False
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -86,7 +90,7 @@ class Behaviour(Policy):
             self._ask_for_what_the_command_needs(observation)
         state, changed = self.machine.state, self.machine.take_changes()
         rows = observation.astype(np.float64)
-        joints = rows[:, OBSERVATION["joint_position"]] + HOME_POSE
+        joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
         targets = self._gait_targets(observation, state)
         for states, motion in self._motions:
             within = np.isin(state, states)
@@ -97,7 +101,7 @@ class Behaviour(Policy):
                 members = np.flatnonzero(within)
                 targets[members] = motion.targets(members, rows[members], joints[members])
         self._targets = targets
-        return to_actions(targets)
+        return to_actions(self.robot, targets)
 
     def _gait_targets(self, observation: NDArray[np.float32], state: NDArray[np.int8]) -> Floats:
         """Targets of the robots that walk or run, (n, 12), blended from those before; of the others the former ones."""
@@ -113,7 +117,7 @@ class Behaviour(Policy):
             (state == State.WALK)[:, None], at_walking_speed(asked[:, _COMMAND]), asked[:, _COMMAND]
         )
         gait = self._gait.act(asked).astype(np.float64)
-        share = np.minimum((self.machine.ticks + 1) / round(BLEND_TIME * 100), 1.0)
+        share = np.minimum((self.machine.ticks + 1) / round(BLEND_TIME / self.control_period), 1.0)
         blended = self._targets + (gait - self._targets) * np.where(state == State.WALK, share, 1.0)[:, None]
         return np.where(moving[:, None], blended, self._targets)
 

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Floats, PolicyError
+from policies.base import Floats, PolicyError
 from policies.behaviour.guards import POSE_TOLERANCE
 from policies.behaviour.motion import Mask, Motion, approach
 from quad_env import OBSERVATION
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, LEG_NAMES, SIDE
+from quad_env.robots.robot import Robot
 
 PARAMETERS_FILE = Path(__file__).with_name("recovery.json")
 """The searched parameters."""
@@ -118,10 +118,11 @@ LEVEL = 0.9
 class Recovery(Motion):
     """Getting up from any pose."""
 
-    def __init__(self, parameters: RecoveryParameters | None = None) -> None:
+    def __init__(self, robot: Robot, control_period: float, parameters: RecoveryParameters | None = None) -> None:
+        super().__init__(robot, control_period)
         self._p = parameters if parameters is not None else searched_parameters()
         p = self._p
-        self._poses = key_poses(p)
+        self._poses = key_poses(robot, p)
         self._blends = np.array(
             [0.0, p.gather_blend, ROCK_BLEND, KICK_BLEND, p.land_blend, p.tuck_blend, p.stand_blend]
         )
@@ -133,7 +134,7 @@ class Recovery(Motion):
         """Make room for that many robots."""
         self._phase, self._ticks = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
         self._left_lower = np.zeros(num_envs, np.int64)
-        self._target = np.tile(HOME_POSE, (num_envs, 1))
+        self._target = np.tile(self._robot.home_pose, (num_envs, 1))
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Begin with those robots' joints."""
@@ -151,16 +152,16 @@ class Recovery(Motion):
         phase = self._next(rows, observation)
         self._ticks[rows] = np.where(phase != before, 0, self._ticks[rows])
         self._phase[rows] = phase
-        elapsed = self._ticks[rows] * CONTROL_PERIOD
+        elapsed = self._ticks[rows] * self._period
         goal = self._poses[phase, self._left_lower[rows]]
-        target = approach(self._target[rows], goal, elapsed, self._blends[phase])
+        target = approach(self._target[rows], goal, elapsed, self._blends[phase], self._period)
         target = np.where((phase == Phase.SETTLE)[:, None], joints, target)
         self._target[rows] = target
         return target
 
     def _next(self, rows: NDArray[np.intp], observation: Floats) -> NDArray[np.int64]:
         """Phase of each of those robots from now on, (k,)."""
-        p, phase, time = self._p, self._phase[rows], self._ticks[rows] * CONTROL_PERIOD
+        p, phase, time = self._p, self._phase[rows], self._ticks[rows] * self._period
         gravity = observation[:, OBSERVATION["projected_gravity"]]
         up = -gravity[:, 2]
         turning = np.abs(observation[:, OBSERVATION["angular_velocity"]]).max(axis=1)
@@ -187,16 +188,16 @@ class Recovery(Motion):
         return following
 
 
-def key_poses(p: RecoveryParameters) -> Floats:
+def key_poses(robot: Robot, p: RecoveryParameters) -> Floats:
     """Joint angles of each phase, SETTLE's meaningless, with the right and the left side lower, (7, 2, 12), rad."""
-    home = tuple(HOME_POSE[:6])
+    home = tuple(robot.home_pose.reshape(-1, 2, 3)[:, 0].ravel())  # of a front and of a hind leg
     lower = (home, p.gather_lower, p.gather_lower, p.kick_lower, p.land, p.tuck, home)
     upper = (home, p.gather_upper, p.gather_upper, p.kick_upper, p.land, p.tuck, home)
     by_height = np.array([upper, lower]).reshape(2, len(Phase), 2, 3)  # upper or lower, phase, front or hind, joint
-    poses = np.empty((len(Phase), 2, len(LEG_NAMES), 3))
+    poses = np.empty((len(Phase), 2, len(robot.leg_names), 3))
     for left_lower in (0, 1):
-        for leg, side in enumerate(SIDE):
+        for leg, side in enumerate(robot.side):
             lower_leg = left_lower if side > 0 else 1 - left_lower
             poses[:, left_lower, leg] = by_height[lower_leg, :, leg // 2] * (side, 1.0, 1.0)
-    clipped: Floats = np.clip(poses.reshape(len(Phase), 2, -1), JOINT_LOWER, JOINT_UPPER)
+    clipped: Floats = np.clip(poses.reshape(len(Phase), 2, -1), robot.joint_lower, robot.joint_upper)
     return clipped

@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD
 from policies.easing import smoothstep
 from policies.gait import TURN, Floats
 
@@ -15,7 +14,8 @@ _ROUNDING = 1e-9
 class GaitChange:
     """Values (n, k) and phase offsets (n, 4), rad, that go smoothly from old ones to new ones; all start settled."""
 
-    def __init__(self, values: Floats, offsets: Floats) -> None:
+    def __init__(self, values: Floats, offsets: Floats, control_period: float) -> None:
+        self._step = control_period / CHANGE_TIME
         self._old = self._new = values
         self._old_offsets = self._new_offsets = offsets
         self._share: Floats = np.ones(len(values))
@@ -42,7 +42,7 @@ class GaitChange:
 
     def advance(self) -> None:
         """Go on by one control step."""
-        self._share = np.minimum(self._share + CONTROL_PERIOD / CHANGE_TIME, 1.0)
+        self._share = np.minimum(self._share + self._step, 1.0)
 
     def start(self, mask: NDArray[np.bool_], values: Floats, offsets: Floats) -> None:
         """Send the masked robots (n,) from where they are to these values and offsets, of shapes to broadcast."""

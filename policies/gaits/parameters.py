@@ -11,7 +11,7 @@ from policies import bounds
 from policies.base import PolicyError
 from policies.gait import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
 from quad_env.config import GRAVITY
-from quad_env.robots.robot import CALF_LENGTH, HIP_POSITIONS, THIGH_LENGTH
+from quad_env.robots.robot import Robot
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
 """The searched parameters of each gait, written by `python -m train search gait`."""
@@ -28,10 +28,6 @@ STAND = "stand"
 GAITS = (*OFFSETS, STAND)
 """The names of all gaits."""
 
-HOME_HIP_HEIGHT = float((THIGH_LENGTH + CALF_LENGTH) * np.cos(0.5))
-"""Hip joints above the centres of the feet in the home pose, m."""
-HIP_RADIUS = float(np.hypot(HIP_POSITIONS[0, 0], HIP_POSITIONS[0, 1]))
-"""From the trunk's centre to a hip joint, m."""
 BEYOND = 10.0
 """A limit of commands that none reaches, m/s or rad/s."""
 
@@ -118,25 +114,28 @@ SLOWEST, FASTEST = 0.3, 15.0
 SHORTEST_DUTY, LONGEST_DUTY = 0.1, 0.95
 """Bounds of the duty factor at any speed."""
 
-STAND_PARAMETERS = GaitParameters(
-    frequency=2.5,
-    frequency_rise=0.0,
-    duty=0.75,
-    duty_fall=0.0,
-    body_height=HOME_HIP_HEIGHT,
-    step_height=0.05,
-    stance_load=0.0,
-)
-"""Stands in the home pose; until the robot has come to rest it steps in place as in a walk."""
-
 NAMES = tuple(field.name for field in fields(GaitParameters))
 INDEX = {name: column for column, name in enumerate(NAMES)}
 """Column of each parameter in an array of robots' parameters, (n, len(NAMES))."""
 
 
-def froude(command: Floats, body_height: Floats) -> Floats:
+def stand_parameters(robot: Robot) -> GaitParameters:
+    """Parameters of standing in the home pose; until the robot has come to rest it steps in place as in a walk."""
+    return GaitParameters(
+        frequency=2.5,
+        frequency_rise=0.0,
+        duty=0.75,
+        duty_fall=0.0,
+        body_height=robot.home_hip_height,
+        step_height=0.05,
+        stance_load=0.0,
+    )
+
+
+def froude(robot: Robot, command: Floats, body_height: Floats) -> Floats:
     """Froude number v²/(g·h) of the fastest hip at a velocity command (n, 3) on legs of `body_height` (n,), m; (n,)."""
-    speed = np.sqrt(command[:, 0] * command[:, 0] + command[:, 1] * command[:, 1]) + HIP_RADIUS * np.abs(command[:, 2])
+    hip_radius = float(np.hypot(robot.hip_positions[0, 0], robot.hip_positions[0, 1]))
+    speed = np.sqrt(command[:, 0] * command[:, 0] + command[:, 1] * command[:, 1]) + hip_radius * np.abs(command[:, 2])
     number: Floats = speed * speed / (GRAVITY * body_height)
     return number
 
@@ -153,10 +152,10 @@ def slowed(values: Floats, command: Floats) -> Floats:
     return slower
 
 
-def chosen(values: Floats, command: Floats) -> tuple[Floats, Floats]:
+def chosen(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, Floats]:
     """Frequency, Hz, and duty factor, each (n,), by parameters (n, len(NAMES)) at a velocity command (n, 3)."""
     column = INDEX
-    pace = np.sqrt(np.minimum(froude(command, values[:, column["body_height"]]), 1.0))
+    pace = np.sqrt(np.minimum(froude(robot, command, values[:, column["body_height"]]), 1.0))
     frequency = values[:, column["frequency"]] + values[:, column["frequency_rise"]] * pace
     duty = values[:, column["duty"]] - values[:, column["duty_fall"]] * pace
     return np.clip(frequency, SLOWEST, FASTEST), np.clip(duty, SHORTEST_DUTY, LONGEST_DUTY)
@@ -178,7 +177,7 @@ def row(parameters: GaitParameters) -> Floats:
 
 @cache
 def searched_parameters() -> dict[str, GaitParameters]:
-    """The outcome of the searches, from PARAMETERS_FILE, and the stand.
+    """The outcome of the searches, from PARAMETERS_FILE, by the name of the gait that steps.
 
     Raises PolicyError where the file is missing or damaged.
     """
@@ -188,4 +187,4 @@ def searched_parameters() -> dict[str, GaitParameters]:
             raise ValueError(f"it has {', '.join(found)} instead of {', '.join(OFFSETS)}")
     except (AttributeError, OSError, OverflowError, TypeError, ValueError) as error:
         raise PolicyError(f"cannot read {PARAMETERS_FILE} ({error}); `python -m train search gait` writes it") from None
-    return found | {STAND: STAND_PARAMETERS}
+    return found

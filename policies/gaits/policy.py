@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import TURN, Floats, LegCycle
 from policies.gaits.change import GaitChange
 from policies.gaits.parameters import (
@@ -27,13 +27,14 @@ from policies.gaits.parameters import (
     row,
     searched_parameters,
     slowed,
+    stand_parameters,
 )
 from policies.legs.foot_path import SWING_PATHS, hip_height, load, swing_path
 from policies.legs.kinematics import leg_angles
 from policies.legs.stance_load import held_up
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
-from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, MASS, NUM_JOINTS, SIDE
+from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Mask = NDArray[np.bool_]
@@ -48,7 +49,7 @@ LONGEST_REACH = 0.2
 """Farthest that a foot goes from under its place, forward and sideways each, m."""
 CLOSE = 0.005
 """How far from its place a foot may come to rest, forward and sideways each, m."""
-_REACH = CONTROL_PERIOD * np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
+_ACCELERATION = np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
 
 
 class Columns:
@@ -81,7 +82,7 @@ class Gaits(GaitedPolicy):
     Args:
         gait: the gait after a reset, one of `gait_parameters.GAITS`.
         name: the policy's name.
-        parameters: of every gait by name; None for the searched ones.
+        parameters: of every gait that steps by name; None for the searched ones.
         path: of the feet through the air, one of `foot_path.SWING_PATHS`.
     """
 
@@ -94,16 +95,20 @@ class Gaits(GaitedPolicy):
         name: str = "gaits",
         parameters: Mapping[str, GaitParameters] | None = None,
         path: str = "cycloid",
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
     ) -> None:
         _known(gait)
         if path not in SWING_PATHS:
             raise ValueError(f"unknown foot path {path!r}; there are {', '.join(SWING_PATHS)}")
         self.name = name
         self.path = path
-        self.parameters = dict(searched_parameters() if parameters is None else parameters)
+        searched = searched_parameters() if parameters is None else parameters
+        self.parameters = {STAND: stand_parameters(robot), **searched}
         self.frequency = self.parameters[gait].frequency
         self._first = gait
-        super().__init__()
+        super().__init__(robot=robot, control_period=control_period)
 
     @property
     def gait(self) -> NDArray[np.str_]:
@@ -159,26 +164,26 @@ class Gaits(GaitedPolicy):
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
         self._gait = np.zeros(num_envs, np.int64)
-        self._change = GaitChange(np.zeros((num_envs, len(NAMES))), np.zeros((num_envs, 4)))
+        self._change = GaitChange(np.zeros((num_envs, len(NAMES))), np.zeros((num_envs, 4)), self.control_period)
         self._command = np.zeros((num_envs, 3))
         self._window = self._swing = np.zeros((num_envs, 4), np.bool_)
         self._x = self._y = self._left_x = self._left_y = np.zeros((num_envs, 4))
-        self._joints = np.zeros((num_envs, NUM_JOINTS))
+        self._joints = np.zeros((num_envs, self.robot.num_joints))
         self._restart(np.ones(num_envs, np.bool_))
 
     def _restart(self, mask: Mask) -> None:
         super()._restart(mask)
         rows = mask[:, None]
         stand = row(self.parameters[STAND])
-        foot_y = SIDE * stand[INDEX["stance_width"]] / 2.0 - HIP_POSITIONS[:, 1]
+        foot_y = self.robot.side * stand[INDEX["stance_width"]] / 2.0 - self.robot.hip_positions[:, 1]
         self._change.place(mask, stand, np.array(OFFSETS["walk"]))
         self._gait = np.where(mask, GAITS.index(STAND), self._gait)
         self._command = np.where(rows, 0.0, self._command)
         self._window, self._swing = self._window & ~rows, self._swing & ~rows
         self._left_x, self._x = np.where(rows, 0.0, self._left_x), np.where(rows, 0.0, self._x)
         self._left_y, self._y = np.where(rows, foot_y, self._left_y), np.where(rows, foot_y, self._y)
-        self._joints = np.where(rows, HOME_POSE, self._joints)
-        self._rate, self._duty = chosen(self._change.values, self._command)
+        self._joints = np.where(rows, self.robot.home_pose, self._joints)
+        self._rate, self._duty = chosen(self.robot, self._change.values, self._command)
         self._send(self._first, mask, self.parameters[self._first])
 
     def _send(self, gait: str, mask: Mask, parameters: GaitParameters) -> None:
@@ -201,26 +206,27 @@ class Gaits(GaitedPolicy):
         # In a change the narrower of the limits now and those to come hold.
         slower = slowed(np.minimum(values, self._change.goal), command)
         command = np.where(self._standing[:, None], 0.0, slower)
-        self._command = self._command + np.clip(command - self._command, -_REACH, _REACH)
-        p = Columns(values)
+        reach = self.control_period * _ACCELERATION
+        self._command = self._command + np.clip(command - self._command, -reach, reach)
+        p, robot = Columns(values), self.robot
         beat = self._beat(values)
         self._move_feet(beat, p, self._mapped(p))
         _, lift = swing_path(beat.cycle.progress, self.path)
         z = np.where(self._swing, p.step_height * lift, 0.0) - p.body_height
         z = z - hip_height(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
         y = self._y + p.sway * beat.sway
-        hip, thigh, calf = leg_angles(SIMPLE_QUAD, self._x, y, z)
+        hip, thigh, calf = leg_angles(robot, self._x, y, z)
         share = load(LegCycle(self._swing, beat.cycle.progress))
-        force = share * p.stance_load * (MASS * GRAVITY / 4.0 / self._duty[:, None])
-        joints = np.stack(held_up(hip, thigh, calf, self._x, y, force), axis=-1).reshape(-1, NUM_JOINTS)
-        ahead = p.servo_lead / CONTROL_PERIOD * (joints - self._joints)
+        force = share * p.stance_load * (robot.mass * GRAVITY / len(robot.leg_names) / self._duty[:, None])
+        joints = flat_joints(np.stack(held_up(robot, hip, thigh, calf, self._x, y, force), axis=-1))
+        ahead = p.servo_lead / self.control_period * (joints - self._joints)
         self._joints = joints
-        return to_actions(joints + ahead)
+        return to_actions(robot, joints + ahead)
 
     def _beat(self, values: Floats) -> Beat:
         """Advance the clock by a tick, and lift and put down the feet that are due."""
-        self._rate, self._duty = chosen(values, self._command)
-        self._phase = (self._phase + TURN * CONTROL_PERIOD * self._rate) % TURN
+        self._rate, self._duty = chosen(self.robot, values, self._command)
+        self._phase = (self._phase + TURN * self.control_period * self._rate) % TURN
         fraction = ((self._phase[:, None] + self.offsets) % TURN) / TURN
         rate, duty = self._rate[:, None], self._duty[:, None]
         window = fraction < 1.0 - duty
@@ -232,14 +238,14 @@ class Gaits(GaitedPolicy):
         self._left_x = np.where(starting, self._x, self._left_x)
         self._left_y = np.where(starting, self._y, self._left_y)
         self._window, self._swing = window, swing
-        to_side = SIDE * np.cos(TURN * (fraction - 0.5 * (1.0 - duty)))
+        to_side = self.robot.side * np.cos(TURN * (fraction - 0.5 * (1.0 - duty)))
         sway = 0.5 * (to_side[:, 0] + to_side[:, 1] + to_side[:, 2] + to_side[:, 3])
         return Beat(LegCycle(window, progress), (1.0 - duty) / rate, duty / rate, sway[:, None])
 
     def _in_place(self, values: Floats) -> Mask:
         """Which feet are where they belong at rest, (n, 4)."""
         p = Columns(values)
-        x, y = _middle(p)
+        x, y = _middle(self.robot, p)
         close: Mask = (np.abs(self._x - x) < CLOSE) & (np.abs(self._y - y) < CLOSE)
         return close
 
@@ -255,9 +261,10 @@ class Gaits(GaitedPolicy):
     def _move_feet(self, beat: Beat, p: Columns, velocity: tuple[Floats, Floats, Floats]) -> None:
         """Carry the feet on by a tick: on the ground at -(v + ω × r), through the air to the next foothold."""
         forward, lateral, yaw_rate = velocity
-        middle_x, middle_y = _middle(p)
-        ahead_x = forward - yaw_rate * (HIP_POSITIONS[:, 1] + middle_y)
-        ahead_y = lateral + yaw_rate * (HIP_POSITIONS[:, 0] + middle_x)
+        hip_x, hip_y = self.robot.hip_positions[:, 0], self.robot.hip_positions[:, 1]
+        middle_x, middle_y = _middle(self.robot, p)
+        ahead_x = forward - yaw_rate * (hip_y + middle_y)
+        ahead_y = lateral + yaw_rate * (hip_x + middle_x)
         half = 0.5 * beat.stance_time
         landing_x = middle_x + np.clip(half * ahead_x, -LONGEST_REACH, LONGEST_REACH)
         landing_y = middle_y + np.clip(half * ahead_y, -LONGEST_REACH, LONGEST_REACH)
@@ -266,16 +273,16 @@ class Gaits(GaitedPolicy):
         gone = beat.swing_time * (share - beat.cycle.progress)
         air_x = self._left_x + (landing_x - self._left_x) * share + gone * ahead_x
         air_y = self._left_y + (landing_y - self._left_y) * share + gone * ahead_y
-        ground_x = self._x - CONTROL_PERIOD * (forward - yaw_rate * (HIP_POSITIONS[:, 1] + self._y))
-        ground_y = self._y - CONTROL_PERIOD * (lateral + yaw_rate * (HIP_POSITIONS[:, 0] + self._x))
+        ground_x = self._x - self.control_period * (forward - yaw_rate * (hip_y + self._y))
+        ground_y = self._y - self.control_period * (lateral + yaw_rate * (hip_x + self._x))
         x, y = np.where(self._swing, air_x, ground_x), np.where(self._swing, air_y, ground_y)
         self._x = np.clip(x, middle_x - LONGEST_REACH, middle_x + LONGEST_REACH)
         self._y = np.clip(y, middle_y - LONGEST_REACH, middle_y + LONGEST_REACH)
 
 
-def _middle(p: Columns) -> tuple[Floats, Floats]:
+def _middle(robot: Robot, p: Columns) -> tuple[Floats, Floats]:
     """Middle of the strides in the hip frames, m: (n, 1) and (n, 4)."""
-    return p.stance_shift, SIDE * (p.stance_width / 2.0) - HIP_POSITIONS[:, 1]
+    return p.stance_shift, robot.side * (p.stance_width / 2.0) - robot.hip_positions[:, 1]
 
 
 def _known(gait: str) -> None:

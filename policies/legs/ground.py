@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD
 from policies.gait import Floats
 from policies.legs.ground_plane import above, carried, fitted, renewed, total
 from policies.legs.level_frame import Vector
 from policies.legs.memory import Memory
 from policies.legs.proprioception import Senses, length
+from quad_env.robots.robot import Robot
 
 EVEN = 0.02
 """Unevenness, m, that a trot on a plane feels too."""
@@ -18,15 +18,15 @@ ROUGHNESS_MEMORY = 2.0
 """Time constant with which rough ground is forgotten, s."""
 WORST_MEMORY = 20.0
 """Time constant with which the roughest ground is forgotten, s."""
-HALF_BASE = 0.25
-"""Turns a change of slope into the change of height under a foot, m."""
 
 
 class GroundSense:
     """Footprints and what they say; all in the level frame, robots (n,), legs (4, n)."""
 
-    def __init__(self, plane_filter: float) -> None:
-        self._share = CONTROL_PERIOD / (CONTROL_PERIOD + plane_filter)
+    def __init__(self, robot: Robot, control_period: float, plane_filter: float) -> None:
+        self._period = control_period
+        self._share = control_period / (control_period + plane_filter)
+        self._half_base = float(robot.hip_positions[:, 0].max())  # turns slope into height under a foot
         zero, legs = 0.0, np.zeros(4)
         self.memory = Memory(
             {
@@ -48,7 +48,7 @@ class GroundSense:
         What a robot that is disturbed, (n,), feels of unevenness is its own tumbling.
         """
         memory, share = self.memory, self._share
-        prints = carried(self._prints, senses.velocity, senses.yaw_rate, CONTROL_PERIOD)
+        prints = carried(self._prints, senses.velocity, senses.yaw_rate, self._period)
         prints = renewed(prints, senses.feet, standing | (memory["known"] == 0.0))
         memory["known"] = np.ones_like(memory["known"])
         memory["x"], memory["y"], memory["z"] = prints
@@ -58,12 +58,12 @@ class GroundSense:
         memory["forward"] = memory["forward"] + share * change_forward
         memory["lateral"] = memory["lateral"] + share * change_lateral
         residual = above(plane, prints)
-        uneven = np.sqrt(0.25 * total(residual * residual)) + HALF_BASE * length(change_forward, change_lateral)
+        uneven = np.sqrt(0.25 * total(residual * residual)) + self._half_base * length(change_forward, change_lateral)
         rise = np.clip(uneven - EVEN, 0.0, LARGEST_ROUGHNESS) - memory["roughness"]
         memory["roughness"] = (
-            memory["roughness"] + np.where(rise > 0.0, share * undisturbed, CONTROL_PERIOD / ROUGHNESS_MEMORY) * rise
+            memory["roughness"] + np.where(rise > 0.0, share * undisturbed, self._period / ROUGHNESS_MEMORY) * rise
         )
-        memory["worst"] = np.maximum((1.0 - CONTROL_PERIOD / WORST_MEMORY) * memory["worst"], memory["roughness"])
+        memory["worst"] = np.maximum((1.0 - self._period / WORST_MEMORY) * memory["worst"], memory["roughness"])
 
     @property
     def height(self) -> Floats:

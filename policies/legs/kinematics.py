@@ -19,11 +19,6 @@ from quad_env.robots.robot import Robot
 Floats = NDArray[np.float64]
 
 
-def longest_leg(robot: Robot) -> float:
-    """Thigh joint to foot with the knee straight, m."""
-    return robot.thigh_length + robot.calf_length
-
-
 def shortest_leg(robot: Robot) -> float:
     """Thigh joint to foot with the knee folded (joint limits aside), m."""
     return abs(robot.thigh_length - robot.calf_length)
@@ -49,7 +44,7 @@ def leg_angles(
     # The hip angle takes the vector (outboard, -drop) to (y, z): its sine and cosine are their cross and dot product.
     hip = np.arctan2(z * outboard + y * drop, y * outboard - z * drop)
 
-    squared_length = np.clip(x * x + drop * drop, shortest_leg(robot) ** 2, longest_leg(robot) ** 2)
+    squared_length = np.clip(x * x + drop * drop, shortest_leg(robot) ** 2, robot.leg_length**2)
     bend = (squared_length - upper**2 - lower**2) / (2.0 * upper * lower)
     bend = np.clip(bend, -1.0, 1.0)  # rounding alone takes it out
     calf = knee * np.arccos(bend)
@@ -67,6 +62,6 @@ def reachable(robot: Robot, feet: ArrayLike) -> NDArray[np.bool_]:
     off_axis = y * y + z * z - robot.hip_offset**2
     squared_length = x * x + off_axis
     inside: NDArray[np.bool_] = (
-        (off_axis >= 0.0) & (squared_length <= longest_leg(robot) ** 2) & (squared_length >= shortest_leg(robot) ** 2)
+        (off_axis >= 0.0) & (squared_length <= robot.leg_length**2) & (squared_length >= shortest_leg(robot) ** 2)
     )
     return inside

@@ -8,14 +8,7 @@ from policies.gait import Floats
 from policies.legs.kinematics import foot_positions
 from policies.legs.level_frame import LevelFrame, Vector, level_frame
 from quad_env import OBSERVATION
-from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
-from quad_env.robots.simple_quad import SIMPLE_QUAD
-
-HIP_X, HIP_Y = HIP_POSITIONS[:, 0:1], HIP_POSITIONS[:, 1:2]
-"""Hip joints from the trunk's centre, (4, 1), m."""
-SIDES = SIDE[:, None]
-"""+1 for left legs, -1 for right ones, (4, 1)."""
-_HOME = HOME_POSE[:, None]
+from quad_env.robots.robot import Robot
 
 
 class Senses(NamedTuple):
@@ -32,20 +25,26 @@ class Senses(NamedTuple):
     """From the trunk's centre, level frame, m."""
 
 
-def sense(observation: Floats) -> Senses:
+def sense(robot: Robot, observation: Floats) -> Senses:
     """Senses of observations (k, n)."""
     frame = level_frame(observation[OBSERVATION["projected_gravity"]])
     velocity, turn = (_vector(observation[OBSERVATION[name]]) for name in ("linear_velocity", "angular_velocity"))
-    joints = (observation[OBSERVATION["joint_position"]] + _HOME).reshape(4, 3, -1)
-    x, y, z = np.moveaxis(foot_positions(SIMPLE_QUAD, np.moveaxis(joints, 1, -1), SIDES), -1, 0)
+    joints = (observation[OBSERVATION["joint_position"]] + robot.home_pose[:, None]).reshape(len(robot.side), 3, -1)
+    x, y, z = np.moveaxis(foot_positions(robot, np.moveaxis(joints, 1, -1), robot.side[:, None]), -1, 0)
+    hip_x, hip_y = hips(robot)
     return Senses(
         frame=frame,
         velocity=frame.to_level(velocity),
         yaw_rate=frame.up_x * turn[0] + frame.up_y * turn[1] + frame.up_z * turn[2],
         roll_rate=turn[0],
         pitch_rate=turn[1],
-        feet=frame.to_level((x + HIP_X, y + HIP_Y, z)),
+        feet=frame.to_level((x + hip_x, y + hip_y, z)),
     )
+
+
+def hips(robot: Robot) -> tuple[Floats, Floats]:
+    """Hip joints from the trunk's centre, forward and to the left, (4, 1) each, m."""
+    return robot.hip_positions[:, 0:1], robot.hip_positions[:, 1:2]
 
 
 def _vector(components: Floats) -> Vector:

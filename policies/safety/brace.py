@@ -3,13 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Floats
+from policies.base import Floats, flat_joints
 from policies.behaviour.motion import Mask
 from policies.easing import smoothstep
 from policies.legs.kinematics import leg_angles
 from quad_env import OBSERVATION
-from quad_env.robots.robot import HIP_POSITIONS, JOINT_LOWER, JOINT_UPPER, NUM_JOINTS, SIDE
-from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.robots.robot import Robot
 
 HEIGHT = 0.13
 """Trunk's centre above the centres of the feet, m."""
@@ -30,6 +29,10 @@ RELEASE_TIME = 0.15
 class Brace:
     """How far each robot is braced while a fall is being caught: wholly until it is at rest, then less and less."""
 
+    def __init__(self, robot: Robot, control_period: float) -> None:
+        """`control_period`: time between two calls of `advance`, s."""
+        self._robot, self._period = robot, control_period
+
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
         self.share = np.ones(num_envs)
@@ -43,16 +46,16 @@ class Brace:
     def advance(self, catching: Mask, alarm: Mask, observation: Floats) -> Mask:
         """One control step of the robots that are being caught; which of them, (n,), follow their policy again."""
         self._rest_steps = np.where(catching & is_at_rest(observation), self._rest_steps + 1, 0)
-        rested = self._rest_steps >= round(REST_TIME / CONTROL_PERIOD)
+        rested = self._rest_steps >= round(REST_TIME / self._period)
         self._released = catching & (rested | (self._released & ~alarm))
-        self.share = np.where(self._released, self.share - CONTROL_PERIOD / RELEASE_TIME, 1.0)
+        self.share = np.where(self._released, self.share - self._period / RELEASE_TIME, 1.0)
         done: Mask = self._released & (self.share <= 0.0)
         return done
 
     def blended(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
         """Targets (k, 12) of the robots `rows`, (k,): their policy's, turned into the brace as far as is due."""
         weight = smoothstep(self.share[rows])[:, None]
-        return targets + weight * (braced(observation) - targets)
+        return targets + weight * (braced(self._robot, observation) - targets)
 
 
 def is_at_rest(observation: Floats) -> Mask:
@@ -64,14 +67,15 @@ def is_at_rest(observation: Floats) -> Mask:
     return at_rest
 
 
-def braced(observation: Floats) -> Floats:
+def braced(robot: Robot, observation: Floats) -> Floats:
     """Joint targets (k, 12), rad, of observations (k, m)."""
     turning = observation[:, OBSERVATION["angular_velocity"]]
     roll, pitch = DAMPING * turning[:, 0:1], DAMPING * turning[:, 1:2]
-    x, y = np.sign(HIP_POSITIONS[:, 0]) * (LENGTH / 2.0), SIDE * (WIDTH / 2.0)
+    hip_x, hip_y = robot.hip_positions[:, 0], robot.hip_positions[:, 1]
+    x, y = np.sign(hip_x) * (LENGTH / 2.0), robot.side * (WIDTH / 2.0)
     # A side that rises shortens its legs.
     z = np.minimum(roll * y - pitch * x - HEIGHT, -SHORTEST_DROP)
-    x, y = np.broadcast_to(x - HIP_POSITIONS[:, 0], z.shape), np.broadcast_to(y - HIP_POSITIONS[:, 1], z.shape)
-    targets = np.stack(leg_angles(SIMPLE_QUAD, x, y, z), axis=-1).reshape(-1, NUM_JOINTS)
-    joints: Floats = np.clip(targets, JOINT_LOWER, JOINT_UPPER)
+    x, y = np.broadcast_to(x - hip_x, z.shape), np.broadcast_to(y - hip_y, z.shape)
+    targets = flat_joints(np.stack(leg_angles(robot, x, y, z), axis=-1))
+    joints: Floats = np.clip(targets, robot.joint_lower, robot.joint_upper)
     return joints

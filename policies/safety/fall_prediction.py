@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Floats, PolicyError
+from policies.base import Floats, PolicyError
 from quad_env import OBSERVATION
 
 THRESHOLD_FILE = Path(__file__).with_name("prediction.json")
@@ -24,16 +24,16 @@ RECENT_TIME = 0.1
 """Time constant of the velocity of late, s: what a robot gains more slowly is no push."""
 
 
-def next_reference(reference: Floats, observation: NDArray[np.float32]) -> Floats:
+def next_reference(reference: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:
     """The planar velocity that a robot following its commands has about now, (n, 2), m/s: the command, lagged."""
     command = observation[:, OBSERVATION["command"]][:, :2].astype(np.float64)
-    following: Floats = reference + (command - reference) * (CONTROL_PERIOD / RESPONSE_TIME)
+    following: Floats = reference + (command - reference) * (control_period / RESPONSE_TIME)
     return following
 
 
-def next_recent(recent: Floats, observation: NDArray[np.float32]) -> Floats:
+def next_recent(recent: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:
     """The planar velocity of late, (n, 2), m/s, one control step later."""
-    averaged: Floats = recent + (_planar_velocity(observation) - recent) * (CONTROL_PERIOD / RECENT_TIME)
+    averaged: Floats = recent + (_planar_velocity(observation) - recent) * (control_period / RECENT_TIME)
     return averaged
 
 

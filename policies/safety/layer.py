@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, Floats, Policy, to_actions
+from policies.base import Actions, Floats, Policy, to_actions
 from policies.behaviour.event_log import Ring
 from policies.behaviour.motion import Damp, Mask, Motion
 from policies.safety.brace import Brace
@@ -16,7 +16,6 @@ from policies.safety.fall_prediction import fitted_threshold, next_recent, next_
 from policies.safety.stop import Stop
 from policies.safety.target_limits import SafetyLimits, limited
 from quad_env import OBSERVATION
-from quad_env.robots.robot import HOME_POSE
 
 
 class Mode(IntEnum):
@@ -70,7 +69,7 @@ class Safe(Policy):
         limits: of every target.
         alarm_above: `velocity_deviation` at which a fall is predicted, m/s; None for the fitted one.
         on_failure: what takes over for good when the policy fails.
-        fallback: the policy of `on_failure="fallback"`.
+        fallback: the policy of `on_failure="fallback"`; made for the same robot and control period.
         command_timeout: s without `command_received` after which the command counts as zero; None for never.
     """
 
@@ -85,16 +84,21 @@ class Safe(Policy):
     ) -> None:
         if (on_failure == "fallback") != (fallback is not None):
             raise ValueError("on_failure='fallback' and a fallback policy belong together")
+        super().__init__(robot=policy.robot, control_period=policy.control_period)
+        if fallback is not None:
+            fallback.check_fits(self.robot, self.control_period)
         self.policy = policy
         self.name = f"safe:{policy.name}"
-        self._limits = limits or SafetyLimits()
+        self._limits = limits or SafetyLimits.of(self.robot)
         self._alarm_above = alarm_above if alarm_above is not None else fitted_threshold()
         self._after_failure = {"stop": Mode.STOP, "damp": Mode.DAMP, "fallback": Mode.FALLBACK}[on_failure]
         self._fallback = fallback
-        self._timeout = np.inf if command_timeout is None else command_timeout / CONTROL_PERIOD
-        self._motions: dict[Mode, Motion] = {Mode.STOP: Stop(), Mode.DAMP: Damp()}
-        self._brace = Brace()
-        super().__init__()
+        self._timeout = np.inf if command_timeout is None else command_timeout / self.control_period
+        self._motions: dict[Mode, Motion] = {
+            Mode.STOP: Stop(self.robot, self.control_period),
+            Mode.DAMP: Damp(self.robot, self.control_period),
+        }
+        self._brace = Brace(self.robot, self.control_period)
         self._allocate(1)
 
     @property
@@ -130,7 +134,7 @@ class Safe(Policy):
         self._step = 0
         self._mode = np.zeros(num_envs, np.int8)
         self._entered = np.zeros(num_envs, np.bool_)
-        self._targets, self._silence = np.tile(HOME_POSE, (num_envs, 1)), np.zeros(num_envs, np.int64)
+        self._targets, self._silence = np.tile(self.robot.home_pose, (num_envs, 1)), np.zeros(num_envs, np.int64)
         self._reference, self._recent = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
         self._log, self._failures = Ring(4, LOG_CAPACITY), deque[str](maxlen=64)
         self._brace.reset(num_envs)
@@ -139,7 +143,7 @@ class Safe(Policy):
 
     def _restart(self, mask: Mask) -> None:
         self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, STARTED)
-        self._targets[mask], self._silence[mask] = HOME_POSE, 0
+        self._targets[mask], self._silence[mask] = self.robot.home_pose, 0
         self._reference[mask], self._recent[mask] = 0.0, 0.0
         self.policy.reset_where(mask)
         if self._fallback is not None:
@@ -149,7 +153,7 @@ class Safe(Policy):
         self._step += 1
         observation = self._with_fresh_commands(observation)
         rows = observation.astype(np.float64)
-        joints = rows[:, OBSERVATION["joint_position"]] + HOME_POSE
+        joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
         self._watch(observation, rows)
         targets = self._policy_targets(observation)
         caught = np.flatnonzero(self._mode == Mode.CATCH)
@@ -164,8 +168,8 @@ class Safe(Policy):
                 targets[members] = motion.targets(members, rows[members], joints[members])
         self._entered[:] = False
         speeds = rows[:, OBSERVATION["joint_velocity"]]
-        self._targets = limited(targets, self._targets, joints, speeds, self._limits)
-        return to_actions(self._targets)
+        self._targets = limited(self.robot, self.control_period, targets, self._targets, joints, speeds, self._limits)
+        return to_actions(self.robot, self._targets)
 
     def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:
         """Targets (n, 12) of the policy, or of its fallback, for the robots that follow one; the others' are spare."""
@@ -207,9 +211,9 @@ class Safe(Policy):
 
     def _watch(self, observation: NDArray[np.float32], rows: Floats) -> None:
         """Catch where a fall is predicted, follow again where it is at rest; a fallen robot is past catching."""
-        self._reference = next_reference(self._reference, observation)
+        self._reference = next_reference(self._reference, observation, self.control_period)
         alarm = velocity_deviation(observation, self._reference, self._recent) > self._alarm_above
-        self._recent = next_recent(self._recent, observation)
+        self._recent = next_recent(self._recent, observation, self.control_period)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(FALLEN_TILT)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
         self._brace.start(predicted)

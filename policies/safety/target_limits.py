@@ -5,20 +5,16 @@ from math import inf
 
 import numpy as np
 
-from policies.base import CONTROL_PERIOD, Floats
+from policies.base import Floats
 from quad_env.actuation.models import Actuator, actuator
-from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER, TORQUE_LIMIT
-from quad_env.robots.simple_quad import SIMPLE_QUAD
-
-SERVO_STIFFNESS, SERVO_DAMPING = 300.0, 10.0
-"""Gains of the robot's joint servos, N·m/rad and N·m·s/rad: torque = stiffness (target - angle) - damping · speed."""
+from quad_env.robots.robot import Robot
 
 
 @dataclass(frozen=True)
 class SafetyLimits:
-    """Limits of each joint; the defaults are those of the ideal servo, `of` gives another's."""
+    """Limits of each joint; `of` gives a robot's."""
 
-    torque: float = TORQUE_LIMIT
+    torque: float
     """Servo torque predicted for the moment that a command takes effect, N·m, of a joint at rest."""
     target_rate: float = 60.0
     """Change of a target, rad/s; the trot's swing reaches 35."""
@@ -36,31 +32,39 @@ class SafetyLimits:
             raise ValueError(f"delay must be a time of at least 0 s, not {self.delay}")
 
     @classmethod
-    def of(cls, which: str | Actuator) -> "SafetyLimits":
-        """The limits that an actuator, or that of a name, sets; its bandwidth only makes torques smaller, and how hot
-        its windings are a policy does not know."""
+    def of(cls, robot: Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
+        """The limits of a robot with an actuator, or that of a name; its bandwidth only makes torques smaller, and how
+        hot its windings are a policy does not know."""
         servo = actuator(which)
         if servo.curve is None:
-            return cls(delay=servo.delay)
-        line = servo.curve.on(SIMPLE_QUAD)
-        torque = min(SIMPLE_QUAD.rated_torque, line.stall_torque)
-        return cls(torque=torque, no_load_speed=line.no_load_speed, delay=servo.delay)
+            return cls(robot.rated_torque, delay=servo.delay)
+        line = servo.curve.on(robot)
+        torque = min(robot.rated_torque, line.stall_torque)
+        return cls(torque, no_load_speed=line.no_load_speed, delay=servo.delay)
 
 
-def limited(targets: Floats, previous: Floats, joints: Floats, speeds: Floats, limits: SafetyLimits) -> Floats:
+def limited(
+    robot: Robot,
+    control_period: float,
+    targets: Floats,
+    previous: Floats,
+    joints: Floats,
+    speeds: Floats,
+    limits: SafetyLimits,
+) -> Floats:
     """The targets nearest to those given, (n, 12) rad, that keep the limits; joints and speeds are the present ones.
 
     The torque limit comes last but for the joint range: it holds even where that means a jump of the target.
     """
-    reach = limits.target_rate * CONTROL_PERIOD
+    reach = limits.target_rate * control_period
     targets = np.clip(targets, previous - reach, previous + reach)
     targets = np.where(speeds > limits.joint_speed, np.minimum(targets, joints), targets)
     targets = np.where(speeds < -limits.joint_speed, np.maximum(targets, joints), targets)
-    # stiffness (target - angle) = torque + damping · speed, with the torque anywhere within its limits
-    damping, share = SERVO_DAMPING * speeds, speeds / limits.no_load_speed
+    # A servo's torque is stiffness (target - angle) - damping · speed, and may lie anywhere within its limits.
+    damping, stiffness, share = robot.servo_damping * speeds, robot.servo_stiffness, speeds / limits.no_load_speed
     backward, forward = (limits.torque * np.clip(1.0 + sign * share, 0.0, 1.0) for sign in (1.0, -1.0))
-    low, high = (damping - backward) / SERVO_STIFFNESS, (damping + forward) / SERVO_STIFFNESS
+    low, high = (damping - backward) / stiffness, (damping + forward) / stiffness
     then = joints + limits.delay * speeds
     targets = then + np.clip(targets - then, low, high)
-    within: Floats = np.clip(targets, JOINT_LOWER, JOINT_UPPER)
+    within: Floats = np.clip(targets, robot.joint_lower, robot.joint_upper)
     return within

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, Policy
+from policies.base import CONTROL_PERIOD, Actions, Policy
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 START_TIMEOUT = 60.0
 """For the process to start and make its policy, s."""
@@ -29,18 +31,29 @@ class Watched(Policy):
 
     Args:
         make: makes the policy, in the other process; picklable, such as `functools.partial(policies.make, "trot")`.
-        deadline: for an answer, s; half a control step leaves the other half for what has to be done instead.
+        deadline: for an answer, s; half a control period, the default, leaves the other half for what has to be done
+            instead.
+        robot, control_period: those that the policy was made for.
 
     A late or broken process is ended, and every later `act` raises at once; `reset` starts a fresh one.
     """
 
-    def __init__(self, make: Callable[[], Policy], deadline: float = 0.005, name: str = "watched") -> None:
-        if not deadline > 0.0:
+    def __init__(
+        self,
+        make: Callable[[], Policy],
+        deadline: float | None = None,
+        name: str = "watched",
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
+        super().__init__(robot=robot, control_period=control_period)
+        if deadline is not None and not deadline > 0.0:
             raise ValueError(f"deadline must be positive, not {deadline}")
-        self._make, self._deadline, self.name = make, deadline, name
+        self._deadline = 0.5 * control_period if deadline is None else deadline
+        self._make, self.name = make, name
         self._process: Any = None
         self._connection: Connection | None = None
-        super().__init__()
 
     @property
     def process_id(self) -> int | None:
@@ -71,6 +84,7 @@ class Watched(Policy):
         self._process = context.Process(target=_serve, args=(theirs, self._make), daemon=True)
         self._process.start()
         theirs.close()
+        self._ask(("check_fits", self.robot, self.control_period), START_TIMEOUT)
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         if self._process is None:

@@ -17,11 +17,11 @@ from policies.legs.ground import GroundSense
 from policies.legs.kinematics import leg_angles
 from policies.legs.level_frame import LevelFrame, Vector
 from policies.legs.memory import Memory
-from policies.legs.proprioception import HIP_X, HIP_Y, SIDES, Senses, length, sense
+from policies.legs.proprioception import Senses, hips, length, sense
 from policies.legs.stance_load import held_up
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
 from quad_env import OBSERVATION
-from quad_env.robots.robot import NUM_JOINTS
+from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LARGEST_CORRECTION = 0.5
@@ -55,17 +55,23 @@ class TrotFeedback(GaitedPolicy):
 
     name = "trot_feedback"
 
-    def __init__(self, parameters: FeedbackParameters | None = None) -> None:
+    def __init__(
+        self,
+        parameters: FeedbackParameters | None = None,
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
         self.parameters = p = parameters if parameters is not None else searched_parameters()
         self.frequency = p.frequency
         self._gait = Gait(TROT_OFFSETS, p.duty)
         self._offsets = np.array(TROT_OFFSETS)[:, None]
-        self._neutral = (HIP_X + p.stance_shift, SIDES * (p.stance_width / 2.0))
-        self._wide = _rectangle(p.brace_length, p.brace_width)
-        self._hold = _rectangle(p.hold_length, p.hold_width)
+        self._neutral = (hips(robot)[0] + p.stance_shift, robot.side[:, None] * (p.stance_width / 2.0))
+        self._wide = _rectangle(robot, p.brace_length, p.brace_width)
+        self._hold = _rectangle(robot, p.hold_length, p.hold_width)
         self._acceleration = np.array([[p.linear_acceleration], [p.linear_acceleration], [p.yaw_acceleration]])
         self._integral = np.array([[p.integral_gain], [p.integral_gain], [p.yaw_integral_gain]])
-        self.ground = GroundSense(p.plane_filter)
+        self.ground = GroundSense(robot, control_period, p.plane_filter)
         legs, one = np.zeros(4), 0.0
         ahead, aside = self._neutral[0][:, 0], self._neutral[1][:, 0]
         self._memory = Memory(
@@ -87,7 +93,7 @@ class TrotFeedback(GaitedPolicy):
                 "lift": legs,
             }
         )
-        super().__init__()
+        super().__init__(robot=robot, control_period=control_period)
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
@@ -101,7 +107,7 @@ class TrotFeedback(GaitedPolicy):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         columns = np.ascontiguousarray(observation.T, dtype=np.float64)
-        senses = sense(columns)
+        senses = sense(self.robot, columns)
         reference = self._reference_velocity(columns[OBSERVATION["command"]])
         error = np.stack((*senses.velocity[:2], senses.yaw_rate)) - reference
         errors = (error[0], error[1], error[2])
@@ -115,15 +121,15 @@ class TrotFeedback(GaitedPolicy):
         self._plan_feet(senses.frame, cycle, gait, errors, brace)
         feet = self._foot_targets(senses, cycle, errors, brace)
         weight = np.maximum(load(cycle), brace)
-        joints = _joints(self._levelled(senses, feet, weight, brace), self._force(cycle, brace))
-        return to_actions(self._blended(joints, self.parameters.blend_time))
+        joints = _joints(self.robot, self._levelled(senses, feet, weight, brace), self._force(cycle, brace))
+        return to_actions(self.robot, self._blended(joints, self.parameters.blend_time))
 
     def _reference_velocity(self, command: Floats) -> Floats:
         """The velocity to have now, (3, n): the command, less of it on bad ground, approached within the limits."""
         p, memory = self.parameters, self._memory
         rough, steep = p.rough_slowdown * self.ground.roughness, p.slope_slowdown * self.ground.steepness
         goal = command * (1.0 - memory["brace"]) / (1.0 + rough * rough + steep * steep)
-        reach = CONTROL_PERIOD * self._acceleration
+        reach = self.control_period * self._acceleration
         memory["reference"] = memory["reference"] + np.clip(goal - memory["reference"], -reach, reach)
         return memory["reference"]
 
@@ -132,11 +138,13 @@ class TrotFeedback(GaitedPolicy):
         p, memory = self.parameters, self._memory
         steep = np.clip((self.ground.steepness - p.slope_brace) / STEEP_RANGE, 0.0, 1.0)
         rough = np.clip((self.ground.worst_roughness - p.rough_brace) / ROUGH_RANGE, 0.0, 1.0)
-        disturbed = np.maximum(memory["disturbed"] - CONTROL_PERIOD / RECOVERY_TIME, 0.0)
+        disturbed = np.maximum(memory["disturbed"] - self.control_period / RECOVERY_TIME, 0.0)
         memory["disturbed"] = np.where(excess > 0.0, 1.0, disturbed)
         memory["hold"] = rough * (1.0 - steep) * (1.0 - memory["disturbed"])
         due = np.maximum(np.clip(excess / BRACE_RANGE, 0.0, 1.0), np.maximum(steep, rough))
-        change = np.clip(due - memory["brace"], -CONTROL_PERIOD / p.brace_release, CONTROL_PERIOD / BRACE_TIME)
+        change = np.clip(
+            due - memory["brace"], -self.control_period / p.brace_release, self.control_period / BRACE_TIME
+        )
         memory["brace"] = memory["brace"] + change
         return memory["brace"]
 
@@ -144,7 +152,7 @@ class TrotFeedback(GaitedPolicy):
         """Move the clock on: faster while a push is being caught, not at all while all feet are down."""
         p = self.parameters
         faster = 1.0 + p.frequency_gain * np.clip(length(*errors[:2]) - p.capture_threshold, 0.0, 1.0)
-        cycles = (CONTROL_PERIOD * p.frequency) * faster * (1.0 - brace)
+        cycles = (self.control_period * p.frequency) * faster * (1.0 - brace)
         self._phase = (self._phase + TURN * cycles) % TURN
         self._ticks = self._ticks + 1.0
 
@@ -152,7 +160,7 @@ class TrotFeedback(GaitedPolicy):
         """Velocity of the gait: feedforward of the reference and the integral of the small errors."""
         memory = self._memory
         small = (np.abs(error) < SMALL_ERROR).all(axis=0)
-        correction = memory["correction"] - np.where(small, CONTROL_PERIOD * self._integral * error, 0.0)
+        correction = memory["correction"] - np.where(small, self.control_period * self._integral * error, 0.0)
         memory["correction"] = np.clip(correction, -LARGEST_CORRECTION, LARGEST_CORRECTION)
         p, (forward, lateral, yaw_rate) = self.parameters, reference
         lead = p.turn_lead * yaw_rate
@@ -166,7 +174,7 @@ class TrotFeedback(GaitedPolicy):
     def _footholds(self, neutral: Planar, gait: Vector, errors: Vector) -> Planar:
         """Where the swinging feet are to land, by velocity errors smoothed over the sway of a stride."""
         p, memory = self.parameters, self._memory
-        share = CONTROL_PERIOD / (CONTROL_PERIOD + p.velocity_filter)
+        share = self.control_period / (self.control_period + p.velocity_filter)
         memory["error_x"] = memory["error_x"] + share * (errors[0] - memory["error_x"])
         memory["error_y"] = memory["error_y"] + share * (errors[1] - memory["error_y"])
         error_x, error_y = memory["error_x"], memory["error_y"]
@@ -188,8 +196,8 @@ class TrotFeedback(GaitedPolicy):
         memory["start_y"] = np.where(lifted, y, memory["start_y"])
         drift_x, drift_y = passing(x, y, gait)
         stood = within_reach(
-            x + CONTROL_PERIOD * (drift_x - p.stance_yield * errors[0]),
-            y + CONTROL_PERIOD * (drift_y - p.stance_yield * errors[1]),
+            x + self.control_period * (drift_x - p.stance_yield * errors[0]),
+            y + self.control_period * (drift_y - p.stance_yield * errors[1]),
             neutral,
         )
         swing_time = (1.0 - p.duty) / p.frequency
@@ -206,7 +214,7 @@ class TrotFeedback(GaitedPolicy):
         wide_x = wide_x + np.clip(p.brace_lead * errors[0], -LARGEST_LEAD, LARGEST_LEAD)
         wide_y = wide_y + np.clip(p.brace_lead * errors[1], -LARGEST_LEAD, LARGEST_LEAD)
         new_x, new_y = new_x + brace * (wide_x - new_x), new_y + brace * (wide_y - new_y)
-        memory["speed_x"], memory["speed_y"] = (new_x - x) / CONTROL_PERIOD, (new_y - y) / CONTROL_PERIOD
+        memory["speed_x"], memory["speed_y"] = (new_x - x) / self.control_period, (new_y - y) / self.control_period
         memory["foot_x"], memory["foot_y"] = new_x, new_y
 
     def _uphill(self, places: Planar) -> Planar:
@@ -225,7 +233,7 @@ class TrotFeedback(GaitedPolicy):
         tall = tall + p.rough_height * ground.roughness + p.slope_height * ground.steepness
         lengthening = p.height_gain * (tall + ground.height) - p.height_damping * senses.velocity[2]
         lifted = (p.step_height + p.rough_step * ground.roughness) * lift(cycle) * (1.0 - brace)
-        rising = (lifted - memory["lift"]) / CONTROL_PERIOD
+        rising = (lifted - memory["lift"]) / self.control_period
         memory["lift"] = lifted
         shortening = p.terrain_compliance * ground.unevenness - lengthening
         z = ground.slope[0] * x + ground.slope[1] * y - tall + weight * shortening
@@ -258,9 +266,9 @@ class TrotFeedback(GaitedPolicy):
         return np.maximum(load(cycle), BRACED_LOAD * brace) * self.parameters.stance_load
 
 
-def _rectangle(length: float, width: float) -> Planar:
+def _rectangle(robot: Robot, length: float, width: float) -> Planar:
     """Feet at its corners, (4, 1) each."""
-    return np.sign(HIP_X) * (length / 2.0), SIDES * (width / 2.0)
+    return np.sign(hips(robot)[0]) * (length / 2.0), robot.side[:, None] * (width / 2.0)
 
 
 def _under(frame: LevelFrame, places: Planar) -> Planar:
@@ -269,8 +277,9 @@ def _under(frame: LevelFrame, places: Planar) -> Planar:
     return x, y
 
 
-def _joints(feet: Vector, force: Floats) -> Floats:
+def _joints(robot: Robot, feet: Vector, force: Floats) -> Floats:
     """Joint targets (n, 12), rad, for feet in the base frame that carry a force, N."""
-    x, y = feet[0] - HIP_X, feet[1] - HIP_Y
-    hip, thigh, calf = leg_angles(SIMPLE_QUAD, x, y, np.minimum(feet[2], -SHORTEST_DROP), SIDES)
-    return np.stack(held_up(hip, thigh, calf, x, y, force), axis=1).reshape(NUM_JOINTS, -1).T
+    hip_x, hip_y = hips(robot)
+    x, y = feet[0] - hip_x, feet[1] - hip_y
+    hip, thigh, calf = leg_angles(robot, x, y, np.minimum(feet[2], -SHORTEST_DROP), robot.side[:, None])
+    return np.stack(held_up(robot, hip, thigh, calf, x, y, force), axis=1).reshape(robot.num_joints, -1).T

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies import bounds
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, PolicyError, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, PolicyError, flat_joints, to_actions
 from policies.gait import TROT_OFFSETS, Floats, Gait
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import leg_angles
 from policies.legs.stance_load import held_up
 from quad_env import OBSERVATION
-from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, NUM_JOINTS, SIDE
+from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("trot.json")
@@ -121,34 +121,40 @@ class Trot(GaitedPolicy):
 
     name = "trot"
 
-    def __init__(self, parameters: TrotParameters | None = None) -> None:
+    def __init__(
+        self,
+        parameters: TrotParameters | None = None,
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
         self.parameters = parameters if parameters is not None else searched_parameters()
         self.frequency = self.parameters.frequency
         self._gait = Gait(TROT_OFFSETS, self.parameters.duty)
-        super().__init__()
+        super().__init__(robot=robot, control_period=control_period)
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
         self._command = np.zeros((num_envs, 3))
-        self._joints = np.tile(HOME_POSE, (num_envs, 1))
+        self._joints = np.tile(self.robot.home_pose, (num_envs, 1))
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         super()._restart(mask)
         self._command = np.where(mask[:, None], 0.0, self._command)
-        self._joints = np.where(mask[:, None], HOME_POSE, self._joints)
+        self._joints = np.where(mask[:, None], self.robot.home_pose, self._joints)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()
         self._follow(observation[:, OBSERVATION["command"]].astype(np.float64))
         joints = self._blended(self._targets(self._phase, self._mapped(self._command)), self.parameters.blend_time)
-        velocity = (joints - self._joints) / CONTROL_PERIOD
+        velocity = (joints - self._joints) / self.control_period
         self._joints = joints
-        return to_actions(joints + self.parameters.servo_lead * velocity)
+        return to_actions(self.robot, joints + self.parameters.servo_lead * velocity)
 
     def _follow(self, command: Floats) -> None:
         """Move the command that the gait follows towards the one given, no faster than its limits."""
         p = self.parameters
-        reach = CONTROL_PERIOD * np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
+        reach = self.control_period * np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
         self._command = self._command + np.clip(command - self._command, -reach, reach)
 
     def _mapped(self, command: Floats) -> Floats:
@@ -168,17 +174,17 @@ class Trot(GaitedPolicy):
 
     def _targets(self, phase: Floats, velocity: Floats) -> Floats:
         """Joint targets (n, 12) in rad for a phase (n,) and a gait velocity (n, 3)."""
-        p = self.parameters
+        p, robot = self.parameters, self.robot
         cycle = self._gait.legs(phase)
-        foot_x = HIP_POSITIONS[:, 0] + p.stance_shift
-        foot_y = SIDE * (p.stance_width / 2.0)
+        foot_x = robot.hip_positions[:, 0] + p.stance_shift
+        foot_y = robot.side * (p.stance_width / 2.0)
         forward, lateral, yaw_rate = velocity[:, 0:1], velocity[:, 1:2], velocity[:, 2:3]
         # While a foot stands it passes under the body at -(v + ω × r), r from the trunk's centre to the foot.
         stance_time = p.duty / p.frequency
         along = stride(cycle, p.duty) * stance_time
         x = p.stance_shift + along * (forward - yaw_rate * foot_y)
-        y = (foot_y - HIP_POSITIONS[:, 1]) + along * (lateral + yaw_rate * foot_x)
+        y = (foot_y - robot.hip_positions[:, 1]) + along * (lateral + yaw_rate * foot_x)
         z = p.step_height * lift(cycle) - p.body_height
-        hip, thigh, calf = leg_angles(SIMPLE_QUAD, x, y, z)
+        hip, thigh, calf = leg_angles(robot, x, y, z)
         force = load(cycle) * p.stance_load
-        return np.stack(held_up(hip, thigh, calf, x, y, force), axis=-1).reshape(-1, NUM_JOINTS)
+        return flat_joints(np.stack(held_up(robot, hip, thigh, calf, x, y, force), axis=-1))

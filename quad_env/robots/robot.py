@@ -91,10 +91,15 @@ class Robot:
         return self.thigh_length + self.calf_length
 
     @cached_property
+    def home_hip_height(self) -> float:
+        """Hip joints above the centres of the feet in the home pose, m."""
+        _, thigh, calf = self.home_pose[:3]
+        return float(self.thigh_length * np.cos(thigh) + self.calf_length * np.cos(thigh + calf))
+
+    @property
     def home_height(self) -> float:
         """Trunk's centre above flat ground in the home pose with the feet just touching, m."""
-        _, thigh, calf = self.home_pose[:3]
-        return float(self.thigh_length * np.cos(thigh) + self.calf_length * np.cos(thigh + calf) + self.foot_radius)
+        return self.home_hip_height + self.foot_radius
 
     @property
     def joint_lower(self) -> Floats:

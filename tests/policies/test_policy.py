@@ -8,7 +8,7 @@ import policies
 from policies.network import Network
 from policies.residual import ResidualPolicy
 from quad_env import OBSERVATION, OBSERVATION_SIZE
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def small_residual():
@@ -60,8 +60,8 @@ def test_actions_are_float32_targets_within_the_limits(make):
     result = actions(make(), readings(200, 8))
     assert result.dtype == np.float32
     assert result.shape == (200, 8, 12)
-    assert (result >= JOINT_LOWER.astype(np.float32)).all()
-    assert (result <= JOINT_UPPER.astype(np.float32)).all()
+    assert (result >= SIMPLE_QUAD.joint_lower.astype(np.float32)).all()
+    assert (result <= SIMPLE_QUAD.joint_upper.astype(np.float32)).all()
 
 
 @every_policy
@@ -138,7 +138,9 @@ def test_batch_of_none_is_refused():
 
 
 def test_stand_holds_the_home_pose():
-    assert policies.make("stand").act(readings(1, 1)[0, 0]).tolist() == HOME_POSE.astype(np.float32).tolist()
+    assert (
+        policies.make("stand").act(readings(1, 1)[0, 0]).tolist() == SIMPLE_QUAD.home_pose.astype(np.float32).tolist()
+    )
 
 
 def test_names_are_sorted_and_every_name_but_the_shipped_model_can_be_made():

@@ -3,9 +3,9 @@ import pytest
 
 import policies
 from policies.network import Network
-from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, compose, features
+from policies.residual import ResidualPolicy, authority_of, compose, features
 from quad_env import OBSERVATION, OBSERVATION_SIZE
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task.observations import SCALE
 
 
@@ -33,8 +33,8 @@ def test_zero_correction_is_the_trot_bit_for_bit_over_1000_steps(n, zero):
 
 def test_features_by_hand_over_a_gaited_base():
     observation = np.ones((2, OBSERVATION_SIZE), np.float32)
-    base_action = np.tile(HOME_POSE, (2, 1)).astype(np.float32) + np.float32(0.25)
-    seen = features(observation, np.array([0.0, np.pi / 2]), base_action)
+    base_action = np.tile(SIMPLE_QUAD.home_pose, (2, 1)).astype(np.float32) + np.float32(0.25)
+    seen = features(SIMPLE_QUAD, observation, np.array([0.0, np.pi / 2]), base_action)
     assert seen.dtype == np.float32
     assert seen.shape == (2, OBSERVATION_SIZE + 14)
     np.testing.assert_array_equal(seen[:, :OBSERVATION_SIZE], np.tile(SCALE, (2, 1)))
@@ -45,29 +45,29 @@ def test_features_by_hand_over_a_gaited_base():
 def test_features_over_a_base_without_a_clock_are_the_observation_alone():
     observation = np.full((3, OBSERVATION_SIZE), 2.0, np.float32)
     np.testing.assert_array_equal(
-        features(observation, None, np.zeros((3, 12), np.float32)), 2.0 * np.tile(SCALE, (3, 1))
+        features(SIMPLE_QUAD, observation, None, np.zeros((3, 12), np.float32)), 2.0 * np.tile(SCALE, (3, 1))
     )
 
 
 def test_correction_is_bounded_by_the_authority():
-    base = np.tile(HOME_POSE, (1, 1)).astype(np.float32)
-    corrected = compose(base, np.full((1, 12), 50.0, np.float32), DEFAULT_AUTHORITY)
+    base = np.tile(SIMPLE_QUAD.home_pose, (1, 1)).astype(np.float32)
+    corrected = compose(SIMPLE_QUAD, base, np.full((1, 12), 50.0, np.float32), authority_of(SIMPLE_QUAD))
     np.testing.assert_allclose(corrected - base, [[0.15, 0.3, 0.3] * 4], atol=1e-6)
-    halved = compose(base, np.full((1, 12), -0.5, np.float32), DEFAULT_AUTHORITY)
+    halved = compose(SIMPLE_QUAD, base, np.full((1, 12), -0.5, np.float32), authority_of(SIMPLE_QUAD))
     np.testing.assert_allclose(halved - base, [[-0.075, -0.15, -0.15] * 4], atol=1e-6)
 
 
 def test_corrected_action_stays_within_the_joint_limits():
-    base = np.stack([JOINT_LOWER, JOINT_UPPER]).astype(np.float32)
+    base = np.stack([SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper]).astype(np.float32)
     outward = np.stack([-np.ones(12), np.ones(12)]).astype(np.float32)
-    np.testing.assert_array_equal(compose(base, outward, DEFAULT_AUTHORITY), base)
+    np.testing.assert_array_equal(compose(SIMPLE_QUAD, base, outward, authority_of(SIMPLE_QUAD)), base)
 
 
 def test_residual_over_stand_has_no_phase_and_needs_no_clock_inputs():
     policy = ResidualPolicy(policies.make("stand"), constant_network(OBSERVATION_SIZE, 1.0))
     assert policy.phase is None
     action = policy.act(np.zeros(OBSERVATION_SIZE, np.float32))
-    np.testing.assert_allclose(action, HOME_POSE + [0.15, 0.3, 0.3] * 4, atol=1e-6)
+    np.testing.assert_allclose(action, SIMPLE_QUAD.home_pose + [0.15, 0.3, 0.3] * 4, atol=1e-6)
 
 
 def test_network_of_the_wrong_width_is_refused():

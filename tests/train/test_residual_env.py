@@ -7,9 +7,9 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import policies
-from policies.residual import DEFAULT_AUTHORITY, compose, features
+from policies.residual import compose, features
 from quad_env import OBSERVATION
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.residual_env import ResidualVectorEnv
 
@@ -24,7 +24,7 @@ def robots(n, steps=1000, scenario="push", mode="DISABLED"):
     )
 
 
-def residual(n, base="trot", hold=1, authority=DEFAULT_AUTHORITY, **options):
+def residual(n, base="trot", hold=1, authority=None, **options):
     """The environment and its first features."""
     env = ResidualVectorEnv(robots(n, **options), policies.make(base), authority, hold)
     seen, _ = env.reset(seed=SEEDS[:n])
@@ -43,7 +43,7 @@ def test_a_zero_correction_walks_the_base_bit_for_bit():
     observation, _ = reference.reset(seed=SEEDS[:3])
     for _ in range(120):
         action = trot.act(observation)
-        np.testing.assert_array_equal(seen, features(observation, trot.phase, action))
+        np.testing.assert_array_equal(seen, features(SIMPLE_QUAD, observation, trot.phase, action))
         observation, rewards, terminated, _, _ = reference.step(action)
         assert not terminated.any()
         seen, mine, *_ = env.step(np.zeros((3, 12)))
@@ -52,9 +52,14 @@ def test_a_zero_correction_walks_the_base_bit_for_bit():
 
 def test_corrections_reach_the_joints_scaled_by_the_authority():
     env, seen = residual(1)
-    targets = compose(seen[:, -12:] + HOME_POSE.astype(np.float32), np.full((1, 12), np.float32(0.5)), env.authority)
+    targets = compose(
+        SIMPLE_QUAD,
+        seen[:, -12:] + SIMPLE_QUAD.home_pose.astype(np.float32),
+        np.full((1, 12), np.float32(0.5)),
+        env.authority,
+    )
     seen, *_ = env.step(np.full((1, 12), 0.5))
-    np.testing.assert_allclose(seen[0, OBSERVATION["previous_action"]], targets[0] - HOME_POSE, atol=1e-6)
+    np.testing.assert_allclose(seen[0, OBSERVATION["previous_action"]], targets[0] - SIMPLE_QUAD.home_pose, atol=1e-6)
 
 
 def test_the_final_observation_is_the_last_one_seen_by_a_robot_that_was_never_reset():
@@ -80,7 +85,7 @@ def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_
     observation, fresh = reference.reset()
     trot.reset(2)
     action = trot.act(observation)
-    np.testing.assert_array_equal(seen, features(observation, trot.phase, action))
+    np.testing.assert_array_equal(seen, features(SIMPLE_QUAD, observation, trot.phase, action))
     np.testing.assert_array_equal(infos["command"], fresh["command"])
 
 

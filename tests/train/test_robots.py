@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.robots import TrainingRobots
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
-HOME = HOME_POSE.astype(np.float32)
+HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 
 
 def batches(*counts, steps=1000):

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
-import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -21,10 +20,12 @@ from policies.bundle import save as save_bundle
 from train.config import TrainConfig, to_dict
 from train.display import Display
 from train.interrupt import Interrupt
+from train.residual_env import ResidualVectorEnv
 from train.robots import TrainingRobots
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network, lower_noise
+from train.sb3.vec_env import TrainingVecEnv
 from train.validation import score, validate
 
 CHECKPOINT_PERIOD = 30.0
@@ -126,8 +127,9 @@ def schedules(config: TrainConfig, model: PPO, memory: Memory) -> list[BaseCallb
 
 def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     """The actor as it would be shipped: on a fresh base, without exploration noise."""
-    network = actor_network(model, config.ppo.activation)
-    return ResidualPolicy(policies.make(config.base), network, np.array(config.authority, np.float32), config.policy)
+    env = cast(ResidualVectorEnv, cast(TrainingVecEnv, model.get_env()).env)
+    base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
+    return ResidualPolicy(base, actor_network(model, config.ppo.activation), env.authority, config.policy)
 
 
 class Keeper(BaseCallback):

@@ -69,9 +69,9 @@ def _undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
     reference, recent, largest = np.zeros((len(seeds), 2)), np.zeros((len(seeds), 2)), 0.0
     for _ in range(STEPS):
         observation, *_ = env.step(policy.act(observation))
-        reference = next_reference(reference, observation)
+        reference = next_reference(reference, observation, env.dt)
         largest = max(largest, float(velocity_deviation(observation, reference, recent).max()))
-        recent = next_recent(recent, observation)
+        recent = next_recent(recent, observation, env.dt)
     env.close()
     return largest
 

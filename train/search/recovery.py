@@ -19,7 +19,7 @@ from policies.behaviour import Behaviour
 from policies.behaviour.recovery import PARAMETERS_FILE, RecoveryParameters, searched_parameters
 from policies.behaviour.transitions import State
 from policies.files import write_atomically
-from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.search.trot_cost import Panel
 
@@ -134,8 +134,8 @@ def bounds() -> tuple[list[float], list[float]]:
     low, high = [], []
     for name, like in asdict(searched_parameters()).items():
         if isinstance(like, tuple):
-            low += [*JOINT_LOWER[:3], *JOINT_LOWER[:3]]
-            high += [*JOINT_UPPER[:3], *JOINT_UPPER[:3]]
+            low += [*SIMPLE_QUAD.joint_lower[:3]] * 2
+            high += [*SIMPLE_QUAD.joint_upper[:3]] * 2
         elif _is_time(name):
             low.append(float(np.log(TIMES[0])))
             high.append(float(np.log(TIMES[1])))

@@ -34,7 +34,7 @@ class Panel(Policy):
     name = "panel"
 
     def __init__(self, members: list[Policy]) -> None:
-        super().__init__()
+        super().__init__(robot=members[0].robot, control_period=members[0].control_period)
         self._members = members
 
     def _allocate(self, num_envs: int) -> None:

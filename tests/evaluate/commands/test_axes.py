@@ -19,7 +19,7 @@ from evaluate.report.plots import fall_curves
 from evaluate.rollouts.progress import Forecast, duration
 from policies import bundle
 from policies.network import Network
-from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
+from policies.residual import ResidualPolicy, feature_count
 from quad_env.scenarios.axes import AXES
 
 
@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         sizes = (feature_count(base), 4, 12)
         weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
         network = Network(weights, tuple(np.full(size, 0.2 * seed, np.float32) for size in sizes[1:]), "tanh")
-        bundle.save(place / f"seed-{seed}", ResidualPolicy(base, network, DEFAULT_AUTHORITY, "r"), {}, "0" * 40)
+        bundle.save(place / f"seed-{seed}", ResidualPolicy(base, network, name="r"), {}, "0" * 40)
     seeds = [str(place / f"seed-{seed}") for seed in (0, 1)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("evaluate.rollouts.rollout.STEPS", 150)

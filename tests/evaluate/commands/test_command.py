@@ -19,7 +19,7 @@ from evaluate.records.store import FILES
 from policies import bundle
 from policies.files import FolderInUse, sole_use
 from policies.network import Network
-from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
+from policies.residual import ResidualPolicy, feature_count
 
 PYTHON = (sys.executable, "-W", "error")
 LAUNCHERS = pytest.mark.parametrize("launcher", [("-m", "evaluate"), ("evaluate.py",)], ids=" ".join)
@@ -43,7 +43,7 @@ def bundle_folder(tmp_path: Path) -> Path:
     weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
     network = Network(weights, tuple(np.zeros(size, np.float32) for size in sizes[1:]), "tanh")
     folder = tmp_path / "trained"
-    bundle.save(folder, ResidualPolicy(base, network, DEFAULT_AUTHORITY, "residual"), {}, "0" * 40)
+    bundle.save(folder, ResidualPolicy(base, network, name="residual"), {}, "0" * 40)
     return folder
 
 

@@ -28,7 +28,7 @@ from evaluate.rollouts.experiment import Cell, Chunk, LabelledPolicy, Settings, 
 from policies import bundle
 from policies.files import write_atomically
 from policies.network import Network
-from policies.residual import DEFAULT_AUTHORITY, ResidualPolicy, feature_count
+from policies.residual import ResidualPolicy, feature_count
 from quad_env import SCENARIOS, StartNoise
 
 STEPS = 150
@@ -277,7 +277,7 @@ def trained(folder: Path, bias: float) -> Path:
     sizes = (feature_count(base), 4, 12)
     weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
     network = Network(weights, tuple(np.full(size, bias, np.float32) for size in sizes[1:]), "tanh")
-    bundle.save(folder, ResidualPolicy(base, network, DEFAULT_AUTHORITY, "residual"), {}, "0" * 40)
+    bundle.save(folder, ResidualPolicy(base, network, name="residual"), {}, "0" * 40)
     return folder
 
 

@@ -6,7 +6,7 @@ import pytest
 import policies
 from policies.article.printed import Document, PrintedGait, UnreachableFootWarning, printed_joint_angles, unreachable
 from quad_env import OBSERVATION_SIZE
-from quad_env.robots.robot import JOINT_LOWER, JOINT_UPPER
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 # φ -> fl, fr, hl, hr, each hip, thigh, calf: the reference values that the project goes by.
 REFERENCE = {
@@ -85,14 +85,14 @@ def test_array_of_phases_gives_the_scalar_answers():
 
 @pytest.mark.parametrize("foot", [(0.0, 0.15, -0.6000001), (0.5, 0.0, 0.5)])
 def test_unreachable_foot_is_answered_with_zeros(foot):
-    assert printed_joint_angles(np.array(foot)).tolist() == [0.0, 0.0, 0.0]
+    assert printed_joint_angles(SIMPLE_QUAD, np.array(foot)).tolist() == [0.0, 0.0, 0.0]
 
 
 def test_unreachable_foot_leaves_the_other_legs_alone():
-    feet = PrintedGait().feet(1.0, stance_start=0.0)
-    solved = printed_joint_angles(feet)
+    feet = PrintedGait().feet(SIMPLE_QUAD, 1.0, stance_start=0.0)
+    solved = printed_joint_angles(SIMPLE_QUAD, feet)
     feet[2, 2] = -0.7
-    assert np.array_equal(printed_joint_angles(feet)[[0, 1, 3]], solved[[0, 1, 3]])
+    assert np.array_equal(printed_joint_angles(SIMPLE_QUAD, feet)[[0, 1, 3]], solved[[0, 1, 3]])
 
 
 def test_a_foot_out_of_reach_is_told_once_and_changes_no_target():
@@ -105,11 +105,13 @@ def test_a_foot_out_of_reach_is_told_once_and_changes_no_target():
 
 
 def test_the_printed_figures_ask_for_no_foot_out_of_reach():
-    assert not unreachable(PrintedGait().feet(np.linspace(0.0, 2.0 * math.pi, 400), stance_start=0.0)).any()
+    assert not unreachable(
+        SIMPLE_QUAD, PrintedGait().feet(SIMPLE_QUAD, np.linspace(0.0, 2.0 * math.pi, 400), stance_start=0.0)
+    ).any()
 
 
 def test_limit_of_reach_and_a_foot_on_the_hip_are_finite():
-    assert np.isfinite(printed_joint_angles(np.array([[0.0, 0.15, -0.6], [0.0, 0.15, 0.0]]))).all()
+    assert np.isfinite(printed_joint_angles(SIMPLE_QUAD, np.array([[0.0, 0.15, -0.6], [0.0, 0.15, 0.0]]))).all()
 
 
 def test_first_action_is_that_of_one_tick_clipped_by_the_joint_limits():
@@ -117,7 +119,7 @@ def test_first_action_is_that_of_one_tick_clipped_by_the_joint_limits():
     action = policy.act(np.zeros(OBSERVATION_SIZE, np.float32))
     phase = 2.0 * math.pi * 2.0 * 0.01
     assert policy.phase == pytest.approx([phase])
-    expected = np.clip(policy.targets(phase), JOINT_LOWER, JOINT_UPPER)
+    expected = np.clip(policy.targets(phase), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
     np.testing.assert_allclose(action, expected, atol=1e-6)
     assert action[1] == np.float32(-1.5)  # printed pitch of -2.9 rad: the thigh sits at its stop
 

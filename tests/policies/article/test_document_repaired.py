@@ -6,7 +6,6 @@ import policies
 from policies.article.repaired import DocumentRepaired
 from policies.legs.kinematics import foot_positions
 from quad_env import OBSERVATION, OBSERVATION_SIZE
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 
@@ -52,9 +51,11 @@ def test_only_the_calf_meets_its_stop_and_only_in_swing():
 def test_it_starts_from_the_home_pose_and_ends_on_the_gait():
     policy = policies.make("document_repaired")
     actions = np.array([policy.act(np.zeros(OBSERVATION_SIZE, np.float32)) for _ in range(120)])
-    assert np.abs(actions[0] - HOME_POSE).max() < 0.01
+    assert np.abs(actions[0] - SIMPLE_QUAD.home_pose).max() < 0.01
     np.testing.assert_allclose(
-        actions[-1], np.clip(policy.targets(policy.phase[0]), JOINT_LOWER, JOINT_UPPER), atol=1e-6
+        actions[-1],
+        np.clip(policy.targets(policy.phase[0]), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper),
+        atol=1e-6,
     )
 
 

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import policies
+from policies.base import CONTROL_PERIOD
 from policies.behaviour import REQUESTS, TRANSITIONS, Behaviour, BehaviourMachine, RequestRefused, State
 from policies.behaviour import diagram as behaviour_diagram
 from policies.behaviour.event_log import Ring
@@ -14,7 +15,7 @@ from policies.behaviour.guards import conditions, leg_height
 from policies.behaviour.machine import refusal_reason
 from policies.behaviour.transitions import GUARDS, TIME_LIMIT, valid_requests
 from quad_env import OBSERVATION, OBSERVATION_SIZE
-from quad_env.robots.robot import HOME_HEIGHT, HOME_POSE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 RESTING = {State.PASSIVE, State.STAND, State.WALK, State.RUN, State.EMERGENCY_STOP}
 
@@ -72,7 +73,9 @@ def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_re
                 machine.observe(observation)
         else:
             for _ in range(min(steps, 12)):
-                machine._conditions = conditions(observation, machine._state, np.full(1, steps))
+                machine._conditions = conditions(
+                    SIMPLE_QUAD, CONTROL_PERIOD, observation, machine._state, np.full(1, steps)
+                )
             machine.request(row.request)
         assert machine.state[0] == row.target
         change = machine.changes()[-1]
@@ -238,13 +241,19 @@ def test_ring_keeps_order_over_its_end_and_takes_more_than_it_holds():
 
 def test_leg_height_of_the_home_pose_is_that_of_the_robot():
     gravity = np.array([[0.0, 0.0, -1.0]])
-    np.testing.assert_allclose(leg_height(gravity, HOME_POSE[None]), HOME_HEIGHT, atol=1e-9)
+    np.testing.assert_allclose(
+        leg_height(SIMPLE_QUAD, gravity, SIMPLE_QUAD.home_pose[None]), SIMPLE_QUAD.home_height, atol=1e-9
+    )
     # Upside down the lowest foot is that far above the trunk's centre, less the foot itself.
-    np.testing.assert_allclose(leg_height(-gravity, HOME_POSE[None]), -HOME_HEIGHT + 0.04, atol=1e-9)
+    np.testing.assert_allclose(
+        leg_height(SIMPLE_QUAD, -gravity, SIMPLE_QUAD.home_pose[None]), -SIMPLE_QUAD.home_height + 0.04, atol=1e-9
+    )
 
 
 def test_every_guard_of_the_table_is_a_condition():
-    assert set(GUARDS) <= set(conditions(reading(), np.zeros(1, np.int8), np.zeros(1, np.int64)))
+    assert set(GUARDS) <= set(
+        conditions(SIMPLE_QUAD, CONTROL_PERIOD, reading(), np.zeros(1, np.int8), np.zeros(1, np.int64))
+    )
 
 
 def test_committed_diagram_is_the_generated_one():
@@ -281,7 +290,7 @@ def test_emergency_stop_leaves_only_damping_from_the_next_action_on():
         policy.act(reading(2, command=(1.0, 0, 0)))
     policy.request("emergency_stop", np.array([True, False]))
     action = policy.act(reading(2, joints=joints, command=(1.0, 0, 0)))
-    np.testing.assert_allclose(action[0], np.clip(HOME_POSE + joints, -2.5, 1.5), atol=1e-6)
+    np.testing.assert_allclose(action[0], np.clip(SIMPLE_QUAD.home_pose + joints, -2.5, 1.5), atol=1e-6)
     assert np.abs(action[1] - action[0]).max() > 0.1
     assert policy.state.tolist() == [State.EMERGENCY_STOP, State.RUN]
 

@@ -7,36 +7,40 @@ import pytest
 from evaluate.studies.jump import jumped
 from evaluate.studies.jump import report as jump_report
 from evaluate.studies.recovery import recover, report
+from policies.base import CONTROL_PERIOD
 from policies.behaviour import Behaviour
-from policies.behaviour.jump import JUMP, Jump
+from policies.behaviour.jump import Jump, keyframes_of
 from policies.behaviour.recovery import Phase, Recovery, key_poses, searched_parameters
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SCENARIOS, AnyPose
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE, TORQUE_LIMIT
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.search.recovery import bounds, decoded, encoded
 
 FALLEN = replace(SCENARIOS["flat"], start=AnyPose())
 
 
-def jump(keyframes=JUMP, count=16):
+def jump(keyframes=None, count=16):
     """Outcome and policy of jumps through those keyframes."""
     policy = Behaviour(follow=False)
-    policy._motions = tuple((s, Jump(keyframes) if isinstance(m, Jump) else m) for s, m in policy._motions)
+    policy._motions = tuple(
+        (s, Jump(SIMPLE_QUAD, CONTROL_PERIOD, keyframes) if isinstance(m, Jump) else m) for s, m in policy._motions
+    )
     return jumped(policy, episode_seeds("search", 9, count)), policy
 
 
 def test_jump_rises_and_lands_standing():
     outcome, policy = jump()
     assert outcome.rise.min() >= 0.15
-    assert outcome.peak_torque <= TORQUE_LIMIT
+    assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque
     assert outcome.stands.all()
     assert {change.reason for change in policy.machine.changes()} == {"jump requested", "landed"}
     assert "landed standing: 16 of 16" in jump_report(outcome)
 
 
 def test_a_jump_without_a_thrust_does_not_rise():
-    outcome, _ = jump((JUMP[0], JUMP[3]), count=2)
+    crouch, *_, stand = keyframes_of(SIMPLE_QUAD)
+    outcome, _ = jump((crouch, stand), count=2)
     assert outcome.rise.max() < 0.05
     assert "landed standing: 0 of 2" in jump_report(outcome)
 
@@ -45,15 +49,15 @@ def test_nearly_every_robot_gets_up_from_any_pose():
     """At the 99.6 % that the whole study counts, 62 of 64 are missed in 0.2 % of samples; at 95 % in 63 %."""
     outcome = recover(episode_seeds("search", 3, 64))
     assert (outcome.standing_since <= 5.0).sum() >= 62
-    assert outcome.peak_torque <= TORQUE_LIMIT + 1e-9
+    assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque + 1e-9
     assert "of 64" in report(outcome)
 
 
 def test_key_poses_of_a_robot_lying_on_its_other_side_are_mirrored():
-    poses = key_poses(searched_parameters()).reshape(len(Phase), 2, 4, 3)
+    poses = key_poses(SIMPLE_QUAD, searched_parameters()).reshape(len(Phase), 2, 4, 3)
     mirrored = poses[:, :, [1, 0, 3, 2]] * (-1.0, 1.0, 1.0)
     np.testing.assert_allclose(poses[1:, 1], mirrored[1:, 0])
-    np.testing.assert_allclose(poses[Phase.STAND].reshape(2, 12), np.tile(HOME_POSE, (2, 1)))
+    np.testing.assert_allclose(poses[Phase.STAND].reshape(2, 12), np.tile(SIMPLE_QUAD.home_pose, (2, 1)))
 
 
 def lying(up, sideways=0.0, turning=0.0, joints=0.0):
@@ -67,12 +71,12 @@ def lying(up, sideways=0.0, turning=0.0, joints=0.0):
 
 def phases(*scenes):
     """Phases and targets of one robot that sees each of the scenes (observation, control steps) in turn."""
-    motion, found, targets = Recovery(), [], []
+    motion, found, targets = Recovery(SIMPLE_QUAD, CONTROL_PERIOD), [], []
     motion.reset(1)
-    motion.start(np.ones(1, bool), HOME_POSE[None])
+    motion.start(np.ones(1, bool), SIMPLE_QUAD.home_pose[None])
     for observation, steps in scenes:
         for _ in range(steps):
-            targets.append(motion.targets(np.zeros(1, int), observation, HOME_POSE[None])[0])
+            targets.append(motion.targets(np.zeros(1, int), observation, SIMPLE_QUAD.home_pose[None])[0])
             found.append(Phase(motion.phase[0]))
     return [phase for phase, _ in itertools.groupby(found)], np.array(targets)
 
@@ -88,7 +92,7 @@ def test_a_kick_begins_on_the_back_only():
 def test_a_robot_at_rest_on_its_side_gathers_its_legs_the_other_way_round():
     path, targets = phases((lying(up=0.0, sideways=1.0), 65))
     assert path == [Phase.SETTLE, Phase.GATHER, Phase.ROCK]
-    poses = key_poses(searched_parameters())[Phase.GATHER]
+    poses = key_poses(SIMPLE_QUAD, searched_parameters())[Phase.GATHER]
     np.testing.assert_allclose(targets[36], poses[1])
     np.testing.assert_allclose(targets[-1], poses[0])
 
@@ -96,7 +100,7 @@ def test_a_robot_at_rest_on_its_side_gathers_its_legs_the_other_way_round():
 def test_a_failed_kick_is_repeated_over_the_other_side():
     back = lying(up=-1.0, sideways=0.1)
     _, targets = phases((back, 300))
-    poses = key_poses(searched_parameters())[Phase.KICK]
+    poses = key_poses(SIMPLE_QUAD, searched_parameters())[Phase.KICK]
     first, second = (np.flatnonzero(np.isclose(targets, pose).all(axis=1)) for pose in poses[[1, 0]])
     assert first[0] < second[0]
 
@@ -118,7 +122,7 @@ def test_parameters_must_be_finite():
 def test_robots_started_one_after_another_keep_their_own_time():
     rng = np.random.default_rng(0)
     observations = rng.normal(size=(80, 2, 48))
-    together, alone = Recovery(), Recovery()
+    together, alone = Recovery(SIMPLE_QUAD, CONTROL_PERIOD), Recovery(SIMPLE_QUAD, CONTROL_PERIOD)
     together.reset(2), alone.reset(1)
     joints = rng.normal(size=(80, 2, 12))
     for step in range(80):

@@ -13,7 +13,6 @@ from policies.gaits.parameters import (
     GAITS,
     LIMITS,
     OFFSETS,
-    STAND_PARAMETERS,
     GaitParameters,
     chosen,
     froude,
@@ -24,7 +23,6 @@ from policies.gaits.parameters import (
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
 from policies.legs.kinematics import foot_positions
 from quad_env import OBSERVATION, OBSERVATION_SIZE
-from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 
@@ -43,7 +41,7 @@ def observe(command, count=1):
 
 def bare(gait, **changes):
     """A policy with the same bare numbers for all gaits that step."""
-    parameters = dict.fromkeys(OFFSETS, replace(BARE, **changes)) | {"stand": STAND_PARAMETERS}
+    parameters = dict.fromkeys(OFFSETS, replace(BARE, **changes))
     return Gaits(gait, parameters=parameters)
 
 
@@ -55,7 +53,7 @@ def steps(policy, command, count):
 
 def feet(actions):
     """Feet in the base frame, (steps, 4, 3), of the first robot."""
-    return foot_positions(SIMPLE_QUAD, actions[:, 0].reshape(-1, 4, 3)) + HIP_POSITIONS
+    return foot_positions(SIMPLE_QUAD, actions[:, 0].reshape(-1, 4, 3)) + SIMPLE_QUAD.hip_positions
 
 
 def touch_downs(swing):
@@ -111,7 +109,7 @@ def test_standing_feet_move_against_the_commanded_velocity_at_their_place(comman
 def test_a_held_command_gives_strides_about_the_middle_of_speed_times_stance_time():
     policy = bare("trot", stance_shift=-0.05)
     steps(policy, (0.5, 0.0, 0.0), 200)
-    where = feet(steps(policy, (0.5, 0.0, 0.0), 80)[0])[:, :, 0] - HIP_POSITIONS[:, 0]
+    where = feet(steps(policy, (0.5, 0.0, 0.0), 80)[0])[:, :, 0] - SIMPLE_QUAD.hip_positions[:, 0]
     # 0.5 m/s for 0.6 of 0.4 s; the cycloid overshoots both ends a little.
     np.testing.assert_allclose(np.ptp(where, axis=0), 0.12, rtol=0.2)
     np.testing.assert_allclose(where.max(axis=0) + where.min(axis=0), -0.1, atol=0.01)
@@ -120,13 +118,15 @@ def test_a_held_command_gives_strides_about_the_middle_of_speed_times_stance_tim
 def test_froude_number_by_hand():
     # 0.5 m/s on 0.4 m; sqrt(0.3² + 0.4²) = 0.5 too; 1 rad/s about a hip at sqrt(0.25² + 0.15²) m.
     command = np.array([[0.5, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(froude(command, np.full(3, 0.4)), [0.06371, 0.06371, 0.021662], rtol=1e-4)
+    np.testing.assert_allclose(froude(SIMPLE_QUAD, command, np.full(3, 0.4)), [0.06371, 0.06371, 0.021662], rtol=1e-4)
 
 
 def test_frequency_rises_and_duty_falls_with_the_root_of_the_froude_number_up_to_one():
     values = np.tile(row(replace(BARE, frequency_rise=1.0, duty_fall=0.1)), (3, 1))
     one = np.sqrt(9.81 * 0.4)
-    frequency, duty = chosen(values, np.array([[0.0, 0.0, 0.0], [0.5 * one, 0.0, 0.0], [2.0 * one, 0.0, 0.0]]))
+    frequency, duty = chosen(
+        SIMPLE_QUAD, values, np.array([[0.0, 0.0, 0.0], [0.5 * one, 0.0, 0.0], [2.0 * one, 0.0, 0.0]])
+    )
     np.testing.assert_allclose(frequency, [2.5, 3.0, 3.5])
     np.testing.assert_allclose(duty, [0.6, 0.55, 0.5])
 
@@ -175,7 +175,7 @@ def test_standing_comes_to_rest_in_the_home_pose_with_every_swing_finished(first
         action = policy.act(observe((0.4, 0.1, 0.2), 16))
         swings.append(policy.swing)
     assert policy.settled.all()
-    np.testing.assert_allclose(action, np.tile(HOME_POSE, (16, 1)), atol=0.03)
+    np.testing.assert_allclose(action, np.tile(SIMPLE_QUAD.home_pose, (16, 1)), atol=0.03)
     still = steps(policy, (0.4, 0.1, 0.2), 5)[0]
     assert (np.abs(still - still[0]) < 1e-6).all()
     # A swing lasts its time: (1 - duty)/rate is 0.1 s in the stand's own steps and more in some gaits; none is cut off.
@@ -236,14 +236,14 @@ def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatc
         file.write_text(content)
     monkeypatch.setattr("policies.gaits.parameters.PARAMETERS_FILE", file)
     searched_parameters.cache_clear()
-    with pytest.raises(policies.PolicyError, match=r"train\.tune_gait"):
+    with pytest.raises(policies.PolicyError, match=r"python -m train search gait"):
         policies.make("walk")
     searched_parameters.cache_clear()
 
 
 def test_the_file_holds_every_gait_within_the_limits_and_a_walk_of_at_least_three_quarters():
     found = searched_parameters()
-    assert set(found) == set(GAITS)
+    assert set(found) == set(OFFSETS)
     assert found["walk"].duty - found["walk"].duty_fall >= 0.75
     assert set(LIMITS) == set(json.loads(json.dumps(vars(BARE))))
 

@@ -12,9 +12,9 @@ from policies.legs.footholds import (
     swung,
     within_reach,
 )
-from quad_env.robots.robot import HIP_POSITIONS
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-HIPS = (HIP_POSITIONS[:, 0:1], HIP_POSITIONS[:, 1:2])
+HIPS = (SIMPLE_QUAD.hip_positions[:, 0:1], SIMPLE_QUAD.hip_positions[:, 1:2])
 NONE = np.zeros(1)
 GAINS = (0.1, 0.2, 0.05)
 

@@ -8,6 +8,7 @@ from policies.legs.ground import EVEN, LARGEST_ROUGHNESS, GroundSense
 from policies.legs.ground_plane import STEEPEST, above, carried, fitted, renewed
 from policies.legs.level_frame import level_frame
 from policies.legs.proprioception import Senses
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 FEET_X, FEET_Y = np.array([[0.3, 0.2, -0.2, -0.3]]).T, np.array([[0.2, -0.3, 0.3, -0.2]]).T
 UNDISTURBED = np.ones(1, bool)
@@ -68,7 +69,7 @@ def feet_on(forward, lateral, twist=0.0):
 
 
 def felt(senses, seconds=1.0, plane_filter=0.1):
-    ground = GroundSense(plane_filter)
+    ground = GroundSense(SIMPLE_QUAD, CONTROL_PERIOD, plane_filter)
     for _ in range(round(seconds / CONTROL_PERIOD)):
         ground.update(senses, np.ones((4, 1), bool), UNDISTURBED)
     return ground
@@ -92,7 +93,7 @@ def test_even_ground_is_not_rough_and_twisted_ground_is_by_what_is_beyond_even()
 
 
 def test_what_a_tumbling_robot_feels_is_not_taken_for_rough_ground():
-    ground = GroundSense(0.1)
+    ground = GroundSense(SIMPLE_QUAD, CONTROL_PERIOD, 0.1)
     for _ in range(100):
         ground.update(feet_on(0.0, 0.0, twist=0.1), np.ones((4, 1), bool), ~UNDISTURBED)
     assert ground.roughness.item() == ground.worst_roughness.item() == 0.0

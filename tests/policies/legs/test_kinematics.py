@@ -5,11 +5,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from policies.legs.kinematics import foot_positions, joint_angles, leg_angles, reachable
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 legs = st.lists(
-    st.tuples(*(st.floats(low, high) for low, high in zip(JOINT_LOWER[:3], JOINT_UPPER[:3], strict=True))),
+    st.tuples(
+        *(
+            st.floats(low, high)
+            for low, high in zip(SIMPLE_QUAD.joint_lower[:3], SIMPLE_QUAD.joint_upper[:3], strict=True)
+        )
+    ),
     min_size=4,
     max_size=4,
 ).map(np.array)
@@ -25,7 +29,7 @@ def test_straight_legs_hang_below_the_thigh_joints():
 
 
 def test_home_pose_has_the_feet_right_below_the_thigh_joints():
-    feet = foot_positions(SIMPLE_QUAD, HOME_POSE.reshape(4, 3))
+    feet = foot_positions(SIMPLE_QUAD, SIMPLE_QUAD.home_pose.reshape(4, 3))
     np.testing.assert_allclose(feet[0], [0.0, 0.1, -0.6 * math.cos(0.5)], atol=1e-15)
 
 

@@ -13,14 +13,14 @@ import policies
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check
 from evaluate.measures.controlled_stop import Trace, controlled_stops
-from policies.base import Policy
+from policies.base import CONTROL_PERIOD, Policy
 from policies.safety import DeadlineMissed, Mode, PolicyProcessError, Safe, SafetyLimits, Watched
-from policies.safety.target_limits import SERVO_DAMPING, SERVO_STIFFNESS, limited
+from policies.safety.target_limits import limited
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.columns import of_robots
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HOME_POSE, JOINT_LOWER, JOINT_UPPER, TORQUE_LIMIT
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 class Breaking(Policy):
@@ -93,7 +93,7 @@ def test_failing_policy_ends_in_a_controlled_stop_with_its_reason_in_the_log(bro
     policy = Safe(Breaking(broken))
     trace, torque = drive(policy)
     assert controlled_stops(trace, np.full(3, 350)).all()
-    assert torque <= TORQUE_LIMIT
+    assert torque <= SIMPLE_QUAD.rated_torque
     assert policy.mode.tolist() == [Mode.STOP] * 3
     events = policy.events()
     assert [(event.step, event.robot, event.mode, event.reason) for event in events] == [
@@ -122,7 +122,7 @@ def test_failing_policy_may_be_followed_by_the_trot_or_by_damping():
     assert walking.mode.tolist() == [Mode.FALLBACK] * 3
     damped = Safe(Breaking(raising), on_failure="damp")
     trace, torque = drive(damped)
-    assert torque <= TORQUE_LIMIT
+    assert torque <= SIMPLE_QUAD.rated_torque
     assert (trace.joint_speed[-1] < 0.5).all()
     with pytest.raises(ValueError, match="fallback"):
         Safe(policies.make("trot"), on_failure="fallback")
@@ -143,7 +143,7 @@ def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped():
     assert policy.events()[0].step == 101
     assert "DeadlineMissed" in policy.failures()[0]
     assert controlled_stops(trace, np.full(3, 350)).all()
-    assert torque <= TORQUE_LIMIT
+    assert torque <= SIMPLE_QUAD.rated_torque
 
 
 @pytest.mark.parametrize("robots", [1, 1024])  # the second's observations are more than a pipe holds
@@ -197,8 +197,8 @@ def test_emergency_stop_is_obeyed_by_the_next_action_and_until_a_reset():
         policy.act(observation)
     policy.emergency_stop(np.array([True, False]), damp=True)
     action = policy.act(observation)
-    np.testing.assert_allclose(action[0], HOME_POSE, atol=1e-6)
-    assert np.abs(action[1] - HOME_POSE).max() > 0.01
+    np.testing.assert_allclose(action[0], SIMPLE_QUAD.home_pose, atol=1e-6)
+    assert np.abs(action[1] - SIMPLE_QUAD.home_pose).max() > 0.01
     assert policy.events()[-1].reason == "emergency stop requested"
     for _ in range(5):
         policy.act(observation)
@@ -243,42 +243,56 @@ joint_rows = st.lists(st.floats(-3.0, 3.0), min_size=12, max_size=12)
 
 @given(joint_rows, joint_rows, st.lists(st.floats(-15.0, 15.0), min_size=12, max_size=12), st.floats(20.0, 100.0))
 def test_limited_targets_ask_for_no_torque_above_the_limit_and_stay_in_range(target, previous, speed, torque):
-    joints = np.clip(np.array([previous]) * 0.3, JOINT_LOWER, JOINT_UPPER)
+    joints = np.clip(np.array([previous]) * 0.3, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
     speeds = np.array([speed])
-    result = limited(np.array([target]), joints, joints, speeds, SafetyLimits(torque=torque))
-    asked = SERVO_STIFFNESS * (result - joints) - SERVO_DAMPING * speeds
-    inside = (result > JOINT_LOWER) & (result < JOINT_UPPER)  # at a joint's end the range counts
+    result = limited(
+        SIMPLE_QUAD, CONTROL_PERIOD, np.array([target]), joints, joints, speeds, SafetyLimits(torque=torque)
+    )
+    asked = SIMPLE_QUAD.servo_stiffness * (result - joints) - SIMPLE_QUAD.servo_damping * speeds
+    inside = (result > SIMPLE_QUAD.joint_lower) & (
+        result < SIMPLE_QUAD.joint_upper
+    )  # at a joint's end the range counts
     assert (np.abs(asked[inside]) <= torque + 1e-9).all()
-    assert ((result >= JOINT_LOWER) & (result <= JOINT_UPPER)).all()
+    assert ((result >= SIMPLE_QUAD.joint_lower) & (result <= SIMPLE_QUAD.joint_upper)).all()
 
 
 def test_the_limits_of_a_weaker_actuator_follow_its_torque_speed_line_and_its_delay():
     """By hand: 40 N·m and 10 rad/s leave a joint at 5 rad/s 20 N·m to drive it on and all 40 to brake it; 0.01 s on
     it has turned by 0.05 rad. A target is (torque + 10 · 5) / 300 from there."""
-    limits = SafetyLimits.of(Actuator(TorqueSpeed(40.0, 10.0), delay=0.01))
+    limits = SafetyLimits.of(SIMPLE_QUAD, Actuator(TorqueSpeed(40.0, 10.0), delay=0.01))
     joints, speeds, far = np.zeros((1, 12)), np.full((1, 12), 5.0), np.full((1, 12), 2.0)
     thigh = (0, 1)
-    assert limited(far, far, joints, speeds, limits)[thigh] == pytest.approx(0.05 + (20.0 + 50.0) / 300.0)
-    assert limited(-far, -far, joints, speeds, limits)[thigh] == pytest.approx(0.05 + (-40.0 + 50.0) / 300.0)
+    assert limited(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, speeds, limits)[thigh] == pytest.approx(
+        0.05 + (20.0 + 50.0) / 300.0
+    )
+    assert limited(SIMPLE_QUAD, CONTROL_PERIOD, -far, -far, joints, speeds, limits)[thigh] == pytest.approx(
+        0.05 + (-40.0 + 50.0) / 300.0
+    )
     # Past the speed without load nothing drives the joint on.
-    assert limited(far, far, joints, 3.0 * speeds, limits)[thigh] == pytest.approx(0.15 + (0.0 + 150.0) / 300.0)
+    assert limited(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, 3.0 * speeds, limits)[thigh] == pytest.approx(
+        0.15 + (0.0 + 150.0) / 300.0
+    )
 
 
 def test_the_safety_layer_of_a_run_knows_the_actuator_of_its_robots(tmp_path):
     plan = check(Options(out=tmp_path, policies=("safe:trot",), actuator="torque_speed", scenarios=("flat",)))
-    assert plan.policies[0].policy._limits == SafetyLimits.of("torque_speed") == SafetyLimits(no_load_speed=10.0)
-    assert SafetyLimits.of("ideal") == SafetyLimits()
-    assert SafetyLimits.of("motor").delay == 0.002
+    assert (
+        plan.policies[0].policy._limits
+        == SafetyLimits.of(SIMPLE_QUAD, "torque_speed")
+        == SafetyLimits(100.0, no_load_speed=10.0)
+    )
+    assert SafetyLimits.of(SIMPLE_QUAD) == SafetyLimits(SIMPLE_QUAD.rated_torque)
+    assert SafetyLimits.of(SIMPLE_QUAD, "motor").delay == 0.002
 
 
 def test_targets_change_no_faster_than_the_limit_and_not_further_along_a_joint_that_is_too_fast():
-    previous = joints = np.tile(HOME_POSE, (1, 1))
+    previous = joints = np.tile(SIMPLE_QUAD.home_pose, (1, 1))
     far, still = joints + 0.25, np.zeros((1, 12))
     limits = SafetyLimits(torque=1e6, target_rate=10.0, joint_speed=5.0)
-    np.testing.assert_allclose(limited(far, previous, joints, still, limits) - joints, 0.1)
+    np.testing.assert_allclose(limited(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, still, limits) - joints, 0.1)
     fast = np.full((1, 12), 6.0)
-    np.testing.assert_allclose(limited(far, previous, joints, fast, limits), joints)
-    np.testing.assert_allclose(limited(far, previous, joints, -fast, limits) - joints, 0.1)
+    np.testing.assert_allclose(limited(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, fast, limits), joints)
+    np.testing.assert_allclose(limited(SIMPLE_QUAD, CONTROL_PERIOD, far, previous, joints, -fast, limits) - joints, 0.1)
 
 
 def test_undisturbed_trot_passes_the_layer_unchanged():

@@ -10,7 +10,6 @@ from policies.safety.brace import RELEASE_TIME, REST_TIME, braced
 from policies.safety.fall_prediction import RECENT_TIME, next_recent, next_reference, velocity_deviation
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
@@ -47,7 +46,7 @@ def test_predicted_fall_is_braced_for_until_the_robot_is_at_rest_and_then_blende
     policy.reset(1)
     policy.act(moving((0.0, 0.0, 0.0), command=(0.5, 0.0, 1.0)))
     wide = policy.act(moving(PUSHED, command=(0.5, 0.0, 1.0)))
-    np.testing.assert_allclose(wide, braced(moving(PUSHED)), atol=1e-6)
+    np.testing.assert_allclose(wide, braced(SIMPLE_QUAD, moving(PUSHED)), atol=1e-6)
     assert policy.mode[0] == Mode.CATCH
     assert not told.notes[-1].any()
     for _ in range(50):
@@ -119,20 +118,25 @@ def test_second_brace_starts_afresh():
 
 
 def test_brace_is_wide_and_low_and_lets_the_side_down_that_rises():
-    level = foot_positions(SIMPLE_QUAD, braced(moving((0.0, 0.0, 0.0))).reshape(4, 3)) + HIP_POSITIONS
-    home = foot_positions(SIMPLE_QUAD, HOME_POSE.reshape(4, 3)) + HIP_POSITIONS
+    level = (
+        foot_positions(SIMPLE_QUAD, braced(SIMPLE_QUAD, moving((0.0, 0.0, 0.0))).reshape(4, 3))
+        + SIMPLE_QUAD.hip_positions
+    )
+    home = foot_positions(SIMPLE_QUAD, SIMPLE_QUAD.home_pose.reshape(4, 3)) + SIMPLE_QUAD.hip_positions
     assert (np.abs(level[:, 1]) > np.abs(home[:, 1])).all()
     assert (level[:, 2] > home[:, 2]).all()
     rolling = (
-        foot_positions(SIMPLE_QUAD, braced(moving((0.0, 0.0, 0.0), turning=(0.5, 0.0, 0.0))).reshape(4, 3))
-        + HIP_POSITIONS
+        foot_positions(SIMPLE_QUAD, braced(SIMPLE_QUAD, moving((0.0, 0.0, 0.0), turning=(0.5, 0.0, 0.0))).reshape(4, 3))
+        + SIMPLE_QUAD.hip_positions
     )
     pitching = (
-        foot_positions(SIMPLE_QUAD, braced(moving((0.0, 0.0, 0.0), turning=(0.0, 0.5, 0.0))).reshape(4, 3))
-        + HIP_POSITIONS
+        foot_positions(SIMPLE_QUAD, braced(SIMPLE_QUAD, moving((0.0, 0.0, 0.0), turning=(0.0, 0.5, 0.0))).reshape(4, 3))
+        + SIMPLE_QUAD.hip_positions
     )
-    assert (np.sign(rolling - level)[:, 2] == SIDE).all()  # +x turns the left side up
-    assert (np.sign(pitching - level)[:, 2] == -np.sign(HIP_POSITIONS[:, 0])).all()  # +y turns the nose down
+    assert (np.sign(rolling - level)[:, 2] == SIMPLE_QUAD.side).all()  # +x turns the left side up
+    assert (
+        np.sign(pitching - level)[:, 2] == -np.sign(SIMPLE_QUAD.hip_positions[:, 0])
+    ).all()  # +y turns the nose down
 
 
 def test_pushed_robots_that_fall_alone_recover_with_the_layer_and_each_has_the_bits_of_a_batch():
@@ -164,7 +168,7 @@ def test_velocity_deviation_is_the_lesser_of_the_speeds_off_the_reference_and_of
 def test_velocity_of_late_lags_by_its_time():
     recent = np.zeros((1, 2))
     for _ in range(round(RECENT_TIME / CONTROL_PERIOD)):
-        recent = next_recent(recent, moving((1.0, -2.0, 0.0)))
+        recent = next_recent(recent, moving((1.0, -2.0, 0.0)), CONTROL_PERIOD)
     np.testing.assert_allclose(recent, [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.05)
 
 
@@ -183,5 +187,5 @@ def test_reference_lags_the_command_by_its_response_time():
     observation[:, OBSERVATION["command"]] = (1.0, -2.0, 0.0)
     reference = np.zeros((1, 2))
     for _ in range(25):
-        reference = next_reference(reference, observation)
+        reference = next_reference(reference, observation, CONTROL_PERIOD)
     np.testing.assert_allclose(reference, [[1 - np.exp(-1), -2 * (1 - np.exp(-1))]], rtol=0.03)

@@ -13,7 +13,6 @@ from evaluate.rollouts import rollout
 from policies.gait import TROT_OFFSETS, Gait
 from policies.legs.foot_path import lift
 from policies.legs.kinematics import foot_positions
-from policies.legs.stance_load import SERVO_STIFFNESS
 from policies.trot.open_loop import (
     LIMITS,
     SEARCH_RANGES,
@@ -23,7 +22,6 @@ from policies.trot.open_loop import (
     searched_parameters,
 )
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SCENARIOS, CommandRanges
-from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, JOINT_LOWER, JOINT_UPPER
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 
@@ -66,7 +64,7 @@ def steady(parameters, command, steps=80, settle=40):
 
 def feet(actions):
     """Feet in the base frame, (steps, 4, 3)."""
-    return foot_positions(SIMPLE_QUAD, actions.reshape(-1, 4, 3)) + HIP_POSITIONS
+    return foot_positions(SIMPLE_QUAD, actions.reshape(-1, 4, 3)) + SIMPLE_QUAD.hip_positions
 
 
 @pytest.mark.parametrize("command", [(1.0, 0.0, 0.0), (0.0, -0.5, 0.0), (0.0, 0.0, 1.0), (-0.6, 0.4, -0.8)])
@@ -145,7 +143,7 @@ def test_turn_lead_turns_the_velocity_into_the_curve_by_hand():
 def test_it_sets_out_from_the_home_pose():
     policy = Trot(BARE)
     actions = np.array([policy.act(observe((1.5, 0.8, 1.2))) for _ in range(30)])
-    assert np.abs(actions[0] - HOME_POSE).max() < 0.01
+    assert np.abs(actions[0] - SIMPLE_QUAD.home_pose).max() < 0.01
     assert np.abs(np.diff(actions, axis=0)).max() < 0.2
     settled, _ = steady(BARE, (1.5, 0.8, 1.2), settle=29, steps=1)
     np.testing.assert_array_equal(actions[29], settled[0])
@@ -155,7 +153,9 @@ def test_servo_lead_runs_ahead_along_the_tangent():
     bare, _ = steady(BARE, (0.6, 0.2, 0.4))
     led, _ = steady(replace(BARE, servo_lead=0.02), (0.6, 0.2, 0.4))
     np.testing.assert_allclose(
-        led[1:], np.clip(bare[1:] + 2.0 * np.diff(bare, axis=0), JOINT_LOWER, JOINT_UPPER), atol=1e-5
+        led[1:],
+        np.clip(bare[1:] + 2.0 * np.diff(bare, axis=0), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper),
+        atol=1e-5,
     )
 
 
@@ -163,27 +163,31 @@ def test_targets_of_a_loaded_leg_differ_by_the_work_of_the_force():
     # Virtual work: torque on joint i = F ∂z/∂q_i, here by central differences of the forward kinematics.
     joints, force, h = np.array([[0.1, 0.7, -1.3], [-0.2, 0.4, -0.9], [0.3, 0.2, -0.8], [0.0, 0.9, -1.6]]), 70.0, 1e-6
     foot = foot_positions(SIMPLE_QUAD, joints)
-    targets = np.stack(held_up(*joints.T, foot[:, 0], foot[:, 1], np.full(4, force)), axis=-1)
+    targets = np.stack(held_up(SIMPLE_QUAD, *joints.T, foot[:, 0], foot[:, 1], np.full(4, force)), axis=-1)
     for joint in range(3):
         step = h * np.eye(3)[joint]
         slope = (
             foot_positions(SIMPLE_QUAD, joints + step)[:, 2] - foot_positions(SIMPLE_QUAD, joints - step)[:, 2]
         ) / (2 * h)
-        np.testing.assert_allclose(targets[:, joint] - joints[:, joint], -force * slope / SERVO_STIFFNESS, atol=1e-8)
+        np.testing.assert_allclose(
+            targets[:, joint] - joints[:, joint], -force * slope / SIMPLE_QUAD.servo_stiffness, atol=1e-8
+        )
 
 
 def test_servo_stiffness_is_the_models():
     env = gym.make("SimpleQuad-v0")
     gains = env.unwrapped.model.actuator_gainprm[:, 0]
     env.close()
-    assert (gains == SERVO_STIFFNESS).all()
+    assert (gains == SIMPLE_QUAD.servo_stiffness).all()
 
 
 def limited(parameters, command):
     """Shares of the standing and of the swinging legs that have a joint at its limit, at a held command."""
     actions, phases = steady(parameters, command, settle=100)
     legs = actions.reshape(-1, 4, 3).astype(np.float32)
-    lower, upper = (limit.astype(np.float32).reshape(4, 3) for limit in (JOINT_LOWER, JOINT_UPPER))
+    lower, upper = (
+        limit.astype(np.float32).reshape(4, 3) for limit in (SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
+    )
     at_limit = ((legs == lower) | (legs == upper)).any(axis=-1)
     swing = Gait(TROT_OFFSETS, parameters.duty).legs(phases).swing
     return at_limit[~swing].mean(), at_limit[swing].mean()
@@ -222,7 +226,7 @@ def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatc
         file.write_text(content)
     monkeypatch.setattr("policies.trot.open_loop.PARAMETERS_FILE", file)
     searched_parameters.cache_clear()
-    with pytest.raises(policies.PolicyError, match=r"train\.tune_trot"):
+    with pytest.raises(policies.PolicyError, match=r"train search trot"):
         policies.make("trot")
 
 

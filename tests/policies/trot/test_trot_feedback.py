@@ -24,7 +24,6 @@ from policies.trot.feedback_parameters import (
 )
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.robot import HIP_POSITIONS, HOME_POSE, SIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
@@ -90,7 +89,7 @@ def observation(**readings):
 
 def feet(action):
     """Feet in the base frame that the targets are for, (4, 3), m."""
-    return foot_positions(SIMPLE_QUAD, action.astype(np.float64).reshape(4, 3)) + HIP_POSITIONS
+    return foot_positions(SIMPLE_QUAD, action.astype(np.float64).reshape(4, 3)) + SIMPLE_QUAD.hip_positions
 
 
 def answer(changes, steps=3, **readings):
@@ -173,7 +172,7 @@ def test_while_a_push_is_caught_the_clock_runs_faster():
 
 def test_turning_too_fast_turns_the_swinging_feet_about_the_trunk():
     moved, standing = answer({"yaw_step": 0.1}, steps=6, angular_velocity=(0.0, 0.0, 0.5))
-    torque = HIP_POSITIONS[:, 0] * moved[:, 1] - HIP_POSITIONS[:, 1] * moved[:, 0]
+    torque = SIMPLE_QUAD.hip_positions[:, 0] * moved[:, 1] - SIMPLE_QUAD.hip_positions[:, 1] * moved[:, 0]
     assert (torque[~standing] > 0.001).all()
 
 
@@ -186,7 +185,7 @@ def test_standing_feet_push_along_with_a_velocity_error_so_that_the_trunk_is_hel
 
 def test_standing_feet_that_push_against_a_yaw_error_make_a_couple():
     moved, standing = answer({"yaw_push": 0.05}, angular_velocity=(0.0, 0.0, 0.5))
-    torque = HIP_POSITIONS[:, 0] * moved[:, 1] - HIP_POSITIONS[:, 1] * moved[:, 0]
+    torque = SIMPLE_QUAD.hip_positions[:, 0] * moved[:, 1] - SIMPLE_QUAD.hip_positions[:, 1] * moved[:, 0]
     assert (torque[standing] > 0.0005).all()
 
 
@@ -235,9 +234,12 @@ def test_bracing_ends_slowly_and_the_trot_goes_on():
 
 def on_slope(forward, lateral):
     """Reading of a level trunk whose feet stand on that slope, found by the inverse kinematics."""
-    x, y = HIP_POSITIONS[:, 0], HIP_POSITIONS[:, 1] + 0.1 * SIDE
+    x, y = SIMPLE_QUAD.hip_positions[:, 0], SIMPLE_QUAD.hip_positions[:, 1] + 0.1 * SIMPLE_QUAD.side
     z = -0.35 + forward * x + lateral * y
-    joints = joint_angles(SIMPLE_QUAD, np.stack([x, y, z], axis=-1) - HIP_POSITIONS).ravel() - HOME_POSE
+    joints = (
+        joint_angles(SIMPLE_QUAD, np.stack([x, y, z], axis=-1) - SIMPLE_QUAD.hip_positions).ravel()
+        - SIMPLE_QUAD.home_pose
+    )
     return observation(joint_position=joints)
 
 
@@ -266,10 +268,11 @@ def test_on_a_slope_the_legs_hang_along_gravity_and_the_trunk_leans_with_it():
 
 def on_a_stone(height):
     """Reading of a level trunk one of whose feet stands that much higher than the others, m."""
-    x, y = HIP_POSITIONS[:, 0], HIP_POSITIONS[:, 1] + 0.1 * SIDE
+    x, y = SIMPLE_QUAD.hip_positions[:, 0], SIMPLE_QUAD.hip_positions[:, 1] + 0.1 * SIMPLE_QUAD.side
     z = -0.35 + height * np.array([1.0, 0.0, 0.0, 0.0])
     return observation(
-        joint_position=joint_angles(SIMPLE_QUAD, np.stack([x, y, z], axis=-1) - HIP_POSITIONS).ravel() - HOME_POSE
+        joint_position=joint_angles(SIMPLE_QUAD, np.stack([x, y, z], axis=-1) - SIMPLE_QUAD.hip_positions).ravel()
+        - SIMPLE_QUAD.home_pose
     )
 
 

@@ -77,7 +77,7 @@ def test_the_exported_network_does_not_follow_the_learner():
 def test_a_bundle_of_a_run_acts_as_the_learner_does(tmp_path):
     config, model = learner()
     shaken(model)
-    authority = np.array(config.authority, np.float32)
+    authority = model.get_env().env.authority
     network = actor_network(model, config.ppo.activation)
     save(tmp_path, ResidualPolicy(policies.make("trot"), network, authority), {}, "unknown")
     policy, base = load(tmp_path), policies.make("trot")
@@ -90,7 +90,8 @@ def test_a_bundle_of_a_run_acts_as_the_learner_does(tmp_path):
         mean = model.policy.get_distribution(torch.from_numpy(inputs)).distribution.mean.numpy()
     expected = base_action + authority * mean.clip(-1, 1)
     action = policy.act(observation)
-    inside = (action > policies.base.LOWER) & (action < policies.base.UPPER)
+    space = model.get_env().env.unwrapped.batches[0].single_action_space
+    inside = (action > space.low) & (action < space.high)
     np.testing.assert_allclose(action[inside], expected[inside], atol=1e-5)
     assert inside.mean() > 0.8
 
