@@ -32,6 +32,7 @@ from benchmarks.support.progress import Advance, stage
 from evaluate.terminal import launcher
 from evaluate.terminal.command_line import UsageError
 from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges, scenario
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 JUDGED = ("flat", 1024)
 """Scenario and number of robots that the bar is for."""
@@ -125,7 +126,7 @@ class Walkers:
         self._policy.reset(count)
         self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
         """Latest, (n, k)."""
-        self.action: bare.Actions = np.zeros((count, 12), np.float32)
+        self.action: bare.Actions = np.zeros((count, SIMPLE_QUAD.num_joints), np.float32)
         """Of the latest step, (n, 12) rad."""
 
     def step(self) -> float:

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 ROOMS = (
     "quad_env",
@@ -72,6 +74,13 @@ def test_no_module_writes_the_name_of_a_leg(room: str) -> None:
     for path in modules(room):
         named = [text for text in texts(ast.parse(path.read_text())) if LEG.search(text)]
         assert not named, f"{path.relative_to(REPOSITORY)} names legs: {named}; take them from a Robot's leg_names"
+
+
+@pytest.mark.parametrize("room", ["quad_env", "evaluate/measures", "evaluate/records", "evaluate/rollouts"])
+def test_no_module_writes_how_many_joints_a_robot_has(room: str) -> None:
+    for path in modules(room):
+        numbers = [node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant)]
+        assert not any(type(number) is int and number == SIMPLE_QUAD.num_joints for number in numbers), path
 
 
 def test_what_is_looked_for_would_be_found() -> None:

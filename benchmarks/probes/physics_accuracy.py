@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 import policies
 from benchmarks.probes.physics_settings import Change, Setting, compiled, together
 from benchmarks.support.bars import ACCURACY
-from quad_env import ENV_ID
+from quad_env import ENV_ID, TaskConfig
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
-CONTROL_PERIOD = 0.01
+CONTROL_PERIOD = 1 / TaskConfig().control_rate
 """s"""
 COMMANDS = ((0.5, 0.0, 0.0), (1.2, 0.0, 0.0), (0.0, 0.5, 0.0), (-0.4, 0.0, 0.8))
 """Of the strides: forward m/s, lateral m/s, yaw rate rad/s."""

@@ -66,12 +66,12 @@ def walk(steps: int, seed: int = 0, command: tuple[float, float, float] = COMMAN
     env, policy = gym.make(ENV_ID), policies.make("trot")
     policy.reset()
     observation, _ = env.reset(seed=seed, options={"command": command})
-    actions = np.empty((steps, 12), np.float32)
-    for step in range(steps):
-        actions[step] = policy.act(observation)
-        observation, *_ = env.step(actions[step])
+    actions: list[Actions] = []
+    for _ in range(steps):
+        actions.append(policy.act(observation))
+        observation, *_ = env.step(actions[-1])
     env.close()
-    return actions
+    return np.array(actions)
 
 
 class Loop:
