@@ -3,10 +3,6 @@
 `gym.make("SimpleQuad-v0")` after this import, or `gym.make("quad_env:SimpleQuad-v0")` anywhere, worker processes too.
 """
 
-import contextlib
-import ctypes
-import os
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -45,12 +41,6 @@ if TYPE_CHECKING:
 
 ENV_ID = "SimpleQuad-v0"
 MAX_EPISODE_STEPS = 1000
-
-if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-    # MuJoCo picks its OpenGL platform when it is first imported; without a display its default cannot render.
-    with contextlib.suppress(OSError):
-        ctypes.CDLL("libEGL.so.1")
-        os.environ.setdefault("MUJOCO_GL", "egl")
 
 __all__ = [
     "ACTUATORS",

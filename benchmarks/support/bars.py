@@ -58,6 +58,7 @@ BARS = {
     "import": Bar("import quad_env / import gymnasium, time", "startup", (_most(1.15),)),
     "loaded": Bar("of mujoco and torch, loaded by import quad_env", "startup", (_most(0.0),)),
     "help": Bar("--help of evaluate and train, the slower", "startup", (_most(1.0, " s"),)),
+    "rendering": Bar("frames of 640 x 480, in software on one core", "rendering", (_least(15.0, "/s"),)),
     "memory": Bar("memory of 4096 envs", "growth", (_most(1.5, " GiB"),)),
 }
 

@@ -1,8 +1,9 @@
 """Checks of what callers hand to the environment: each gives the value in its own type or a ValueError that helps."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike
@@ -11,6 +12,8 @@ from quad_env.columns import Array, Mask
 from quad_env.config import COMMAND_BOUND, TaskConfig
 from quad_env.serialisation import from_plain
 
+MOST_PIXELS = 8192
+"""Longest side of a frame."""
 RESET_OPTIONS = ("command", "reset_mask")
 
 
@@ -24,6 +27,18 @@ def task_config(config: Any) -> TaskConfig:
     if config is not None and not isinstance(config, TaskConfig):
         raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
     return config or TaskConfig()
+
+
+def check_frame(width: int, height: int) -> None:
+    """Refuse a frame that is not of whole pixels."""
+    for name, pixels in (("width", width), ("height", height)):
+        if isinstance(pixels, bool) or not isinstance(pixels, int | np.integer) or not 1 <= pixels <= MOST_PIXELS:
+            raise ValueError(f"{name} is a whole number of pixels from 1 to {MOST_PIXELS}, got {pixels!r}")
+
+
+def warn_of_no_render_mode(modes: Sequence[str]) -> None:
+    """Gymnasium's own environments warn likewise, and render nothing."""
+    gym.logger.warn(f"render() without a render_mode gives None; make the environment with one of {', '.join(modes)}")
 
 
 def check_options(options: dict[str, Any]) -> None:

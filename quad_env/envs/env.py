@@ -13,7 +13,15 @@ from quad_env.actuation.delay import wires_of
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as find_actuator
 from quad_env.config import TaskConfig
-from quad_env.envs.arguments import check_options, held_commands, joint_targets, setting, task_config
+from quad_env.envs.arguments import (
+    check_frame,
+    check_options,
+    held_commands,
+    joint_targets,
+    setting,
+    task_config,
+    warn_of_no_render_mode,
+)
 from quad_env.envs.copying import MadeAgain
 from quad_env.envs.spaces import action_space, observation_space
 from quad_env.envs.vector_env import Observation
@@ -58,6 +66,7 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
     """
 
     _KEPT = ("spec", "_seed", "_next_episode")
+    _view: Any = None  # so that what was made in part can be closed
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
 
     def __init__(
@@ -75,6 +84,7 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
+        check_frame(width, height)
         self.scenario = find_scenario(setting(scenario))
         """What the robot has to cope with."""
         self.config = task_config(setting(config))
@@ -103,7 +113,6 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         self._fall = 0
         self._diverged = self._terminated = False
         self._frame = (width, height, camera)
-        self._view: Any = None
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -211,9 +220,10 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         return info
 
     def render(self) -> NDArray[Any] | None:
-        """The current frame: (height, width, 3) uint8, (height, width) float32 in m, or None for "human"."""
+        """The current frame: (height, width, 3) uint8, (height, width) float32 in m, or None for "human" or no mode."""
         if self.render_mode is None:
-            raise gym.error.Error("render_mode is None; choose one: gym.make('SimpleQuad-v0', render_mode='rgb_array')")
+            warn_of_no_render_mode(RENDER_MODES)
+            return None
         if self._view is None:
             from quad_env.physics.rendering import Camera, Window
 

@@ -23,6 +23,7 @@ from quad_env.envs.arguments import (
     reset_mask,
     setting,
     task_config,
+    warn_of_no_render_mode,
 )
 from quad_env.envs.copying import MadeAgain
 from quad_env.envs.spaces import action_space, observation_space
@@ -74,6 +75,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
     """
 
     _KEPT = ("spec", "_schedule")
+    _camera: Any = None  # so that what was made in part can be closed
 
     def __init__(
         self,
@@ -131,7 +133,6 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
         self._observation: Observation = np.zeros((num_envs, self._table.size), np.float32)
         self._followed, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
         self._diverged, self._fall = np.zeros(num_envs, bool), np.zeros(num_envs, np.int8)
-        self._camera: Any = None
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
@@ -186,6 +187,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
     def render(self) -> tuple[NDArray[Any], ...] | None:
         """A frame of each robot: (480, 640, 3) uint8, or (480, 640) float32 in m; None without a render_mode."""
         if self.render_mode is None:
+            warn_of_no_render_mode(RENDER_MODES)
             return None
         if self._camera is None:
             from quad_env.physics.rendering import Camera

@@ -1,11 +1,14 @@
 """Frames and windows of a simulated robot."""
 
+import ctypes
+import importlib
 import os
 import sys
 from typing import Any
 
 import mujoco
 import numpy as np
+from mujoco.rendering.classic import gl_context
 from numpy.typing import NDArray
 
 
@@ -16,6 +19,8 @@ class Camera:
         names = [model.camera(i).name for i in range(model.ncam)]
         if camera not in names:
             raise ValueError(f"unknown camera {camera!r}; valid: {', '.join(names)}")
+        if _no_display():
+            _render_without_a_display()
         self._camera = camera
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._renderer = mujoco.Renderer(model, height, width)
@@ -35,7 +40,7 @@ class Window:
     """MuJoCo's passive viewer; needs a display."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        if _no_display():
             raise RuntimeError("render_mode='human' needs a display; use 'rgb_array', or start a virtual display")
         from mujoco import viewer
 
@@ -56,3 +61,23 @@ class Window:
     def close(self) -> None:
         """Close the window."""
         self._viewer.close()
+
+
+def _no_display() -> bool:
+    return sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _render_without_a_display() -> None:
+    """Have MuJoCo use EGL, unless MUJOCO_GL says otherwise; by itself it reads that when it is imported, and only then.
+
+    Raises:
+        RuntimeError: there is no EGL.
+    """
+    if "MUJOCO_GL" not in os.environ:
+        try:
+            ctypes.CDLL("libEGL.so.1")
+        except OSError:
+            remedy = "install EGL (Debian: libegl1 libgl1-mesa-dri), or set MUJOCO_GL=osmesa"
+            raise RuntimeError(f"nothing can be rendered without a display: {remedy}") from None
+        os.environ["MUJOCO_GL"] = "egl"
+    importlib.reload(gl_context)

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.support.command import WIDTH
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
-COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "growth")
+COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "growth", "rendering")
 
 
 def run(name: str, *arguments: object) -> int:
@@ -51,6 +51,13 @@ def test_vector_env_bills_a_share_of_a_reset(tmp_path: Path, capsys) -> None:
     found = figures("vector_env", tmp_path / "kept.json", capsys.readouterr().out)
     assert set(found) == {"flat 1", "flat 3", "rough 1", "rough 3"}
     assert all(each["reset_us"]["median"] > 0 for each in found.values())
+
+
+@pytest.mark.rendering
+def test_rendering_counts_frames_of_every_ground(tmp_path: Path, capsys) -> None:
+    assert run("rendering", "--quick", "--json", tmp_path / "kept.json") == 0
+    rates = figures("rendering", tmp_path / "kept.json", capsys.readouterr().out)["frames_a_second"]
+    assert all(rates[ground]["median"] > 0 for ground in ("flat", "stairs", "rough"))
 
 
 def test_peers_in_a_process_of_its_own(tmp_path: Path, repository: Path) -> None:

@@ -1,10 +1,9 @@
-"""The single environment: checkers, rendering, copies, worker processes."""
+"""The single environment: checkers, copies, worker processes."""
 
 import copy
 import multiprocessing
 import pickle
 import warnings
-from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import quad_env
-from quad_env.envs.env import SimpleQuadEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
@@ -109,35 +107,3 @@ def test_info_keys_are_those_of_the_contract() -> None:
         assert found["diverged"] is False
     reward = env.step(SIMPLE_QUAD.home_pose.astype(np.float32))
     assert reward[1] == pytest.approx(sum(value for key, value in reward[4].items() if key.startswith("reward_")))
-
-
-@pytest.mark.rendering
-def test_frames_show_the_robot_where_the_tracking_camera_looks() -> None:
-    env = gym.make("SimpleQuad-v0", render_mode="rgb_array")
-    env.reset(seed=0)
-    frame: Any = env.render()
-    assert frame.shape == (480, 640, 3)
-    assert frame.dtype == np.uint8
-    middle = frame[180:300, 220:420].astype(int)
-    assert ((middle[..., 2] > 120) & (middle[..., 0] < 60)).mean() > 0.05  # the trunk is blue
-    env.close()
-
-
-@pytest.mark.rendering
-def test_depth_is_metres_from_the_camera() -> None:
-    env = gym.make("SimpleQuad-v0", render_mode="depth_array", camera="side")
-    env.reset(seed=0)
-    depth: Any = env.render()
-    assert depth.shape == (480, 640)
-    assert 1.3 < depth[200:280, 270:370].min() < 2.1  # the camera is 2 m to the side
-    env.close()
-
-
-def test_rendering_mistakes_say_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ValueError, match="rgb_array"):
-        SimpleQuadEnv(render_mode="ascii")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    env = gym.make("SimpleQuad-v0", render_mode="human").unwrapped
-    with pytest.raises(RuntimeError, match="display"):
-        env.reset(seed=0)

@@ -1,0 +1,68 @@
+"""`python -m benchmarks.rendering`: frames a second of 640 x 480 pixels, as `gym.make` gives them.
+
+Counted in the processor's time, of all threads: what one core that renders in software manages, whatever else it does
+meanwhile. A graphics processor's work is not in it.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import gymnasium as gym
+
+from benchmarks.support.bars import check
+from benchmarks.support.command import Common, Outcome, cell, in_range, run, table
+from benchmarks.support.measure import Subject, interleave, spread
+from benchmarks.support.progress import stage
+from evaluate.terminal import launcher
+from quad_env import ENV_ID
+
+JUDGED = "flat"
+SCENARIOS = (JUDGED, "stairs", "rough")
+
+
+@dataclass(frozen=True)
+class Options(Common):
+    """One robot, seen by the camera that follows it, on several grounds."""
+
+    frames: int = 5
+    """Frames of each ground in a round (count)."""
+
+
+def measure(options: Options) -> Outcome:
+    """One table; the grounds take turns."""
+    if options.quick:
+        options = replace(options, rounds=1, frames=1)
+    in_range("--frames", options.frames, 1, 10**6)
+    envs = {name: gym.make(ENV_ID, scenario=name, render_mode="rgb_array") for name in SCENARIOS}
+    for env in envs.values():
+        env.reset(seed=0)
+    subjects = {name: _frame_of(env, options.frames) for name, env in envs.items()}
+    with stage("rendering", options.rounds + 1) as advance:
+        seconds = interleave(subjects, options.rounds, advance)
+    for env in envs.values():
+        env.close()
+    rates = {name: spread(1 / values) for name, values in seconds.items()}
+    rows = table("Rendering, 640 x 480", "ground", "frames a second of processor time")
+    for name, rate in rates.items():
+        rows.add_row(name, cell(rate, 1))
+    return Outcome({"frames_a_second": rates}, (rows,), (check("rendering", rates[JUDGED].median),))
+
+
+def _frame_of(env: gym.Env, frames: int) -> Subject:
+    def draw() -> float:
+        begin = time.process_time()
+        for _ in range(frames):
+            env.render()
+        return (time.process_time() - begin) / frames
+
+    return draw
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    return run(Options, measure, arguments, program="benchmarks.rendering", description=__doc__ or "")
+
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))
