@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 FILE = "training.json"
 SEEDS = 5
-"""Of the median that the bars are for."""
+"""Training seeds of the median that the bars are for."""
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ class Walkers:
         self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
         """Latest, (n, k)."""
         self.action: bare.Actions = np.zeros((count, SIMPLE_QUAD.num_joints), np.float32)
-        """Of the latest step, (n, 12) rad."""
+        """Actions of the latest step, (n, 12) rad."""
 
     def step(self) -> float:
         """Seconds a robot that `step` took, without the policy."""

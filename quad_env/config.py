@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, get_args
 
 GRAVITY = 9.81
-"""Of every world, m/s²."""
+"""Gravity of every world, m/s²."""
 COMMAND_BOUND = 100.0
 """Largest command that the observation can show, m/s and rad/s."""
 

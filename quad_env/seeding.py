@@ -42,42 +42,42 @@ class EpisodeStreams:
 
     @cached_property
     def start(self) -> np.random.Generator:
-        """Of the start."""
+        """Stream of the start."""
         return self._stream(0)
 
     @cached_property
     def commands(self) -> np.random.Generator:
-        """Of the commands."""
+        """Stream of the commands."""
         return self._stream(1)
 
     @cached_property
     def pushes(self) -> np.random.Generator:
-        """Of the pushes."""
+        """Stream of the pushes."""
         return self._stream(2)
 
     @cached_property
     def force(self) -> np.random.Generator:
-        """Of the steady force's direction."""
+        """Stream of the steady force's direction."""
         return self._stream(3)
 
     @cached_property
     def payload(self) -> np.random.Generator:
-        """Of the payload's place."""
+        """Stream of the payload's place."""
         return self._stream(4)
 
     @cached_property
     def noise(self) -> np.random.Generator:
-        """Of the sensor noise."""
+        """Stream of the sensor noise."""
         return self._stream(5)
 
     @cached_property
     def dropouts(self) -> np.random.Generator:
-        """Of the dropouts."""
+        """Stream of the dropouts."""
         return self._stream(6)
 
     @cached_property
     def sensors(self) -> np.random.Generator:
-        """Of the sensors' biases, offsets and noise."""
+        """Stream of the sensors' biases, offsets and noise."""
         return self._stream(7)
 
     def _stream(self, child: int) -> np.random.Generator:

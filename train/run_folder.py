@@ -9,7 +9,7 @@ CONFIG_FILE = "config.json"
 CHECKPOINTS, BEST, LAST = "checkpoints", "best", "last"
 """Resumable states, the bundle with the best validation score, the latest bundle."""
 TENSORBOARD = "tensorboard"
-"""Its log."""
+"""TensorBoard's events."""
 
 
 def has_checkpoint(folder: Path) -> bool:

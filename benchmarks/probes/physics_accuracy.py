@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 CONTROL_PERIOD = 1 / TaskConfig().control_rate
 """s"""
 COMMANDS = ((0.5, 0.0, 0.0), (1.2, 0.0, 0.0), (0.0, 0.5, 0.0), (-0.4, 0.0, 0.8))
-"""Of the strides: forward m/s, lateral m/s, yaw rate rad/s."""
+"""Commands of the strides: forward m/s, lateral m/s, yaw rate rad/s."""
 SETTLED = 100
 """Control steps before a stride."""
 TUMBLE = (2.0, 3.0)

@@ -91,7 +91,7 @@ def _robot(change: Change) -> Setting:
 
 SHIPPED = "shipped"
 FIRST = "first settings"
-"""Of the foundation: what a faster setting is measured from."""
+"""Name of the foundation's settings: what a faster setting is measured from."""
 
 SERVO = "servo"
 """How the names of other joint servos begin."""

@@ -30,7 +30,7 @@ class Comparison:
     ci: Interval
     """95 %: of falls the score interval of paired shares, of errors a bootstrap over the pairs."""
     p_value: float
-    """Of this comparison by itself."""
+    """p-value of this comparison by itself."""
     test: str
     improvement: float
     """Share of the episodes in which a does better than b, ties counted as half."""

@@ -38,7 +38,7 @@ class Finding:
     text: str
     """The largest difference with both figures and the count of levels."""
     size: float
-    """Of the largest difference; of a breaking point, its factor's logarithm."""
+    """Size of the largest difference; of a breaking point, its factor's logarithm."""
 
 
 def headline(results: Results) -> list[list[str]]:

@@ -42,7 +42,7 @@ class Results:
 
     @property
     def hardware(self) -> Hardware:
-        """Of the robots; ideal where it is not known."""
+        """Hardware of the robots; ideal where it is not known."""
         return _hardware(self.provenance)
 
     @property

@@ -71,7 +71,7 @@ class Sensitivity:
 
 
 def sensitivities(cells: Sequence[Cell]) -> list[Sensitivity]:
-    """Of every axis and policy of a run that has the undisturbed scenario too; axis by axis in its order."""
+    """Sensitivities of every axis and policy of a run that has the undisturbed scenario too, axis by axis."""
     policies = dict.fromkeys(cell.policy for cell in cells)
     found = [each for policy in policies for each in _of_policy([cell for cell in cells if cell.policy == policy])]
     axes = list(AXES)

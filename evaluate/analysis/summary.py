@@ -43,7 +43,7 @@ class Summary:
     """rad/s"""
     yaw_rate_error_ci: Interval
     cost_of_transport: float
-    """Of all episodes together: their energy over weight times their distance; the same in `figures`."""
+    """Cost of transport of all episodes: their energy over weight times their distance; the same in `figures`."""
     overspeed: float
     """Share of joints and time above the rated joint speed."""
     energy: float
@@ -56,7 +56,7 @@ class Summary:
     duty_factor: tuple[float, ...]
     """Mean of each foot."""
     response: dict[str, Response]
-    """Of each axis of the command."""
+    """Response along each axis of the command."""
 
 
 def summarise(cell: Cell, robot: Robot) -> Summary:

@@ -34,7 +34,7 @@ class SeedSpread:
     lowest: float
     highest: float
     standard_deviation: float
-    """Of the sample: NaN for a single seed."""
+    """Standard deviation of the sample: NaN for a single seed."""
     ci: Interval
     """95 %, Student's t with seeds − 1 degrees of freedom; within 0 … 1 for rates."""
 
@@ -98,5 +98,5 @@ def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
 
 
 def _value(cell: Cell, metric: str) -> float:
-    """Of one seed: its mean over the episodes."""
+    """Value of one seed: its mean over the episodes."""
     return float(np.mean(cell.measures.fell if metric == FALL_RATE else getattr(cell.measures, metric)))

@@ -66,7 +66,7 @@ class Options:
 
     @property
     def hardware(self) -> Hardware:
-        """Of the robots."""
+        """Hardware of the robots."""
         return Hardware(self.actuator, self.sensors)
 
     @property

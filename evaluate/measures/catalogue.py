@@ -19,7 +19,7 @@ class Measure:
     """One measure of an episode."""
 
     name: str
-    """Of the field of `evaluate.measures.metrics.Measures` and of the column of episodes.parquet."""
+    """Name of the field of `evaluate.measures.metrics.Measures` and of the column of episodes.parquet."""
     title: str
     unit: str
     """Empty for a share or a pure number."""

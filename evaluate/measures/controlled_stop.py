@@ -25,10 +25,10 @@ REST_STEPS = 20
 
 @dataclass(frozen=True)
 class Trace:
-    """Of n robots, step by step, (steps, n); entries after a fall repeat the last."""
+    """Readings of n robots, step by step, (steps, n); entries after a fall repeat the last."""
 
     height: Floats
-    """Of the trunk's centre above the ground, m."""
+    """Height of the trunk's centre above the ground, m."""
     upright: Floats
     """Cosine of the tilt."""
     vertical_velocity: Floats

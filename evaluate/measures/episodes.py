@@ -73,15 +73,15 @@ class Episodes:
     trunk_contact: Bools
     push: Recorded
     phase: Recorded | None
-    """Of the policy's clock at the step's action, rad; None without a clock."""
+    """Phase of the policy's clock at the step's action, rad; None without a clock."""
     correction: Recorded | None
-    """Of a residual, in shares of its authority, -1 … 1, (steps, n, 12); None of other policies."""
+    """Correction of a residual, in shares of its authority, -1 … 1, (steps, n, 12); None of other policies."""
     base_action: Recorded | None
     """Joint targets of a residual's base, rad, (steps, n, 12); None of other policies."""
     push_step: NDArray[np.int64]
     """Control step with which each push begins, in order, (n, k)."""
     push_impulse: NDArray[np.float64]
-    """Of each push, world frame, x and y, (n, k, 2), N·s."""
+    """Impulse of each push, world frame, x and y, (n, k, 2), N·s."""
     push_steps: int
     """Control steps that a push lasts."""
     fall_step: NDArray[np.int64]

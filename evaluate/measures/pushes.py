@@ -26,14 +26,14 @@ LONGEST_RECOVERY = 2.0
 
 @dataclass(frozen=True)
 class Pushes:
-    """Of each push, (n, k)."""
+    """What was measured of each push, (n, k)."""
 
     time: Floats
     """s from the episode's start."""
     impulse: Floats
     """Forward and left, in the heading frame of the step before the push, (n, k, 2) N·s."""
     phase: Floats
-    """Of the policy's clock at the onset, rad; NaN without a clock."""
+    """Phase of the policy's clock at the onset, rad; NaN without a clock."""
     fell: Floats
     """1 if a fall followed within FALL_WITHIN and before the next push, else 0."""
     recovery: Floats
@@ -86,7 +86,7 @@ def _can_be_judged(episodes: Episodes) -> Bools:
 
 
 def _recovery(episodes: Episodes) -> Floats:
-    """Of pushes that can be judged; anything of others."""
+    """Recovery times of pushes that can be judged; anything of others."""
     cycle, length = round(GAIT_CYCLE / episodes.dt), episodes.push_steps
     error = cycle_errors(episodes, cycle)
     onset = np.minimum(episodes.push_step, len(error) - 1)

@@ -20,7 +20,7 @@ RESPONDS = 0.2
 
 @dataclass(frozen=True)
 class Response:
-    """Of one axis; NaN where too few intervals tell."""
+    """Response along one axis; NaN where too few intervals tell."""
 
     gain: float
     """Slope of the least-squares line of achieved against commanded velocity."""
@@ -54,7 +54,7 @@ def curves(commands: Floats, achieved: Floats) -> dict[str, Curve]:
 
 
 def response(command: Floats, achieved: Floats) -> Response:
-    """Of intervals' commands and mean velocities along one axis, (m,)."""
+    """Response in intervals' commands and mean velocities along one axis, (m,)."""
     if len(np.unique(command)) < 2:
         return Response(float("nan"), float("nan"), float("nan"))
     gain, offset = np.polyfit(command, achieved, 1)

@@ -31,7 +31,7 @@ class Manifest:
     scenarios: tuple[Scenario, ...]
     seed: int
     episodes: int
-    """Of each policy on each scenario."""
+    """Episodes of each policy on each scenario."""
     steps: int
     """Control steps of an episode."""
     versions: Mapping[str, str | None]
@@ -42,9 +42,9 @@ class Manifest:
     options: Mapping[str, Any]
     """As they were asked for, by name, so that --resume needs none of them again."""
     threads: int
-    """Of the simulation; no figure depends on it."""
+    """Threads of the simulation; no figure depends on it."""
     hardware: Hardware = IDEAL
-    """Of the robots."""
+    """Hardware of the robots."""
     fingerprint: str = ""
     """SHA-256 of all that a figure depends on, as it was written when the run began."""
 
@@ -88,7 +88,7 @@ def manifest(
     threads: int,
     hardware: Hardware = IDEAL,
 ) -> Manifest:
-    """Of a run of these here and now."""
+    """Manifest of a run of these here and now."""
     return Manifest(
         policies={policy.label: policy_digest(policy.policy) for policy in policies},
         scenarios=tuple(scenarios),

@@ -81,7 +81,7 @@ class ChunkStore:
         self.begun = True
 
     def _number(self, policy: str, scenario: Scenario) -> int:
-        """Of the cell, in the order of the run."""
+        """Number of the cell, in the order of the run."""
         return self.manifest.scenarios.index(scenario) * len(self._policies) + self._policies.index(policy)
 
     def _read(self, path: Path, scenario: Scenario) -> Chunk | None:

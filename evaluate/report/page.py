@@ -28,7 +28,7 @@ from evaluate.terminal.format import counted, listed
 from policies.files import write_atomically
 
 FILM_PLACE = 5
-"""Of the film among the sections; it is made in another process meanwhile."""
+"""Place of the film among the sections; it is made in another process meanwhile."""
 FEW_AXES = 4
 """Up to so many axes the findings are unfolded."""
 

@@ -21,7 +21,7 @@ DEFAULT_LEVELS: dict[str, tuple[int, ...]] = {
 }
 """Levels in the default battery, by axis: three severities with the nominal one, about the trot's breaking point."""
 USUAL_LEVELS = (4,)
-"""Of every other axis."""
+"""Levels of every other axis."""
 ALL = "all"
 _FILE = ".py:"
 

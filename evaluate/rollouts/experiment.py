@@ -86,7 +86,7 @@ class Task:
     policy: LabelledPolicy
     scenario: Scenario
     numbers: NDArray[np.int64]
-    """Of the episodes in their cell, (n,)."""
+    """Numbers of the episodes in their cell, (n,)."""
     seeds: NDArray[np.int64]
     """Theirs, (n,)."""
     steps: int
@@ -115,7 +115,7 @@ class Settings:
     executor: Executor | None = None
     """None runs one task after the other, each on `nthread` threads."""
     hardware: Hardware = IDEAL
-    """Of the robots."""
+    """Hardware of the robots."""
 
 
 def run_cells(

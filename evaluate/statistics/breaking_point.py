@@ -35,7 +35,7 @@ class BreakingPoint:
     resampled: Floats
     """Hardness of each resample, infinite where it lies beyond the levels tried; none unless crossed."""
     sign: float
-    """Of hardness: −1 where less is harder, as with friction."""
+    """Sign of hardness: −1 where less is harder, as with friction."""
 
 
 def breaking_point(severities: Floats, fell: Bools, seed: int = 0) -> BreakingPoint:

@@ -26,7 +26,7 @@ class Options:
     episodes: tuple[int, ...] = (64, 128)
     """Episodes of a data set (counts)."""
     fall_probabilities: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-    """Of the made-up policies."""
+    """Fall probabilities of the made-up policies."""
     only: str = ""
     """Rows whose name contains this; all, if empty."""
     real: Path | None = None

@@ -48,12 +48,12 @@ def discordance(fall_probability: float) -> float:
 
 @cache
 def mcnemar_p_value(only_a: int, discordant: int) -> float:
-    """Of so many pairs that disagree, in so many of which a alone fell."""
+    """Exact McNemar p-value of so many pairs that disagree, in so many of which a alone fell."""
     pairs = np.arange(discordant) < only_a
     return mcnemar(pairs, ~pairs)
 
 
 @cache
 def barnard_p_value(count: int, fell_a: int, fell_b: int) -> float:
-    """Of so many falls among as many episodes of either."""
+    """Barnard's p-value of so many falls among as many episodes of either."""
     return fall_rates_test(np.arange(count) < fell_a, np.arange(count) < fell_b)

@@ -15,9 +15,9 @@ Interval = tuple[float, float]
 
 CONFIDENCE = 0.95
 RESAMPLES = 9999
-"""Of a bootstrap of a mean."""
+"""Resamples of a bootstrap of a mean."""
 FEWER_RESAMPLES = 1999
-"""Of a bootstrap of anything slower than a mean; rliable takes 2000 for what it cannot do 50 000 times."""
+"""Resamples of a bootstrap of anything slower than a mean; rliable takes 2000 for what it cannot do 50 000 times."""
 KEPT_VALUES = 12_000_000
 """Resamples of at most so many values in all (96 MB) are drawn once and kept for the next of that size."""
 BLOCK_VALUES = 500_000
@@ -178,7 +178,7 @@ def _draw(generator: np.random.Generator, size: int, count: int) -> Floats:
 
 
 def normal_quantile(probability: float) -> float:
-    """Of the standard normal distribution."""
+    """Quantile of the standard normal distribution."""
     from scipy.special import ndtri
 
     return float(ndtri(probability))

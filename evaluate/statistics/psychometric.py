@@ -14,7 +14,7 @@ from evaluate.statistics.intervals import Floats
 
 PRIOR_MEAN = np.array([0.0, np.log(5.0)])
 PRIOR_PRECISION = np.array([2.0, 1.5]) ** -2.0
-"""Of m and ln s."""
+"""Prior mean and precision of m and ln s."""
 UNDISTURBED = 9.0
 """b − 1 of the Beta(1, b) of floor and lapse."""
 MOST_UNDISTURBED = 0.4
@@ -61,7 +61,7 @@ def median_hardness(curves: Floats) -> Floats:
 
 
 def fall_probability(curves: Floats, hardness: Floats) -> Floats:
-    """Of every curve at every hardness, (r, k)."""
+    """Probability of a fall by every curve at every hardness, (r, k)."""
     return _terms(curves, hardness)[0]
 
 

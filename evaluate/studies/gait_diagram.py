@@ -16,7 +16,7 @@ from quad_env.robots.robot import LEG_NAMES
 from quad_env.seeding import episode_seeds
 
 LONGEST = 60.0
-"""Of what is walked or drawn, s."""
+"""Longest duration of what is walked or drawn, s."""
 
 
 @dataclass(frozen=True)

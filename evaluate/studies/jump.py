@@ -27,7 +27,7 @@ class Options:
     robots: int = 256
     """Robots (count), each with start noise of its own."""
     seed: int = 0
-    """Of the starts."""
+    """Seed of the starts."""
 
 
 @dataclass(frozen=True)

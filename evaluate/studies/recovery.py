@@ -36,7 +36,7 @@ class Options:
     robots: int = 1000
     """Random starts."""
     seed: int = 0
-    """Of the starts."""
+    """Seed of the starts."""
     seeds: Literal["search", "validation", "evaluation"] = "evaluation"
     """Family of seeds; the keyframes were searched on "search"."""
 

@@ -40,7 +40,7 @@ class Options:
     hours: float = 2.0
     """Undisturbed walking."""
     seed: int = 0
-    """Of the episodes."""
+    """Seed of the episodes."""
     seeds: Literal["search", "validation", "evaluation"] = "evaluation"
     """Family of seeds."""
 

@@ -39,7 +39,7 @@ class Strides:
     heading_velocity: Floats
     """Forward and lateral m/s, yaw rate rad/s, (steps, n, 3)."""
     tilt: Floats
-    """Of the trunk, rad, (steps, n)."""
+    """Tilt of the trunk, rad, (steps, n)."""
     overspeed: Floats
     """Share of the joints that turned faster than their rated speed, (steps, n)."""
     targets: Floats

@@ -15,9 +15,9 @@ UPRIGHT_TILT = np.deg2rad(35.0)
 FALLEN_TILT = np.deg2rad(60.0)
 STANDING_TILT = np.deg2rad(10.0)
 FALLEN_HEIGHT = FallRule().height
-"""Of the trunk's centre above its lowest foot, m."""
+"""Height of the trunk's centre above its lowest foot, m."""
 POSE_TOLERANCE = 0.15
-"""Of each joint from the home pose, rad; a servo under the robot's weight gives 0.02."""
+"""Distance of each joint from the home pose, rad; a servo under the robot's weight gives 0.02."""
 STILL_LINEAR, STILL_ANGULAR = 0.3, 0.5
 """Trunk speeds below which a robot is still, m/s and rad/s."""
 SETTLED_ANGULAR = 1.5

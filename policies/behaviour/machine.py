@@ -81,7 +81,7 @@ class BehaviourMachine:
         self._log, self._refusals = Ring(5, self._capacity), Ring(4, self._capacity)
 
     def restart(self, mask: Mask) -> None:
-        """Those robots anew; logged."""
+        """Start those robots anew; logged."""
         self._log.write(self.step, np.flatnonzero(mask), self._state[mask], self._start, STARTED)
         self._enter(mask, self._start)
         for holds in self._conditions.values():

@@ -23,7 +23,7 @@ class State(IntEnum):
 
     @property
     def label(self) -> str:
-        """Its name in messages and requests: `stand_up`."""
+        """Name of the state in messages and requests: `stand_up`."""
         return self.name.lower()
 
 

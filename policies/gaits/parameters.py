@@ -108,7 +108,7 @@ LIMITS: dict[str, tuple[float, float]] = {
 }
 """Bounds of `GaitParameters` by field name, beyond any use: within them every action is a finite number."""
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), BEYOND)
-"""Of the commands, by field name: ahead, back, sideways and turning, in that order."""
+"""Limits of the commands, by field name: ahead, back, sideways and turning, in that order."""
 SLOWEST, FASTEST = 0.3, 15.0
 """Bounds of the frequency at any speed, Hz."""
 SHORTEST_DUTY, LONGEST_DUTY = 0.1, 0.95

@@ -67,7 +67,7 @@ class GroundSense:
 
     @property
     def height(self) -> Floats:
-        """Of the ground below the trunk's centre, relative to it, m: negative; (n,)."""
+        """Height of the ground below the trunk's centre, relative to it, m: negative; (n,)."""
         return self.memory["height"]
 
     @property

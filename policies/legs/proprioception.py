@@ -16,7 +16,7 @@ class Senses(NamedTuple):
 
     frame: LevelFrame
     velocity: Vector
-    """Of the trunk's centre, level frame, m/s."""
+    """Velocity of the trunk's centre, level frame, m/s."""
     yaw_rate: Floats
     """About the vertical, rad/s."""
     roll_rate: Floats
@@ -52,6 +52,6 @@ def _vector(components: Floats) -> Vector:
 
 
 def length(x: Floats, y: Floats) -> Floats:
-    """Of horizontal vectors."""
+    """Lengths of horizontal vectors."""
     size: Floats = np.sqrt(x * x + y * y)
     return size

@@ -19,7 +19,7 @@ DAMPING = 0.04
 SHORTEST_DROP = 0.08
 """Least distance of a foot below the trunk's centre, m."""
 REST_SPEED, REST_TURNING, REST_TILT = 0.5, 1.5, np.deg2rad(30.0)
-"""Of the trunk of a robot that has come to rest: m/s, rad/s about each axis, rad."""
+"""Speed, turning rate and tilt of the trunk of a robot that has come to rest: m/s, rad/s about each axis, rad."""
 REST_TIME = 0.1
 """s at rest before the robot gets up."""
 RELEASE_TIME = 0.15
@@ -36,7 +36,7 @@ class Brace:
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
         self.share = np.ones(num_envs)
-        """Of the brace in the targets, (n,)."""
+        """Share of the brace in the targets, (n,)."""
         self._rest_steps, self._released = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.bool_)
 
     def start(self, mask: Mask) -> None:

@@ -11,7 +11,7 @@ from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
 LOWERING_SPEED = 0.2
-"""Of the trunk in a controlled stop, m/s; a stop faster than 0.3 would not count as controlled."""
+"""Speed of the trunk in a controlled stop, m/s; a stop faster than 0.3 would not count as controlled."""
 FOLDING_SPEED = 4.0
 """Fastest change of a joint target in a controlled stop, rad/s."""
 STOP_HEIGHT = 0.2

@@ -57,7 +57,7 @@ class Watched(Policy):
 
     @property
     def process_id(self) -> int | None:
-        """Of the policy's process; None while there is none."""
+        """Number of the policy's process; None while there is none."""
         return self._process.pid if self._process is not None else None
 
     def close(self) -> None:

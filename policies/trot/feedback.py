@@ -25,7 +25,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LARGEST_CORRECTION = 0.5
-"""Of the gait's velocity by the integral of its error, m/s and rad/s."""
+"""Largest correction of the gait's velocity by the integral of its error, m/s and rad/s."""
 SMALL_ERROR = 0.3
 """Velocity error, m/s, and yaw-rate error, rad/s, beyond which the integral waits: that is a push, not a bias."""
 SETTLED = 0.2

@@ -27,7 +27,7 @@ class Wires:
         self._lost_joint = np.zeros((num_envs, count), np.int64)
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
-        """Those robots start these episodes, their servos at home."""
+        """Start these episodes of those robots, their servos at home."""
         self._sent[:, rows] = self._heard[rows] = self._home
         for row, episode in zip(rows, episodes, strict=True):
             if (plan := episode.dropouts) is not None:

@@ -28,7 +28,7 @@ class Lag:
         self._value = np.tile(home, (num_envs, 1))
 
     def begin(self, ids: Ids) -> None:
-        """Those robots start at home."""
+        """Start those robots at home."""
         self._value[ids] = self._home
 
     def follow(self, targets: Array, ids: Ids) -> Array:
@@ -57,7 +57,7 @@ class Windings:
         self._off: Mask = np.zeros(force_range.shape[:2], np.bool_)
 
     def begin(self, ids: Ids) -> None:
-        """Those robots' motors are cold and work."""
+        """Start those robots with motors that are cold and work."""
         self.temperature[ids], self._off[ids] = self._thermal.ambient, False
         self._force_range[ids] = self._full_range[ids]
 
@@ -81,7 +81,7 @@ class Drives:
         self._ctrl, self._torque = bind("ctrl"), bind("actuator_force")
 
     def begin(self, ids: Ids) -> None:
-        """Those robots start afresh."""
+        """Start those robots afresh."""
         if self._lag is not None:
             self._lag.begin(ids)
         if self._windings is not None:
@@ -98,7 +98,7 @@ class Drives:
 
     @property
     def temperature(self) -> Array | None:
-        """Of every winding, (n, 12), °C; None without a thermal model."""
+        """Temperature of every winding, (n, 12), °C; None without a thermal model."""
         return None if self._windings is None else self._windings.temperature.copy()
 
 

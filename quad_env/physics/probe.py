@@ -29,9 +29,9 @@ class Probe:
         self._sensors = [batch.sensor(name).data for name in probed(robot)]
         self._qpos, self._torque = batch.bind("qpos"), batch.bind("qfrc_actuator")
         self._velocity = np.zeros_like(self._sensors[2])
-        """Of each IMU at its last sample, world frame, m/s."""
+        """Velocity of each IMU at its last sample, world frame, m/s."""
         self._axes = np.zeros((len(self._velocity), 3, 3))
-        """Of each IMU at its last sample: from its axes to the world frame."""
+        """Rotation of each IMU at its last sample: from its axes to the world frame."""
         self._copies: list[tuple[Array, Array]] = []
 
     def measured(self, rows: Rows, clock: NDArray[np.int64], period: int) -> dict[str, Array]:

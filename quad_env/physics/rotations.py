@@ -6,7 +6,7 @@ from quad_env.columns import Array
 
 
 def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """Of intrinsic yaw-pitch-roll rotations."""
+    """Quaternions of intrinsic yaw-pitch-roll rotations."""
     cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
     cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
     return np.stack(
@@ -21,7 +21,7 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
 
 
 def product(first: tuple[float, float, float, float], then: Array) -> Array:
-    """Of the rotations `then`, turned by `first`."""
+    """Quaternions of the rotations `then`, turned by `first`."""
     w, x, y, z = first
     a, b, c, d = then.T
     return np.stack(

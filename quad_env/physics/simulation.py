@@ -64,7 +64,7 @@ class Simulation:
     ) -> None:
         self.robot, self.terrain = robot, terrain
         self.model = compile_model(robot, terrain, ground, motors, payload, actuator)
-        """Of every robot, but for where its payload is and what its hot motors can do: there it is that of the robot
+        """Model of every robot, but for where its payload is and what its hot motors can do: there it is that of the robot
         that `show_load` named last."""
         if imu is not None:
             mount_imu(self.model, imu.position, imu.rotation)
@@ -256,7 +256,7 @@ class Simulation:
 
     @property
     def winding_temperature(self) -> Array | None:
-        """Of every motor, (n, 12), °C; None where motors have no thermal model."""
+        """Winding temperature of every motor, (n, 12), °C; None where motors have no thermal model."""
         return None if self._drives is None else self._drives.temperature
 
     def ground_contacts(self) -> tuple[Mask, Mask]:
@@ -281,7 +281,7 @@ class Simulation:
 
 
 def _contact_sensors(robot: Robot) -> tuple[str, ...]:
-    """Of the feet, then of thighs and calves."""
+    """Names of the contact sensors of the feet, then of thighs and calves."""
     legs = robot.leg_names
     return (*(f"{leg}_foot_ground" for leg in legs), *(f"{leg}_{link}_ground" for leg in legs for link in _LINKS))
 

@@ -18,9 +18,9 @@ class QuadState(NamedTuple, Generic[Column]):
     rotation: Rotation[Column]
     """From the base frame to the world frame, (3)(3)."""
     linear_velocity: Vector[Column]
-    """Of the trunk's centre, in the base frame, (3), m/s."""
+    """Velocity of the trunk's centre, in the base frame, (3), m/s."""
     angular_velocity: Vector[Column]
-    """Of the trunk, in the base frame, (3), rad/s."""
+    """Angular velocity of the trunk, in the base frame, (3), rad/s."""
     heading_velocity: Vector[Column]
     """Forward and lateral velocity of the trunk's centre in the heading frame, m/s, and yaw rate about the world's
     vertical, rad/s; (3)."""

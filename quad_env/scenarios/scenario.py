@@ -17,10 +17,10 @@ class Scenario:
     commands: CommandRanges = field(default_factory=CommandRanges)
     start: StartNoise | AnyPose = field(default_factory=StartNoise)
     severity: float = 0.0
-    """Of the scenario's own axis, in the unit of `severity_unit`; 0 where it is of none."""
+    """Severity on the scenario's own axis, in the unit of `severity_unit`; 0 where it is of none."""
     severity_unit: str = ""
     axis: str = ""
-    """Of `quad_env.scenarios.axes`, where the scenario is a severity of one."""
+    """Name of an axis of `quad_env.scenarios.axes`, where the scenario is a severity of one."""
     force: SteadyForce | None = None
     ground: Ground = field(default_factory=Ground)
     motors: Motors = field(default_factory=Motors)

@@ -26,7 +26,7 @@ class Schedule:
         self.pushes = PushPlan(
             np.tile(plan.first_step, (num_envs, 1)), plan.steps, np.tile(plan.force, (num_envs, 1, 1))
         )
-        """Of every robot's present episode."""
+        """Pushes of every robot's present episode."""
         self.clock = np.zeros(num_envs, np.int64)
         """Control steps since each robot's start, (n,)."""
         self.command = np.zeros((num_envs, 3))

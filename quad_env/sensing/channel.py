@@ -39,7 +39,7 @@ class Channel:
         """Sample s is at s modulo its length; two more than are seen late, for differences."""
 
     def take(self, values: Array, clock: Clock, rows: Rows) -> None:
-        """Those robots' sensors would now read these values, (k, width); kept where a sample is due."""
+        """Samples of those robots' sensors, which would now read these values, (k, width); kept where one is due."""
         due = clock % self.period == 0
         self._samples[clock[due] // self.period % len(self._samples), rows[due]] = values[due]
         first = clock == 0

@@ -26,7 +26,7 @@ class Sensors:
         self._noise = None if scenario.noise is None else Noise(num_envs, _deviations(scenario.noise, table))
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
-        """Those robots start these episodes."""
+        """Start these episodes of those robots."""
         if self._noise is not None:
             for row, episode in zip(rows, episodes, strict=True):
                 self._noise.begin(row, episode.streams.noise)

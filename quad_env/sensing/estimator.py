@@ -48,7 +48,7 @@ class Read(NamedTuple):
     """Feet that stood at both, (k, 4)"""
 
     def of(self, which: Mask) -> "Read":
-        """Those of some of the robots."""
+        """Readings of some of the robots."""
         return Read(
             self.gyro[which],
             self.accelerometer[which],
@@ -66,11 +66,11 @@ class Estimator:
         self.gravity = np.zeros((num_envs, 3))
         """Unit vectors"""
         self.velocity = np.zeros((num_envs, 3))
-        """Of the trunk's centre, m/s"""
+        """Velocity of the trunk's centre, m/s"""
         self._gyro = np.zeros((num_envs, 3))
 
     def begin(self, rows: Rows, at_rest: Array, gyro: Array) -> None:
-        """Those robots start: their accelerometers read so before, (k, 3), when they stood still."""
+        """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
         self.gravity[rows], self.velocity[rows], self._gyro[rows] = -_unit(at_rest), 0.0, gyro
 
     def move_on(self, read: Read, rows: Rows) -> None:

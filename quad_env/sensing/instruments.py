@@ -35,7 +35,7 @@ class Instruments:
         self._range = self._each(imu.gyro_range, imu.accelerometer_range, np.inf, np.inf, largest_torque)
         self._step, self._threshold = encoders.step, feet.threshold
         self.bias = np.zeros((num_envs, len(deviation)))
-        """Of each robot's present episode, in the order of `widths`."""
+        """Biases of each robot's present episode, in the order of `widths`."""
         self._noise = Noise(num_envs, deviation.astype(np.float32))
         makers = dict(zip(self._widths, (imu, imu, encoders, feet, torque), strict=True))
         self.aligned = max(steps_late(each.delay, control_rate) for each in (imu, encoders, feet))
@@ -46,7 +46,7 @@ class Instruments:
         }
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
-        """Those robots start these episodes."""
+        """Start these episodes of those robots."""
         for row, episode in zip(rows, episodes, strict=True):
             stream = episode.streams.sensors
             self.bias[row] = self._bias_deviation * stream.standard_normal(len(self._bias_deviation))

@@ -49,7 +49,7 @@ class SensedObservation:
         self._rows = np.arange(num_envs)
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
-        """Those robots start these episodes."""
+        """Start these episodes of those robots."""
         self._looked[rows] = -1
         self._instruments.begin(rows, episodes)
         if self._disturbed is not None:

@@ -8,7 +8,7 @@ from quad_env.robots.kinematics import feet_in_world
 
 Readings = dict[str, NDArray[np.generic]]
 _NO_COMMAND = (np.zeros(1),) * 3
-"""Of the state that is looked at here, which has none."""
+"""Command of the state that is looked at here, which has none."""
 
 
 def readings(simulation: Simulation) -> Readings:

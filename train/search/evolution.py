@@ -41,12 +41,12 @@ class Effort(Protocol):
 
     @property
     def episodes(self) -> int:
-        """Of the "search" family, new in each round."""
+        """Episodes of the "search" family, new in each round."""
         ...
 
     @property
     def seed(self) -> int:
-        """Of candidates and episodes."""
+        """Seed of candidates and episodes."""
         ...
 
 

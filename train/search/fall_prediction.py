@@ -34,7 +34,7 @@ class Options:
     hours: float = 1.0
     """Undisturbed walking of each policy."""
     seed: int = 0
-    """Of the episodes."""
+    """Seed of the episodes."""
     out: Path = THRESHOLD_FILE
     """JSON to write."""
 

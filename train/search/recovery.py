@@ -49,7 +49,7 @@ class Options:
     step: float = 0.07
     """First step size, rad and likewise in the other units."""
     seed: int = 0
-    """Of the search."""
+    """Seed of the search."""
     out: Path = PARAMETERS_FILE
     """JSON to write."""
 

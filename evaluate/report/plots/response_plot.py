@@ -8,7 +8,7 @@ from evaluate.statistics.intervals import Floats
 
 COMPONENTS = (("forward", "m/s"), ("lateral", "m/s"), ("yaw rate", "rad/s"))
 BINS = 9
-"""Of a component's commands."""
+"""Bins of a component's commands."""
 FEWEST = 3
 """Command intervals that a bin needs to be shown."""
 
