@@ -50,8 +50,12 @@ def random_angles(count: int) -> NDArray[np.float64]:
     return np.random.default_rng(20).uniform(SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper, (count, 12))
 
 
+FRAMES = {f"{leg}_foot_link": f"{leg}_foot" for leg in SIMPLE_QUAD.leg_names} | {"imu_link": "imu"}
+"""Frame of the URDF -> site of the MJCF."""
+
+
 def test_has_the_thirteen_links_and_twelve_joints_in_order(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
-    assert [urdf.body(i).name for i in range(1, urdf.nbody)] == list(LINKS)
+    assert [urdf.body(i).name for i in range(1, urdf.nbody) if urdf.body(i).name not in FRAMES] == list(LINKS)
     assert [mjcf.body(link).name for link in LINKS] == list(LINKS)
     assert [urdf.joint(i).name for i in range(urdf.njnt)] == list(SIMPLE_QUAD.joint_names)
     assert [mjcf.joint(i).name for i in range(1, 13)] == list(SIMPLE_QUAD.joint_names)
@@ -116,6 +120,15 @@ def test_feet_are_in_the_same_places_at_any_joint_angles(urdf: mujoco.MjModel, m
     for angles in random_angles(200):
         ours = foot_positions(urdf, posed(urdf, angles))
         np.testing.assert_allclose(ours, foot_positions(mjcf, posed(mjcf, angles)), rtol=0, atol=1e-9)
+
+
+def test_frames_of_feet_and_imu_are_where_the_sites_are(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
+    for angles in random_angles(20):
+        ours, reference = posed(urdf, angles), posed(mjcf, angles)
+        for frame, site in FRAMES.items():
+            np.testing.assert_allclose(ours.body(frame).xpos, reference.site(site).xpos, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(ours.body(frame).xmat, reference.site(site).xmat, rtol=0, atol=1e-9)
+            assert urdf.body(frame).mass == 0
 
 
 def test_bent_leg_ends_where_trigonometry_puts_it(urdf: mujoco.MjModel) -> None:
