@@ -45,7 +45,7 @@ class BreakingPointRatio:
 
 
 def breaking_points(cells: Sequence[Cell]) -> tuple[list[AxisBreakingPoint], list[BreakingPointRatio]]:
-    """Breaking points of every policy on every axis with at least three severities; ratios of every two, baselines are b."""
+    """Breaking points on every axis with at least three severities, and ratios of every two policies; b is baseline."""
     found: list[AxisBreakingPoint] = []
     ratios: list[BreakingPointRatio] = []
     for axis in dict.fromkeys(cell.scenario.axis for cell in cells if cell.scenario.axis):

@@ -219,7 +219,7 @@ def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> b
 
 
 def _breaking_ratio(count: int, axis: Axis, ratio: float, generator: np.random.Generator) -> bool:
-    """Whether the interval holds the ratio of a policy that withstands severities larger by that ratio, with the same luck."""
+    """Whether the interval holds the ratio of a policy that withstands severities larger by it, with the same luck."""
     severities, stronger = np.array(axis.severities), np.array(axis.severities) / ratio
     both = Axis((*axis.severities, *stronger), axis.median, axis.steepness, axis.floor)
     fell = both.falls(generator, count)

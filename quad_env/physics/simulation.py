@@ -64,8 +64,8 @@ class Simulation:
     ) -> None:
         self.robot, self.terrain = robot, terrain
         self.model = compile_model(robot, terrain, ground, motors, payload, actuator)
-        """Model of every robot, but for where its payload is and what its hot motors can do: there it is that of the robot
-        that `show_load` named last."""
+        """Model of every robot, but for where its payload is and what its hot motors can do: there it is that of the
+        robot that `show_load` named last."""
         if imu is not None:
             mount_imu(self.model, imu.position, imu.rotation)
         period = 1 / control_rate
