@@ -6,6 +6,11 @@ from evaluate.analysis.breaking_points import AxisBreakingPoint
 from evaluate.analysis.severity_levels import amount
 from evaluate.terminal.format import NO_BREAK
 
+CAVEAT = (
+    "Breaking points and their intervals hold for the levels that were run and for the shape of the curve: other "
+    "levels of the same axis can move one by more than its interval."
+)
+
 
 def breaking_point_text(point: AxisBreakingPoint) -> str:
     """`48 N·s [45, 51]`; `none up to 100 N·s` where less than half ever fall; `already at 20 N·s`, the mildest."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from evaluate.analysis.breaking_point_text import CAVEAT
 from evaluate.analysis.findings import PHRASES, UNSHOWN, findings_by_policy, headline, summary
 from evaluate.analysis.gate_verdicts import Verdict
 from evaluate.analysis.results import Results
@@ -20,6 +21,7 @@ def write(results: Results, path: Path, verdicts: Sequence[Verdict] = ()) -> Non
 def render(results: Results, verdicts: Sequence[Verdict] = ()) -> str:
     """The whole text."""
     parts = [_head(results), *_gates(verdicts), *_findings(results)]
+    parts += [CAVEAT] if results.breaking_points else []
     parts += [_folded(results, axis) for axis in severity_axes(results)]
     return "\n\n".join(parts) + "\n"
 

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from evaluate.analysis.breaking_point_text import breaking_point_text
+from evaluate.analysis.breaking_point_text import CAVEAT, breaking_point_text
 from evaluate.analysis.breaking_points import AxisBreakingPoint
 from evaluate.analysis.sensitivity import LEAD, Sensitivity, effect_text
 from evaluate.analysis.severity_levels import amount
@@ -24,7 +24,7 @@ def every_figure(found: dict[str, Any]) -> list[str]:
         walked = [name for name in names if scenario in found["policies"][name]["scenarios"]]
         lines += [f"| {scenario} | `{name}` | {row(_cell(found, name, scenario))} |" for name in walked]
     if found["breaking_points"]:
-        lines += ["", *breaking_points(found["breaking_points"], names)]
+        lines += ["", CAVEAT, "", *breaking_points(found["breaking_points"], names)]
     if found["sensitivities"]:
         lines += ["", LEAD, "", *effects(found["sensitivities"], names)]
     return lines

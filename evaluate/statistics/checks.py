@@ -47,6 +47,8 @@ AXES = {
     "": Axis((20.0, 35.0, 50.0, 65.0, 80.0, 100.0), median=55.0, steepness=4.0),
     ", a sixth falls anyway": Axis((20.0, 35.0, 50.0, 65.0, 80.0, 100.0), median=55.0, steepness=6.0, floor=1 / 6),
     ", less is harder": Axis((1.0, 0.7, 0.5, 0.35, 0.25), median=0.45, steepness=5.0),
+    ", three levels": Axis((35.0, 65.0, 100.0), median=75.0, steepness=6.0),
+    ", three levels, two kinds of pushes": Axis((35.0, 65.0, 100.0), median=75.0, steepness=12.0, apart=0.5),
 }
 
 Outcome = Callable[[np.random.Generator], bool]

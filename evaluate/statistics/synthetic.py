@@ -58,6 +58,8 @@ class Axis:
     steepness: float
     floor: float = 0.0
     """Share that falls anyway."""
+    apart: float = 0.0
+    """Between the medians of two kinds of episodes, half each, in ln(severity): the curve is then no logistic one."""
 
     @property
     def breaking_point(self) -> float:
@@ -71,7 +73,8 @@ class Axis:
 
         severities = np.array(self.severities)
         harder = 1.0 if severities[-1] > severities[0] else -1.0
-        curve = expit(self.steepness * harder * np.log(severities / self.median))
+        kinds = np.log(severities / self.median) + self.apart * np.array([[-0.5], [0.5]])
+        curve = expit(self.steepness * harder * kinds).mean(axis=0)
         probability = self.floor + (1.0 - self.floor) * curve
         shape = (len(severities), count)
         luck = np.sqrt(shared) * generator.normal(size=count) + np.sqrt(1.0 - shared) * generator.normal(size=shape)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from html import escape
 
-from evaluate.analysis.breaking_point_text import figure_and_interval
+from evaluate.analysis.breaking_point_text import CAVEAT, figure_and_interval
 from evaluate.analysis.breaking_points import AxisBreakingPoint
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
@@ -14,7 +14,7 @@ from evaluate.terminal.format import ABSENT, NO_BREAK
 
 LEAD = (
     "Severity at which half of the episodes end in a fall, from a curve fitted through the levels, with its 95 % "
-    "interval. “None up to” is the hardest level tried; “already at” the mildest."
+    f"interval. {CAVEAT} “None up to” is the hardest level tried; “already at” the mildest."
 )
 
 
