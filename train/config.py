@@ -6,12 +6,33 @@ import types
 import typing
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
+
+from tyro.constructors import PrimitiveConstructorSpec
 
 from evaluate.terminal.command_line import UsageError
 from quad_env.config import RewardWeights
 from train.run_folder import CONFIG_FILE
 
+
+def _whole(words: list[str]) -> int:
+    value = float(words[0])
+    if not value.is_integer():
+        raise ValueError(f"{words[0]} is no whole number")
+    return int(value)
+
+
+Count = Annotated[
+    int,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="INT",
+        instance_from_str=_whole,
+        is_instance=lambda value: isinstance(value, int),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
+"""A whole number that may be written as 1e6."""
 PolicyKind = Literal["residual", "end-to-end"]
 
 
@@ -65,7 +86,7 @@ class PpoConfig:
 class ValidationConfig:
     """Judgement during training, by the code of `evaluate`, on episodes of its own."""
 
-    interval: int = 500_000
+    interval: Count = 500_000
     """Steps between two validations; 0 for none but the last."""
     episodes: int = 24
     """Episodes a scenario."""
@@ -81,8 +102,9 @@ class TrainConfig:
     """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
     base: Literal["trot", "stand"] = "trot"
     """Base policy that the correction is added to."""
-    steps: int = 3_000_000
-    """Steps of the learner, all robots together."""
+    steps: Count = 3_000_000
+    """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
+    run: its schedules, at their end already, begin again where they would be in a run of that length."""
     seed: int = 0
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None
@@ -150,9 +172,11 @@ def load_config(folder: Path) -> TrainConfig:
     try:
         settings = json.loads((folder / CONFIG_FILE).read_bytes())
     except OSError as error:
-        raise UsageError(f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror})") from None
+        raise UsageError(
+            f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror}); name its folder with --out"
+        ) from None
     except ValueError:
-        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is not JSON") from None
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} is not JSON; name another folder with --out") from None
     return from_dict(settings)
 
 
@@ -181,6 +205,11 @@ class Change(NamedTuple):
     option: str
     old: Any
     new: Any
+
+    @property
+    def extends(self) -> bool:
+        """Whether it is but a longer run."""
+        return self.option == "--steps" and self.new > self.old
 
     def __str__(self) -> str:
         return f"{self.option}: the run has {self.old}, the command {self.new}"

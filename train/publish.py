@@ -1,7 +1,6 @@
 """`python -m train publish`: judge finished runs and ship the one of seed 0, with the table of all in MODEL.md."""
 
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
+from evaluate.terminal.command_line import UsageError
 from train.config import differences, load_config
 from train.run_folder import BEST, CHECKPOINTS
 
 if TYPE_CHECKING:
+    from evaluate.analysis.results import Results
     from train.model_card import TrainedRun
 
-PROGRAM = "python -m train publish"
 SHIPPED_SEED = 0
 """Fixed before any run, so that what ships is not the luckiest."""
 
@@ -42,29 +40,8 @@ class Options:
     """Threads of the simulation."""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; gives the exit code: 0, 2 on bad input, 130 after Ctrl-C."""
-    from policies.base import PolicyError
-
-    survive_narrow_encodings()
-    try:
-        options = parse(Options, arguments, program=PROGRAM, description=__doc__ or "")
-        publish(options)
-    except (UsageError, PolicyError, OSError) as error:
-        return fail(str(error))
-    except KeyboardInterrupt:
-        print("stopped; nothing was written", file=sys.stderr)
-        return launcher.INTERRUPTED
-    return 0
-
-
-def publish(options: Options) -> None:
-    """Judge the runs, then write the shipped one's bundle and card. Raises UsageError."""
-    from evaluate.analysis.results import analyse
-    from evaluate.rollouts import battery
-    from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
-    from evaluate.rollouts.progress import show_progress
-    from policies import load, make
+def main(options: Options) -> int:
+    """Judge the runs, then write the shipped one's bundle and card; the exit code. Raises UsageError."""
     from policies.files import make_writable_folder, write_atomically
     from train.model_card import model_card
 
@@ -72,38 +49,49 @@ def publish(options: Options) -> None:
         raise UsageError("--episodes and --threads must be at least 1, --seed at least 0")
     if not options.runs:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
-    try:
-        scenarios = battery.resolve(options.scenarios)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
     runs = [read_run(folder) for folder in options.runs]
     shipped = choose(runs, options.policy)
-    judged = [LabelledPolicy(shipped.config.base, make(shipped.config.base))]
-    judged += [LabelledPolicy(run.label, load(Path(run.label) / BEST)) for run in runs]
     make_writable_folder(options.to)
-    seeds = evaluation_seeds(options.seed, options.episodes)
-    with show_progress([each.label for each in judged], [each.name for each in scenarios]) as progress:
-        found = list(run_cells(judged, scenarios, seeds, Settings(options.threads, progress)))
-    results = analyse(found, seed=options.seed, episodes=options.episodes, complete=True)
-    card = model_card(runs, shipped, results)
+    card = model_card(runs, shipped, judge(options, runs, shipped))
     for name in ("policy.safetensors", "policy.json"):
         write_atomically(options.to / name, (Path(shipped.label) / BEST / name).read_bytes())
     write_atomically(options.to / "MODEL.md", card.encode())
     print(card)
+    return 0
+
+
+def judge(options: Options, runs: "Sequence[TrainedRun]", shipped: "TrainedRun") -> "Results":
+    """What the runs and the shipped one's base do in the evaluation's episodes. Raises UsageError."""
+    from evaluate.analysis.results import analyse
+    from evaluate.rollouts import battery
+    from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
+    from evaluate.rollouts.progress import show_progress
+    from policies import load, make
+
+    try:
+        scenarios = battery.resolve(options.scenarios)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    judged = [LabelledPolicy(shipped.config.base, make(shipped.config.base))]
+    judged += [LabelledPolicy(run.label, load(Path(run.label) / BEST)) for run in runs]
+    seeds = evaluation_seeds(options.seed, options.episodes)
+    with show_progress([each.label for each in judged], [each.name for each in scenarios]) as progress:
+        found = list(run_cells(judged, scenarios, seeds, Settings(options.threads, progress)))
+    return analyse(found, seed=options.seed, episodes=options.episodes, complete=True)
 
 
 def read_run(folder: Path) -> "TrainedRun":
     """What a finished run's folder says about it. Raises UsageError for one that is unfinished, damaged or none."""
     import policies
     from train.model_card import TrainedRun
-    from train.sb3.callbacks import recall
+    from train.sb3.callbacks import CallbackState
     from train.sb3.checkpoint import load
 
     config = load_config(folder)
     progress = load(folder / CHECKPOINTS).progress
     if progress["steps"] < config.steps:
         raise UsageError(f"{folder} is unfinished ({progress['steps']:,} of {config.steps:,} steps): --resume it first")
-    minutes = recall(progress["remembered"]).seconds / 60
+    minutes = CallbackState.read(progress["remembered"]).seconds / 60
     try:
         policies.load(folder / BEST)
     except policies.PolicyError as error:
@@ -123,7 +111,3 @@ def choose(runs: "Sequence[TrainedRun]", policy: str) -> "TrainedRun":
         if changed := differences(shipped.config, replace(run.config, seed=SHIPPED_SEED)):
             raise UsageError(f"{run.label} is no other seed of {shipped.label}: {'; '.join(map(str, changed))}")
     return shipped
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

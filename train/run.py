@@ -1,22 +1,25 @@
 """One training run: its folder, its robots, its learner, from the first step or from a checkpoint to the last."""
 
+import contextlib
 import json
+from collections.abc import Sequence
 from typing import cast
 
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 
 import policies
-from policies.files import write_atomically
+from evaluate.terminal.command_line import UsageError
+from policies.files import sole_use, write_atomically
 from policies.residual import authority_of
 from train.config import TrainConfig, to_dict
 from train.display import make_display
 from train.interrupt import Interrupt
 from train.residual_env import ResidualVectorEnv
 from train.robots import TrainingRobots, make_robots, training_seeds
-from train.run_folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, refuse_folder_in_use
+from train.run_folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, begun, refuse_folder_in_use, writing
 from train.sb3 import checkpoint
-from train.sb3.callbacks import Keeper, Memory, Progress, recall, schedules
+from train.sb3.callbacks import CallbackState, RolloutFigures, ValidateAndSave, schedules
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -24,48 +27,57 @@ from train.sb3.vec_env import TrainingVecEnv
 def train(config: TrainConfig) -> None:
     """Train to the last step, or until Ctrl-C; leaves bundles, checkpoints, config.json and a TensorBoard log.
 
-    Raises UsageError, one line, on what cannot be trained, and KeyboardInterrupt after a Ctrl-C,
-    once all is kept.
+    Raises UsageError, one line, on what cannot be trained or written, and KeyboardInterrupt after a Ctrl-C, once all is
+    kept.
     """
-    found = None
     if config.resume:
-        found = checkpoint.load(config.folder / CHECKPOINTS)
-    else:
-        refuse_folder_in_use(config.folder)
-    memory = recall(found.progress["remembered"]) if found else Memory()
-    memory.resumed += found is not None
-    env = make_env(config, memory.resumed)
-    try:
+        with sole_use(config.folder):
+            _carry_on(config, checkpoint.load(config.folder / CHECKPOINTS))
+        return
+    refuse_folder_in_use(config.folder)
+    with contextlib.closing(make_env(config)) as env:
         model = build(config, env)
-        if found:
-            checkpoint.restore(model, found)
-        else:
-            _begin(config)
-        _learn(config, env, model, memory, found.damaged if found else ())
-    finally:
-        env.close()
+        with begun(config.folder):  # now that it is certain that the settings can be trained with
+            _write_settings(config)
+            _learn(config, env, model, CallbackState())
 
 
-def _begin(config: TrainConfig) -> None:
-    """Make the folder and write the settings, once it is certain that they can be trained with."""
-    config.folder.mkdir(parents=True, exist_ok=True)
+def _carry_on(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
+    """Train on from a checkpoint."""
+    state = CallbackState.read(found.progress["remembered"])
+    state.resumed += 1
+    with contextlib.closing(make_env(config, state.resumed)) as env:
+        model = build(config, env)
+        checkpoint.restore(model, found)
+        done = model.num_timesteps
+        if done >= config.steps:
+            raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
+        with writing(config.folder):
+            _write_settings(config)
+            notices = [f"passed over a checkpoint: {damage}" for damage in found.damaged]
+            notices.append(f"carrying on at {done:,} steps; the robots begin new episodes")
+            _learn(config, env, model, state, notices)
+
+
+def _write_settings(config: TrainConfig) -> None:
     settings = json.dumps(to_dict(config), indent=2) + "\n"
     write_atomically(config.folder / CONFIG_FILE, settings.encode())
 
 
-def _learn(config: TrainConfig, env: TrainingVecEnv, model: PPO, memory: Memory, notices: tuple[str, ...]) -> None:
+def _learn(
+    config: TrainConfig, env: TrainingVecEnv, model: PPO, state: CallbackState, notices: Sequence[str] = ()
+) -> None:
     model.set_logger(configure(str(config.folder / TENSORBOARD), ["tensorboard"]))
     done = model.num_timesteps
     display = make_display(config.steps, done)
     for notice in notices:
-        display.note(f"passed over a checkpoint: {notice}")
-    if memory.resumed:
-        display.note(f"carrying on at {done:,} steps; the robots begin new episodes")
+        display.note(notice)
+    robots = cast(TrainingRobots, env.env.unwrapped)
     try:
         with Interrupt() as interrupt:
-            callbacks = [Progress(cast(TrainingRobots, env.env.unwrapped), display), *schedules(config, model, memory)]
-            callbacks.append(Keeper(config, display, memory, interrupt))
-            model.learn(max(config.steps - done, 0), callbacks, reset_num_timesteps=not memory.resumed)
+            callbacks = [RolloutFigures(robots, display), *schedules(config, model, state)]
+            callbacks.append(ValidateAndSave(config, display, state, interrupt))
+            model.learn(config.steps - done, callbacks, reset_num_timesteps=not state.resumed)
     finally:
         display.close()
         model.logger.close()

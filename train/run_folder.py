@@ -1,11 +1,14 @@
-"""What a run's folder holds, by name, and whether a run can be begun or carried on there."""
+"""A run's folder: what it holds, by name, and one run at a time in it."""
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from evaluate.terminal.command_line import UsageError
+from policies.files import FolderInUse, make_writable_folder, sole_use
 
 CONFIG_FILE = "config.json"
-"""The run's settings."""
+"""Settings of the run."""
 CHECKPOINTS, BEST, LAST = "checkpoints", "best", "last"
 """Resumable states, the bundle with the best validation score, the latest bundle."""
 TENSORBOARD = "tensorboard"
@@ -24,7 +27,31 @@ def refuse_folder_in_use(folder: Path) -> None:
     """
     if not folder.exists():
         return
+    if not folder.is_dir():
+        raise UsageError(f"{folder} is a file: name a folder with --out")
     if has_checkpoint(folder):
         raise UsageError(f"{folder} holds a run: choose another --out, or carry that run on with --resume")
-    if not folder.is_dir() or {entry.name for entry in folder.iterdir()} - {CONFIG_FILE, TENSORBOARD}:
+    if {entry.name for entry in folder.iterdir()} - {CONFIG_FILE, TENSORBOARD}:
         raise UsageError(f"{folder} is not empty: choose another --out")
+
+
+@contextlib.contextmanager
+def begun(folder: Path) -> Iterator[None]:
+    """Context in which `folder`, made if need be, is one new run's own. Raises UsageError where it cannot be."""
+    with writing(folder):
+        make_writable_folder(folder)
+        with sole_use(folder):
+            refuse_folder_in_use(folder)  # another run may have come and gone since it was looked at first
+            yield
+
+
+@contextlib.contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Context in which a failure to write is a UsageError that says what to do about it."""
+    try:
+        yield
+    except FolderInUse:
+        raise
+    except OSError as error:
+        remedy = "make room, then carry the run on with --resume" if has_checkpoint(folder) else "choose another --out"
+        raise UsageError(f"cannot write into {folder} ({error.strerror or error}): {remedy}") from None

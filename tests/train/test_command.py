@@ -1,7 +1,10 @@
 """`python -m train` as a user meets it: real runs, stopped, carried on, and refused."""
 
 import copy
+import errno
 import json
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,13 +12,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import policies
 from evaluate.rollouts.rollout import run
+from policies.files import sole_use
 from quad_env.seeding import episode_seeds
-from train.__main__ import main
+from train.__main__ import COMMANDS, main
 from train.config import load_config
 from train.run_folder import CONFIG_FILE
+from train.sb3 import checkpoint
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTIONS = (
@@ -34,6 +40,12 @@ def finished_run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "tiny"
     assert main([*TINY, "--steps", "256", "--out", str(folder)]) == 0
     return folder
+
+
+@pytest.fixture
+def copied_run(finished_run, tmp_path):
+    """A finished run of one's own."""
+    return Path(shutil.copytree(finished_run, tmp_path / "run"))
 
 
 def files(folder):
@@ -81,10 +93,70 @@ def test_end_to_end_is_the_same_learner_on_the_standing_pose(tmp_path):
     assert policy.base.name == "stand"
 
 
-def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, capsys):
+@pytest.mark.parametrize(("out", "remedy"), [("file", "is a file: name a folder"), ("file/run", "another --out")])
+def test_a_folder_that_cannot_be_one_says_what_to_do(out, remedy, tmp_path, capsys):
     (tmp_path / "file").write_text("")
-    assert main([*TINY, "--out", str(tmp_path / "file" / "run")]) == 2
-    one_line(capsys)
+    assert main([*TINY, "--out", str(tmp_path / out)]) == 2
+    assert remedy in one_line(capsys)
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES, errno.ENOSPC])
+def test_a_folder_that_cannot_be_written_to_says_what_to_do(number, tmp_path, monkeypatch, capsys):
+    def fail(folder):
+        raise OSError(number, os.strerror(number), str(folder))
+
+    monkeypatch.setattr("train.run_folder.make_writable_folder", fail)
+    assert main([*TINY, "--out", str(tmp_path / "run")]) == 2
+    assert f"cannot write into {tmp_path / 'run'} ({os.strerror(number)}): choose another --out" in one_line(capsys)
+
+
+def test_a_disk_that_fills_up_on_the_way_says_how_to_go_on(tmp_path, monkeypatch, capsys):
+    save = checkpoint.save
+
+    def full(folder, state):
+        if any(folder.glob("*.json")):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        save(folder, state)
+
+    monkeypatch.setattr("train.sb3.checkpoint.save", full)
+    monkeypatch.setattr("train.sb3.callbacks.CHECKPOINT_PERIOD", 0.0)
+    assert main([*TINY, "--steps", "512", "--out", str(tmp_path / "run")]) == 2
+    assert "make room, then carry the run on with --resume" in one_line(capsys)
+
+
+@pytest.mark.parametrize("how", [[], ["--resume"]])
+def test_a_folder_that_another_run_writes_to_is_refused_and_left_alone(how, copied_run, capsys):
+    if not how:
+        shutil.rmtree(copied_run / "checkpoints")
+        for name in ("best", "last"):
+            shutil.rmtree(copied_run / name)
+    before = files(copied_run)
+    with sole_use(copied_run):
+        assert main([*(how or TINY), "--steps", "512", "--out", str(copied_run)]) == 2
+    assert "being written to by another process" in one_line(capsys)
+    assert files(copied_run) == before
+
+
+def test_a_finished_run_says_how_to_extend_it_and_can_be(copied_run, capsys):
+    assert main(["--resume", "--out", str(copied_run)]) == 2
+    assert "is finished: extend it with --steps larger than 256" in one_line(capsys)
+    assert main(["--resume", "--steps", "512", "--threads", "1", "--out", str(copied_run)]) == 0
+    assert (copied_run / "checkpoints" / "000000000512.json").exists()
+    assert load_config(copied_run).steps == 512
+
+
+def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp_path, monkeypatch):
+    errors = iter([0.5, 0.25, 0.75])
+    flat = {"yaw_rate_error": 0.0, "fall_rate": 0.0}
+    monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: {"flat": flat | {"velocity_error": next(errors)}})
+    folder = tmp_path / "run"
+    assert main([*TINY, "--validation.interval", "256", "--steps", "640", "--out", str(folder)]) == 0
+    events = EventAccumulator(str(folder / "tensorboard")).Reload()
+    logged = {tag: [(event.step, event.value) for event in events.Scalars(tag)] for tag in events.Tags()["scalars"]}
+    assert logged["validation/score"] == [(256, 0.5), (512, 0.25), (640, 0.75)]
+    assert logged["validation/flat/velocity_error"] == logged["validation/score"]
+    for name in ("train/loss", "rollout/velocity_error", "reward/tilt"):
+        assert [step for step, _ in logged[name]] == [128, 256, 384, 512, 640], name
 
 
 def test_resume_without_a_whole_checkpoint_is_one_line(finished_run, tmp_path, capsys):
@@ -200,6 +272,24 @@ def test_both_launchers_help(launcher):
     done = subprocess.run([sys.executable, *launcher, "--help"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert "--ppo.gamma" in done.stdout
+    for name, each in COMMANDS.items():
+        assert f"  {name} " in done.stdout
+        assert each.summary[:30] in done.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_helps_and_says_what_is_wrong(name, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([*name.split(), "--help"])
+    assert not end.value.code
+    assert f"usage: python -m train {name}" in capsys.readouterr().out
+    assert main([*name.split(), "--no-such-option"]) == 2
+    assert f"see `python -m train {name} --help`" in one_line(capsys)
+
+
+def test_run_is_the_command_that_may_be_left_out(tmp_path, capsys):
+    assert main(["run", *TINY, "--steps", "many"]) == 2
+    assert "--steps" in one_line(capsys)
 
 
 def test_help_imports_neither_torch_nor_mujoco():

@@ -61,6 +61,9 @@ def test_what_is_no_configuration_is_refused(settings):
     ("arguments", "complaint"),
     [
         ("--steps 0", "--steps must be from 1"),
+        ("--steps 1.5", "1.5 is no whole number"),
+        ("--steps nan", "nan is no whole number"),
+        ("--steps many", "'many'"),
         ("--seed -1", "--seed must be from 0 to 4294967295, got -1"),
         ("--seed 4294967296", "--seed must be from 0 to 4294967295"),
         ("--pushes -1", "--pushes must be from 0 to 79"),
@@ -121,8 +124,22 @@ def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):
     resumed = parse(["--resume", "--out", str(tmp_path)])
     assert to_dict(resumed) == to_dict(begun)
     assert resumed.folder == tmp_path
-    with pytest.raises(UsageError, match="--steps: the run has 777, the command 778"):
-        parse(["--resume", "--out", str(tmp_path), "--steps", "778"])
+    for option, new in (("--steps", "776"), ("--ppo.gamma", "0.4")):
+        with pytest.raises(UsageError, match=rf"{option}: the run has .*, the command {new}; only a larger --steps"):
+            parse(["--resume", "--out", str(tmp_path), option, new])
+
+
+def test_resume_with_more_steps_extends_the_run(tmp_path):
+    begun = dataclasses.replace(TrainConfig(), steps=777)
+    (tmp_path / CONFIG_FILE).write_text(json.dumps(to_dict(begun)))
+    assert parse(["--resume", "--out", str(tmp_path), "--steps", "778"]).steps == 778
+
+
+@pytest.mark.parametrize("words", ["1000000", "1e6", "1_000_000", "1.0e6"])
+def test_large_numbers_may_be_written_as_people_do(words):
+    config = parse(["--steps", words, "--validation.interval", words])
+    assert (config.steps, config.validation.interval) == (1_000_000, 1_000_000)
+    assert type(config.steps) is int
 
 
 def test_resume_of_a_damaged_configuration_is_refused(tmp_path):

@@ -13,12 +13,15 @@ from train.__main__ import main, parse
 from train.config import DEFAULTS, PpoConfig, to_dict
 from train.model_card import TrainedRun, command, difference
 from train.publish import choose
-from train.publish import main as publish
 
 OPTIONS = (
     "--threads 1 --mixture flat 1.0 --validation.episodes 1 --validation.scenarios flat --steps 64 "
     "--ppo.envs 8 --ppo.rollout-steps 4 --ppo.minibatch 32 --ppo.epochs 1 --ppo.actor 8 --ppo.critic 8"
 )
+
+
+def publish(words):
+    return main(["publish", *words])
 
 
 def trained_run(kind="residual", **changes):

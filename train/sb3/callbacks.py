@@ -33,7 +33,7 @@ CHECKPOINT_PERIOD = 30.0
 
 
 @dataclass
-class Memory:
+class CallbackState:
     """What the callbacks carry from one session of a run to the next, as JSON types."""
 
     resumed: int = 0
@@ -41,6 +41,7 @@ class Memory:
     seconds: float = 0.0
     """Training time of earlier sessions, validation included, s."""
     best_score: float | None = None
+    """Smallest score of a validation; the bundle of that one is kept as the best."""
     validated: int = 0
     """Steps at the last validation."""
     rate: float | None = None
@@ -48,33 +49,37 @@ class Memory:
     validations: list[dict[str, Any]] = field(default_factory=list)
     """{"steps", "score", "scenarios"} of each validation."""
 
+    @classmethod
+    def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
+        """The state that a checkpoint holds. Raises UsageError on what is none."""
+        try:
+            state = cls(**remembered)
+            return cls(
+                resumed=int(state.resumed),
+                seconds=float(state.seconds),
+                best_score=None if state.best_score is None else float(state.best_score),
+                validated=int(state.validated),
+                rate=None if state.rate is None else float(state.rate),
+                validations=list(state.validations),
+            )
+        except (TypeError, ValueError, OverflowError) as error:
+            raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
-def recall(remembered: Mapping[str, Any]) -> Memory:
-    """The memory that a checkpoint holds. Raises UsageError on what is none."""
-    try:
-        memory = Memory(**remembered)
-        return Memory(
-            resumed=int(memory.resumed),
-            seconds=float(memory.seconds),
-            best_score=None if memory.best_score is None else float(memory.best_score),
-            validated=int(memory.validated),
-            rate=None if memory.rate is None else float(memory.rate),
-            validations=list(memory.validations),
-        )
-    except (TypeError, ValueError, OverflowError) as error:
-        raise UsageError(f"the checkpoint does not fit this run: {error}") from None
+
+class BetweenRollouts(BaseCallback):
+    """A callback that has nothing to do at single steps."""
+
+    def _on_step(self) -> bool:
+        return True
 
 
-class Progress(BaseCallback):
+class RolloutFigures(BetweenRollouts):
     """Shows and logs the figures of each rollout."""
 
     def __init__(self, robots: TrainingRobots, display: Display) -> None:
         super().__init__()
         self._robots = robots
         self._display = display
-
-    def _on_step(self) -> bool:
-        return True
 
     def _on_rollout_end(self) -> None:
         figures = self._robots.take_statistics().means()
@@ -83,45 +88,39 @@ class Progress(BaseCallback):
         self._display.update(self.num_timesteps, figures)
 
 
-class AdaptRate(BaseCallback):
+class AdaptLearningRate(BetweenRollouts):
     """Moves the adaptive learning rate after each update."""
 
-    def __init__(self, rate: AdaptiveRate, memory: Memory) -> None:
+    def __init__(self, rate: AdaptiveRate, state: CallbackState) -> None:
         super().__init__()
         self._rate = rate
-        self._memory = memory
-        if memory.rate is not None:
-            rate.rate = memory.rate
-
-    def _on_step(self) -> bool:
-        return True
+        self._state = state
+        if state.rate is not None:
+            rate.rate = state.rate
 
     def _on_rollout_start(self) -> None:
         # What the last update logged; absent before the first.
         kl = self.logger.name_to_value.get("train/approx_kl")
         if kl is not None:
             self._rate.update(float(kl))
-        self._memory.rate = self._rate.rate
+        self._state.rate = self._rate.rate
 
 
-class LowerNoise(BaseCallback):
+class LowerNoise(BetweenRollouts):
     """Lowers the exploration noise on its schedule."""
 
     def __init__(self, config: TrainConfig) -> None:
         super().__init__()
         self._config = config
 
-    def _on_step(self) -> bool:
-        return True
-
     def _on_rollout_start(self) -> None:
         lower_noise(cast(PPO, self.model), self._config.ppo, self.num_timesteps / self._config.steps)
 
 
-def schedules(config: TrainConfig, model: PPO, memory: Memory) -> list[BaseCallback]:
+def schedules(config: TrainConfig, model: PPO, state: CallbackState) -> list[BaseCallback]:
     """What changes the learner's settings under way; a run without them is another run."""
     if isinstance(model.learning_rate, AdaptiveRate):
-        return [LowerNoise(config), AdaptRate(model.learning_rate, memory)]
+        return [LowerNoise(config), AdaptLearningRate(model.learning_rate, state)]
     return [LowerNoise(config)]
 
 
@@ -132,62 +131,62 @@ def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     return ResidualPolicy(base, actor_network(model, config.ppo.activation), env.authority, config.policy)
 
 
-class Keeper(BaseCallback):
+class ValidateAndSave(BetweenRollouts):
     """Validates, keeps the best and the last bundle, writes checkpoints, and ends the run when asked to."""
 
-    def __init__(self, config: TrainConfig, display: Display, memory: Memory, interrupt: Interrupt) -> None:
+    def __init__(self, config: TrainConfig, display: Display, state: CallbackState, interrupt: Interrupt) -> None:
         super().__init__()
         self._config = config
         self._display = display
-        self._memory = memory
+        self._state = state
         self._interrupt = interrupt
         self._written = time.monotonic()
-        self._earlier_seconds = memory.seconds
+        self._earlier_seconds = state.seconds
         self._began = time.monotonic()
-
-    def _on_step(self) -> bool:
-        return True
 
     def _on_rollout_start(self) -> None:
         interval = self._config.validation.interval
-        due = interval > 0 and self.num_timesteps - self._memory.validated >= interval
+        due = interval > 0 and self.num_timesteps - self._state.validated >= interval
         # A new best bundle is not left without the checkpoint that knows its score.
         improved = due and self._validate()
         if improved or self._interrupt.asked or time.monotonic() - self._written > CHECKPOINT_PERIOD:
             self._keep()
+        # Figures of the update and the validation go to TensorBoard now: SB3 would write them a rollout later.
+        self.logger.dump(self.num_timesteps)
         if self._interrupt.asked:
             raise KeyboardInterrupt
 
     def _on_training_end(self) -> None:
-        if self._memory.validated < self.num_timesteps:
+        if self._state.validated < self.num_timesteps:
             self._validate()
         self._keep()
+        self.logger.dump(self.num_timesteps)
 
     def _policy(self) -> ResidualPolicy:
         return current_policy(self._config, cast(PPO, self.model))
 
     def _validate(self) -> bool:
         """Judge the policy; whether it is the best so far, and is kept as that."""
-        policy, memory = self._policy(), self._memory
+        policy, state = self._policy(), self._state
         results = validate(policy, self._config.validation, self._config.threads)
         total = score(results)
-        memory.validated = self.num_timesteps
-        memory.validations.append({"steps": self.num_timesteps, "score": total, "scenarios": results})
+        state.validated = self.num_timesteps
+        state.validations.append({"steps": self.num_timesteps, "score": total, "scenarios": results})
         self.logger.record("validation/score", total)
         for scenario, means in results.items():
             for name, value in means.items():
                 self.logger.record(f"validation/{scenario}/{name}", value)
-        better = memory.best_score is None or total < memory.best_score
+        better = state.best_score is None or total < state.best_score
         if better:
-            memory.best_score = total
+            state.best_score = total
             self._save(policy, BEST)
         self._display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
         return better
 
     def _keep(self) -> None:
-        self._memory.seconds = self._earlier_seconds + time.monotonic() - self._began
+        self._state.seconds = self._earlier_seconds + time.monotonic() - self._began
         # The checkpoint first: a folder without one is taken to hold nothing that could be carried on.
-        state = checkpoint.capture(cast(PPO, self.model), vars(self._memory))
+        state = checkpoint.capture(cast(PPO, self.model), vars(self._state))
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
         self._save(self._policy(), LAST)
         self._written = time.monotonic()

@@ -5,9 +5,10 @@ from dataclasses import Field, asdict, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from evaluate.measures.metrics import Measures
+from evaluate.terminal.launcher import raise_on_interrupt
 from policies.base import Floats
 from quad_env.seeding import episode_seeds
 
@@ -40,13 +41,17 @@ class Effort(Protocol):
         ...
 
     @property
-    def episodes(self) -> int:
-        """Episodes of the "search" family, new in each round."""
+    def seed(self) -> int:
+        """Seed of the candidates."""
         ...
 
+
+class EpisodeEffort(Effort, Protocol):
+    """How thoroughly a search on drawn episodes is done."""
+
     @property
-    def seed(self) -> int:
-        """Seed of candidates and episodes."""
+    def episodes(self) -> int:
+        """Episodes of the "search" family, new in each round."""
         ...
 
 
@@ -62,7 +67,7 @@ def encode(parameters: Parameters, ranges: Ranges) -> Floats:
 
 
 def evolve(
-    effort: Effort,
+    effort: EpisodeEffort,
     start: P,
     ranges: Ranges,
     costs: Callable[[list[P], NDArray[np.int64]], Sequence[float] | Floats],
@@ -76,21 +81,61 @@ def evolve(
     `costs` judges a generation's candidates, all on the episodes of its seeds; `spread` is the first standard deviation
     of a parameter, as a share of its range.
     """
+    seeds = np.split(episode_seeds("search", effort.seed, effort.generations * effort.episodes), effort.generations)
+
+    def judged(points: list[Floats], generation: int) -> Sequence[float] | Floats:
+        return costs([decode(point, start, ranges, digits) for point in points], seeds[generation])
+
+    point = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
+    for mean in minimise(effort, point, (0, 1), judged, spread=spread, description=description):
+        yield decode(mean, start, ranges, digits)
+
+
+def minimise(
+    effort: Effort,
+    start: Floats,
+    bounds: tuple[ArrayLike, ArrayLike],
+    costs: Callable[[list[Floats], int], Sequence[float] | Floats],
+    *,
+    spread: float,
+    description: str = "generations",
+    **settings: Any,
+) -> Iterator[Floats]:
+    """The mean of CMA-ES's distribution after each generation.
+
+    `costs` judges the points of a generation, by its number; `settings` are further ones of the strategy.
+    """
     import cma
     from rich.progress import track
 
     strategy = cma.CMAEvolutionStrategy(
-        np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN),
+        start,
         spread,
-        {"bounds": [0, 1], "popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9},
+        {"bounds": list(bounds), "popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9, **settings},
     )
-    seeds = episode_seeds("search", effort.seed, effort.generations * effort.episodes)
-    for generation in track(np.split(seeds, effort.generations), description=description):
+    for generation in track(range(effort.generations), description=description):
         points = strategy.ask()
-        found = costs([decode(point, start, ranges, digits) for point in points], generation)
-        strategy.tell(points, found)
+        found = costs(points, generation)
+        strategy.tell(points, list(found))
         print(f"best {min(found):.3f}  median {np.median(found):.3f}", flush=True)
-        yield decode(strategy.result.xfavorite, start, ranges, digits)
+        yield strategy.result.xfavorite
+
+
+def last(generations: Iterator[P], keep: Callable[[P], None]) -> P:
+    """The outcome of the last generation; after Ctrl-C that of the last one done is kept before the interrupt goes on.
+
+    Raises KeyboardInterrupt with what was done.
+    """
+    raise_on_interrupt()
+    found: list[P] = []
+    try:
+        found.extend(generations)
+    except KeyboardInterrupt:
+        if not found:
+            raise
+        keep(found[-1])
+        raise KeyboardInterrupt(f"kept what was found after {len(found)} generations, not judged") from None
+    return found[-1]
 
 
 def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Collection[str] = ()) -> list[str]:

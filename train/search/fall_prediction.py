@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse
+from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Policy
-from policies.files import write_atomically
 from policies.safety.fall_prediction import THRESHOLD_FILE, next_recent, next_reference, velocity_deviation
 from quad_env.seeding import episode_seeds
+from train.search.outcome import check_output, save
 
 MARGIN = 0.2
 """Between the threshold and the largest velocity deviation that undisturbed walking gave, m/s."""
@@ -39,18 +38,14 @@ class Options:
     """JSON to write."""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Fit and write; the exit code."""
-    try:
-        options = parse(Options, arguments, program="python -m train search fall-prediction", description=__doc__ or "")
-        if not options.hours > 0 or options.seed < 0 or not options.policies:
-            raise UsageError("--hours must be positive, --seed not negative, and --policies name at least one")
-        seeds = episode_seeds("search", options.seed * 100 + 50, max(1, round(options.hours * 360)))
-        largest = max(undisturbed(policies.resolve(name), seeds) for name in options.policies)
-        values = {"velocity_deviation": round(largest + MARGIN, 4)}
-        write_atomically(options.out, (json.dumps(values, indent=2) + "\n").encode())
-    except (UsageError, ValueError, OSError) as error:
-        return fail(str(error))
+def main(options: Options) -> int:
+    """Fit and write; the exit code. Raises UsageError."""
+    if not options.hours > 0 or options.seed < 0 or not options.policies:
+        raise UsageError("--hours must be positive, --seed not negative, and --policies name at least one")
+    check_output(options.out)
+    seeds = episode_seeds("search", options.seed * 100 + 50, max(1, round(options.hours * 360)))
+    largest = max(undisturbed(policies.resolve(name), seeds) for name in options.policies)
+    save(options.out, json.dumps({"surprise": round(largest + MARGIN, 4)}, indent=2) + "\n")
     print(f"largest in {len(seeds) * STEPS * CONTROL_PERIOD / 3600:.2f} h: {largest:.3f} m/s; {options.out}")
     return 0
 
@@ -74,7 +69,3 @@ def _undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
         recent = next_recent(recent, observation, env.dt)
     env.close()
     return largest
-
-
-if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))

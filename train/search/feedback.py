@@ -6,24 +6,20 @@ generation gets new ones, all from the "search" family of seeds. Ctrl-C keeps wh
 search can go on from it.
 """
 
-import json
-import sys
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
 from policies.base import CONTROL_PERIOD
 from policies.trot.feedback_parameters import PARAMETERS_FILE, SEARCH_RANGES, FeedbackParameters, read_parameters
 from quad_env.seeding import episode_seeds
-from train.search.evolution import changes, evolve, judged
+from train.search.evolution import changes, evolve, judged, last
 from train.search.feedback_cost import COMMAND_INTERVAL, EXERCISES, FALL_COST, judge, walked
+from train.search.outcome import as_json, check_numbers, check_output, save
 from train.search.trot import LIMITS as TROT_LIMITS
-from train.search.trot import check_numbers, check_output, keep
 from train.search.trot_cost import ERROR_SCALES, Floats
 
 ACCOUNT = "TROT_FEEDBACK.md"
@@ -31,12 +27,13 @@ ACCOUNT = "TROT_FEEDBACK.md"
 LIMITS = {name: TROT_LIMITS[name] for name in ("generations", "candidates", "episodes", "seed", "threads")} | {
     "steps": (round(2 * COMMAND_INTERVAL / CONTROL_PERIOD), 100_000),
     "check_episodes": (1, 10_000),
+    "spread": (1e-6, 0.5),
 }
 """Smallest and largest value of each number of the options."""
 
 
 @dataclass(frozen=True)
-class SearchOptions:
+class Options:
     """Search the gait and the gains of trot_feedback."""
 
     generations: int = 8
@@ -61,7 +58,7 @@ class SearchOptions:
     """Where the parameters go, JSON; the account of the search goes beside it, TROT_FEEDBACK.md."""
 
 
-def search(options: SearchOptions, start: FeedbackParameters) -> Iterator[FeedbackParameters]:
+def search(options: Options, start: FeedbackParameters) -> Iterator[FeedbackParameters]:
     """The mean of the search distribution after each generation, to four digits."""
 
     def costs(candidates: list[FeedbackParameters], seeds: NDArray[np.int64]) -> Floats:
@@ -70,7 +67,7 @@ def search(options: SearchOptions, start: FeedbackParameters) -> Iterator[Feedba
     return evolve(options, start, SEARCH_RANGES, costs, spread=options.spread, digits=4)
 
 
-def account(options: SearchOptions, done: int, before: FeedbackParameters, after: FeedbackParameters) -> str:
+def account(options: Options, before: FeedbackParameters, after: FeedbackParameters) -> str:
     """What the search found and what it is worth on fresh episodes, as Markdown."""
     command = (
         f"python -m train search feedback --seed {options.seed} --generations {options.generations} "
@@ -80,7 +77,7 @@ def account(options: SearchOptions, done: int, before: FeedbackParameters, after
     lines = [
         "# The parameters of trot_feedback",
         "",
-        f"Written by `{command}`: CMA-ES, {done} "
+        f"Written by `{command}`: CMA-ES, {options.generations} "
         f"generations of {options.candidates} candidates, {options.episodes} episodes of "
         f"{options.steps * CONTROL_PERIOD:g} s a candidate on each of "
         f"{', '.join(f'{exercise.name} (weight {exercise.weight:g})' for exercise in EXERCISES)}.",
@@ -94,7 +91,7 @@ def account(options: SearchOptions, done: int, before: FeedbackParameters, after
     return "\n".join((*lines, "", *comparison(options, before, after))) + "\n"
 
 
-def comparison(options: SearchOptions, before: FeedbackParameters, after: FeedbackParameters) -> list[str]:
+def comparison(options: Options, before: FeedbackParameters, after: FeedbackParameters) -> list[str]:
     """Both judged on fresh episodes, as lines of Markdown."""
     seeds = episode_seeds("search", options.seed + 1_000_000, options.check_episodes)
     walks = (
@@ -106,39 +103,14 @@ def comparison(options: SearchOptions, before: FeedbackParameters, after: Feedba
     return [lead, "", *judged("exercise", walks)]
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Search, judge, write; the exit code: 0, 2 on bad input or an outcome that cannot be written, 130 after Ctrl-C."""
-    survive_narrow_encodings()
+def main(options: Options) -> int:
+    """Search, write, judge; the exit code. Raises UsageError; KeyboardInterrupt, after what was found is kept."""
+    check_numbers(options, LIMITS)
+    check_output(options.out, ACCOUNT)
+    before = read_parameters(options.start) if options.start else FeedbackParameters()
+    found = last(search(options, before), lambda parameters: save(options.out, as_json(parameters)))
     try:
-        options = parse(
-            SearchOptions, arguments, program="python -m train search feedback", description="Search trot_feedback."
-        )
-        check_numbers(options, LIMITS)
-        if not 0.0 < options.spread <= 0.5:
-            raise UsageError(f"--spread must be above 0 and at most 0.5, got {options.spread:g}")
-        check_output(options.out, ACCOUNT)
-        before = read_parameters(options.start) if options.start else FeedbackParameters()
-    except (UsageError, ValueError) as error:
-        return fail(str(error))
-    return find(options, before)
-
-
-def find(options: SearchOptions, before: FeedbackParameters) -> int:
-    """Search and write what was found, after Ctrl-C too; the exit code."""
-    found, done, complaint = before, 0, ""
-    try:
-        for better in search(options, before):
-            found, done = better, done + 1
-        complaint = keep(options.out, json.dumps(asdict(found), indent=2) + "\n")
-        text = account(options, done, before, found)
-        complaint = keep(options.out.with_name(ACCOUNT), text, show=True) or complaint
-    except KeyboardInterrupt:
-        if done:
-            keep(options.out, json.dumps(asdict(found), indent=2) + "\n")
-        print(f"stopped after {done} generations; not judged", file=sys.stderr)
-        return launcher.INTERRUPTED
-    return fail(complaint) if complaint else 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+        save(options.out, as_json(found))
+    finally:
+        save(options.out.with_name(ACCOUNT), account(options, before, found), show=True)
+    return 0

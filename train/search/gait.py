@@ -5,21 +5,19 @@ and every generation gets new ones, all from the "search" family of seeds, which
 """
 
 import json
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
-from policies.base import PolicyError
-from policies.files import write_atomically
+from evaluate.terminal.command_line import UsageError
 from policies.gaits.parameters import OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
 from quad_env.seeding import episode_seeds
+from train.search.command_map import response, undone
 from train.search.evolution import Ranges, evolve
-from train.search.gait_cost import FEWEST, SETTLING, commands, cost, mapped, response, shared_walk
+from train.search.gait_cost import FEWEST, SETTLING, commands, cost, shared_walk
+from train.search.outcome import as_json, check_numbers, check_output, save
 
 _COMMON = {
     "frequency": (2.0, 3.6),
@@ -64,7 +62,7 @@ LIMITS: dict[str, tuple[float, float]] = {
 
 
 @dataclass(frozen=True)
-class SearchOptions:
+class Options:
     """Search a gait's numbers."""
 
     gait: str
@@ -87,7 +85,7 @@ class SearchOptions:
     """File of all gaits' parameters, JSON, in which this gait's are replaced."""
 
 
-def search(options: SearchOptions, start: GaitParameters) -> GaitParameters:
+def search(options: Options, start: GaitParameters) -> GaitParameters:
     """The mean of the search distribution after the last generation."""
     rng = np.random.default_rng((0, options.seed))
 
@@ -101,7 +99,7 @@ def search(options: SearchOptions, start: GaitParameters) -> GaitParameters:
     return found
 
 
-def fitted(options: SearchOptions, found: GaitParameters) -> GaitParameters:
+def fitted(options: Options, found: GaitParameters) -> GaitParameters:
     """The parameters with a command map fitted on fresh episodes, to four digits."""
     rng = np.random.default_rng((1, options.seed))
     for number in range(MAP_ROUNDS):
@@ -111,43 +109,25 @@ def fitted(options: SearchOptions, found: GaitParameters) -> GaitParameters:
         upright = ~walk.fell
         if upright.sum() < FEWEST:
             raise UsageError(f"the {options.gait} falls: {int(walk.fell.sum())} of {MAP_EPISODES}; search on")
-        found = mapped(found, response(command[upright], walk.heading_velocity.mean(axis=0)[upright]))
+        found = undone(found, response(command[upright], walk.heading_velocity.mean(axis=0)[upright]))
     return GaitParameters(**{name: round(float(value), 4) for name, value in asdict(found).items()})
 
 
-def check(options: SearchOptions) -> None:
+def check(options: Options) -> None:
     """Raise UsageError, one line, on options that no search can be made with."""
     if options.gait not in OFFSETS:
         raise UsageError(f"--gait must be one of {', '.join(OFFSETS)}, got {options.gait}")
-    for name, (low, high) in LIMITS.items():
-        if not low <= getattr(options, name) <= high:
-            raise UsageError(f"--{name} must be from {low:g} to {high:g}, got {getattr(options, name)}")
-    if options.out.is_dir() or not options.out.parent.is_dir():
-        raise UsageError(f"--out must be a file in a folder that is there, got {options.out}")
+    check_numbers(options, LIMITS)
+    check_output(options.out)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Search and write; the exit code: 0, 2 on bad input or an outcome that cannot be written, 130 after Ctrl-C."""
-    survive_narrow_encodings()
-    try:
-        options = parse(SearchOptions, arguments, program="python -m train search gait", description="Search a gait.")
-        check(options)
-        start = searched_parameters()[options.gait]
-        found = fitted(options, search(options, start) if options.generations else start)
-        searched_parameters.cache_clear()  # another gait's search may have ended in the meantime
-        gaits = searched_parameters() | {options.gait: found}
-        text = json.dumps({name: asdict(gaits[name]) for name in sorted(OFFSETS)}, indent=2) + "\n"
-        write_atomically(options.out, text.encode())
-        print(json.dumps(asdict(found), indent=2))
-    except (UsageError, PolicyError) as error:
-        return fail(str(error))
-    except OSError as error:
-        return fail(f"cannot write the parameters ({error.strerror})")
-    except KeyboardInterrupt:
-        print("stopped before the search was done", file=sys.stderr)
-        return launcher.INTERRUPTED
+def main(options: Options) -> int:
+    """Search and write; the exit code. Raises UsageError."""
+    check(options)
+    start = searched_parameters()[options.gait]
+    found = fitted(options, search(options, start) if options.generations else start)
+    searched_parameters.cache_clear()  # another gait's search may have ended in the meantime
+    gaits = searched_parameters() | {options.gait: found}
+    save(options.out, json.dumps({name: asdict(gaits[name]) for name in sorted(OFFSETS)}, indent=2) + "\n")
+    print(as_json(found), end="")
     return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

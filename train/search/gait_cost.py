@@ -9,6 +9,7 @@ from evaluate.studies.strides import Strides, walked
 from policies.base import Floats
 from policies.gaits.parameters import NO_LIMITS, GaitParameters
 from policies.gaits.policy import Gaits
+from train.search.command_map import response
 
 TOP_SPEED = {"walk": 0.4}
 """Fastest forward command of the search, m/s, by gait; OTHER_TOP_SPEED for those not named."""
@@ -43,13 +44,6 @@ def commands(gait: str, count: int, rng: np.random.Generator) -> Floats:
     drawn[:straight] = 0.0
     drawn[:straight, 0] = top * np.linspace(0.3, 1.0, straight)
     return drawn
-
-
-def response(command: Floats, velocity: Floats) -> Floats:
-    """Least-squares map (4, 3) from commands (n, 3) and 1 to mean velocities (n, 3)."""
-    inputs = np.column_stack((command, np.ones(len(command))))
-    solution: Floats = np.linalg.lstsq(inputs, velocity, rcond=None)[0].astype(np.float64)
-    return solution
 
 
 def shared_walk(
@@ -96,18 +90,3 @@ def cost(strides: Strides, command: Floats) -> float:
     beside = np.abs(velocity[upright] - command[upright] @ found[:3] - found[3]).mean(axis=0)
     weak = np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0.0, None).sum()
     return total + float((beside / VELOCITY_SCALES).sum() + WEAKNESS_WEIGHT * weak)
-
-
-def mapped(parameters: GaitParameters, found: Floats) -> GaitParameters:
-    """The same gait with the command map that undoes the response `found`, (4, 3), to the map in force.
-
-    With u asked of the gait and v achieved: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
-    """
-    return replace(
-        parameters,
-        forward_gain=parameters.forward_gain / found[0, 0],
-        forward_bias=parameters.forward_bias - parameters.forward_gain * found[3, 0] / found[0, 0],
-        lateral_gain=parameters.lateral_gain / found[1, 1],
-        yaw_gain=parameters.yaw_gain / found[2, 2],
-        yaw_per_lateral=(parameters.yaw_per_lateral - parameters.yaw_gain * found[1, 2] / found[2, 2]) / found[1, 1],
-    )

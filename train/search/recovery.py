@@ -4,7 +4,7 @@ CMA-ES from the present parameters. A generation's candidates start in the same 
 and every generation gets new ones, all of the "search" family of seeds.
 """
 
-import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.studies.recovery import TIME_ALLOWED, recover_with
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse
 from policies.base import Floats
 from policies.behaviour import Behaviour
 from policies.behaviour.recovery import PARAMETERS_FILE, RecoveryParameters, searched_parameters
 from policies.behaviour.transitions import State
-from policies.files import write_atomically
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
+from train.search.evolution import last, minimise
+from train.search.outcome import as_json, check_numbers, check_output, save
 from train.search.trot_cost import Panel
 
 LATE_COST = 2.0
@@ -34,6 +33,15 @@ THRESHOLDS = {
     "kick_minimum": (0.05, 0.5),
     "upright": (0.2, 0.9),
 }
+
+LIMITS = {
+    "generations": (1, 10_000),
+    "candidates": (4, 1000),
+    "starts": (1, 10_000),
+    "step": (1e-6, 1.0),
+    "seed": (0, 2**31),
+}
+"""Smallest and largest value of each number of the options."""
 
 
 @dataclass(frozen=True)
@@ -54,43 +62,26 @@ class Options:
     """JSON to write."""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Search and write; the exit code."""
-    try:
-        options = parse(Options, arguments, program="python -m train search recovery", description=__doc__ or "")
-        if min(options.generations, options.starts) < 1 or options.candidates < 4 or not options.step > 0.0:
-            raise UsageError("--generations and --starts must be at least 1, --candidates 4, --step positive")
-        if options.seed < 0:
-            raise UsageError("--seed must not be negative")
-        found = search(options)
-        write_atomically(options.out, (json.dumps(asdict(found), indent=2) + "\n").encode())
-    except (UsageError, ValueError, OSError) as error:
-        return fail(str(error))
+def main(options: Options) -> int:
+    """Search and write; the exit code. Raises UsageError; KeyboardInterrupt, after what was found is kept."""
+    check_numbers(options, LIMITS)
+    check_output(options.out)
+    save(options.out, as_json(last(search(options), lambda parameters: save(options.out, as_json(parameters)))))
     print(options.out)
     return 0
 
 
-def search(options: Options) -> RecoveryParameters:
-    """The mean of the last generation."""
-    import cma
+def search(options: Options) -> Iterator[RecoveryParameters]:
+    """The mean of the search distribution after each generation."""
+
+    def costs(points: list[Floats], generation: int) -> Floats:
+        seeds = episode_seeds("search", 10_000 * (options.seed + 1) + generation, options.starts)
+        return judge([decoded(point) for point in points], seeds)
 
     low, high = bounds()
     start = np.clip(encoded(searched_parameters()), low, high)
-    settings = {
-        "bounds": [low, high],
-        "popsize": options.candidates,
-        "seed": options.seed + 1,
-        "verbose": -9,
-        "CMA_diagonal": True,
-    }
-    strategy = cma.CMAEvolutionStrategy(start, options.step, settings)
-    for generation in range(options.generations):
-        candidates = strategy.ask()
-        seeds = episode_seeds("search", 10_000 * (options.seed + 1) + generation, options.starts)
-        costs = judge([decoded(candidate) for candidate in candidates], seeds)
-        strategy.tell(candidates, costs.tolist())
-        print(f"generation {generation + 1}: cost {np.median(costs):.3f}, best {costs.min():.3f}", flush=True)
-    return decoded(np.clip(strategy.result.xfavorite, low, high))
+    for mean in minimise(options, start, (low, high), costs, spread=options.step, CMA_diagonal=True):
+        yield decoded(np.clip(mean, low, high))
 
 
 def judge(candidates: list[RecoveryParameters], seeds: NDArray[np.int64]) -> Floats:
@@ -144,7 +135,3 @@ def bounds() -> tuple[list[float], list[float]]:
             low.append(THRESHOLDS[name][0] / scale)
             high.append(THRESHOLDS[name][1] / scale)
     return low, high
-
-
-if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))

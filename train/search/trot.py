@@ -4,9 +4,6 @@ CMA-ES over `policies.trot.open_loop.SEARCH_RANGES`. A generation's candidates w
 and every generation gets new ones, all from the "search" family of seeds, which neither training nor evaluation draws.
 """
 
-import json
-import sys
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -15,14 +12,12 @@ from numpy.typing import NDArray
 
 from evaluate.measures.metrics import SETTLING_TIME, measure
 from evaluate.rollouts.rollout import run
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
 from policies.base import CONTROL_PERIOD
-from policies.files import make_writable_folder, write_atomically
 from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
 from train.search.evolution import changes, evolve, judged
+from train.search.outcome import as_json, check_numbers, check_output, save
 from train.search.trot_cost import ERROR_SCALES, MINIMUM_INTERVALS, SCENARIO_WEIGHTS, Floats, judge, mapped
 
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
@@ -45,7 +40,7 @@ LIMITS = {
 
 
 @dataclass(frozen=True)
-class SearchOptions:
+class Options:
     """Search the trot's parameters."""
 
     generations: int = 14
@@ -66,7 +61,7 @@ class SearchOptions:
     """Where the parameters go, JSON; the account of the search goes beside it, TROT.md."""
 
 
-def search(options: SearchOptions, start: TrotParameters) -> TrotParameters:
+def search(options: Options, start: TrotParameters) -> TrotParameters:
     """The mean of the search distribution after the last generation, its command map fitted, to four digits."""
 
     def costs(candidates: list[TrotParameters], seeds: NDArray[np.int64]) -> Floats:
@@ -79,7 +74,7 @@ def search(options: SearchOptions, start: TrotParameters) -> TrotParameters:
     return TrotParameters(**{name: round(value, 4) for name, value in asdict(found).items()})
 
 
-def account(options: SearchOptions, before: TrotParameters, after: TrotParameters) -> str:
+def account(options: Options, before: TrotParameters, after: TrotParameters) -> str:
     """What the search found and what it is worth on fresh episodes, as Markdown."""
     lines = [
         "# The trot's parameters",
@@ -109,62 +104,19 @@ def account(options: SearchOptions, before: TrotParameters, after: TrotParameter
     return "\n".join(lines) + "\n"
 
 
-def check(options: SearchOptions) -> None:
+def check(options: Options) -> None:
     """Raise UsageError, one line, on options that no search can be made with."""
     check_numbers(options, LIMITS)
     check_output(options.out, ACCOUNT)
 
 
-def check_numbers(options: object, limits: Mapping[str, tuple[int, int]]) -> None:
-    """Raise UsageError, one line, for the first number outside its limits."""
-    for name, (low, high) in limits.items():
-        if not low <= getattr(options, name) <= high:
-            option = "--" + name.replace("_", "-")
-            raise UsageError(f"{option} must be from {low} to {high}, got {getattr(options, name)}")
-
-
-def check_output(out: Path, account: str) -> None:
-    """Raise UsageError, one line, where no parameters can be written with their account beside them."""
-    if out.is_dir() or out.name == account:
-        raise UsageError(f"--out must be a file, and not {account}, which the account goes to; got {out}")
-    if not out.parent.is_dir():
-        raise UsageError(f"no folder {out.parent}; make it, or choose another --out")
+def main(options: Options) -> int:
+    """Search, write, judge; the exit code. Raises UsageError."""
+    check(options)
+    before = TrotParameters()
+    after = search(options, before)
     try:
-        make_writable_folder(out.parent)
-    except OSError as error:
-        raise UsageError(f"cannot write into {out.parent} ({error.strerror}); choose another --out") from None
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Search, judge, write; the exit code: 0, 2 on bad input or an outcome that cannot be written, 130 after Ctrl-C."""
-    survive_narrow_encodings()
-    try:
-        options = parse(SearchOptions, arguments, program="python -m train search trot", description="Search the trot.")
-        check(options)
-        before = TrotParameters()
-        after = search(options, before)
-        complaint = keep(options.out, json.dumps(asdict(after), indent=2) + "\n")
-        text = account(options, before, after)
-        complaint = keep(options.out.with_name(ACCOUNT), text, show=True) or complaint
-    except UsageError as error:
-        return fail(str(error))
-    except KeyboardInterrupt:
-        print("stopped before the search was done or judged", file=sys.stderr)
-        return launcher.INTERRUPTED
-    return fail(complaint) if complaint else 0
-
-
-def keep(path: Path, text: str, *, show: bool = False) -> str:
-    """Write the text, and print it where asked for or where it would be lost; what went wrong, "" if nothing."""
-    complaint = ""
-    try:
-        write_atomically(path, text.encode())
-    except OSError as error:
-        complaint = f"cannot write {path} ({error.strerror or error}): its contents are on standard output"
-    if show or complaint:
-        print(text, flush=True)
-    return complaint
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+        save(options.out, as_json(after))
+    finally:
+        save(options.out.with_name(ACCOUNT), account(options, before, after), show=True)
+    return 0

@@ -11,6 +11,7 @@ from evaluate.rollouts.rollout import run
 from policies.base import Actions, Policy
 from policies.trot.open_loop import Trot, TrotParameters
 from train.scenarios import practice
+from train.search.command_map import response, undone
 
 Floats = NDArray[np.float64]
 
@@ -56,15 +57,13 @@ def cost(measures: Measures, members: int) -> Floats:
     return mean
 
 
-def response(measures: Measures) -> Floats:
+def interval_response(measures: Measures) -> Floats:
     """Least-squares map from commanded (and 1) to achieved velocity, (4, 3), over the intervals walked to their end."""
     command, achieved = measures.commands.reshape(-1, 3), measures.mean_velocities.reshape(-1, 3)
     upright = np.isfinite(achieved).all(axis=1)
     if upright.sum() < MINIMUM_INTERVALS:
         return np.zeros((4, 3))
-    inputs = np.column_stack((command[upright], np.ones(upright.sum())))
-    solution: Floats = np.linalg.lstsq(inputs, achieved[upright], rcond=None)[0]
-    return solution
+    return response(command[upright], achieved[upright])
 
 
 def judge(candidates: list[TrotParameters], seeds: NDArray[np.int64], steps: int, threads: int) -> Floats:
@@ -86,7 +85,10 @@ def judge(candidates: list[TrotParameters], seeds: NDArray[np.int64], steps: int
     }
     flat = measure(runs["flat"])
     rows = np.split(np.arange(len(seeds) * members), members)
-    maps = [response(replace(flat, commands=flat.commands[r], mean_velocities=flat.mean_velocities[r])) for r in rows]
+    maps = [
+        interval_response(replace(flat, commands=flat.commands[r], mean_velocities=flat.mean_velocities[r]))
+        for r in rows
+    ]
     weak = np.array([np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0, None).sum() for found in maps])
     total = WEAKNESS_WEIGHT * weak
     for name, weight in SCENARIO_WEIGHTS.items():
@@ -96,29 +98,17 @@ def judge(candidates: list[TrotParameters], seeds: NDArray[np.int64], steps: int
 
 
 def mapped(parameters: TrotParameters, seeds: NDArray[np.int64], threads: int) -> TrotParameters:
-    """The same gait with the command map that undoes its response on flat ground.
-
-    With u asked of the gait and v achieved: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
-    """
-    return undone(
-        parameters, response(measure(run(Trot(parameters), practice("flat", "search"), seeds, nthread=threads)))
-    )
+    """The same gait with the command map that undoes its response on flat ground."""
+    walked = measure(run(Trot(parameters), practice("flat", "search"), seeds, nthread=threads))
+    return unless_weak(parameters, interval_response(walked))
 
 
-def undone(parameters: TrotParameters, found: Floats) -> TrotParameters:
+def unless_weak(parameters: TrotParameters, found: Floats) -> TrotParameters:
     """The parameters whose command map undoes the response `found`, (4, 3); unchanged where it is too weak for that."""
     try:
         if np.diag(found[:3]).min() < WEAKEST_MAPPED:
             raise ValueError("the response is too weak")
-        return replace(
-            parameters,
-            forward_gain=parameters.forward_gain / found[0, 0],
-            forward_bias=parameters.forward_bias - parameters.forward_gain * found[3, 0] / found[0, 0],
-            lateral_gain=parameters.lateral_gain / found[1, 1],
-            yaw_gain=parameters.yaw_gain / found[2, 2],
-            yaw_per_lateral=(parameters.yaw_per_lateral - parameters.yaw_gain * found[1, 2] / found[2, 2])
-            / found[1, 1],
-        )
+        return undone(parameters, found)
     except ValueError as error:
         # Not worth the loss of a long search.
         print(f"the command map stays as it is: {error}", file=sys.stderr)

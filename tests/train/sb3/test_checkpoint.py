@@ -13,7 +13,7 @@ from evaluate.terminal.command_line import UsageError
 from train.config import PpoConfig, TrainConfig
 from train.run import make_env
 from train.sb3 import checkpoint
-from train.sb3.callbacks import Memory, recall
+from train.sb3.callbacks import CallbackState
 from train.sb3.ppo import build
 
 CONFIG = dataclasses.replace(
@@ -129,12 +129,12 @@ def test_no_checkpoint_and_no_whole_one_are_one_line_with_a_way_out(tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_memory_survives_a_checkpoint_and_another_is_refused():
-    memory = Memory(resumed=1, seconds=2.5, best_score=0.25, validated=64, validations=[{"steps": 64}])
-    assert recall(json.loads(json.dumps(vars(memory)))) == memory
+def test_the_state_of_the_callbacks_survives_a_checkpoint_and_another_is_refused():
+    state = CallbackState(resumed=1, seconds=2.5, best_score=0.25, validated=64, validations=[{"steps": 64}])
+    assert CallbackState.read(json.loads(json.dumps(vars(state)))) == state
     for remembered in ({"best_skore": 1}, {"seconds": "long"}, {"validations": 3}):
         with pytest.raises(UsageError, match="does not fit this run"):
-            recall(remembered)
+            CallbackState.read(remembered)
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):

@@ -8,9 +8,11 @@ import pytest
 
 from policies.gaits.parameters import LIMITS, OFFSETS, GaitParameters, searched_parameters
 from quad_env.seeding import episode_seeds
+from train.__main__ import main
+from train.search.command_map import response, undone
 from train.search.evolution import decode, encode
-from train.search.gait import RANGES, main
-from train.search.gait_cost import commands, cost, mapped, response, shared_walk
+from train.search.gait import RANGES
+from train.search.gait_cost import commands, cost, shared_walk
 
 
 def test_ranges_are_of_the_parameters_and_within_their_limits():
@@ -36,7 +38,7 @@ def test_commands_stay_within_the_range_and_half_go_straight():
 def test_asking_through_the_map_achieves_the_command():
     """The robot answers u with v = 0.8 u + 0.1, lateral 0.5 u, yaw rate 2 u + 0.3 lateral u, from a plain map."""
     answer = np.array([[0.8, 0.0, 0.0], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [0.1, 0.0, 0.0]])
-    found = mapped(GaitParameters(), answer)
+    found = undone(GaitParameters(), answer)
     forward, lateral, yaw_rate = 0.6, -0.2, 0.5
     asked = np.array(
         [
@@ -68,7 +70,7 @@ def test_a_spoilt_gait_costs_more():
 def test_it_replaces_its_gait_alone(tmp_path, monkeypatch):
     monkeypatch.setattr("train.search.gait.MAP_EPISODES", 8)
     out = tmp_path / "gaits.json"
-    assert main(["--gait", "walk", "--generations", "0", "--steps", "250", "--out", str(out)]) == 0
+    assert main(["search", "gait", "--gait", "walk", "--generations", "0", "--steps", "250", "--out", str(out)]) == 0
     written, shipped = json.loads(out.read_text()), searched_parameters()
     assert {name: GaitParameters(**written[name]) for name in OFFSETS if name != "walk"} == {
         name: shipped[name] for name in OFFSETS if name != "walk"
@@ -87,7 +89,7 @@ def test_it_replaces_its_gait_alone(tmp_path, monkeypatch):
     ],
 )
 def test_mistakes_are_one_line(arguments, word, capsys):
-    assert main(arguments) == 2
+    assert main(["search", "gait", *arguments]) == 2
     complaint = capsys.readouterr().err
     assert len(complaint.splitlines()) == 1
     assert word in complaint

@@ -12,10 +12,21 @@ from evaluate.measures.metrics import Measures
 from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
-from train.search import trot as tune_trot
+from train.__main__ import main
+from train.search import trot as search_trot
+from train.search.command_map import undone
 from train.search.evolution import decode, encode
-from train.search.trot import SearchOptions, check, main
-from train.search.trot_cost import ERROR_SCALES, WEAKNESS_WEIGHT, Panel, cost, judge, mapped, response, undone
+from train.search.trot import Options, check
+from train.search.trot_cost import (
+    ERROR_SCALES,
+    WEAKNESS_WEIGHT,
+    Panel,
+    cost,
+    interval_response,
+    judge,
+    mapped,
+    unless_weak,
+)
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])
@@ -30,15 +41,15 @@ def measures(**changes):
 
 
 def test_the_response_is_the_linear_map_that_made_the_velocities():
-    np.testing.assert_allclose(response(measures()), RESPONSE, atol=1e-12)
+    np.testing.assert_allclose(interval_response(measures()), RESPONSE, atol=1e-12)
 
 
 def test_intervals_that_ended_in_a_fall_do_not_count_and_too_few_others_are_no_response():
     velocities = measures().mean_velocities.copy()
     velocities[:2, 1] = math.nan
-    np.testing.assert_allclose(response(measures(mean_velocities=velocities)), RESPONSE, atol=1e-12)
+    np.testing.assert_allclose(interval_response(measures(mean_velocities=velocities)), RESPONSE, atol=1e-12)
     velocities[2:5, 1] = math.nan  # 7 of 12 are left
-    assert not response(measures(mean_velocities=velocities)).any()
+    assert not interval_response(measures(mean_velocities=velocities)).any()
 
 
 def test_the_map_undoes_the_response():
@@ -66,10 +77,10 @@ def test_asking_through_the_map_achieves_the_command():
 
 
 def test_a_response_too_weak_to_be_undone_leaves_the_map_alone(monkeypatch):
-    assert undone(TrotParameters(), np.zeros((4, 3))) == TrotParameters()
+    assert unless_weak(TrotParameters(), np.zeros((4, 3))) == TrotParameters()
     beyond = np.eye(4, 3)
     beyond[3, 0] = math.inf  # a bias that no trot's parameters may have
-    assert undone(TrotParameters(), beyond) == TrotParameters()
+    assert unless_weak(TrotParameters(), beyond) == TrotParameters()
     monkeypatch.setattr("train.search.trot_cost.run", lambda *_, **__: None)
     monkeypatch.setattr("train.search.trot_cost.measure", lambda _: measures())
     assert mapped(TrotParameters(), episode_seeds("search", 0, 6), 1).lateral_gain == pytest.approx(2.0)
@@ -129,7 +140,7 @@ def test_a_candidate_that_stands_still_is_billed():
     ],
 )
 def test_bad_input_is_one_line(arguments, complaint, capsys):
-    assert main(arguments.split()) == 2
+    assert main(["search", "trot", *arguments.split()]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert complaint in line
 
@@ -139,7 +150,7 @@ TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes
 
 def test_a_search_writes_parameters_that_walk_and_its_account(tmp_path):
     out = tmp_path / "trot.json"
-    assert main([*TINY.split(), "--out", str(out)]) == 0
+    assert main(["search", "trot", *TINY.split(), "--out", str(out)]) == 0
     found = TrotParameters(**json.loads(out.read_text()))
     assert Trot(found).act(np.zeros(OBSERVATION_SIZE, np.float32)).shape == (12,)
     account = (tmp_path / "TROT.md").read_text()
@@ -152,10 +163,10 @@ def test_an_outcome_that_cannot_be_written_is_printed(tmp_path, monkeypatch, cap
         raise OSError(28, "No space left on device")
 
     after = dataclasses.replace(TrotParameters(), duty=0.5125)
-    monkeypatch.setattr(tune_trot, "search", lambda *_: after)
-    monkeypatch.setattr(tune_trot, "account", lambda *_: "the account")
-    monkeypatch.setattr(tune_trot, "write_atomically", full)
-    assert main(["--out", str(tmp_path / "trot.json")]) == 2
+    monkeypatch.setattr(search_trot, "search", lambda *_: after)
+    monkeypatch.setattr(search_trot, "account", lambda *_: "the account")
+    monkeypatch.setattr("train.search.outcome.write_atomically", full)
+    assert main(["search", "trot", "--out", str(tmp_path / "trot.json")]) == 2
     printed = capsys.readouterr()
     (line,) = printed.err.strip().splitlines()
     assert "No space left" in line
@@ -168,11 +179,11 @@ def test_ctrl_c_in_a_search_is_130_and_writes_nothing(tmp_path, monkeypatch, cap
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(tune_trot, "search", interrupted)
-    assert main(["--out", str(tmp_path / "trot.json")]) == 130
+    monkeypatch.setattr(search_trot, "search", interrupted)
+    assert main(["search", "trot", "--out", str(tmp_path / "trot.json")]) == 130
     assert not list(tmp_path.iterdir())
 
 
 def test_the_defaults_can_be_searched_with():
-    check(SearchOptions())
+    check(Options())
     assert policies.make("trot").name == "trot"

@@ -1,0 +1,35 @@
+"""The command map of a gait: fitted to what the robot answers, so that it achieves what it is commanded."""
+
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from policies.base import Floats
+from policies.gaits.parameters import GaitParameters
+from policies.trot.open_loop import TrotParameters
+
+G = TypeVar("G", TrotParameters, GaitParameters)
+
+
+def response(command: Floats, velocity: Floats) -> Floats:
+    """Least-squares map (4, 3) from commands (n, 3) and 1 to achieved velocities (n, 3)."""
+    inputs = np.column_stack((command, np.ones(len(command))))
+    solution: Floats = np.linalg.lstsq(inputs, velocity, rcond=None)[0].astype(np.float64)
+    return solution
+
+
+def undone(parameters: G, found: Floats) -> G:
+    """The same gait with the command map that undoes the response `found`, (4, 3), to the map in force.
+
+    With u asked of the gait and v achieved: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
+    Raises ValueError where the response is too weak for the parameters' limits.
+    """
+    return replace(
+        parameters,
+        forward_gain=parameters.forward_gain / found[0, 0],
+        forward_bias=parameters.forward_bias - parameters.forward_gain * found[3, 0] / found[0, 0],
+        lateral_gain=parameters.lateral_gain / found[1, 1],
+        yaw_gain=parameters.yaw_gain / found[2, 2],
+        yaw_per_lateral=(parameters.yaw_per_lateral - parameters.yaw_gain * found[1, 2] / found[2, 2]) / found[1, 1],
+    )
