@@ -54,10 +54,20 @@ def compile_model(
         for name in robot.joint_names:
             spec.joint(name).armature = actuator.gear.reflected_inertia
     _delay(spec, actuator.delay)
-    model = spec.compile()
+    model = _compiled(spec)
     model.actuator_forcerange[:] = (-limit, limit)
     if ground != Ground():
         _set_ground(model, ground, robot)
+    return model
+
+
+def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """MuJoCo derives constants such as inverse weights where the robot is at `qpos0`, and their last bits depend on its
+    height: they are worked out at the home pose's, as ever, whatever height the MJCF starts from."""
+    trunk = spec.body("base_link")
+    start, trunk.pos[2] = float(trunk.pos[2]), spec.key("home").qpos[2]
+    model = spec.compile()
+    model.qpos0[2] = start
     return model
 
 
@@ -75,6 +85,7 @@ def stepped_model(model: mujoco.MjModel, sensors: tuple[str, ...] = (TRUNK_SENSO
     lean = copy.copy(model)
     unread = np.setdiff1d(np.arange(model.nsensor), [model.sensor(name).id for name in sensors])
     lean.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
+    lean.qpos0[2] = lean.key("home").qpos[2]  # where `mj_setConst` of payloads is to work, see `_compiled`
     lean.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     return lean
 

@@ -268,9 +268,10 @@ class Simulation:
     def show_load(self, robot: int) -> None:
         """Make `model` that of this robot, whose payload and hot motors are its own."""
         if self._load is not None or self.winding_temperature is not None:
-            stages, flags = self.model.sensor_needstage.copy(), self.model.opt.disableflags
+            stages, start = self.model.sensor_needstage.copy(), self.model.qpos0.copy()
+            flags = self.model.opt.disableflags
             self._batch.get_model(robot, self.model)
-            self.model.sensor_needstage[:], self.model.opt.disableflags = stages, flags
+            self.model.sensor_needstage[:], self.model.qpos0[:], self.model.opt.disableflags = stages, start, flags
 
     def snapshot(self, robot: int) -> mujoco.MjData:
         """A copy of one robot's simulation with every derived field current, to be looked at with `model`."""
