@@ -75,7 +75,7 @@ def judge(options: Options, runs: "Sequence[TrainedRun]", shipped: "TrainedRun")
     judged = [LabelledPolicy(shipped.config.base, make(shipped.config.base))]
     judged += [LabelledPolicy(run.label, load(Path(run.label) / BEST)) for run in runs]
     seeds = evaluation_seeds(options.seed, options.episodes)
-    with show_progress([each.label for each in judged], [each.name for each in scenarios]) as progress:
+    with show_progress([each.label for each in judged] * len(scenarios)) as progress:
         found = list(run_cells(judged, scenarios, seeds, Settings(options.threads, progress)))
     return analyse(found, seed=options.seed, episodes=options.episodes, complete=True)
 

@@ -29,7 +29,7 @@ def judge(gates: Sequence[Gate], results: Results) -> list[Verdict]:
     scenarios = [(name, axes[name]) for name in results.scenarios]
     check(gates, results.policies, scenarios)
     rules = dict.fromkeys(rule for gate in gates for rule in gate.rules)
-    return [_judge(rule, scenario, results) for rule in rules for scenario in places(rule.places, scenarios)]
+    return [_judge(rule, scenario, results) for rule in rules for scenario in _judged_on(rule, scenarios, results)]
 
 
 def passed(verdicts: Sequence[Verdict]) -> bool:
@@ -37,13 +37,21 @@ def passed(verdicts: Sequence[Verdict]) -> bool:
     return all(verdict.passed for verdict in verdicts)
 
 
+def _judged_on(rule: Rule, scenarios: Sequence[tuple[str, str]], results: Results) -> list[str]:
+    """Scenarios that a rule names; else those that its policies ran on."""
+    named = places(rule.places, scenarios)
+    ran = [scenario for scenario in named if not _missing(rule, scenario, results)]
+    return named if rule.places or not ran else ran
+
+
+def _missing(rule: Rule, scenario: str, results: Results) -> list[str]:
+    """Policies of a rule that did not run on the scenario."""
+    wanted = [policy for policy in (rule.policy, rule.bound) if isinstance(policy, str)]
+    return [policy for policy in wanted if (scenario, policy) not in results.summaries]
+
+
 def _judge(rule: Rule, scenario: str, results: Results) -> Verdict:
-    missing = [
-        policy
-        for policy in (rule.policy, rule.bound)
-        if isinstance(policy, str) and (scenario, policy) not in results.summaries
-    ]
-    if missing:
+    if missing := _missing(rule, scenario, results):
         return Verdict(rule.text, rule.policy, scenario, False, f"{' and '.join(missing)} did not run on {scenario}")
     summary = results.summaries[scenario, rule.policy]
     if isinstance(rule.bound, float):

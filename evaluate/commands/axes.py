@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from evaluate.commands.options import DEFAULT_POLICIES, Flag, available_cores
+from evaluate.commands.options import WALKING_POLICIES, Flag, available_cores
 from evaluate.commands.options import Options as Comparison
 from evaluate.terminal.command_line import UsageError
 
@@ -19,7 +19,7 @@ class Options:
 
     axes: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
     """Names of axes, such as push; all of them when none is named."""
-    policies: tuple[str, ...] = DEFAULT_POLICIES
+    policies: tuple[str, ...] = WALKING_POLICIES
     """Names of policies, or folders of trained ones."""
     episodes: int = 64
     """Episodes of 10 s of each policy at each level (count)."""

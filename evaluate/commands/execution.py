@@ -44,7 +44,7 @@ def _execute(plan: Plan, show: Show) -> int:
     if not interrupted:
         remove_chunks(out)
         return code
-    total = len(plan.policies) * len(plan.scenarios)
+    total = len(manifest.cells)
     kept = f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done"
     raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
 
@@ -54,10 +54,9 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
     done: list[Cell] = []
     interrupted = False
     seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
-    names = [policy.label for policy in plan.policies], [scenario.name for scenario in plan.scenarios]
     try:
         launcher.raise_on_interrupt()
-        with show_progress(*names) as progress:
+        with show_progress([policy for _, policy in plan.manifest.cells]) as progress:
             settings = Settings(
                 plan.options.threads,
                 progress,
@@ -78,14 +77,13 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
     except OSError as error:
         reason = error.strerror or error
         raise UsageError(f"cannot write to {store.folder} ({reason}); make room, then {_then(store)}") from error
-    policies, scenarios = names
-    done.sort(key=lambda cell: (scenarios.index(cell.scenario.name), policies.index(cell.policy)))
+    done.sort(key=lambda cell: plan.manifest.cells.index((cell.scenario, cell.policy)))
     return done, interrupted
 
 
 def _chunk_size(plan: Plan) -> int:
     """Most episodes of a chunk: as many as allowed, but something for every worker."""
-    total = plan.manifest.episodes * len(plan.policies) * len(plan.scenarios)
+    total = plan.manifest.episodes * len(plan.manifest.cells)
     return min(plan.options.at_once, -(-total // plan.options.threads))
 
 
@@ -95,10 +93,9 @@ def _trace_writer(plan: Plan, store: ChunkStore) -> TraceWriter | None:
         return None
     folder = plan.options.out / trace.FOLDER
     stored = {
-        trace.name_of(policy.label, scenario.name, int(chunk.numbers[0]))
-        for policy in plan.policies
-        for scenario in plan.scenarios
-        for chunk in store.load(policy.label, scenario)
+        trace.name_of(policy, scenario.name, int(chunk.numbers[0]))
+        for scenario, policy in plan.manifest.cells
+        for chunk in store.load(policy, scenario)
     }
     trace.keep_only(folder, stored)
     return trace.writer(folder, plan.options.trace)

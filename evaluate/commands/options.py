@@ -13,7 +13,8 @@ from evaluate.rollouts.hardware import Hardware
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
-DEFAULT_POLICIES = ("document", "document_repaired", "trot", "residual")
+WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "residual")
+DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "film")
 """Options that a run may be carried on with as one likes."""
@@ -29,8 +30,8 @@ class Options:
     """What to compare, and where the outcome goes."""
 
     policies: tuple[str, ...] = DEFAULT_POLICIES
-    """Names of policies, or folders of trained ones such as models/residual. Folders seed-<number> of one parent count
-    as training seeds of one run, whose spread is reported apart."""
+    """Names of policies, or folders of trained ones such as models/residual; document@flat runs on that scenario alone.
+    Folders seed-<number> of one parent count as training seeds of one run, whose spread is reported apart."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, a battery (quick, default, full,
     all), or a quad_env.Scenario in a file of yours, my_file.py:NAME."""

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import policies
 from evaluate.analysis import gates
 from evaluate.analysis.gates import Gate
 from evaluate.commands.options import DEFAULT_BATTERY, Options, changed, restored
+from evaluate.commands.policy_options import policies_asked_for
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import CHUNKS, FILES, JUNIT
@@ -56,7 +56,7 @@ def check(options: Options) -> Plan:
         hardware.check(options.hardware)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    compared = _policies(options.policies, options.actuator)
+    compared = policies_asked_for(options.policies, scenarios, options.actuator)
     found = check_gates(options.gate, [policy.label for policy in compared], scenarios)
     _check_folder(options.out)
     manifest = manifests.manifest(
@@ -134,16 +134,3 @@ def _restored(manifest: Manifest) -> Mapping[str, Any]:
         return restored(manifest.options)
     except ValueError as error:
         raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error
-
-
-def _policies(names: tuple[str, ...], actuator: str) -> tuple[LabelledPolicy, ...]:
-    labels = [name if name in policies.names() else name.rstrip("/\\") or name for name in names]
-    if not labels:
-        raise UsageError(f"--policies: none given; name at least one of {', '.join(policies.names())}, or a folder")
-    places = [label if label in policies.names() else str(Path(label).resolve()) for label in labels]
-    if repeated := sorted({label for label, place in zip(labels, places, strict=True) if places.count(place) > 1}):
-        raise UsageError(f"--policies: {', '.join(repeated)} given more than once; name each policy once")
-    try:
-        return tuple(LabelledPolicy(label, policies.resolve(label, actuator=actuator)) for label in labels)
-    except policies.PolicyError as error:
-        raise UsageError(f"--policies: {error}") from error

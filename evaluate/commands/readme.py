@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import tyro
 
 from evaluate.commands.options import Options as Evaluation
+from evaluate.commands.policy_options import words as policy_words
 from evaluate.report.readme_table import newcomers_table
 from evaluate.report.results_page import every_figure, scenarios_of
 from evaluate.rollouts.battery import BATTERIES
@@ -74,8 +75,9 @@ def _made_by(found: dict[str, Any]) -> str:
 def _command(found: dict[str, Any], scenarios: list[str]) -> str:
     """What was run, without what is as usual."""
     words = ["python -m evaluate"]
-    if tuple(found["policies"]) != Evaluation.policies:
-        words += ["--policies", *found["policies"]]
+    asked = policy_words(found["policies"], found.get("provenance", {}).get("only_on", {}))
+    if asked != Evaluation.policies:
+        words += ["--policies", *asked]
     battery = next((name for name, each in BATTERIES.items() if [one.name for one in each()] == scenarios), None)
     if (battery,) != Evaluation.scenarios:
         words += ["--scenarios", *([battery] if battery else scenarios)]

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ _NOT_COMPARED = {"git_revision"}
 
 @dataclass(frozen=True)
 class Manifest:
-    """A run: every policy on every scenario with the same seeds."""
+    """A run: every policy on each of its scenarios with the same seeds."""
 
     policies: Mapping[str, str]
     """Label -> SHA-256 of what defines the policy, in the order of the run."""
@@ -45,8 +45,20 @@ class Manifest:
     """Threads of the simulation; no figure depends on it."""
     hardware: Hardware = IDEAL
     """Hardware of the robots."""
+    only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """Label -> names of the scenarios of a policy that does not run on all of them."""
     fingerprint: str = ""
     """SHA-256 of all that a figure depends on, as it was written when the run began."""
+
+    @property
+    def cells(self) -> list[tuple[Scenario, str]]:
+        """Scenario and policy of each cell, in the order of the run."""
+        return [
+            (scenario, policy)
+            for scenario in self.scenarios
+            for policy in self.policies
+            if scenario.name in self.only_on.get(policy, (scenario.name,))
+        ]
 
     def begun(self) -> "Manifest":
         """With its fingerprint."""
@@ -66,6 +78,7 @@ class Manifest:
             "steps": self.steps,
             "hardware": asdict(self.hardware),
             "policies": dict(self.policies),
+            "only_on": {label: list(names) for label, names in self.only_on.items()},
             "scenarios": to_plain(self.scenarios),
             "versions": dict(self.versions),
             "code": self.code,
@@ -101,6 +114,7 @@ def manifest(
         options=options,
         threads=threads,
         hardware=hardware,
+        only_on={policy.label: policy.only_on for policy in policies if policy.only_on},
     ).begun()
 
 

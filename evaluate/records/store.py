@@ -40,7 +40,7 @@ class Run:
     @property
     def complete(self) -> bool:
         """Whether every cell is there."""
-        return len(self.cells) == len(self.manifest.policies) * len(self.manifest.scenarios)
+        return len(self.cells) == len(self.manifest.cells)
 
 
 class ChunkStore:
@@ -148,19 +148,17 @@ def _chunks(folder: Path) -> Iterator[Path]:
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
-    for scenario in store.manifest.scenarios:
-        for policy in store.manifest.policies:
-            chunks = store.load(policy, scenario)
-            if sum(len(chunk.numbers) for chunk in chunks) == store.manifest.episodes:
-                yield join(chunks)
+    for scenario, policy in store.manifest.cells:
+        chunks = store.load(policy, scenario)
+        if sum(len(chunk.numbers) for chunk in chunks) == store.manifest.episodes:
+            yield join(chunks)
 
 
 def _from_table(manifest: Manifest, rows: "pa.Table") -> Iterator[Cell]:
     import pyarrow.compute as pc
 
-    for scenario in manifest.scenarios:
+    for scenario, policy in manifest.cells:
         there = rows.filter(pc.equal(rows.column("scenario"), scenario.name))
-        for policy in manifest.policies:
-            mine = there.filter(pc.equal(there.column("policy"), policy))
-            if mine.num_rows == manifest.episodes:
-                yield cell_of(mine, scenario)
+        mine = there.filter(pc.equal(there.column("policy"), policy))
+        if mine.num_rows == manifest.episodes:
+            yield cell_of(mine, scenario)

@@ -44,6 +44,8 @@ class Take:
     episode: int
     seed: int
     first_step: int
+    policies: tuple[str, ...]
+    """Those that ran it."""
 
 
 def footage(results: Results) -> str:
@@ -57,12 +59,12 @@ def footage(results: Results) -> str:
         "on level ground that splits the policies most evenly into fallen and not, about the last fall."
     )
     try:
-        strips = shoot(results.policies, take, results.hardware)
+        strips = shoot(take, results.hardware)
     except NoFilm as reason:
         return section("The same episode", note(f"No film: {reason}."))
     tiles = (
         f"<figure>{_screen(strip, policy)}<figcaption>{policy_label(results, policy)}</figcaption></figure>"
-        for policy, strip in zip(results.policies, strips, strict=True)
+        for policy, strip in zip(take.policies, strips, strict=True)
     )
     timing = f"--frames: {FRAMES}; --length: {FRAMES * STEPS_PER_FRAME * DT:g}s"
     switch = '<label class="pause"><input type="checkbox"> pause</label>'
@@ -70,14 +72,14 @@ def footage(results: Results) -> str:
 
 
 def choose(results: Results) -> Take | None:
-    """The first episode that splits the policies most evenly, on level ground if any is; None without a whole one."""
+    """The first episode that splits its policies most evenly, on level ground if any is; None where no two ran one."""
     takes = [take for scenario in _scenarios(results) if (take := _most_even(results, scenario))]
     return min(takes, key=lambda take: take[0])[1] if takes else None
 
 
-def shoot(names: tuple[str, ...], take: Take, hardware: Hardware) -> list[bytes]:
-    """The strips of frames of the policies; NoFilm says why there are none."""
-    shots = [Shot(name, take.scenario, take.seed, take.first_step, hardware) for name in names]
+def shoot(take: Take, hardware: Hardware) -> list[bytes]:
+    """The strips of frames of its policies; NoFilm says why there are none."""
+    shots = [Shot(name, take.scenario, take.seed, take.first_step, hardware) for name in take.policies]
     paths = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "evaluate.report.camera", folder]
@@ -110,13 +112,14 @@ def _scenarios(results: Results) -> list[Scenario]:
 def _most_even(results: Results, scenario: Scenario) -> tuple[int, Take] | None:
     """How far from even the scenario's most even episode is, and its stretch."""
     cells = [cell_of(results, scenario.name, policy) for policy in results.policies]
-    whole = [cell for cell in cells if cell is not None]
-    if len(whole) < len(cells):
+    there = [cell for cell in cells if cell is not None]
+    if len(there) < min(2, len(cells)):
         return None
-    fell = np.array([cell.measures.fell for cell in whole])
-    unevenness = np.abs(2 * fell.sum(axis=0) - len(whole))
+    fell = np.array([cell.measures.fell for cell in there])
+    unevenness = np.abs(2 * fell.sum(axis=0) - len(there))
     episode = int(unevenness.argmin())
-    times = [cell.measures.fall_time[episode] for cell in whole if cell.measures.fell[episode]]
+    times = [cell.measures.fall_time[episode] for cell in there if cell.measures.fell[episode]]
     end = min(max(times, default=2.0) + AFTERMATH, 10.0)
     first = max(0, round(end / DT) - FRAMES * STEPS_PER_FRAME)
-    return int(unevenness[episode]), Take(scenario, episode, int(whole[0].seeds[episode]), first)
+    ran = tuple(cell.policy for cell in there)
+    return int(unevenness[episode]), Take(scenario, episode, int(there[0].seeds[episode]), first, ran)

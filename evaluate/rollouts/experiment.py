@@ -27,6 +27,12 @@ class LabelledPolicy:
 
     label: str
     policy: Policy
+    only_on: tuple[str, ...] = ()
+    """Names of the scenarios that it runs on; every one where none is named."""
+
+    def runs_on(self, scenario: Scenario) -> bool:
+        """Whether that scenario is one of its own."""
+        return not self.only_on or scenario.name in self.only_on
 
 
 @dataclass(frozen=True)
@@ -121,11 +127,16 @@ class Settings:
 def run_cells(
     policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], settings: Settings
 ) -> Iterator[Cell]:
-    """Every policy on one scenario, then on the next: what is done when a user interrupts is comparable.
+    """Every policy on one of its scenarios, then on the next: what is done when a user interrupts is comparable.
 
     Simulates and measures what is not in the store. Cells come as they are finished, which depends on the executor.
     """
-    pending = [_PendingCell(policy, scenario, seeds, settings) for scenario in scenarios for policy in policies]
+    pending = [
+        _PendingCell(policy, scenario, seeds, settings)
+        for scenario in scenarios
+        for policy in policies
+        if policy.runs_on(scenario)
+    ]
     owned = [(cell, task) for cell in pending for task in cell.tasks(settings)]
     for cell in pending:
         if cell.done:

@@ -3,7 +3,7 @@
 import contextlib
 import sys
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -18,8 +18,9 @@ class Forecast:
     Every cell has the same episodes of the same steps; what an earlier run had done already took no time.
     """
 
-    def __init__(self, policies: Sequence[str], scenarios: int, now: float) -> None:
-        self._left = {policy: float(scenarios) for policy in policies}
+    def __init__(self, policies: Sequence[str], now: float) -> None:
+        """`policies` has the policy of each cell."""
+        self._left = {policy: float(count) for policy, count in Counter(policies).items()}
         self._seconds: dict[str, float] = defaultdict(float)
         self._cells: dict[str, float] = defaultdict(float)
         self._shares: dict[tuple[str, str], float] = {}
@@ -47,13 +48,12 @@ class Forecast:
 
 
 @contextmanager
-def show_progress(policies: Sequence[str], scenarios: Sequence[str]) -> "Iterator[CellProgress]":
-    """A callback that shows how far the comparison is, and how long the rest will take."""
+def show_progress(policies: Sequence[str]) -> "Iterator[CellProgress]":
+    """A callback that shows how far a comparison is whose cells are of these policies, and how long the rest takes."""
     from rich.console import Console
 
     console = Console(stderr=True)
-    forecast = Forecast(policies, len(scenarios), time.perf_counter())
-    total = len(policies) * len(scenarios)
+    forecast, total = Forecast(policies, time.perf_counter()), len(policies)
     if not console.is_terminal:
         yield _Lines(total, forecast)
         return

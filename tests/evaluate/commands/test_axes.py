@@ -127,7 +127,7 @@ def test_a_report_of_measures_that_are_no_more_is_refused(folder, tmp_path, caps
 
 def test_the_rest_takes_as_long_as_the_policys_finished_cells_did() -> None:
     """Two policies on three scenarios; the first takes 10 s a cell, the second 2 s."""
-    forecast = Forecast(("slow", "quick"), 3, now=0.0)
+    forecast = Forecast(("slow", "quick") * 3, now=0.0)
     assert forecast.seconds is None
     forecast.update("slow", "flat", 0.0, 0.0)
     forecast.update("slow", "flat", 0.5, 5.0)
@@ -139,7 +139,7 @@ def test_the_rest_takes_as_long_as_the_policys_finished_cells_did() -> None:
 
 
 def test_what_was_done_before_counts_for_no_time() -> None:
-    forecast = Forecast(("slow",), 4, now=0.0)
+    forecast = Forecast(("slow",) * 4, now=0.0)
     forecast.update("slow", "a", 1.0, 0.0)  # kept whole
     forecast.update("slow", "b", 0.5, 0.0)  # kept by half
     assert forecast.seconds is None

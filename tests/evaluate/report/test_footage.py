@@ -29,7 +29,14 @@ def test_it_shows_what_led_to_a_late_fall(made) -> None:
     assert take.first_step == 450  # 7 s and 1.5 s more, less 4 s
 
 
-def test_without_a_scenario_that_every_policy_ran_there_is_none(made) -> None:
+def test_it_shows_the_policies_that_ran_the_episode(made) -> None:
+    third = tuple(dataclasses.replace(c, policy="third") for c in made.cells if c.scenario.name == "flat")
+    take = choose(dataclasses.replace(made, cells=third + made.cells))
+    assert take is not None
+    assert (take.scenario.name, take.episode, take.policies) == ("push:3", 2, ("trot", "other"))
+
+
+def test_without_a_scenario_that_two_policies_ran_there_is_none(made) -> None:
     alone = tuple(c for c in made.cells if c.policy == "trot" and c.scenario.name != "rough")
     other = tuple(c for c in made.cells if c.policy == "other" and c.scenario.name == "rough")
     assert choose(dataclasses.replace(made, cells=alone + other)) is None

@@ -1,0 +1,138 @@
+"""A policy that runs on some of the scenarios: what it leaves out by design is missing nowhere."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluate.__main__ import main
+from evaluate.analysis.gate_verdicts import judge
+from evaluate.analysis.gates import parse
+from evaluate.commands.options import DEFAULT_POLICIES, WALKING_POLICIES, Options
+from evaluate.commands.plan import check
+from evaluate.commands.policy_options import policies_asked_for, words
+from evaluate.records.store import FILES, ChunkStore, read_run
+from evaluate.rollouts import rollout
+from evaluate.rollouts.battery import default, resolve
+from evaluate.rollouts.experiment import Chunk
+
+RUN = ["--policies", "document@flat", "trot", "stand", "--scenarios", "push", "flat", "--episodes", "2", "--no-film"]
+CELLS = {"trot": ["push", "flat"], "stand": ["push", "flat"], "document": ["flat"]}
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rollout, "STEPS", 120)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("limited")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rollout, "STEPS", 120)
+        assert main([*RUN, "--out", str(folder)]) == 0
+    return folder
+
+
+def cells(folder: Path) -> dict[str, list[str]]:
+    results = json.loads((folder / "results.json").read_text())
+    assert results["complete"] is True
+    return {policy: list(each["scenarios"]) for policy, each in results["policies"].items()}
+
+
+def test_it_runs_on_its_scenarios_alone_and_the_run_is_complete(whole) -> None:
+    assert cells(whole) == CELLS
+    assert read_run(whole).complete
+    assert "Interrupted" not in (whole / "report.html").read_text()
+    assert {path.name for path in whole.iterdir()} == {*FILES}
+
+
+def test_progress_counts_the_cells_that_there_are(tmp_path, capsys) -> None:
+    assert main([*RUN, "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert [line.split(" (")[0] for line in said if line.startswith("[5/5]")] == ["[5/5] flat: stand"]
+
+
+def test_an_interrupted_run_goes_on_to_the_same_files(whole, tmp_path, monkeypatch) -> None:
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    run = read_run(tmp_path)
+    for name in ("results.json", "episodes.parquet", "report.html", "report.md"):
+        (tmp_path / name).unlink()
+    ChunkStore(tmp_path, run.manifest).save(Chunk(np.arange(2), run.cells[2]))
+    assert [(cell.policy, cell.scenario.name) for cell in read_run(tmp_path).cells] == [("document", "flat")]
+    assert main(["--resume", "--no-film", "--out", str(tmp_path)]) == 0
+    for name in ("results.json", "episodes.parquet", "report.md", "manifest.json"):
+        assert (tmp_path / name).read_bytes() == (whole / name).read_bytes()
+
+
+def test_its_report_comparison_and_episodes_are_made_again(whole, tmp_path, capsys) -> None:
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    assert main(["report", str(tmp_path), "--no-film", "--gate", "document falls >= trot"]) == 0
+    assert "every gate holds, on 1 scenario" in capsys.readouterr().out
+    assert cells(tmp_path) == CELLS
+    assert main(["compare", str(whole), str(tmp_path)]) == 0
+    assert "5 of 5" in capsys.readouterr().out
+    assert main(["replay", str(whole), "1", "--policy", "document"]) == 0
+    assert "identical to the bit" in capsys.readouterr().out
+
+
+def test_a_gate_that_names_a_scenario_still_fails_where_the_policy_did_not_run(whole) -> None:
+    from evaluate.commands.outputs import analysed
+
+    results = analysed(read_run(whole))
+    (verdict,) = judge([parse("document falls >= trot on push")], results)
+    assert (verdict.passed, verdict.reason) == (False, "document did not run on push")
+    assert [verdict.scenario for verdict in judge([parse("stand falls <= 1")], results)] == ["push", "flat"]
+
+
+def test_the_readme_names_the_command_and_shows_the_policy_where_it_ran(whole, tmp_path) -> None:
+    for name in ("README.md", "page.md"):
+        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n")
+    files = ["--readme", str(tmp_path / "README.md"), "--page", str(tmp_path / "page.md")]
+    assert main(["readme", str(whole / "results.json"), *files]) == 0
+    page = (tmp_path / "page.md").read_text()
+    assert "`python -m evaluate --policies trot stand document@flat --scenarios push flat --episodes 2`" in page
+    assert "\n| flat | `document` |" in page
+    assert "\n| push | `document` |" not in page
+
+
+def test_the_default_is_everyone_that_walks_on_the_battery_and_the_document_on_flat_ground_alone(tmp_path) -> None:
+    plan = check(Options(out=tmp_path))
+    battery = [scenario.name for scenario in default()]
+    assert list(plan.manifest.policies) == ["document", *WALKING_POLICIES]
+    assert plan.manifest.only_on == {"document": ("flat",)}
+    everywhere = {(scenario, policy) for scenario in battery for policy in WALKING_POLICIES}
+    assert {(scenario.name, policy) for scenario, policy in plan.manifest.cells} == everywhere | {("flat", "document")}
+
+
+def test_of_scenarios_without_flat_ground_the_default_leaves_the_document_out() -> None:
+    labelled = policies_asked_for(DEFAULT_POLICIES, resolve(("push",)), "ideal")
+    assert tuple(policy.label for policy in labelled) == WALKING_POLICIES
+
+
+@pytest.mark.parametrize(
+    ("policy", "said"),
+    [
+        ("trot@push", "--policies: trot@push is not among the scenarios of this run: flat, rough"),
+        ("trot@flat,ice", "--policies: trot@ice is not among the scenarios of this run: flat, rough"),
+        ("trott@flat", "--policies: no policy 'trott': name one of"),
+    ],
+)
+def test_a_scenario_that_is_not_run_is_refused(tmp_path, capsys, policy, said) -> None:
+    assert main(["--policies", policy, "--scenarios", "flat", "rough", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {said}")
+
+
+def test_the_words_of_a_run_are_those_it_was_asked_for_with() -> None:
+    asked = ("trot", "stand@flat,rough")
+    labelled = policies_asked_for(asked, resolve(("flat", "push", "rough")), "ideal")
+    only_on = {each.label: each.only_on for each in labelled if each.only_on}
+    assert words([each.label for each in labelled], only_on) == asked
+
+
+def test_a_folder_may_have_an_at_sign(tmp_path) -> None:
+    shutil.copytree(Path(__file__).parents[3] / "models" / "residual", tmp_path / "mine@home")
+    (labelled,) = policies_asked_for((f"{tmp_path}/mine@home/",), resolve(("flat",)), "ideal")
+    assert (labelled.label, labelled.only_on) == (f"{tmp_path}/mine@home", ())
