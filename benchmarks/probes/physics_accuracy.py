@@ -1,9 +1,7 @@
 """What a physics setting gives up: a stride against its reference, a standing foot, energy in flight."""
 
 from dataclasses import dataclass
-from typing import Any
 
-import gymnasium as gym
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +9,9 @@ from numpy.typing import NDArray
 import policies
 from benchmarks.probes.physics_settings import Change, Setting, compiled, together
 from benchmarks.support.bars import ACCURACY
-from quad_env import ENV_ID, TaskConfig
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out
+from quad_env import TaskConfig
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
@@ -73,19 +73,20 @@ def strides(commands: tuple[tuple[float, float, float], ...] = COMMANDS) -> tupl
 
 
 def _stride(command: tuple[float, float, float]) -> Stride:
-    env: gym.Env[Any, Any] = gym.make(ENV_ID)
     policy = policies.Trot()
-    policy.reset()
-    observation, _ = env.reset(seed=0, options={"command": command})
-    for _ in range(SETTLED):
-        observation, *_ = env.step(policy.act(observation))
-    data: mujoco.MjData = env.unwrapped.data  # type: ignore[attr-defined]
-    targets = []
-    for _ in range(round(1 / (policy.frequency * CONTROL_PERIOD))):
-        targets.append(policy.act(observation))
-        observation, *_ = env.step(targets[-1])
-    env.close()
-    return Stride(data.qpos.copy(), data.qvel.copy(), data.qacc_warmstart.copy(), np.array(targets, np.float64))
+    start: list[mujoco.MjData] = []
+    targets: list[Floats] = []
+
+    def watch(step: Step) -> None:
+        if step.number == SETTLED:
+            start.append(step.env.simulation.snapshot(0))
+        elif step.number > SETTLED:
+            targets.append(step.action[0].astype(np.float64))
+
+    steps = SETTLED + round(1 / (policy.frequency * CONTROL_PERIOD))
+    roll_out(policy, "flat", np.array([0]), watch, steps=steps, command=command)
+    (data,) = start
+    return Stride(data.qpos.copy(), data.qvel.copy(), data.qacc_warmstart.copy(), np.array(targets))
 
 
 def accuracy(setting: Setting, walked: tuple[Stride, ...]) -> Accuracy:

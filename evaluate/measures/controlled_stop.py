@@ -24,8 +24,8 @@ REST_STEPS = 20
 
 
 @dataclass(frozen=True)
-class Trace:
-    """Readings of n robots, step by step, (steps, n); entries after a fall repeat the last."""
+class Motion:
+    """Motion of n robots, step by step, (steps, n); entries after a fall repeat the last."""
 
     height: Floats
     """Height of the trunk's centre above the ground, m."""
@@ -37,14 +37,15 @@ class Trace:
     """Largest of a robot's joints, rad/s."""
 
 
-def controlled_stops(trace: Trace, fall_step: NDArray[np.int64]) -> NDArray[np.bool_]:
+def controlled_stops(motion: Motion, fall_step: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which episodes ended in a controlled stop, (n,); `fall_step` is the number of steps where there was no fall."""
-    steps, count = trace.height.shape
+    steps, count = motion.height.shape
     fell = fall_step < steps
     end = np.minimum(fall_step, steps - 1)
     time = np.arange(steps)[:, None]
     ending = (time <= end) & (time > end - LOOK_BACK)
-    gentle = (~ending | ((trace.upright > np.cos(LARGEST_TILT)) & (trace.vertical_velocity > -FASTEST_SINKING))).all(0)
-    resting = (~(ending & (time > end - REST_STEPS)) | (trace.joint_speed < AT_REST)).all(axis=0)
-    low = trace.height[end, np.arange(count)] < LOW
+    quiet = (motion.upright > np.cos(LARGEST_TILT)) & (motion.vertical_velocity > -FASTEST_SINKING)
+    gentle = (~ending | quiet).all(axis=0)
+    resting = (~(ending & (time > end - REST_STEPS)) | (motion.joint_speed < AT_REST)).all(axis=0)
+    low = motion.height[end, np.arange(count)] < LOW
     return np.asarray(gentle & low & (fell | resting))

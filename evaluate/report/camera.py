@@ -6,7 +6,8 @@
 import io
 import pickle
 import sys
-from dataclasses import asdict, dataclass
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 from evaluate.rollouts.hardware import IDEAL, Hardware
@@ -18,8 +19,6 @@ STEPS_PER_FRAME = 8
 """Control steps: 12.5 frames a second."""
 FRAMES = 50
 """4 s"""
-SHADOW_SIZE = 512
-"""Pixels; the model's own 4096 take half of a small frame's time."""
 QUALITY = 55
 
 
@@ -36,37 +35,19 @@ class Shot:
 
 def film(shot: Shot) -> bytes:
     """The frames one below the other, as WebP; a fallen robot is shown where it lies."""
-    import gymnasium as gym
     import numpy as np
     from PIL import Image
 
     import policies
+    from evaluate.rollouts.frames import Frames
+    from evaluate.rollouts.rollout import roll_out
 
-    policy = policies.resolve(shot.policy, actuator=shot.hardware.actuator)
-    env = gym.make(
-        "quad_env:SimpleQuad-v0",
-        scenario=shot.scenario,
-        terminate_on_fall=False,
-        render_mode="rgb_array",
-        width=WIDTH,
-        height=HEIGHT,
-        **asdict(shot.hardware),
-    )
-    quality = env.unwrapped.model.vis.quality  # type: ignore[attr-defined]
-    quality.shadowsize, quality.offsamples = SHADOW_SIZE, 0
-    observation, _ = env.reset(seed=shot.seed)
-    policy.reset()
-    frames = []
-    for step in range(shot.first_step + FRAMES * STEPS_PER_FRAME):
-        observation, _, terminated, truncated, _ = env.step(policy.act(observation))
-        if step >= shot.first_step and (step - shot.first_step) % STEPS_PER_FRAME == 0:
-            frames.append(np.asarray(env.render()))
-        if terminated or truncated:
-            break
-    frames = frames or [np.asarray(env.render())]
-    env.close()
+    policy, seeds = policies.resolve(shot.policy, actuator=shot.hardware.actuator), np.array([shot.seed])
+    steps = shot.first_step + FRAMES * STEPS_PER_FRAME
+    with closing(Frames(STEPS_PER_FRAME, shot.first_step + 1, width=WIDTH, height=HEIGHT)) as frames:
+        roll_out(policy, shot.scenario, seeds, frames, steps=steps, terminate_on_fall=False, hardware=shot.hardware)
     buffer = io.BytesIO()
-    strip = np.concatenate(frames + frames[-1:] * (FRAMES - len(frames)))
+    strip = np.concatenate(frames.taken + frames.taken[-1:] * (FRAMES - len(frames.taken)))
     Image.fromarray(strip).save(buffer, "webp", quality=QUALITY, method=1)
     return buffer.getvalue()
 

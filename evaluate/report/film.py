@@ -4,19 +4,21 @@ import io
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
-from itertools import chain
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.rollouts.frames import HEIGHT, WIDTH, Frame, Frames
 from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
-from policies.base import Policy
+from policies.base import CONTROL_PERIOD, Policy
 from policies.files import write_atomically
-from quad_env.config import FALL_REASONS
 from quad_env.scenarios.named import Scenario
 
 if TYPE_CHECKING:
@@ -31,8 +33,6 @@ PUSH_SHOWN = 30
 STRIP, STRIP_ROWS = 12, 3
 """Frames of a strip."""
 STRIP_FRAMES_A_SECOND = 5
-SHADOW_SIZE = 1024
-"""Pixels; the model's own 4096 take half of a frame's time."""
 _BAND, _INK, _ALARM = (30, 34, 38), (255, 255, 255), (200, 30, 30)
 
 Progress = Callable[[float], None]
@@ -68,70 +68,71 @@ def check_kind(path: Path) -> None:
 def write(take: Take, path: Path, progress: Progress) -> None:
     """Film an episode. UsageError where nothing can be drawn, OSError where nothing can be written."""
     kind = path.suffix.lower()
-    frames = shots(take, progress, STRIP_FRAMES_A_SECOND if kind == ".png" else FRAMES_A_SECOND)
     if kind == ".mp4":
-        _write_mp4(frames, path)
+        with _encoder(path) as keep:
+            shoot(take, progress, FRAMES_A_SECOND, keep)
         return
+    images: list[Image] = []
+    shoot(take, progress, STRIP_FRAMES_A_SECOND if kind == ".png" else FRAMES_A_SECOND, images.append)
     buffer = io.BytesIO()
     if kind == ".png":
-        _strip(list(frames)).save(buffer, "png")
+        _strip(images).save(buffer, "png")
     else:
-        first = next(frames)
         lasting = round(1000 / FRAMES_A_SECOND)
-        first.save(buffer, kind[1:], save_all=True, append_images=frames, duration=lasting, loop=0)
+        images[0].save(buffer, kind[1:], save_all=True, append_images=images[1:], duration=lasting, loop=0)
     write_atomically(path, buffer.getvalue())
 
 
-def shots(take: Take, progress: Progress, frames_a_second: int) -> "Iterator[Image]":
-    """The frames of an episode, until shortly after a fall."""
-    from gymnasium.vector import AutoresetMode
-
-    from quad_env.envs.vector_env import SimpleQuadVectorEnv
-
-    env = SimpleQuadVectorEnv(
-        1,
-        scenario=take.scenario,
-        nthread=1,
-        autoreset_mode=AutoresetMode.DISABLED,
-        max_episode_steps=take.steps,
-        terminate_on_fall=False,
-        render_mode="rgb_array",
-        readings=True,
-        **asdict(take.hardware),
-    )
-    env.simulation.model.vis.quality.shadowsize = SHADOW_SIZE
-    try:
-        observation, _ = env.reset(seed=[take.seed])
-        take.policy.reset(num_envs=1, seed=0)
-        fell, pushed = "", 0
-        last, every = take.steps - 1, round(1 / env.dt / frames_a_second)
-        for step in range(take.steps):
-            observation, _, terminated, _, infos = env.step(take.policy.act(observation))
-            pushed = PUSH_SHOWN if infos["push"].any() else pushed - 1
-            if not fell and (infos["diverged"][0] or infos["fall"][0]):
-                reason = "diverged" if infos["diverged"][0] else FALL_REASONS[infos["fall"][0]]
-                fell, last = f"fell at {(step + 1) * env.dt:.2f} s: {reason}", min(last, step + AFTERMATH)
-            if step % every == 0:
-                alarms = [fell, "pushed" if pushed > 0 else ""]
-                yield _captioned(_frame(env), take.title, (step + 1) * env.dt, infos["command"][0], alarms)
-                progress((step + 1) / (last + 1))
-            if step >= last or terminated[0]:
-                break
-    finally:
-        env.close()
+def shoot(take: Take, progress: Progress, frames_a_second: int, keep: "Callable[[Image], None]") -> None:
+    """Keep the frames of an episode, until shortly after a fall."""
+    with closing(Frames(round(1 / (CONTROL_PERIOD * frames_a_second)))) as frames:
+        film = _Film(take, frames, progress, keep)
+        roll_out(
+            take.policy,
+            take.scenario,
+            np.array([take.seed]),
+            film,
+            steps=take.steps,
+            terminate_on_fall=False,
+            hardware=take.hardware,
+        )
     progress(1.0)
 
 
-def _frame(env: Any) -> NDArray[np.uint8]:
+class _Film:
+    """Observer that captions the frames, and ends the rollout shortly after a fall."""
+
+    def __init__(self, take: Take, frames: Frames, progress: Progress, keep: "Callable[[Image], None]") -> None:
+        self._title, self._last = take.title, take.steps
+        self._frames, self._progress, self._keep = frames, progress, keep
+        self._falls, self._push_shown = Falls(1, take.steps), 0
+
+    def __call__(self, step: Step) -> bool:
+        if not step.number:
+            return False
+        self._falls(step)
+        self._last = min(self._last, int(self._falls.step[0]) + 1 + AFTERMATH)
+        self._push_shown = PUSH_SHOWN if step.infos["push"].any() else self._push_shown - 1
+        if self._frames.due(step):
+            frame, time = _drawn(self._frames, step), step.number * step.env.dt
+            self._keep(_captioned(frame, self._title, time, step.infos["command"][0], self._alarms(step.env.dt)))
+            self._progress(step.number / self._last)
+        return step.number >= self._last
+
+    def _alarms(self, dt: float) -> list[str]:
+        falls = self._falls
+        fall = f"fell at {(falls.step[0] + 1) * dt:.2f} s: {falls.reason[0]}" if falls.fell[0] else ""
+        return [fall, "pushed" if self._push_shown > 0 else ""]
+
+
+def _drawn(frames: Frames, step: Step) -> Frame:
     try:
-        return env.render()[0]  # type: ignore[no-any-return]
+        return frames.draw(step.env)
     except Exception as error:  # whatever the graphics driver fails with
         raise UsageError(f"--video: nothing can be drawn here ({type(error).__name__}: {error})") from error
 
 
-def _captioned(
-    frame: NDArray[np.uint8], title: str, time: float, command: NDArray[np.float64], alarms: list[str]
-) -> "Image":
+def _captioned(frame: Frame, title: str, time: float, command: NDArray[np.float64], alarms: list[str]) -> "Image":
     from PIL import Image, ImageDraw
 
     image = Image.fromarray(frame)
@@ -158,17 +159,17 @@ def _strip(frames: "list[Image]") -> "Image":
     return sheet
 
 
-def _write_mp4(frames: "Iterator[Image]", path: Path) -> None:
+@contextmanager
+def _encoder(path: Path) -> "Iterator[Callable[[Image], None]]":
+    """Takes the frames of an MP4, which is there once all is done."""
     import imageio_ffmpeg
 
-    first = next(frames)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".mp4")
     os.close(handle)
     try:
-        writer = imageio_ffmpeg.write_frames(temporary, first.size, fps=FRAMES_A_SECOND, macro_block_size=1)
+        writer = imageio_ffmpeg.write_frames(temporary, (WIDTH, HEIGHT), fps=FRAMES_A_SECOND, macro_block_size=1)
         writer.send(None)
-        for frame in chain((first,), frames):
-            writer.send(frame.tobytes())
+        yield lambda image: writer.send(image.tobytes())
         writer.close()
         Path(temporary).chmod(0o644)
         Path(temporary).replace(path)

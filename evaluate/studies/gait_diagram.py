@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from evaluate.report.plots.gait_diagram import stances
+from evaluate.rollouts.observers import Step
 from evaluate.studies.strides import Strides, walked
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD
@@ -70,19 +71,14 @@ def main(options: Options) -> int:
 
 
 def _strides(options: Options) -> Strides:
-    first = round(options.start / CONTROL_PERIOD)
+    first, policy = round(options.start / CONTROL_PERIOD), Gaits(options.gait)
 
-    def change(step: int, policy: Gaits) -> None:
-        if options.then and step == first:
+    def change(step: Step) -> None:
+        if options.then and step.number == first:
             policy.request(options.then)
 
-    return walked(
-        Gaits(options.gait),
-        np.array(options.command),
-        episode_seeds("evaluation", options.seed, 1),
-        steps=first + round(options.length / CONTROL_PERIOD),
-        before=change,
-    ).since(first)
+    seeds, steps = episode_seeds("evaluation", options.seed, 1), first + round(options.length / CONTROL_PERIOD)
+    return walked(policy, np.array(options.command), seeds, change, steps=steps).since(first)
 
 
 def _check(options: Options) -> None:

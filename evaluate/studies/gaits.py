@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from evaluate.rollouts.observers import Step
 from evaluate.studies.strides import Strides, walked
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD
@@ -66,15 +67,15 @@ def changes(first: str, others: tuple[str, ...], seeds: NDArray[np.int64], *, th
     command = np.zeros((len(goal), 3))
     command[:, 0] = np.repeat(moving, count)
 
-    def change(step: int, policy: Gaits) -> None:
+    policy = Gaits(first)
+
+    def change(step: Step) -> None:
         for number, other in enumerate(others):
-            asked = (due == step) & (goal == number)
+            asked = (due == step.number) & (goal == number)
             if asked.any():
                 policy.request(other, asked)
 
-    found = walked(
-        Gaits(first), command, np.tile(seeds, len(others)), steps=CHANGE_STEPS, nthread=threads, before=change
-    )
+    found = walked(policy, command, np.tile(seeds, len(others)), change, steps=CHANGE_STEPS, nthread=threads)
     return [found.of(goal == number) for number in range(len(others))]
 
 

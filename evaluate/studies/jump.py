@@ -8,9 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.measures.standing import standing
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Floats
-from policies.behaviour import Behaviour, State
+from policies.behaviour import Behaviour
 from quad_env.robots.robot import HOME_HEIGHT, TORQUE_LIMIT
 from quad_env.seeding import episode_seeds
 
@@ -37,9 +40,11 @@ class Outcome:
     rise: Floats
     """m, (n,)."""
     stands: NDArray[np.bool_]
-    """At the end, having landed, (n,)."""
+    """Whether it stands at the end, by the rule of `evaluate.measures.standing`, (n,)."""
     peak_torque: float
     """Largest joint torque at the end of any control step, N·m."""
+    diverged: int
+    """How many simulations diverged."""
 
 
 def main(options: Options) -> int:
@@ -52,23 +57,20 @@ def main(options: Options) -> int:
 
 def jumped(policy: Behaviour, seeds: NDArray[np.int64]) -> Outcome:
     """One robot for each seed, on flat ground, all side by side."""
-    from quad_env.columns import of_robots
-    from quad_env.envs.vector_env import SimpleQuadVectorEnv
+    peak, torque = np.zeros(len(seeds)), 0.0
+    stands = diverged = np.zeros(len(seeds), np.bool_)
 
-    count = len(seeds)
-    env = SimpleQuadVectorEnv(count, nthread=1, autoreset_mode="DISABLED", terminate_on_fall=False)
-    observation, _ = env.reset(seed=seeds.tolist(), options={"command": (0.0, 0.0, 0.0)})
-    policy.reset(count)
-    peak, torque = np.zeros(count), 0.0
-    for step in range(round(WATCHED / CONTROL_PERIOD)):
-        if step == round(SETTLING / CONTROL_PERIOD):
+    def watch(step: Step) -> None:
+        nonlocal peak, torque, stands, diverged
+        if step.number == round(SETTLING / CONTROL_PERIOD):
             policy.request("jump")
-        observation, *_ = env.step(policy.act(observation))
-        state = env.simulation.state(of_robots(np.zeros((count, 3))))
-        peak = np.maximum(peak, np.asarray(state.height))
-        torque = max(torque, float(np.abs(state.joint_torque).max()))
-    env.close()
-    return Outcome(peak - HOME_HEIGHT, policy.state == State.STAND, torque)
+        peak = np.maximum(peak, step.infos["height"])
+        torque = max(torque, float(np.abs(step.infos["joint_torque"]).max()))
+        stands, diverged = standing(step.observation, step.infos), step.infos["diverged"]
+
+    steps = round(WATCHED / CONTROL_PERIOD)
+    roll_out(policy, "flat", seeds, watch, steps=steps, command=(0.0, 0.0, 0.0), terminate_on_fall=False)
+    return Outcome(peak - HOME_HEIGHT, stands, torque, int(diverged.sum()))
 
 
 def report(outcome: Outcome) -> str:
@@ -77,5 +79,5 @@ def report(outcome: Outcome) -> str:
     return (
         f"rose {WANTED_RISE:g} m or more and landed standing: {done.sum()} of {len(done)}\n"
         f"rise: lowest {outcome.rise.min():.3f} m, median {np.median(outcome.rise):.3f} m\n"
-        f"largest torque {outcome.peak_torque:.1f} N·m of {TORQUE_LIMIT:g}"
+        f"largest torque {outcome.peak_torque:.1f} N·m of {TORQUE_LIMIT:g}; {outcome.diverged} diverged"
     )

@@ -4,18 +4,19 @@ Look at the robot before believing a figure. With `--out docs/walking.png` and o
 picture.
 """
 
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+import policies
+import quad_env
+from evaluate.rollouts.frames import Frame, Frames
+from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
+from policies.base import CONTROL_PERIOD
 from policies.files import make_writable_folder
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Frame = NDArray[np.uint8]
 
 EPISODE = 10.0
 """Length of an episode, s."""
@@ -58,9 +59,6 @@ def main(options: Options) -> int:
 
 def _check(options: Options) -> None:
     """Everything that can be wrong, before anything is drawn; ValueError (PolicyError), OSError or UsageError."""
-    import policies
-    import quad_env
-
     if not (options.frames >= 1 and options.every >= 0.01 and options.start >= 0.0):
         raise UsageError("--frames must be at least 1, --every at least 0.01 s, --start not negative")
     if not options.start + options.frames * options.every <= EPISODE:
@@ -81,7 +79,6 @@ def _check(options: Options) -> None:
 
 def draw(options: Options) -> None:
     """Write the picture: a labelled row of frames for each policy on each scenario."""
-    import numpy as np
     from PIL import Image, ImageDraw
 
     rows = []
@@ -93,32 +90,18 @@ def draw(options: Options) -> None:
     Image.fromarray(np.concatenate(rows, axis=0)).save(options.out)
 
 
-def strip(policy_name: str, scenario: str, options: Options) -> "list[Frame]":
+def strip(policy: str, scenario: str, options: Options) -> list[Frame]:
     """Frames of one episode; a fallen robot is shown where it lies."""
-    import gymnasium as gym
-
-    import policies
-
-    policy = policies.resolve(policy_name)
-    env = gym.make(
-        "quad_env:SimpleQuad-v0",
-        scenario=scenario,
-        terminate_on_fall=False,
-        render_mode="rgb_array",
-        width=240,
-        height=200,
-        camera=options.camera,
-    )
-    observation, _ = env.reset(seed=options.seed, options={"command": options.command})
-    policy.reset()
-    first, gap = round(options.start / 0.01), round(options.every / 0.01)
-    wanted = {first + i * gap for i in range(options.frames)}
-    frames = []
-    for tick in range(max(wanted) + 1):
-        observation, _, terminated, _, _ = env.step(policy.act(observation))
-        if tick in wanted:
-            frames.append(env.render())
-        if terminated:
-            break
-    env.close()
-    return frames + frames[-1:] * (options.frames - len(frames))  # type: ignore[return-value]
+    first, every = 1 + round(options.start / CONTROL_PERIOD), round(options.every / CONTROL_PERIOD)
+    steps = first + (options.frames - 1) * every
+    with closing(Frames(every, first, width=240, height=200, camera=options.camera)) as frames:
+        roll_out(
+            policies.resolve(policy),
+            scenario,
+            np.array([options.seed]),
+            frames,
+            steps=steps,
+            command=options.command,
+            terminate_on_fall=False,
+        )
+    return frames.taken + frames.taken[-1:] * (options.frames - len(frames.taken))

@@ -1,8 +1,8 @@
 """Getting up, measured: `python -m evaluate recovery` drops robots in random poses and counts those that then stand.
 
 A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
-(`quad_env.AnyPose`). A robot stands from the moment after which, to the end, its trunk leans less than 10°, is higher
-than 0.45 m and moves slower than 0.3 m/s and 0.3 rad/s on every axis.
+(`quad_env.AnyPose`). A robot stands from the moment after which, to the end, it meets the rule of
+`evaluate.measures.standing`.
 """
 
 import itertools
@@ -12,6 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.measures.standing import standing
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out
 from evaluate.statistics.intervals import wilson_interval
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Floats, Policy
@@ -19,10 +22,9 @@ from policies.behaviour import Behaviour, State
 from quad_env import OBSERVATION, SCENARIOS, AnyPose
 from quad_env.seeding import episode_seeds
 
-FALLEN = replace(SCENARIOS["flat"], name="fallen", start=AnyPose())
+LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
 TIME_ALLOWED, WATCHED = 5.0, 6.0
 """s for getting up, and of the whole episode: whoever falls over again after standing up does not count."""
-STANDING_TILT, STANDING_HEIGHT, STANDING_SPEED = np.deg2rad(10.0), 0.45, 0.3
 AT_ONCE = 250
 """Robots simulated side by side."""
 TILTS = (0, 45, 90, 135, 180)
@@ -76,33 +78,21 @@ def recover(seeds: NDArray[np.int64]) -> Outcome:
 
 def recover_with(policy: Policy, seeds: NDArray[np.int64]) -> Outcome:
     """One robot of that policy for each seed, all side by side."""
-    from quad_env.columns import of_robots
-    from quad_env.envs.vector_env import SimpleQuadVectorEnv
+    tilt, since, peak, diverged = np.zeros(0), np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
 
-    count = len(seeds)
-    env = SimpleQuadVectorEnv(
-        count, FALLEN, nthread=1, autoreset_mode="DISABLED", max_episode_steps=None, terminate_on_fall=False
-    )
-    observation, _ = env.reset(seed=seeds.tolist(), options={"command": (0.0, 0.0, 0.0)})
-    policy.reset(count)
-    tilt = np.rad2deg(np.arccos(np.clip(-observation[:, OBSERVATION["projected_gravity"]][:, 2], -1.0, 1.0)))
-    since, peak, diverged = np.full(count, np.inf), 0.0, np.zeros(count, np.bool_)
-    for step in range(round(WATCHED / CONTROL_PERIOD)):
-        observation, _, _, _, infos = env.step(policy.act(observation))
-        diverged |= infos["diverged"]
-        state = env.simulation.state(of_robots(np.zeros((count, 3))))
-        peak = max(peak, float(np.abs(state.joint_torque).max()))
-        standing = _standing(observation, np.asarray(state.height)) & ~diverged
-        since = np.where(standing, np.minimum(since, (step + 1) * CONTROL_PERIOD), np.inf)
-    env.close()
-    return Outcome(tilt.astype(np.float64), since, peak, int(diverged.sum()))
+    def watch(step: Step) -> None:
+        nonlocal tilt, since, peak, diverged
+        if step.number == 0:
+            upright = -step.observation[:, OBSERVATION["projected_gravity"]][:, 2]
+            tilt = np.rad2deg(np.arccos(np.clip(upright, -1.0, 1.0))).astype(np.float64)
+        diverged = step.infos["diverged"]
+        peak = max(peak, float(np.abs(step.infos["joint_torque"]).max()))
+        stands = standing(step.observation, step.infos)
+        since = np.where(stands, np.minimum(since, step.number * CONTROL_PERIOD), np.inf)
 
-
-def _standing(observation: NDArray[np.float32], height: Floats) -> NDArray[np.bool_]:
-    upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(STANDING_TILT)
-    motion = np.abs(observation[:, OBSERVATION["angular_velocity"].start : OBSERVATION["linear_velocity"].stop])
-    slow = motion.max(axis=1) < STANDING_SPEED
-    return np.asarray(upright & slow & (height > STANDING_HEIGHT))
+    steps = round(WATCHED / CONTROL_PERIOD)
+    roll_out(policy, LYING, seeds, watch, steps=steps, command=(0.0, 0.0, 0.0), terminate_on_fall=False)
+    return Outcome(tilt, since, peak, int(diverged.sum()))
 
 
 def report(outcome: Outcome) -> str:

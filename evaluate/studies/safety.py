@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
-from evaluate.measures.controlled_stop import Trace, controlled_stops
+from evaluate.measures.controlled_stop import Motion, controlled_stops
+from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.rollout import STEPS, roll_out
 from evaluate.statistics.intervals import wilson_interval
 from evaluate.studies.gaits import SPEEDS
 from evaluate.terminal.command_line import UsageError
@@ -24,7 +26,6 @@ from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.named import Scenario, scenario
 from quad_env.seeding import episode_seeds
 
-STEPS = 1000
 AT_ONCE = 256
 """Episodes simulated side by side."""
 
@@ -51,15 +52,12 @@ class Run:
 
     fall_step: NDArray[np.int64]
     """STEPS where there was no fall."""
+    fell: NDArray[np.bool_]
+    """Fell, other than by a controlled stop."""
     stopped: NDArray[np.bool_]
     """Ended in a controlled stop."""
     alarms: tuple[NDArray[np.int64], ...]
     """Steps of the layer's alarms, in order, of each robot."""
-
-    @property
-    def fell(self) -> NDArray[np.bool_]:
-        """Fell, other than by a controlled stop."""
-        return (self.fall_step < STEPS) & ~self.stopped
 
 
 def main(options: Options) -> int:
@@ -114,31 +112,49 @@ def lead(alarms: NDArray[np.int64], fall_step: int) -> float:
     return float(fall_step - before[-1]) * CONTROL_PERIOD if len(before) else 0.0
 
 
-def run(
-    policy: Policy, where: str | Scenario, seeds: NDArray[np.int64], steps: int = STEPS, forward: float | None = None
-) -> Run:
+def run(policy: Policy, where: str | Scenario, seeds: NDArray[np.int64], forward: float | None = None) -> Run:
     """One episode for each seed, side by side; with a forward command, m/s, or with the scenario's commands."""
-    from quad_env.columns import of_robots
-    from quad_env.envs.vector_env import SimpleQuadVectorEnv
+    falls, watch = Falls(len(seeds), STEPS), _Watch()
+    layer = [_Alarms(policy, falls)] if isinstance(policy, Safe) else []
+    command = None if forward is None else (forward, 0.0, 0.0)
+    roll_out(policy, where, seeds, falls, watch, *layer, steps=STEPS, command=command)
+    stopped = controlled_stops(watch.motion(), falls.step)
+    raised = layer[0].steps() if layer else (np.empty(0, np.int64),) * len(seeds)
+    return Run(falls.step, falls.fell & ~stopped, stopped, raised)
 
-    count = len(seeds)
-    env = SimpleQuadVectorEnv(count, where, nthread=1, autoreset_mode="DISABLED", max_episode_steps=steps)
-    options = None if forward is None else {"command": (forward, 0.0, 0.0)}
-    observation, _ = env.reset(seed=seeds.tolist(), options=options)
-    policy.reset(count, seed=0)
-    rows = np.zeros((4, steps, count))
-    fall_step = np.full(count, steps, dtype=np.int64)
-    before, alarms = np.zeros(count, np.int8), np.zeros((steps, count), np.bool_)
-    for step in range(steps):
-        observation, _, terminated, _, _ = env.step(policy.act(observation))
-        state = env.simulation.state(of_robots(np.zeros((count, 3))))
-        speeds = np.abs(observation[:, OBSERVATION["joint_velocity"]]).max(axis=1)
-        upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2]
-        rows[:, step] = np.stack([np.asarray(state.height), upright, np.asarray(state.vertical_velocity), speeds])
-        fall_step = np.where(terminated & (fall_step > step), step, fall_step)
-        if isinstance(policy, Safe):
-            alarms[step] = (policy.mode == Mode.CATCH) & (before == Mode.FOLLOW) & (fall_step > step)
-            before = policy.mode
-    env.close()
-    stopped = controlled_stops(Trace(*rows), fall_step)
-    return Run(fall_step, stopped, tuple(np.flatnonzero(alarms[:, robot]) for robot in range(count)))
+
+class _Watch:
+    """Observer of what tells a controlled stop from a fall."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[NDArray[np.floating], ...]] = []
+
+    def __call__(self, step: Step) -> None:
+        if step.number:
+            speeds = np.abs(step.observation[:, OBSERVATION["joint_velocity"]]).max(axis=1)
+            upright = -step.observation[:, OBSERVATION["projected_gravity"]][:, 2]
+            self._rows.append((step.infos["height"], upright, step.infos["vertical_velocity"], speeds))
+
+    def motion(self) -> Motion:
+        """The finished record."""
+        return Motion(*np.array(self._rows, np.float64).swapaxes(0, 1))
+
+
+class _Alarms:
+    """Observer of a safety layer's alarms before each robot's fall."""
+
+    def __init__(self, policy: Safe, falls: Falls) -> None:
+        self._policy, self._falls = policy, falls
+        self._before = policy.mode
+        self._raised: list[NDArray[np.bool_]] = []
+
+    def __call__(self, step: Step) -> None:
+        mode = self._policy.mode
+        if step.number:
+            new = (mode == Mode.CATCH) & (self._before == Mode.FOLLOW)
+            self._raised.append(new & (self._falls.step >= step.number))
+        self._before = mode
+
+    def steps(self) -> tuple[NDArray[np.int64], ...]:
+        """Index of the control step of each alarm, in order, of each robot."""
+        return tuple(np.flatnonzero(robot) for robot in np.array(self._raised).T)

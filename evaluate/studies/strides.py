@@ -1,23 +1,17 @@
 """What gaits do on flat ground, step by step: contacts, velocity, targets, and the figures that follow from them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.rollouts.observers import Falls, Observer, Step
+from evaluate.rollouts.rollout import roll_out
 from policies.base import CONTROL_PERIOD, Floats
 from policies.gait import TURN
 from policies.gaits.policy import Gaits
 from policies.legs.contacts import Contacts, duty_factors, landing_offsets, landings, wrapped
-
-Before = Callable[[int, Gaits], None]
-"""Called with the control step and the policy before each action; may request gaits."""
-
-
-def _nothing(step: int, policy: Gaits) -> None:
-    return
 
 
 @dataclass(frozen=True)
@@ -77,44 +71,44 @@ class Strides:
 
 
 def walked(
-    policy: Gaits, command: Floats, seeds: NDArray[np.int64], *, steps: int, nthread: int = 2, before: Before = _nothing
+    policy: Gaits, command: Floats, seeds: NDArray[np.int64], *observers: Observer, steps: int, nthread: int = 2
 ) -> Strides:
-    """An episode of `policy` on flat ground for each seed, at held commands (3,) or (n, 3)."""
-    from gymnasium.vector import AutoresetMode
+    """An episode of `policy` on flat ground for each seed, at held commands (3,) or (n, 3), told to `observers`."""
+    recorder = _StrideRecorder(policy, Falls(len(seeds), steps))
+    roll_out(policy, "flat", seeds, recorder, *observers, steps=steps, nthread=nthread, command=command)
+    return recorder.strides()
 
-    from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
-    count = len(seeds)
-    env = SimpleQuadVectorEnv(
-        count, nthread=nthread, autoreset_mode=AutoresetMode.DISABLED, max_episode_steps=steps, readings=True
-    )
-    record: dict[str, list[NDArray[Any]]] = {name: [] for name in Strides.__dataclass_fields__ if name != "fell"}
-    try:
-        observation, _ = env.reset(seed=seeds.tolist(), options={"command": command})
-        policy.reset(count)
-        fell = np.zeros(count, np.bool_)
-        for step in range(steps):
-            before(step, policy)
-            action = policy.act(observation)
-            observation, _, terminated, _, infos = env.step(action)
-            fell |= terminated
-            entries = {
-                "commanded": ~policy.swing,
-                "measured": infos["foot_contact"],
-                "phase": policy.phase,
-                "duty": policy.duty,
-                "clock_rate": policy.clock_rate,
-                "offsets": policy.offsets,
-                "heading_velocity": infos["heading_velocity"],
-                "tilt": infos["tilt"],
-                "overspeed": infos["overspeed"],
-                "targets": action.astype(np.float64),
-            }
-            for name, value in entries.items():
-                record[name].append(value)
-            if terminated.all():
-                break
-    finally:
-        env.close()
-    arrays: dict[str, Any] = {name: np.array(values) for name, values in record.items()}
-    return Strides(**arrays, fell=fell)
+class _StrideRecorder:
+    """Observer that records what becomes `Strides`."""
+
+    def __init__(self, policy: Gaits, falls: Falls) -> None:
+        self._policy, self._falls = policy, falls
+        self._record: dict[str, list[NDArray[Any]]] = {
+            name: [] for name in Strides.__dataclass_fields__ if name != "fell"
+        }
+
+    def __call__(self, step: Step) -> None:
+        if not step.number:
+            return
+        self._falls(step)
+        policy = self._policy
+        entries = {
+            "commanded": ~policy.swing,
+            "measured": step.infos["foot_contact"],
+            "phase": policy.phase,
+            "duty": policy.duty,
+            "clock_rate": policy.clock_rate,
+            "offsets": policy.offsets,
+            "heading_velocity": step.infos["heading_velocity"],
+            "tilt": step.infos["tilt"],
+            "overspeed": step.infos["overspeed"],
+            "targets": step.action.astype(np.float64),
+        }
+        for name, value in entries.items():
+            self._record[name].append(value)
+
+    def strides(self) -> Strides:
+        """The finished record."""
+        arrays: dict[str, Any] = {name: np.array(values) for name, values in self._record.items()}
+        return Strides(**arrays, fell=self._falls.fell)

@@ -19,6 +19,7 @@ def readings(simulation: Simulation) -> Readings:
     quaternion         (n, 4)      trunk orientation in the world, w x y z
     angular_velocity   (n, 3)      of the trunk, base frame, rad/s
     height             (n,)        trunk centre above the terrain below it, m
+    vertical_velocity  (n,)        of the trunk, world, m/s
     tilt               (n,)        between the trunk's z axis and the vertical, rad
     joint_position     (n, 12)     rad
     joint_velocity     (n, 12)     rad/s
@@ -45,6 +46,7 @@ def readings(simulation: Simulation) -> Readings:
         "quaternion": simulation.quaternion,
         "angular_velocity": np.transpose(state.angular_velocity).copy(),
         "height": state.height,
+        "vertical_velocity": state.vertical_velocity,
         "tilt": np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0)),
         "joint_position": joints.copy(),
         "joint_velocity": np.transpose(state.joint_velocity).copy(),

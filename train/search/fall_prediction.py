@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import STEPS, roll_out
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Policy
 from policies.safety.fall_prediction import THRESHOLD_FILE, next_recent, next_reference, velocity_deviation
@@ -19,7 +21,6 @@ from train.search.outcome import check_output, save
 
 MARGIN = 0.2
 """Between the threshold and the largest velocity deviation that undisturbed walking gave, m/s."""
-STEPS = 1000
 AT_ONCE = 512
 """Episodes simulated side by side."""
 
@@ -56,16 +57,14 @@ def undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
 
 
 def _undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
-    from quad_env.envs.vector_env import SimpleQuadVectorEnv
-
-    env = SimpleQuadVectorEnv(len(seeds), "flat", nthread=1, autoreset_mode="DISABLED", max_episode_steps=STEPS)
-    observation, _ = env.reset(seed=seeds.tolist())
-    policy.reset(len(seeds), seed=0)
     reference, recent, largest = np.zeros((len(seeds), 2)), np.zeros((len(seeds), 2)), 0.0
-    for _ in range(STEPS):
-        observation, *_ = env.step(policy.act(observation))
-        reference = next_reference(reference, observation, env.dt)
-        largest = max(largest, float(velocity_deviation(observation, reference, recent).max()))
-        recent = next_recent(recent, observation, env.dt)
-    env.close()
+
+    def watch(step: Step) -> None:
+        nonlocal reference, recent, largest
+        if step.number:
+            reference = next_reference(reference, step.observation, step.env.dt)
+            largest = max(largest, float(velocity_deviation(step.observation, reference, recent).max()))
+            recent = next_recent(recent, step.observation, step.env.dt)
+
+    roll_out(policy, "flat", seeds, watch)
     return largest

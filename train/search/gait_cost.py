@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.rollouts.observers import Step
 from evaluate.studies.strides import Strides, walked
 from policies.base import Floats
 from policies.gaits.parameters import NO_LIMITS, GaitParameters
@@ -56,19 +57,15 @@ def shared_walk(
     members, unlimited = len(candidates), [replace(candidate, **NO_LIMITS) for candidate in candidates]
     member = np.repeat(np.arange(members), len(seeds))
 
-    def begin(step: int, policy: Gaits) -> None:
-        if step == 0:
+    policy = Gaits(gait, parameters=dict.fromkeys(("stand", gait), unlimited[0]))
+
+    def begin(step: Step) -> None:
+        if step.number == 0:
             for number, candidate in enumerate(unlimited):
                 policy.request(gait, member == number, parameters=candidate)
 
-    found = walked(
-        Gaits(gait, parameters=dict.fromkeys(("stand", gait), unlimited[0])),
-        np.tile(command, (members, 1)),
-        np.tile(seeds, members),
-        steps=steps,
-        nthread=threads,
-        before=begin,
-    ).since(SETTLING)
+    commands, every_seed = np.tile(command, (members, 1)), np.tile(seeds, members)
+    found = walked(policy, commands, every_seed, begin, steps=steps, nthread=threads).since(SETTLING)
     return [found.of(member == number) for number in range(members)]
 
 

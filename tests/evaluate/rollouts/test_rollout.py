@@ -1,17 +1,17 @@
 """Rollouts: one episode an env, the same starts for every policy, nothing after a fall."""
 
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import policies
 import quad_env
-from evaluate.measures.episodes import OF_POLICY, blank, shapes
+from evaluate.measures.episodes import OF_POLICY, shapes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import battery, rollout
 from evaluate.rollouts.experiment import EPISODES_PER_CHUNK, LabelledPolicy, Settings, evaluation_seeds, run_cell
+from evaluate.rollouts.observers import Falls, Step
 from policies.base import Policy
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -28,9 +28,11 @@ class Watcher(Policy):
     def __init__(self) -> None:
         super().__init__()
         self.seen: list[np.ndarray] = []
+        self.asked, self.answers = False, []
 
     def _act(self, observation: np.ndarray) -> np.ndarray:
         self.seen.append(observation.copy())
+        self.answers.append(self.asked)
         return np.tile(quad_env.robots.robot.HOME_POSE.astype(np.float32), (len(observation), 1))
 
 
@@ -82,27 +84,71 @@ def test_progress_rises_and_ends_with_one_exactly_once() -> None:
     assert shares[-1] == 1.0
 
 
-def infos(fall: list[str], diverged: list[bool]) -> dict[str, Any]:
-    """What an environment says after a step in which nothing else happened."""
-    nothing = {name: blank(SIMPLE_QUAD, name, 1, len(fall))[0] for name in set(shapes(SIMPLE_QUAD)) - set(OF_POLICY)}
+def after(number: int, fall: list[str], diverged: list[bool]) -> Step:
+    """What observers are told of robots that fell for those reasons."""
     codes = np.array([quad_env.FALL_REASONS.index(reason) for reason in fall], np.int8)
-    return nothing | {"fall": codes, "diverged": np.array(diverged)}
+    return Step(number, None, None, None, {"fall": codes, "diverged": np.array(diverged)})
 
 
-def test_a_diverged_episode_is_a_fall_with_its_own_column() -> None:
-    recorder = rollout._Recorder(SIMPLE_QUAD, 3, 2, policies.make("stand"))
-    recorder.record(0, np.array([True, False]), infos(["none", "none"], [True, False]))
-    np.testing.assert_array_equal(recorder.fall_step, [0, 3])
-    np.testing.assert_array_equal(recorder.divergence_step, [0, 3])
-    assert recorder.fall_reason.tolist() == ["diverged", None]
+def test_a_divergence_is_a_fall_with_its_own_column() -> None:
+    falls = Falls(2, 3)
+    falls(after(1, ["none", "none"], [True, False]))
+    np.testing.assert_array_equal(falls.step, [0, 3])
+    np.testing.assert_array_equal(falls.divergence_step, [0, 3])
+    assert falls.reason.tolist() == ["diverged", None]
+    assert falls.fell.tolist() == [True, False]
 
 
 def test_the_first_fall_counts() -> None:
-    recorder = rollout._Recorder(SIMPLE_QUAD, 5, 1, policies.make("stand"))
-    for step, reason in enumerate(("none", "tilt", "height", "height")):
-        recorder.record(step, np.array([reason != "none"]), infos([reason], [False]))
-    assert recorder.fall_step.tolist() == [1]
-    assert recorder.fall_reason.tolist() == ["tilt"]
+    falls = Falls(1, 5)
+    for number, reason in enumerate(("none", "none", "tilt", "height", "height")):
+        falls(after(number, [reason], [False]))
+    assert falls.step.tolist() == [1]
+    assert falls.reason.tolist() == ["tilt"]
+
+
+def test_observers_are_told_the_start_and_every_step_in_order_until_one_has_seen_enough() -> None:
+    told: list[tuple[str, int]] = []
+    watcher = Watcher()
+
+    def first(step: Step) -> bool:
+        told.append(("first", step.number))
+        return step.number == 3
+
+    def second(step: Step) -> None:
+        told.append(("second", step.number))
+
+    rollout.roll_out(watcher, "flat", evaluation_seeds(0, 2), first, second, steps=20)
+    assert told == [(name, number) for number in range(4) for name in ("first", "second")]
+    assert len(watcher.seen) == 3
+
+
+def test_a_rollout_ends_when_no_robot_moves_any_more() -> None:
+    numbers: list[int] = []
+    falls = Falls(2, STEPS)
+    rollout.roll_out(
+        policies.make("document"),
+        "flat",
+        evaluation_seeds(0, 2),
+        falls,
+        lambda step: numbers.append(step.number),
+        steps=STEPS,
+    )
+    assert falls.fell.all()
+    assert numbers == list(range(falls.step.max() + 2))
+
+
+def test_what_an_observer_asks_of_the_policy_counts_from_the_next_action_and_the_command_is_held() -> None:
+    policy, commands = Watcher(), []
+
+    def watch(step: Step) -> None:
+        commands.append(step.observation[:, quad_env.OBSERVATION["command"]].tolist())
+        policy.asked = step.number == 3
+
+    held = [[0.25, 0.0, 0.5], [0.0, -0.5, 0.0]]
+    rollout.roll_out(policy, "flat", evaluation_seeds(0, 2), watch, steps=6, command=held)
+    assert policy.answers == [False, False, False, True, False, False]
+    assert commands == [held] * 7
 
 
 def test_many_episodes_run_in_chunks_with_the_same_outcome() -> None:
