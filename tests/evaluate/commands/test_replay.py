@@ -169,6 +169,9 @@ def test_a_film_is_real_time_and_shows_movement(tmp_path, kind) -> None:
 
 
 @pytest.mark.rendering
+@pytest.mark.filterwarnings(
+    "ignore::pytest.PytestUnraisableExceptionWarning"
+)  # imageio_ffmpeg's reader leaves pipes open
 def test_an_mp4_has_every_frame(tmp_path) -> None:
     encoder = pytest.importorskip("imageio_ffmpeg")
     filmed(tmp_path / "film.mp4")
