@@ -14,8 +14,6 @@ Frame = NDArray[np.uint8]
 """(height, width, 3)"""
 WIDTH, HEIGHT = 640, 480
 """Pixels of a frame, where nothing else is said."""
-SHADOW_SIZE = 1024
-"""Pixels; the model's own 4096 take half of a frame's time."""
 
 
 class Frames:
@@ -43,7 +41,6 @@ class Frames:
         if self._camera is None:
             from quad_env.physics.rendering import Camera
 
-            env.simulation.model.vis.quality.shadowsize = SHADOW_SIZE
             self._camera = Camera(env.simulation.model, *self._view)
         frame: Frame = self._camera.draw(env.simulation.snapshot(0))
         return frame
