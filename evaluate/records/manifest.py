@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from evaluate.records.provenance import code_digest, cpu_model, policy_digest, versions
+from evaluate.records.provenance import DIGEST, code_digest, cpu_model, policy_digest, versions
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware
@@ -162,12 +162,19 @@ def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
     for part, name in asdict(then.hardware).items():
         if (new := getattr(now.hardware, part)) != name:
             yield f"{part} was {name} and is {new}"
-    yield from (f"the policy {name} has changed" for name in then.policies if _other(name, then, now))
+    for name, digest in then.policies.items():
+        yield from _policy_difference(name, digest, now.policies.get(name, digest))
     scenarios = {scenario.name: scenario for scenario in now.scenarios}
     for scenario in then.scenarios:
         if scenarios.get(scenario.name, scenario) != scenario:
             yield f"the scenario {scenario.name} has changed"
 
 
-def _other(policy: str, then: Manifest, now: Manifest) -> bool:
-    return now.policies.get(policy, then.policies[policy]) != then.policies[policy]
+def _policy_difference(policy: str, then: str, now: str) -> Iterator[str]:
+    """What two digests say."""
+    if then.startswith(DIGEST) != now.startswith(DIGEST):
+        yield (
+            f"whether the policy {policy} has changed is not known, since that revision described policies differently"
+        )
+    elif then != now:
+        yield f"the policy {policy} has changed"
