@@ -5,13 +5,13 @@ policy.reset(num_envs=n)
 action = policy.act(observation)  # (n, k) -> (n, 12) rad
 """
 
-from functools import partial
 from pathlib import Path
 from typing import Protocol
 
 from policies.article.printed import Document
 from policies.article.repaired import DocumentRepaired
 from policies.base import CONTROL_PERIOD, GaitedPolicy, Policy, PolicyError
+from policies.bases import BASES
 from policies.behaviour import Behaviour
 from policies.bundle import load
 from policies.gaits.policy import Gaits
@@ -54,19 +54,11 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
 
 
 _MAKERS: dict[str, Maker] = {
+    **{name: base.make for name, base in BASES.items()},
     "behaviour": Behaviour,
-    "bound": partial(Gaits, "bound", name="bound"),
-    "document": Document,
-    "document_repaired": DocumentRepaired,
-    "gaits": Gaits,
-    "pace": partial(Gaits, "pace", name="pace"),
-    "pronk": partial(Gaits, "pronk", name="pronk"),
     "residual": _shipped_residual,
-    "stand": Stand,
-    "trot": Trot,
-    "trot_feedback": TrotFeedback,
-    "walk": partial(Gaits, "walk", name="walk"),
 }
+"""What makes a policy, by its name."""
 
 
 SAFE = "safe:"

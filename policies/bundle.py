@@ -7,9 +7,7 @@ must be those of this environment, since a network that reads others would only 
 import hashlib
 import json
 import math
-import sys
 from collections.abc import Mapping
-from dataclasses import asdict, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NoReturn
@@ -20,12 +18,11 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_safetensors
 from safetensors.numpy import save as format_safetensors
 
-from policies.base import CONTROL_PERIOD, Actions, Policy, PolicyError
+from policies.base import CONTROL_PERIOD, Actions, PolicyError
+from policies.bases import describe, described, is_number
 from policies.files import write_atomically
 from policies.network import ACTIVATIONS, Network
 from policies.residual import ResidualPolicy, feature_count
-from policies.stand import Stand
-from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import ENV_ID, OBSERVATION
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -79,7 +76,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "observation": _layout(),
         "observation_scale": SCALE.tolist(),
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
-        "base": _describe_base(policy.base),
+        "base": describe(policy.base),
         "authority": policy.authority.tolist(),
         "training": dict(training),
         "git_revision": git_revision,
@@ -102,7 +99,10 @@ def load(path: str | Path) -> ResidualPolicy:
     if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
         _fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
     robot, control_period = _made_for(folder, description)
-    base = _base(folder, description["base"], robot, control_period)
+    try:
+        base = described(description["base"], robot, control_period)
+    except ValueError as error:
+        _fail(folder, str(error))
     network = _network(folder, description["network"], weights, feature_count(base), robot.num_joints)
     name = description["name"]
     if not isinstance(name, str) or not name:
@@ -168,7 +168,7 @@ def _made_for(folder: Path, description: dict[str, Any]) -> tuple[Robot, float]:
     robot, control_period = description["robot"], description["control_period"]
     if not isinstance(robot, str) or robot not in _ROBOTS:
         _fail(folder, f"robot must be one of {', '.join(_ROBOTS)}, not {robot!r}")
-    if not _is_number(control_period) or not 0.0 < control_period <= _LONGEST_PERIOD:
+    if not is_number(control_period) or not 0.0 < control_period <= _LONGEST_PERIOD:
         _fail(folder, f"control_period must be a time above 0 s, at most {_LONGEST_PERIOD:g} s")
     return _ROBOTS[robot], float(control_period)
 
@@ -219,48 +219,17 @@ def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
         _fail(folder, f"{WEIGHTS} is not a safetensors file of plain numbers")
 
 
-def _base(folder: Path, base: Any, robot: Robot, control_period: float) -> Policy:
-    if not isinstance(base, dict) or set(base) != {"name", "parameters"} or not isinstance(base["parameters"], dict):
-        _fail(folder, "base must have a name and parameters")
-    name, parameters = base["name"], base["parameters"]
-    if name == Stand.name and not parameters:
-        return Stand(robot=robot, control_period=control_period)
-    if name != Trot.name:
-        _fail(folder, f"base must be {Stand.name!r} (without parameters) or {Trot.name!r}, not {name!r}")
-    if set(parameters) != {field.name for field in fields(TrotParameters)}:
-        _fail(folder, "the base's parameters are not those of the trot")
-    if not all(_is_number(value) for value in parameters.values()):
-        _fail(folder, "the base's parameters must be finite numbers")
-    try:
-        return Trot(TrotParameters(**parameters), robot=robot, control_period=control_period)
-    except ValueError as error:
-        _fail(folder, f"the base's parameters are out of range ({error})")
-
-
 def _authority(folder: Path, values: Any, joints: int) -> Actions:
     if not isinstance(values, list) or len(values) != joints:
         _fail(folder, f"authority must be {joints} numbers of rad")
-    if not all(_is_number(value) and 0.0 <= value <= _LARGEST_AUTHORITY for value in values):
+    if not all(is_number(value) and 0.0 <= value <= _LARGEST_AUTHORITY for value in values):
         _fail(folder, "authority must be finite numbers from 0 to π rad")
     return np.array(values, dtype=np.float32)
-
-
-def _is_number(value: Any) -> bool:
-    # Not math.isfinite, which fails on whole numbers of more digits than a float can hold.
-    return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 def _layout() -> dict[str, list[int]]:
     """The observation's layout: name -> [start, stop]."""
     return {name: [part.start, part.stop] for name, part in OBSERVATION.items()}
-
-
-def _describe_base(base: Policy) -> dict[str, Any]:
-    if isinstance(base, Trot):
-        return {"name": base.name, "parameters": asdict(base.parameters)}
-    if isinstance(base, Stand):
-        return {"name": base.name, "parameters": {}}
-    raise ValueError(f"a bundle's base is a {Stand.name} or a {Trot.name}, not {base.name}")
 
 
 def _tensors(network: Network) -> dict[str, NDArray[Any]]:

@@ -34,6 +34,10 @@ Count = Annotated[
 ]
 """A whole number that may be written as 1e6."""
 PolicyKind = Literal["residual", "end-to-end"]
+BaseName = Literal[
+    "bound", "document", "document_repaired", "gaits", "pace", "pronk", "stand", "trot", "trot_feedback", "walk"
+]
+"""A name of `policies.bases.BASES`; written out, so that --help lists them at once."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,7 +104,7 @@ class TrainConfig:
 
     policy: PolicyKind = "residual"
     """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
-    base: Literal["trot", "stand"] = "trot"
+    base: BaseName = "trot"
     """Base policy that the correction is added to."""
     steps: Count = 3_000_000
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the

@@ -66,13 +66,13 @@ def judge(options: Options, runs: "Sequence[TrainedRun]", shipped: "TrainedRun")
     from evaluate.rollouts import battery
     from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
     from evaluate.rollouts.progress import show_progress
-    from policies import load, make
+    from policies import load
 
     try:
         scenarios = battery.resolve(options.scenarios)
     except ValueError as error:
         raise UsageError(str(error)) from None
-    judged = [LabelledPolicy(shipped.config.base, make(shipped.config.base))]
+    judged = [LabelledPolicy(shipped.config.base, load(Path(shipped.label) / BEST).base)]
     judged += [LabelledPolicy(run.label, load(Path(run.label) / BEST)) for run in runs]
     seeds = evaluation_seeds(options.seed, options.episodes)
     with show_progress([each.label for each in judged] * len(scenarios)) as progress:

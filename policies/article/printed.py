@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from policies import bounds
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import TROT_OFFSETS, Floats, leg_phases
 from policies.legs.kinematics import shortest_leg
@@ -36,6 +37,9 @@ class PrintedGait:
     foot_line: float = 0.15
     """Lateral distance of the foot from the hip joint, outboard, m."""
 
+    def __post_init__(self) -> None:
+        bounds.check(self, LIMITS)
+
     def feet(self, robot: Robot, phase: ArrayLike, stance_start: float) -> Floats:
         """Feet in their hip frames, m; shape (..., 4, 3) for a global phase in rad of shape (...).
 
@@ -47,6 +51,16 @@ class PrintedGait:
         x = np.where(swing, -self.step_length / 2.0 + self.step_length * t, stance_start - self.step_length * t)
         z = np.where(swing, -self.body_height + self.step_height * np.sin(np.pi * t), -self.body_height)
         return np.stack([x, np.broadcast_to(self.foot_line * robot.side, x.shape), z], axis=-1)
+
+
+LIMITS: dict[str, tuple[float, float]] = {
+    "frequency": (0.1, 50.0),
+    "step_height": (-1.0, 1.0),
+    "step_length": (-1.0, 1.0),
+    "body_height": (-1.0, 1.0),
+    "foot_line": (-1.0, 1.0),
+}
+"""Bounds of `PrintedGait` by field name, far beyond any use: within them every action is a finite number."""
 
 
 def unreachable(robot: Robot, feet: Floats) -> NDArray[np.bool_]:

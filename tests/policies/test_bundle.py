@@ -11,10 +11,10 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 import policies
+from policies.bases import BASES
 from policies.bundle import DESCRIPTION, WEIGHTS, load, save
 from policies.network import Network
-from policies.residual import ResidualPolicy
-from policies.stand import Stand
+from policies.residual import ResidualPolicy, feature_count
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 
@@ -58,11 +58,46 @@ def trajectory(policy):
 
 
 @pytest.mark.parametrize("activation", ["tanh", "elu"])
-@pytest.mark.parametrize("base", [Trot, Stand])
-def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path, base, activation):
-    policy = ResidualPolicy(base(), network(62 if base is Trot else OBSERVATION_SIZE, 16, 8, 12, activation=activation))
+def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path, activation):
+    policy = ResidualPolicy(Trot(), network(62, 16, 8, 12, activation=activation))
     save(tmp_path, policy, training={}, git_revision="")
     assert trajectory(load(tmp_path)) == trajectory(policy)
+
+
+@pytest.mark.filterwarnings("ignore::policies.article.printed.UnreachableFootWarning")
+@pytest.mark.parametrize("name", BASES)
+def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_since(tmp_path, monkeypatch, name):
+    base = policies.make(name)
+    policy = ResidualPolicy(base, network(feature_count(base), 8, 12))
+    save(tmp_path, policy, training={}, git_revision="")
+    for module in ("trot.open_loop", "trot.feedback", "gaits.policy"):
+        monkeypatch.setattr(f"policies.{module}.searched_parameters", lambda: pytest.fail("that is another base"))
+    loaded = load(tmp_path)
+    assert (loaded.base.name, type(loaded.base)) == (name, type(base))
+    assert trajectory(loaded) == trajectory(policy)
+    assert "policies." not in (tmp_path / DESCRIPTION).read_text()
+
+
+@pytest.mark.parametrize("name", ["behaviour", "residual", "safe:trot"])
+def test_what_is_more_than_a_name_and_numbers_is_no_base(tmp_path, name):
+    base = policies.make(name)
+    policy = ResidualPolicy(base, network(feature_count(base), 12))
+    with pytest.raises(ValueError, match=r"one of bound, .*, walk, not "):
+        save(tmp_path, policy, training={}, git_revision="")
+
+
+def test_a_base_with_other_parameters_than_were_trained_on_is_refused(folder):
+    base = json.loads((folder / DESCRIPTION).read_text())["base"]
+    base["parameters"]["duty"] += 0.01
+    assert "trained on (SHA-256 differs)" in damaged(folder, lambda f: rewrite(f, base=base))
+
+
+def test_bundles_of_before_had_no_digest_of_their_base(folder):
+    base = json.loads((folder / DESCRIPTION).read_text())["base"]
+    expected = trajectory(load(folder))
+    del base["sha256"]
+    rewrite(folder, base=base)
+    assert trajectory(load(folder)) == expected
 
 
 def test_everything_but_the_weights_is_readable_in_the_description(folder):
@@ -250,7 +285,10 @@ TROT = {"name": "trot"}
         ({"base": {"name": "gallop", "parameters": {}}}, "gallop"),
         ({"base": {"name": ["trot"], "parameters": {}}}, "trot"),
         ({"base": {"name": "trot", "parameters": {"body_height": 0.4}}}, "parameters"),
-        ({"base": {"name": "stand", "parameters": {"height": 0.4}}}, "stand"),
+        ({"base": {"name": "stand", "parameters": {"height": 0.4}}}, "Stand has no parameters"),
+        ({"base": {"name": "walk", "parameters": {"walk": {}}}}, "those of bound, pace, pronk, trot, walk, stand"),
+        ({"base": {"name": "behaviour", "parameters": {}}}, "one of bound"),
+        ({"base": {"name": "stand", "parameters": {}, "module": "policies.stand"}}, "name and parameters"),
         ({"authority": [0.3] * 11}, "authority"),
         ({"authority": [-0.1] * 12}, "authority"),
         ({"authority": [float("nan")] * 12}, "authority"),
@@ -286,7 +324,7 @@ def test_field_that_does_not_fit_is_refused(folder, change, reason):
 def test_base_parameter_out_of_range_is_refused(folder, field, value):
     base = json.loads((folder / DESCRIPTION).read_text())["base"]
     base["parameters"][field] = value
-    damaged(folder, lambda f: rewrite(f, base=base))
+    assert "the base's parameters" in damaged(folder, lambda f: rewrite(f, base=base))
 
 
 @pytest.mark.parametrize("content", ["[]", "3", "{", "[" * 100_000, '{"schema_version": 1}'])

@@ -78,6 +78,11 @@ def test_the_same_seed_trains_the_same_policy(finished_run, tmp_path):
         assert (tmp_path / "again" / weights).read_bytes() == (finished_run / weights).read_bytes()
 
 
+def test_a_residual_over_another_base_can_be_trained_and_loaded(tmp_path):
+    assert main([*TINY, "--base", "trot_feedback", "--steps", "128", "--out", str(tmp_path / "run")]) == 0
+    assert policies.load(tmp_path / "run").base.parameters == policies.make("trot_feedback").parameters
+
+
 def test_a_folder_in_use_is_refused_and_left_alone(finished_run, capsys):
     before = files(finished_run)
     assert main([*TINY, "--steps", "256", "--out", str(finished_run)]) == 2

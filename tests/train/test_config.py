@@ -3,13 +3,16 @@
 import dataclasses
 import json
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from evaluate.terminal.command_line import UsageError
+from policies.bases import BASES
 from train.__main__ import parse
 from train.config import (
     DEFAULTS,
+    BaseName,
     PpoConfig,
     TrainConfig,
     differences,
@@ -95,7 +98,7 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--mixture flat 0.0", "above zero"),
         ("--mixture flat 0.5 flat 0.5", "twice"),
         ("--policy waltz", "waltz"),
-        ("--base document", "document"),
+        ("--base behaviour", "behaviour"),
         ("--no-such-option 3", "no-such-option"),
         ("--resume --out no-such-folder", "no run in no-such-folder"),
     ],
@@ -104,6 +107,11 @@ def test_bad_input_is_one_line_that_names_it(arguments, complaint):
     with pytest.raises(UsageError, match=complaint) as caught:
         parse(arguments.split())
     assert "\n" not in str(caught.value)
+
+
+def test_every_base_that_a_bundle_can_hold_can_be_trained_on():
+    assert get_args(BaseName) == tuple(BASES)
+    assert [parse(["--base", name]).base for name in BASES] == list(BASES)
 
 
 def test_each_policy_has_its_own_defaults_and_options_override_them():

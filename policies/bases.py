@@ -1,0 +1,120 @@
+"""The policies that a residual can be trained on: those whose name and numbers say all about them."""
+
+import hashlib
+import json
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, fields
+from functools import partial
+from typing import Any, NamedTuple
+
+from policies.article.printed import Document, PrintedGait
+from policies.article.repaired import DocumentRepaired
+from policies.base import Policy
+from policies.gaits.parameters import GAITS, GaitParameters
+from policies.gaits.policy import Gaits
+from policies.stand import Stand
+from policies.trot.feedback import TrotFeedback
+from policies.trot.feedback_parameters import FeedbackParameters
+from policies.trot.open_loop import Trot, TrotParameters
+from quad_env.robots.robot import Robot
+
+
+class Base(NamedTuple):
+    """How a base is made, and what its parameters are."""
+
+    make: Callable[..., Policy]
+    """From `robot` and `control_period`, and `parameters` where it has any; the searched ones when not given."""
+    parameters: type | None = None
+    """A dataclass of numbers; None where it has none."""
+
+    @property
+    def kind(self) -> type:
+        """Class of the policy."""
+        kind = self.make.func if isinstance(self.make, partial) else self.make
+        assert isinstance(kind, type)
+        return kind
+
+
+BASES: dict[str, Base] = {
+    "bound": Base(partial(Gaits, "bound", name="bound"), GaitParameters),
+    "document": Base(Document, PrintedGait),
+    "document_repaired": Base(DocumentRepaired, PrintedGait),
+    "gaits": Base(Gaits, GaitParameters),
+    "pace": Base(partial(Gaits, "pace", name="pace"), GaitParameters),
+    "pronk": Base(partial(Gaits, "pronk", name="pronk"), GaitParameters),
+    "stand": Base(Stand),
+    "trot": Base(Trot, TrotParameters),
+    "trot_feedback": Base(TrotFeedback, FeedbackParameters),
+    "walk": Base(partial(Gaits, "walk", name="walk"), GaitParameters),
+}
+"""Bases by name."""
+
+
+def describe(policy: Policy) -> dict[str, Any]:
+    """Name, parameters and the SHA-256 of these, as JSON values. Raises ValueError for a policy that is no base."""
+    base = BASES.get(policy.name)
+    if base is None or type(policy) is not base.kind:
+        raise ValueError(f"a residual's base is one of {', '.join(BASES)}, not {policy.name}")
+    parameters: Any = getattr(policy, "parameters", {})
+    if isinstance(parameters, Mapping):
+        parameters = {name: asdict(each) for name, each in parameters.items()}
+    else:
+        parameters = asdict(parameters)
+    return {"name": policy.name, "parameters": parameters, "sha256": _digest(parameters)}
+
+
+def described(description: Any, robot: Robot, control_period: float) -> Policy:
+    """The policy of a description, for that robot and control period, s. Raises ValueError, one line.
+
+    Older descriptions lack the SHA-256.
+    """
+    if not isinstance(description, dict) or not {"name", "parameters"} <= set(description) <= _FIELDS:
+        raise ValueError("base must have name and parameters, and a sha256 of these")
+    name, parameters = description["name"], description["parameters"]
+    if not isinstance(name, str) or name not in BASES:
+        raise ValueError(f"base must be one of {', '.join(BASES)}, not {name!r}")
+    if not isinstance(parameters, dict):
+        raise ValueError("the base's parameters must be an object")
+    arguments = _arguments(BASES[name], parameters)
+    if description.get("sha256", digest := _digest(parameters)) != digest:
+        raise ValueError("the base's parameters are not those that it was trained on (SHA-256 differs)")
+    return BASES[name].make(robot=robot, control_period=control_period, **arguments)
+
+
+_FIELDS = {"name", "parameters", "sha256"}
+
+
+def _arguments(base: Base, parameters: dict[str, Any]) -> dict[str, Any]:
+    """What the base is made with, checked."""
+    if base.parameters is None:
+        if parameters:
+            raise ValueError(f"a {base.kind.__name__} has no parameters")
+        return {}
+    if base.kind is not Gaits:
+        return {"parameters": _numbers(base.parameters, parameters)}
+    if set(parameters) != set(GAITS):
+        raise ValueError(f"the base's parameters must be those of {', '.join(GAITS)}")
+    return {"parameters": {gait: _numbers(base.parameters, each) for gait, each in parameters.items()}}
+
+
+def _numbers(kind: type, values: Any) -> Any:
+    """The dataclass of those numbers."""
+    if not isinstance(values, dict) or set(values) != {field.name for field in fields(kind)}:
+        raise ValueError(f"the base's parameters are not those of {kind.__name__}")
+    if not all(is_number(value) for value in values.values()):
+        raise ValueError("the base's parameters must be finite numbers")
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise ValueError(f"the base's parameters are out of range ({error})") from None
+
+
+def is_number(value: Any) -> bool:
+    """Whether a JSON value is a number that a float can hold."""
+    # Not math.isfinite, which fails on whole numbers of more digits than that.
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
+
+
+def _digest(parameters: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
