@@ -77,7 +77,7 @@ def run(
     scenario: str | Scenario,
     seeds: NDArray[np.int64],
     *,
-    nthread: int = 2,
+    nthread: int = 1,
     steps: int = STEPS,
     progress: Progress = lambda _: None,
     after_falls: bool = False,

@@ -71,7 +71,7 @@ class Strides:
 
 
 def walked(
-    policy: Gaits, command: Floats, seeds: NDArray[np.int64], *observers: Observer, steps: int, nthread: int = 2
+    policy: Gaits, command: Floats, seeds: NDArray[np.int64], *observers: Observer, steps: int, nthread: int = 1
 ) -> Strides:
     """An episode of `policy` on flat ground for each seed, at held commands (3,) or (n, 3), told to `observers`."""
     recorder = _StrideRecorder(policy, Falls(len(seeds), steps))
