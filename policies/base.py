@@ -53,7 +53,7 @@ class Policy(ABC):
             raise ValueError(
                 f"{self.name} was made for {self.robot.name} with a control period of {self.control_period:g} s, not "
                 f"for {robot.name} with one of {control_period:g} s: make it for its environment, "
-                f"policies.make({self.name!r}, robot=env.unwrapped.robot, control_period=env.unwrapped.dt)"
+                f'policies.make("{self.name}", robot=env.unwrapped.robot, control_period=env.unwrapped.dt)'
             )
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:

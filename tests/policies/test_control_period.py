@@ -1,0 +1,153 @@
+"""What a policy does in a second does not depend on how often it is asked, and a wrong rate is refused."""
+
+import dataclasses
+from functools import partial
+
+import numpy as np
+import pytest
+
+import policies
+from policies.base import GaitedPolicy
+from policies.behaviour import State
+from policies.bundle import save
+from policies.network import Network
+from policies.residual import ResidualPolicy, feature_count
+from policies.safety import Mode, PolicyProcessError, Watched
+from quad_env import OBSERVATION, OBSERVATION_SIZE, TaskConfig
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+UNTRAINED = [name for name in policies.names() if name != "residual"]
+GAITED = [name for name in UNTRAINED if isinstance(policies.make(name), GaitedPolicy)]
+AT_REST = np.zeros((1, OBSERVATION_SIZE), np.float32)
+"""A robot that stands level in the home pose."""
+AT_REST[:, OBSERVATION["projected_gravity"]] = (0.0, 0.0, -1.0)
+WALKING = AT_REST.copy()
+WALKING[:, OBSERVATION["command"]] = (0.4, 0.1, 0.2)
+ON_ITS_BACK = -AT_REST
+SLACK = 0.08
+"""What rates of change and blends that end between two steps leave, rad."""
+
+
+def ask(policy, observation, seconds):
+    """Actions of so long, (steps, 12)."""
+    return np.array([policy.act(observation)[0] for _ in range(round(seconds / policy.control_period))])
+
+
+def assert_the_same_in_time(often, seldom):
+    """Actions at 100 Hz and at 50 Hz are the same at the same times, and move a joint by far more.
+
+    But for one in twenty, where a motion begins with a leap that one of them may make a step later.
+    """
+    same = (np.abs(often[1::2] - seldom) <= SLACK).all(axis=1)
+    assert same.mean() >= 0.95
+    assert np.ptp(seldom, axis=0).max() >= 3.0 * SLACK
+
+
+def stride_frequency(control_rate):
+    """Frequency, Hz, at which a trotting robot's front left thigh swings, from four seconds of its walk."""
+    env = SimpleQuadVectorEnv(1, "flat", nthread=1, config=TaskConfig(control_rate=control_rate))
+    policy = policies.make("trot", robot=env.robot, control_period=env.dt)
+    observation, _ = env.reset(seed=3, options={"command": np.array([0.3, 0.0, 0.0])})
+    speeds = []
+    for _ in range(round(4.0 * control_rate)):
+        observation, *_ = env.step(policy.act(observation))
+        speeds.append(observation[0, OBSERVATION["joint_velocity"]][1])
+    env.close()
+    return np.fft.rfftfreq(len(speeds), env.dt)[np.abs(np.fft.rfft(speeds)).argmax()]
+
+
+def test_a_trot_steps_its_feet_as_often_when_it_is_asked_half_as_often():
+    expected = policies.make("trot").frequency
+    assert stride_frequency(100.0) == pytest.approx(expected, abs=0.125)
+    assert stride_frequency(50.0) == pytest.approx(expected, abs=0.125)
+
+
+@pytest.mark.parametrize("period", [0.005, 0.02])
+@pytest.mark.parametrize("name", GAITED)
+def test_the_clock_advances_by_its_frequency_times_the_control_period(name, period):
+    policy = policies.make(name, control_period=period)
+    policy.act(AT_REST)
+    frequency = getattr(policy, "clock_rate", [policy.frequency])[0]
+    assert policy.phase[0] == pytest.approx(2.0 * np.pi * frequency * period)
+
+
+@pytest.mark.parametrize("name", [name for name in UNTRAINED if name != "stand"])
+def test_a_policy_asks_for_the_same_at_the_same_time_whatever_its_control_period(name):
+    assert_the_same_in_time(*(ask(policies.make(name, control_period=p), WALKING, 0.8) for p in (0.01, 0.02)))
+
+
+def test_a_change_of_gait_takes_the_same_time():
+    seen = []
+    for period in (0.01, 0.02):
+        policy = policies.make("gaits", control_period=period)
+        ask(policy, WALKING, 1.2)
+        policy.request("bound")
+        seen.append(ask(policy, WALKING, 1.2))
+        assert policy.settled[0]
+    assert_the_same_in_time(*seen)
+
+
+@pytest.mark.parametrize(
+    ("start", "request_", "observation"),
+    [(State.STAND, "jump", AT_REST), (State.PASSIVE, "stand", ON_ITS_BACK)],
+    ids=["jump", "recover"],
+)
+def test_a_behaviour_takes_the_same_time(start, request_, observation):
+    seen = []
+    for period in (0.01, 0.02):
+        policy = policies.Behaviour(start, follow=False, control_period=period)
+        before = ask(policy, observation, 0.2)
+        policy.request(request_)
+        seen.append(np.concatenate((before, ask(policy, observation, 0.4))))
+    assert_the_same_in_time(*seen)
+
+
+def test_a_controlled_stop_takes_the_same_time():
+    seen = []
+    for period in (0.01, 0.02):
+        policy = policies.make("safe:trot", control_period=period)
+        policy.emergency_stop()
+        seen.append(ask(policy, AT_REST, 0.8))
+        assert policy.mode[0] == Mode.STOP
+    assert_the_same_in_time(*seen)
+
+
+@pytest.mark.parametrize("period", [0.0, -0.01, np.inf, np.nan])
+def test_a_control_period_is_a_time(period):
+    with pytest.raises(ValueError, match="control_period"):
+        policies.make("trot", control_period=period)
+
+
+def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy():
+    trot = policies.make("trot")
+    trot.check_fits(SIMPLE_QUAD, 0.01)
+    with pytest.raises(ValueError, match=r'(?s)0.01 s.*0.02 s.*make\("trot".*control_period=env.unwrapped.dt'):
+        trot.check_fits(SIMPLE_QUAD, 0.02)
+    with pytest.raises(ValueError, match=r"made for simple_quad.*not for longer.*robot=env.unwrapped.robot"):
+        trot.check_fits(dataclasses.replace(SIMPLE_QUAD, name="longer", calf_length=0.31), 0.01)
+
+
+def test_policies_within_a_policy_are_of_its_control_period():
+    slow = partial(policies.make, "trot", control_period=0.02)
+    assert policies.Safe(slow()).control_period == 0.02
+    with pytest.raises(ValueError, match=r"0.02 s"):
+        policies.Behaviour(gait=slow())
+    with pytest.raises(ValueError, match=r"0.02 s"):
+        policies.Safe(policies.make("trot"), on_failure="fallback", fallback=slow())
+    watched = Watched(slow)
+    with pytest.raises(PolicyProcessError, match=r"0.02 s"):
+        watched.reset()
+    watched.close()
+
+
+def test_a_trained_policy_knows_its_control_period_and_is_refused_at_another(tmp_path):
+    base = policies.make("trot", control_period=0.02)
+    network = Network((np.zeros((feature_count(base), 12), np.float32),), (np.zeros(12, np.float32),))
+    save(tmp_path, ResidualPolicy(base, network), {}, "unknown")
+    found = policies.resolve(tmp_path, control_period=0.02)
+    assert (found.robot, found.control_period, found.base.control_period) == (SIMPLE_QUAD, 0.02, 0.02)
+    with pytest.raises(policies.PolicyError, match=r"trained for simple_quad with a control period of 0.02 s"):
+        policies.resolve(tmp_path)
+    with pytest.raises(policies.PolicyError, match=r"trained for simple_quad with a control period of 0.01 s"):
+        policies.make("residual", control_period=0.02)
