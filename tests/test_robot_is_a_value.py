@@ -21,6 +21,8 @@ ROOMS = (
     "evaluate/records",
     "evaluate/report",
     "evaluate/rollouts",
+    "policies",
+    "train",
 )
 """Folders and modules where it holds."""
 DEFAULT_CHOSEN = {
@@ -31,9 +33,21 @@ DEFAULT_CHOSEN = {
     "quad_env/serialisation.py",
     "quad_env/task/observations.py",
     "evaluate/rollouts/hardware.py",
+    "policies/__init__.py",
+    "policies/article/printed.py",
+    "policies/article/repaired.py",
+    "policies/base.py",
+    "policies/behaviour/machine.py",
+    "policies/behaviour/policy.py",
+    "policies/bundle.py",
+    "policies/gaits/policy.py",
+    "policies/safety/watchdog.py",
+    "policies/trot/feedback.py",
+    "policies/trot/open_loop.py",
+    "train/search/recovery.py",
 }
-"""Modules that may name SIMPLE_QUAD: defaults and public names, severities that are chosen for it, and old results,
-which know no other robot."""
+"""Modules that may name SIMPLE_QUAD: defaults and public names, severities and parameters that are chosen for it, and
+old results and bundles, which know no other robot."""
 LEG = re.compile(r"(?<![a-zA-Z0-9])(fl|fr|hl|hr)(?![a-zA-Z0-9])", re.IGNORECASE)
 
 

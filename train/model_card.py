@@ -7,6 +7,7 @@ from evaluate.analysis.comparison import ERRORS, FALL_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
 from evaluate.terminal.format import interval, number, p_value, percent, percent_interval, points
+from policies.base import CONTROL_PERIOD
 from train.config import DEFAULTS, TrainConfig, differences
 
 
@@ -26,10 +27,10 @@ def model_card(runs: list[TrainedRun], shipped: TrainedRun, results: Results) ->
     config = shipped.config
     return f"""# {config.policy}
 
-A {" × ".join(map(str, config.ppo.actor))} network ({config.ppo.activation}) that corrects `{config.base}` at 100 Hz \
-by at most {config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips. `policy.json` says what \
-it reads, on what base and with which settings it was trained; `policy.safetensors` holds its weights. Nothing in \
-this folder is code.
+A {" × ".join(map(str, config.ppo.actor))} network ({config.ppo.activation}) that corrects `{config.base}` at \
+{1.0 / CONTROL_PERIOD:g} Hz by at most {config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the \
+hips. `policy.json` says what it reads, on what base and with which settings it was trained; `policy.safetensors` \
+holds its weights. Nothing in this folder is code.
 
 ## Training
 

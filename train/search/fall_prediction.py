@@ -44,9 +44,10 @@ def main(options: Options) -> int:
     if not options.hours > 0 or options.seed < 0 or not options.policies:
         raise UsageError("--hours must be positive, --seed not negative, and --policies name at least one")
     check_output(options.out)
-    seeds = episode_seeds("search", options.seed * 100 + 50, max(1, round(options.hours * 360)))
+    episodes = max(1, round(options.hours * 3600 / (STEPS * CONTROL_PERIOD)))
+    seeds = episode_seeds("search", options.seed * 100 + 50, episodes)
     largest = max(undisturbed(policies.resolve(name), seeds) for name in options.policies)
-    save(options.out, json.dumps({"surprise": round(largest + MARGIN, 4)}, indent=2) + "\n")
+    save(options.out, json.dumps({"velocity_deviation": round(largest + MARGIN, 4)}, indent=2) + "\n")
     print(f"largest in {len(seeds) * STEPS * CONTROL_PERIOD / 3600:.2f} h: {largest:.3f} m/s; {options.out}")
     return 0
 

@@ -80,8 +80,9 @@ def account(options: Options, before: TrotParameters, after: TrotParameters) -> 
         "# The trot's parameters",
         "",
         f"Written by `python -m train search trot --seed {options.seed}`: CMA-ES, {options.generations} generations of "
-        f"{options.candidates} candidates, {options.episodes} episodes of {options.steps / 100:g} s a candidate on "
-        f"each of {', '.join(f'{name} (weight {weight:g})' for name, weight in SCENARIO_WEIGHTS.items())}.",
+        f"{options.candidates} candidates, {options.episodes} episodes of {options.steps * CONTROL_PERIOD:g} s a "
+        "candidate on each of "
+        f"{', '.join(f'{name} (weight {weight:g})' for name, weight in SCENARIO_WEIGHTS.items())}.",
         "Cost of an episode: "
         + " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
         + "; falls are billed within the errors. Each candidate is judged against its own linear response on flat "
