@@ -44,6 +44,7 @@ def roll_out(
     It ends after `steps` control steps, when no robot moves any more, or when an observer says so. A robot that has
     fallen stays frozen to the end; without `terminate_on_fall` it goes on. What comes before its fall is the same to
     the bit either way. `command`, (3,) or (n, 3), is held for the whole episode; without, the scenario draws commands.
+    Raises ValueError for a policy that was made for another robot or another control period.
     """
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
@@ -59,6 +60,7 @@ def roll_out(
         **asdict(hardware),
     )
     with closing(env):
+        policy.check_fits(env.robot, env.dt)
         options = None if command is None else {"command": command}
         observation, infos = env.reset(seed=seeds.tolist(), options=options)
         policy.reset(num_envs=len(seeds), seed=0)

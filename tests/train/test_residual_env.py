@@ -195,6 +195,8 @@ def test_other_peoples_wrappers_count_its_episodes():
 def test_what_it_cannot_work_with_is_refused_with_a_remedy():
     with pytest.raises(ValueError, match='autoreset_mode="DISABLED"'):
         ResidualVectorEnv(robots(1, mode="NEXT_STEP"), policies.make("trot"))
+    with pytest.raises(ValueError, match=r"control_period=env\.unwrapped\.dt"):
+        ResidualVectorEnv(robots(1), policies.make("trot", control_period=0.02))
     env, _ = residual(2)
     with pytest.raises(ValueError, match=r"\(2, 12\)"):
         env.step(np.zeros(12))

@@ -33,7 +33,7 @@ class Watcher(Policy):
     def _act(self, observation: np.ndarray) -> np.ndarray:
         self.seen.append(observation.copy())
         self.answers.append(self.asked)
-        return np.tile(quad_env.robots.robot.HOME_POSE.astype(np.float32), (len(observation), 1))
+        return np.tile(SIMPLE_QUAD.home_pose.astype(np.float32), (len(observation), 1))
 
 
 def run(policy: str = "stand", scenario=PUSHED, count: int = 12, **options) -> rollout.Episodes:
@@ -170,3 +170,10 @@ def test_the_battery_lists_its_scenarios_when_asked_for_another() -> None:
         battery.resolve(("flat", "flat"))
     assert [s.name for s in battery.resolve(("all",))] == list(quad_env.SCENARIOS)
     assert [s.name for s in battery.quick()[:3]] == list(battery.NOMINAL)
+
+
+def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy() -> None:
+    longer = replace(SIMPLE_QUAD, name="longer", calf_length=0.31)
+    for policy in (policies.make("trot", control_period=0.02), policies.make("trot", robot=longer)):
+        with pytest.raises(ValueError, match=r"robot=env.unwrapped.robot, control_period=env.unwrapped.dt"):
+            rollout.run(policy, "flat", evaluation_seeds(0, 1), steps=1)
