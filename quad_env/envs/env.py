@@ -210,11 +210,12 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
             "fall": np.int8(self._fall),
-            "diverged": self._diverged,
-            "mechanical_power": power,
-            "overspeed": overspeed,
-            **terms,
+            "diverged": np.array(self._diverged),  # Gymnasium's batches would make an object of a `np.bool_`
+            "mechanical_power": np.float64(power),
+            "overspeed": np.float64(overspeed),
         }
+        for key, value in terms.items():
+            info[key] = np.float64(value)
         if isinstance(self._sensors, SensedObservation):
             info |= {key: values[0] for key, values in self._sensors.readings().items()}
         return info

@@ -104,6 +104,6 @@ def test_info_keys_are_those_of_the_contract() -> None:
         assert {"command", "heading_velocity", "fall", "diverged"} <= set(found)
         assert found["command"].shape == found["heading_velocity"].shape == (3,)
         assert found["fall"] == 0
-        assert found["diverged"] is False
+        assert found["diverged"] == np.False_
     reward = env.step(SIMPLE_QUAD.home_pose.astype(np.float32))
     assert reward[1] == pytest.approx(sum(value for key, value in reward[4].items() if key.startswith("reward_")))

@@ -51,8 +51,8 @@ def test_infos_of_one_robot_are_numbers_or_arrays_of_numbers() -> None:
     env = SimpleQuadEnv(sensors="typical")
     for info in (env.reset(seed=0)[1], env.step(HOME)[4]):
         for key, value in info.items():
-            assert np.asarray(value).dtype.kind in "fib", key
-            assert type(value) in (bool, float) or isinstance(value, np.generic | np.ndarray), key
+            assert isinstance(value, np.generic | np.ndarray), key  # TorchRL asks for a dtype
+            assert value.dtype.kind in "fib", key
 
 
 def test_the_code_of_a_fall_names_its_reason() -> None:
