@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from evaluate.measures import fall_rules
-from evaluate.measures.fall_rules import FallRule
+from evaluate.measures.fall_rules import FallCriterion
 from evaluate.records import trace
 from evaluate.records.manifest import check_folder
 from evaluate.statistics.intervals import Interval, wilson_interval
@@ -65,7 +65,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def rescore(results: Path, rules: tuple[FallRule, ...]) -> list[Score]:
+def rescore(results: Path, rules: tuple[FallCriterion, ...]) -> list[Score]:
     """Falls of every traced cell under every rule; UsageError where there is no trace."""
     paths = sorted((results / trace.FOLDER).glob("*.parquet"))
     if not paths:
@@ -118,7 +118,7 @@ def _score(scenario: str, policy: str, rule: str, time: NDArray[np.float64]) -> 
     )
 
 
-def table(scores: list[Score], rules: tuple[FallRule, ...]) -> Table:
+def table(scores: list[Score], rules: tuple[FallCriterion, ...]) -> Table:
     """A row for each policy on each scenario, a column for each rule; 80 columns are enough."""
     out = Table(
         title="falls, with Wilson 95 % intervals",
@@ -141,7 +141,7 @@ def table(scores: list[Score], rules: tuple[FallRule, ...]) -> Table:
     return out
 
 
-def write(scores: list[Score], rules: tuple[FallRule, ...], path: Path) -> None:
+def write(scores: list[Score], rules: tuple[FallCriterion, ...], path: Path) -> None:
     """Write the scores and what the rules mean."""
     policies: dict[str, dict[str, dict[str, dict[str, object]]]] = {}
     for score in scores:

@@ -11,16 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.episodes import Bools, Episodes
-from quad_env.config import FALL_RULE
-from quad_env.config import FallRule as EnvironmentsRule
+from quad_env.config import FALL_RULE, FallRule
 
 Holds = Callable[[Episodes], Bools]
 """Whether the rule holds at each step, (steps, n)."""
 
 
 @dataclass(frozen=True)
-class FallRule:
-    """A rule that looks at one step at a time."""
+class FallCriterion:
+    """A rule of this project or of another, by which a record is judged; the environment's own is `FallRule`."""
 
     name: str
     words: str
@@ -29,45 +28,45 @@ class FallRule:
     holds: Holds
 
 
-_OWN = EnvironmentsRule()
+_OWN = FallRule()
 _OWN_TILT = f"{np.rad2deg(_OWN.tilt):g}°"
 LOW = 0.2 / 0.75
 """Share of its height in the home pose: Ant-v5's lower bound, 0.2 m of a torso that starts at 0.75 m."""
 
-RULES: dict[str, FallRule] = {
+RULES: dict[str, FallCriterion] = {
     rule.name: rule
     for rule in (
-        FallRule(
+        FallCriterion(
             FALL_RULE,
             f"the trunk touches the ground, tilts over {_OWN_TILT}, or its centre is lower than {_OWN.height:g} m",
             "this project",
             lambda it: it.trunk_contact | (it.tilt > _OWN.tilt) | (it.height < _OWN.height),
         ),
-        FallRule(
+        FallCriterion(
             "height-only",
             f"the trunk's centre is lower than {LOW:.3f} of its height in the home pose",
             "Gymnasium Ant-v5, in proportion; does not see a robot that lies on its side",
             lambda it: it.height < LOW * it.robot.home_height,
         ),
-        FallRule(
+        FallCriterion(
             "tilt-70",
             "the trunk tilts over 70°",
             "mjlab, flat ground",
             lambda it: it.tilt > np.deg2rad(70),
         ),
-        FallRule(
+        FallCriterion(
             "tilt-90",
             "the trunk tilts over 90°",
             "MuJoCo Playground Go1; legged_control",
             lambda it: it.tilt > np.deg2rad(90),
         ),
-        FallRule(
+        FallCriterion(
             "trunk-contact",
             "the trunk touches the ground",
             "legged_gym and IsaacLab, there with a force over 1 N",
             lambda it: it.trunk_contact,
         ),
-        FallRule(
+        FallCriterion(
             "non-foot-contact",
             "trunk, thigh or calf touches the ground",
             "gym-quadruped; here a hard landing is enough, which brings the calf's end down beside the foot",
@@ -77,7 +76,7 @@ RULES: dict[str, FallRule] = {
 }
 
 
-def find(names: tuple[str, ...]) -> tuple[FallRule, ...]:
+def find(names: tuple[str, ...]) -> tuple[FallCriterion, ...]:
     """The rules of those names, every one for `all`; ValueError lists the valid names."""
     if names == ("all",):
         return tuple(RULES.values())
@@ -86,7 +85,7 @@ def find(names: tuple[str, ...]) -> tuple[FallRule, ...]:
     return tuple(RULES[name] for name in names)
 
 
-def fall_step(rule: FallRule, episodes: Episodes) -> NDArray[np.int64]:
+def fall_step(rule: FallCriterion, episodes: Episodes) -> NDArray[np.int64]:
     """First step at which the rule holds or the simulation diverges, (n,); `steps` if there is none.
 
     Under the environment's own rule that is what the environment said: it judged in double precision.
@@ -96,7 +95,7 @@ def fall_step(rule: FallRule, episodes: Episodes) -> NDArray[np.int64]:
     return np.minimum(first_step(rule, episodes), episodes.divergence_step)
 
 
-def first_step(rule: FallRule, episodes: Episodes) -> NDArray[np.int64]:
+def first_step(rule: FallCriterion, episodes: Episodes) -> NDArray[np.int64]:
     """First step at which the rule holds in the record, (n,); `steps` if it never does."""
     holds = rule.holds(episodes)
     return np.where(holds.any(axis=0), holds.argmax(axis=0), episodes.steps)

@@ -12,10 +12,12 @@ from quad_env.robots.robot import Robot
 Mask = NDArray[np.bool_]
 
 UPRIGHT_TILT = np.deg2rad(35.0)
-FALLEN_TILT = np.deg2rad(60.0)
-STANDING_TILT = np.deg2rad(10.0)
-FALLEN_HEIGHT = FallRule().height
-"""Height of the trunk's centre above its lowest foot, m."""
+TOPPLING_TILT = np.deg2rad(60.0)
+"""Tilt past which a robot on its legs counts itself lost and goes limp: 10° before the fall rule, `FallRule.tilt`."""
+COLLAPSED_HEIGHT = FallRule().height
+"""Height of the trunk's centre above its lowest foot, m: that of the fall rule above level ground, felt by the legs."""
+HOME_TILT = np.deg2rad(10.0)
+"""Tilt up to which a robot may be in its home pose; whether it stands is for `evaluate.measures.standing` to say."""
 POSE_TOLERANCE = 0.15
 """Distance of each joint from the home pose, rad; a servo under the robot's weight gives 0.02."""
 STILL_LINEAR, STILL_ANGULAR = 0.3, 0.5
@@ -45,16 +47,17 @@ def conditions(
     turning = _largest(rows[:, OBSERVATION["angular_velocity"]])
     still = (_largest(rows[:, OBSERVATION["linear_velocity"]]) < STILL_LINEAR) & (turning < STILL_ANGULAR)
     upright = up > np.cos(UPRIGHT_TILT)
-    standing = (up > np.cos(STANDING_TILT)) & still & (_largest(joints) < POSE_TOLERANCE)
+    at_home = (up > np.cos(HOME_TILT)) & still & (_largest(joints) < POSE_TOLERANCE)
+    height = leg_height(robot, gravity, joints + robot.home_pose)
     begun = ticks >= round(MINIMUM_TIME / control_period)
     limits = [round(TIME_LIMIT[each] / control_period) if each in TIME_LIMIT else _NEVER for each in State]
     return {
         "still": still,
         "upright": upright,
         "tilted": ~upright,
-        "standing": standing & begun,
-        "fallen": (up < np.cos(FALLEN_TILT)) | (leg_height(robot, gravity, joints + robot.home_pose) < FALLEN_HEIGHT),
-        "landed": standing & (ticks >= round(JUMP_TIME / control_period)),
+        "in home pose": at_home & begun,
+        "toppling": (up < np.cos(TOPPLING_TILT)) | (height < COLLAPSED_HEIGHT),
+        "landed": at_home & (ticks >= round(JUMP_TIME / control_period)),
         "settled": begun & (turning < SETTLED_ANGULAR),
         "late": ticks >= np.array(limits)[state],
     }

@@ -54,13 +54,13 @@ TRANSITIONS = (
     Transition((State.WALK,), "stand", "", State.STAND, "stand requested"),
     Transition((State.STAND, State.RUN), "walk", "", State.WALK, "walk requested"),
     Transition((State.WALK,), "run", "", State.RUN, "run requested"),
-    Transition((State.STAND,), "jump", "standing", State.JUMP, "jump requested"),
-    Transition(ON_ITS_LEGS, "", "fallen", State.FALL, "fell"),
+    Transition((State.STAND,), "jump", "in home pose", State.JUMP, "jump requested"),
+    Transition(ON_ITS_LEGS, "", "toppling", State.FALL, "fell"),
     Transition((State.JUMP,), "", "landed", State.STAND, "landed"),
     Transition((State.JUMP,), "", "late", State.FALL, "did not land standing in time"),
     Transition((State.FALL,), "", "settled", State.RECOVER, "fall is over"),
     Transition((State.FALL,), "", "late", State.RECOVER, "waited long enough for the fall to end"),
-    Transition(GETTING_UP, "", "standing", State.STAND, "stands"),
+    Transition(GETTING_UP, "", "in home pose", State.STAND, "stands"),
     Transition(GETTING_UP, "", "late", State.FALL, "did not stand up in time"),
 )
 

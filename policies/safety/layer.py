@@ -30,7 +30,7 @@ class Mode(IntEnum):
     FALLBACK = 3
     """The fallback policy, until a reset."""
     DAMP = 4
-    """Joints damped: fallen, or stopped at once by request."""
+    """Joints damped: too far over, or stopped at once by request."""
 
 
 REASONS = (
@@ -41,12 +41,13 @@ REASONS = (
     "at rest again",
     "emergency stop requested",
     "command timed out",
-    "fallen",
+    "too far over",
     "started anew",
 )
-RAISED, MISSHAPEN, NOT_FINITE, PREDICTED, RESTED, REQUESTED, STALE, FALLEN, STARTED = range(len(REASONS))
+RAISED, MISSHAPEN, NOT_FINITE, PREDICTED, RESTED, REQUESTED, STALE, TOO_FAR_OVER, STARTED = range(len(REASONS))
 
-FALLEN_TILT = np.deg2rad(65.0)
+TOO_FAR = np.deg2rad(65.0)
+"""Tilt past which no fall is caught and no stop is under control any more: 5° before the fall rule, `FallRule.tilt`."""
 LOG_CAPACITY = 4096
 
 
@@ -210,19 +211,19 @@ class Safe(Policy):
         return observation
 
     def _watch(self, observation: NDArray[np.float32], rows: Floats) -> None:
-        """Catch where a fall is predicted, follow again where it is at rest; a fallen robot is past catching."""
+        """Catch where a fall is predicted, follow again where it is at rest or past catching."""
         self._reference = next_reference(self._reference, observation, self.control_period)
         alarm = velocity_deviation(observation, self._reference, self._recent) > self._alarm_above
         self._recent = next_recent(self._recent, observation, self.control_period)
-        tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(FALLEN_TILT)
+        tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(TOO_FAR)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
         self._brace.start(predicted)
         self._enter(predicted, Mode.CATCH, PREDICTED)
         catching = self._mode == Mode.CATCH
         if catching.any():
             self._enter(self._brace.advance(catching, alarm, rows), Mode.FOLLOW, RESTED)
-            self._enter(tilted & (self._mode == Mode.CATCH), Mode.FOLLOW, FALLEN)
-        self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, FALLEN)
+            self._enter(tilted & (self._mode == Mode.CATCH), Mode.FOLLOW, TOO_FAR_OVER)
+        self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, TOO_FAR_OVER)
 
     def _with_fresh_commands(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observation, stale commands zeroed."""

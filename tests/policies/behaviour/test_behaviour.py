@@ -35,8 +35,8 @@ WITH = {  # a reading under which a guard holds, and steps to wait for it
     "still": (reading(), 1),
     "upright": (reading(), 1),
     "tilted": (reading(up=0.0), 1),
-    "standing": (reading(), 12),
-    "fallen": (reading(up=0.2, turning=9.0), 1),
+    "in home pose": (reading(), 12),
+    "toppling": (reading(up=0.2, turning=9.0), 1),
     "landed": (reading(), 95),
     "settled": (reading(up=0.2), 12),
     "late": (reading(up=0.9, turning=9.0), 900),
@@ -46,8 +46,8 @@ WITHOUT = {  # a reading under which it does not
     "still": reading(speed=1.0),
     "upright": reading(up=0.5),
     "tilted": reading(),
-    "standing": reading(joints=0.5),
-    "fallen": reading(),
+    "in home pose": reading(joints=0.5),
+    "toppling": reading(),
     "landed": reading(speed=1.0),
     "settled": reading(up=0.2, turning=9.0),
 }
@@ -267,7 +267,7 @@ def test_diagram_shows_every_state_and_every_reason():
 
 
 def test_refusal_for_a_condition_names_it():
-    assert "standing" in refusal_reason(State.STAND, "jump")
+    assert "in home pose" in refusal_reason(State.STAND, "jump")
 
 
 def test_policy_that_follows_walks_runs_and_stands_by_the_command():
