@@ -45,18 +45,22 @@ class GroundSense:
     def update(self, senses: Senses, standing: NDArray[np.bool_], undisturbed: NDArray[np.bool_]) -> None:
         """One control period later, with the standing legs, (4, n), on the ground; at first all are.
 
-        What a robot that is disturbed, (n,), feels of unevenness is its own tumbling.
+        What a robot that is disturbed, (n,), feels of unevenness is its own tumbling. The slope that a robot finds at
+        its start is no change of slope.
         """
         memory, share = self.memory, self._share
         prints = carried(self._prints, senses.velocity, senses.yaw_rate, self._period)
-        prints = renewed(prints, senses.feet, standing | (memory["known"] == 0.0))
+        unknown = memory["known"] == 0.0
+        prints = renewed(prints, senses.feet, standing | unknown)
         memory["known"] = np.ones_like(memory["known"])
         memory["x"], memory["y"], memory["z"] = prints
         plane = fitted(prints)
         memory["height"], forward, lateral = plane
-        change_forward, change_lateral = forward - memory["forward"], lateral - memory["lateral"]
-        memory["forward"] = memory["forward"] + share * change_forward
-        memory["lateral"] = memory["lateral"] + share * change_lateral
+        former_forward = np.where(unknown, forward, memory["forward"])
+        former_lateral = np.where(unknown, lateral, memory["lateral"])
+        change_forward, change_lateral = forward - former_forward, lateral - former_lateral
+        memory["forward"] = former_forward + share * change_forward
+        memory["lateral"] = former_lateral + share * change_lateral
         residual = above(plane, prints)
         uneven = np.sqrt(0.25 * total(residual * residual)) + self._half_base * length(change_forward, change_lateral)
         rise = np.clip(uneven - EVEN, 0.0, LARGEST_ROUGHNESS) - memory["roughness"]

@@ -35,7 +35,7 @@ BRACE_TIME = 0.03
 BRACE_RANGE = 0.4
 """Excess speed from the beginning of bracing to all feet down, m/s."""
 RECOVERY_TIME = 0.6
-"""From the end of an excess speed until what the feet feel is the ground again, s."""
+"""From the end of an excess speed, or a jump of the command, until what the feet feel is the ground again, s."""
 STEEP_RANGE = 0.1
 """The same of the ground's slope."""
 ROUGH_RANGE = 0.005
@@ -77,6 +77,7 @@ class TrotFeedback(GaitedPolicy):
         self._memory = Memory(
             {
                 "reference": np.zeros(3),
+                "followed": np.zeros(2),
                 "correction": np.zeros(3),
                 "error_x": one,
                 "error_y": one,
@@ -108,12 +109,14 @@ class TrotFeedback(GaitedPolicy):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         columns = np.ascontiguousarray(observation.T, dtype=np.float64)
         senses = sense(self.robot, columns)
-        reference = self._reference_velocity(columns[OBSERVATION["command"]])
+        command = columns[OBSERVATION["command"]]
+        reference = self._reference_velocity(command)
         error = np.stack((*senses.velocity[:2], senses.yaw_rate)) - reference
         errors = (error[0], error[1], error[2])
         excess = length(*senses.velocity[:2]) - length(reference[0], reference[1]) - self.parameters.brace_error
         brace = self._brace(excess)
-        undisturbed = (self._memory["disturbed"] == 0.0) & ((brace == 0.0) | (self._memory["hold"] > 0.0))
+        pushed = (self._memory["disturbed"] > 0.0) | ((brace > 0.0) & (self._memory["hold"] == 0.0))
+        undisturbed = ~(pushed | self._lurches(command))
         self._advance_clock(errors, brace)
         cycle = self._gait.places((self._phase + self._offsets) % TURN)
         self.ground.update(senses, (~cycle.swing & (cycle.progress > SETTLED)) | (brace > BRACED_LOAD), undisturbed)
@@ -132,6 +135,17 @@ class TrotFeedback(GaitedPolicy):
         reach = self.control_period * self._acceleration
         memory["reference"] = memory["reference"] + np.clip(goal - memory["reference"], -reach, reach)
         return memory["reference"]
+
+    def _lurches(self, command: Floats) -> NDArray[np.bool_]:
+        """Whether a jump of the command, (3, n), still throws the robot about, (n,): it is far from the same, lagged.
+
+        The first command of an episode is none.
+        """
+        planar, followed = command[:2], self._memory["followed"]
+        followed = np.where(self._ticks == 0.0, planar, followed)
+        self._memory["followed"] = followed + (self.control_period / RECOVERY_TIME) * (planar - followed)
+        jump: NDArray[np.bool_] = length(*(planar - self._memory["followed"])) > self.parameters.capture_threshold
+        return jump
 
     def _brace(self, excess: Floats) -> Floats:
         """How far all feet are down, 0 … 1, by the excess speed: quickly on and slowly off; (n,)."""
@@ -239,9 +253,11 @@ class TrotFeedback(GaitedPolicy):
         z = ground.slope[0] * x + ground.slope[1] * y - tall + weight * shortening
         x, y = x + p.servo_lead * memory["speed_x"], y + p.servo_lead * memory["speed_y"]
         # Standing feet are pushed along with the error, so that the trunk is pushed against it.
+        # Harder than up to the error that a step is to catch, they would kick it off the ground.
         push = weight * (1.0 - brace)
-        push_x = push * (p.stance_push * errors[0] - p.yaw_push * errors[2] * y)
-        push_y = push * (p.stance_push * errors[1] + p.yaw_push * errors[2] * x)
+        held = p.stance_push * np.minimum(1.0, p.capture_threshold / np.maximum(length(*errors[:2]), 1e-9))
+        push_x = push * (held * errors[0] - p.yaw_push * errors[2] * y)
+        push_y = push * (held * errors[1] + p.yaw_push * errors[2] * x)
         return senses.frame.to_body((x + push_x, y + push_y, z + lifted + p.servo_lead * rising))
 
     def _levelled(self, senses: Senses, feet: Vector, weight: Floats, brace: Floats) -> Vector:

@@ -63,7 +63,7 @@ class FeedbackParameters:
     stance_yield: float = 0.2
     """Share of a velocity error that the standing feet give way to; 0 holds them to the plan."""
     stance_push: float = 0.085
-    """Advance of the standing feet's targets per velocity error, s: the legs push against it."""
+    """Advance of the standing feet's targets per velocity error up to `capture_threshold`, s: legs push against it."""
     yaw_push: float = 0.03
     """The same per yaw-rate error, s."""
     velocity_filter: float = 0.018

@@ -83,6 +83,12 @@ def test_a_robot_that_stands_on_a_plane_feels_that_plane_and_that_it_is_even():
     np.testing.assert_allclose(ground.unevenness, 0.0, atol=1e-4)
 
 
+def test_the_slope_that_a_robot_starts_on_is_not_taken_for_roughness():
+    ground = felt(feet_on(0.36, 0.0), seconds=CONTROL_PERIOD)
+    np.testing.assert_allclose(np.ravel(ground.slope), [0.36, 0.0], atol=1e-4)
+    assert felt(feet_on(0.36, 0.0)).worst_roughness.item() == 0.0
+
+
 def test_even_ground_is_not_rough_and_twisted_ground_is_by_what_is_beyond_even():
     assert felt(feet_on(0.0, 0.0)).roughness.item() == 0.0
     # The plane cannot follow the twist of a square; this stance is turned a little, which takes a part of it.

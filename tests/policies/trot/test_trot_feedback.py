@@ -183,6 +183,15 @@ def test_standing_feet_push_along_with_a_velocity_error_so_that_the_trunk_is_hel
     assert np.abs(moved[~standing]).max() < ROUNDING
 
 
+def test_standing_feet_push_against_no_more_than_the_error_that_a_step_is_to_catch():
+    changes = {"stance_push": 0.05, "capture_threshold": 0.5}
+    most, standing = answer(changes, linear_velocity=(0.5, 0.0, 0.0))
+    beyond, _ = answer(changes, linear_velocity=(2.0, 0.0, 0.0))
+    np.testing.assert_allclose(beyond[standing], most[standing], atol=ROUNDING)
+    aslant, _ = answer(changes, linear_velocity=(2.0, 2.0, 0.0))
+    np.testing.assert_allclose(aslant[standing, 1], most[standing, 0] / np.sqrt(2.0), atol=1e-4)
+
+
 def test_standing_feet_that_push_against_a_yaw_error_make_a_couple():
     moved, standing = answer({"yaw_push": 0.05}, angular_velocity=(0.0, 0.0, 0.5))
     torque = SIMPLE_QUAD.hip_positions[:, 0] * moved[:, 1] - SIMPLE_QUAD.hip_positions[:, 1] * moved[:, 0]
@@ -297,6 +306,24 @@ def test_even_ground_is_walked_on():
     assert policy._memory["brace"].item() == 0.0
 
 
+def roughness_learnt(first, then):
+    """Roughness, m, that a robot learns in half a second on a stone under a command, after another on even ground."""
+    policy = TrotFeedback(BARE)
+    for row, velocity in ((on_slope(0.0, 0.0), first), (on_a_stone(0.2), then)):
+        row[OBSERVATION["command"]] = velocity
+        for _ in range(50):
+            policy.act(row)
+    return policy.ground.roughness.item()
+
+
+def test_what_a_robot_feels_while_its_command_has_just_jumped_is_no_rough_ground():
+    steady = roughness_learnt((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    turned_round = roughness_learnt((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0))
+    only_turning = roughness_learnt((1.0, 0.0, 0.0), (1.0, 0.0, 1.0))
+    assert steady == only_turning > 0.01
+    assert turned_round == 0.0
+
+
 def test_steep_ground_and_rough_ground_slow_the_robot_down():
     policy = TrotFeedback(dataclasses.replace(BARE, slope_slowdown=2.0, plane_filter=0.05))
     row = on_slope(0.3, 0.0)
@@ -348,6 +375,14 @@ def test_it_mirrors_left_and_right():
 def walk(axis, severity, count, seed=3, policy="trot_feedback"):
     scenario = practice(AXES[axis].scenario(severity, axis), "search")
     return measure(rollout.run(policies.make(policy), scenario, episode_seeds("search", seed, count)))
+
+
+def test_a_reversal_of_its_command_neither_throws_it_off_flat_ground_nor_stops_it():
+    """Search episodes in which it leapt, took that for rough ground and stood still for the rest."""
+    seeds = np.array([890058028297871, 915165469080478, 1041415005289286, 1051791307237338])
+    measures = measure(rollout.run(policies.make("trot_feedback"), "flat", seeds))
+    assert not measures.fell.any()
+    assert measures.mean_velocity_error.max() <= 0.1
 
 
 def test_on_flat_ground_it_follows_commands_without_falling_and_without_a_steady_error():
