@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluate.analysis.comparison import pairs
+from evaluate.analysis.comparison import pairs, usual_baseline
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS, BreakingPoint, Found, breaking_point, breaking_ratio
 from evaluate.statistics.intervals import Interval
@@ -44,15 +44,18 @@ class BreakingPointRatio:
     """95 %; an infinite end could be anything beyond."""
 
 
-def breaking_points(cells: Sequence[Cell]) -> tuple[list[AxisBreakingPoint], list[BreakingPointRatio]]:
-    """Breaking points on every axis with at least three severities, and ratios of every two policies; b is baseline."""
+def breaking_points(
+    cells: Sequence[Cell], against: str | None = None
+) -> tuple[list[AxisBreakingPoint], list[BreakingPointRatio]]:
+    """Breaking points on every axis with at least three severities, and ratios of every two policies, as of `pairs`."""
+    against = against or usual_baseline([cell.policy for cell in cells])
     found: list[AxisBreakingPoint] = []
     ratios: list[BreakingPointRatio] = []
     for axis in dict.fromkeys(cell.scenario.axis for cell in cells if cell.scenario.axis):
         series = _series([cell for cell in cells if cell.scenario.axis == axis])
         points = {levels[0].policy: _breaking_point(levels) for levels in series}
         found += [_on_axis(levels, points[levels[0].policy]) for levels in series]
-        for a, b in pairs([levels[0] for levels in series]):
+        for a, b in pairs([levels[0] for levels in series], against):
             ratio, interval = breaking_ratio(points[a.policy], points[b.policy])
             if np.isfinite(ratio):
                 ratios.append(BreakingPointRatio(axis, a.policy, b.policy, ratio, interval))

@@ -45,25 +45,26 @@ class Comparison:
         return self.p_value_holm < SIGNIFICANT and self.difference != 0.0
 
 
-def compare(cells: Sequence[Cell]) -> list[Comparison]:
-    """All pairs of policies on every scenario in every metric; the baseline, where it takes part, is always b.
+def compare(cells: Sequence[Cell], against: str | None = None) -> list[Comparison]:
+    """All pairs of policies on every scenario in every metric; the baseline `against` is b wherever it takes part.
 
     p-values are corrected by Holm's method over families. A family is what is claimed of one metric: the comparisons of
-    every policy with the baseline (the policy named first, if the baseline does not take part) on every scenario of the
-    run. The comparisons of the other policies with each other are, metric by metric, families of their own.
+    every policy with that one on every scenario of the run. The comparisons of the other policies with each other are,
+    metric by metric, families of their own.
     """
+    against = against or usual_baseline([cell.policy for cell in cells])
     scenarios = dict.fromkeys(cell.scenario.name for cell in cells)
     comparisons = [
         comparison
         for scenario in scenarios
-        for a, b in pairs([cell for cell in cells if cell.scenario.name == scenario])
+        for a, b in pairs([cell for cell in cells if cell.scenario.name == scenario], against)
         for comparison in compare_pair(a, b)
     ]
-    return _corrected(comparisons, baseline([cell.policy for cell in cells]))
+    return _corrected(comparisons, against)
 
 
-def baseline(policies: Sequence[str]) -> str:
-    """The policy that the others are measured against; the first named, where the baseline does not take part."""
+def usual_baseline(policies: Sequence[str]) -> str:
+    """Policy that others are measured against unless another is asked for: the trot, without it the one named first."""
     return BASELINE if BASELINE in policies or not policies else policies[0]
 
 
@@ -77,9 +78,9 @@ def _corrected(comparisons: list[Comparison], against: str) -> list[Comparison]:
     return comparisons
 
 
-def pairs(cells: Sequence[Cell]) -> list[tuple[Cell, Cell]]:
-    """Every two cells once, as (a, b); b is the baseline, else the one that was named first."""
-    ordered = sorted(cells, key=lambda cell: cell.policy != BASELINE)
+def pairs(cells: Sequence[Cell], against: str) -> list[tuple[Cell, Cell]]:
+    """Every two cells once, as (a, b); b is that of the policy `against`, else the one that was named first."""
+    ordered = sorted(cells, key=lambda cell: cell.policy != against)
     return [(later, earlier) for earlier, later in combinations(ordered, 2)]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluate.analysis.breaking_points import AxisBreakingPoint, BreakingPointRatio, breaking_points
-from evaluate.analysis.comparison import Comparison, baseline, compare
+from evaluate.analysis.comparison import Comparison, compare, usual_baseline
 from evaluate.analysis.sensitivity import Sensitivity, sensitivities
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.analysis.training_seeds import spreads_as_json
@@ -30,6 +30,8 @@ class Results:
     complete: bool
     """False if the run was interrupted: cells are missing then, but none is half done."""
     cells: tuple[Cell, ...]
+    baseline: str
+    """The policy that the others are measured against."""
     summaries: dict[tuple[str, str], Summary]
     """By (scenario, policy), in the order of the run."""
     comparisons: tuple[Comparison, ...]
@@ -56,29 +58,32 @@ class Results:
         return tuple(dict.fromkeys(cell.scenario.name for cell in self.cells))
 
     @property
-    def baseline(self) -> str:
-        """The policy that the others are measured against."""
-        return baseline(self.policies)
-
-    @property
     def against_baseline(self) -> list[Comparison]:
-        """Differences from the baseline; from the policy named first, where the baseline does not take part."""
+        """Differences from the baseline."""
         return [comparison for comparison in self.comparisons if comparison.b == self.baseline]
 
 
 def analyse(
-    cells: Sequence[Cell], *, seed: int, episodes: int, complete: bool, provenance: Mapping[str, Any] | None = None
+    cells: Sequence[Cell],
+    *,
+    seed: int,
+    episodes: int,
+    complete: bool,
+    provenance: Mapping[str, Any] | None = None,
+    baseline: str | None = None,
 ) -> Results:
     """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
     made_with = dict(provenance or {"versions": versions()})
-    robot, (points, ratios) = _hardware(made_with).robot, breaking_points(cells)
+    against = baseline or usual_baseline([cell.policy for cell in cells])
+    robot, (points, ratios) = _hardware(made_with).robot, breaking_points(cells, against)
     return Results(
         seed=seed,
         episodes=episodes,
         complete=complete,
         cells=tuple(cells),
+        baseline=against,
         summaries={(cell.scenario.name, cell.policy): summarise(cell, robot) for cell in cells},
-        comparisons=tuple(compare(cells)),
+        comparisons=tuple(compare(cells, against)),
         breaking_points=tuple(points),
         breaking_point_ratios=tuple(ratios),
         sensitivities=tuple(sensitivities(cells)),
@@ -103,6 +108,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "complete": results.complete,
         "versions": dict(results.versions),
         "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
+        "baseline": results.baseline,
         "policies": policies,
         "training_seeds": spreads_as_json(results.cells),
         "comparisons": [asdict(comparison) for comparison in results.comparisons],

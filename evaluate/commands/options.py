@@ -16,7 +16,7 @@ PROGRAM = "python -m evaluate"
 WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "residual")
 DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
-CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "film")
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "film")
 """Options that a run may be carried on with as one likes."""
 
 
@@ -55,6 +55,8 @@ class Options:
     gate: tuple[str, ...] = ()
     """What must hold, each in quotes, such as "residual falls <= trot on push:all", or default; if one does not, the
     exit code is 1. Verdicts go to junit.xml and the reports."""
+    baseline: str | None = None
+    """Policy that the others are measured against; by default trot, or without it the policy named first."""
     trace: Literal["none", "compact", "full"] = "none"
     """Whether to keep every step, in the folder traces: compact for `rescore`, full for every measure. Robots then go
     on after a fall, which takes longer and changes no figure."""

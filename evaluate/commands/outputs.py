@@ -39,8 +39,8 @@ class Terminal(Console):
         silence_stdout()
 
 
-def analysed(run: Run) -> Results:
-    """What the finished cells of a run show."""
+def analysed(run: Run, baseline: str | None = None) -> Results:
+    """What the finished cells of a run show, measured against the baseline, by default the usual one."""
     made_with = run.manifest
     return analyse(
         run.cells,
@@ -48,6 +48,7 @@ def analysed(run: Run) -> Results:
         episodes=made_with.episodes,
         complete=run.complete,
         provenance=made_with.provenance(),
+        baseline=baseline,
     )
 
 
@@ -64,6 +65,8 @@ class Ending:
     show: Show = print_all
     gates: tuple[Gate, ...] = ()
     """Judged if the run is complete."""
+    baseline: str | None = None
+    """Policy that the others are measured against; None is the usual one."""
     film: bool = False
     """Whether the report shows one; not of an interrupted run, which is to end soon."""
 
@@ -74,7 +77,7 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     The table comes first and no failure keeps the rest from being tried: simulating took long. Raises UsageError, which
     names what could not be written.
     """
-    results = analysed(run)
+    results = analysed(run, ending.baseline)
     verdicts = judge(ending.gates, results) if run.complete else []
     console = Terminal()
     failures = _tried("the table", partial(_print, results, verdicts, ending, console))

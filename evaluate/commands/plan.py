@@ -57,7 +57,9 @@ def check(options: Options) -> Plan:
     except ValueError as error:
         raise UsageError(str(error)) from error
     compared = policies_asked_for(options.policies, scenarios, options.actuator)
-    found = check_gates(options.gate, [policy.label for policy in compared], scenarios)
+    labels = [policy.label for policy in compared]
+    found = check_gates(options.gate, labels, scenarios)
+    check_baseline(options.baseline, labels)
     _check_folder(options.out)
     manifest = manifests.manifest(
         compared,
@@ -81,6 +83,12 @@ def check_gates(sentences: Sequence[str], labels: Sequence[str], scenarios: Sequ
     except ValueError as error:
         raise UsageError(f"--gate: {error}") from error
     return found
+
+
+def check_baseline(baseline: str | None, labels: Sequence[str]) -> None:
+    """Raise UsageError unless the baseline is one of the policies."""
+    if baseline is not None and baseline not in labels:
+        raise UsageError(f"--baseline: {baseline} is not among the policies {', '.join(labels)}")
 
 
 def _check_numbers(options: Options) -> None:

@@ -19,6 +19,8 @@ class Options:
     gate: tuple[str, ...] = ()
     """What must hold, each in quotes, such as "residual falls <= trot on push:all", or default; if one does not, the
     exit code is 1."""
+    baseline: str | None = None
+    """Policy that the others are measured against; by default trot, or without it the policy named first."""
     film: bool = True
     """Whether report.html shows a film of one episode."""
 
@@ -26,7 +28,7 @@ class Options:
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     from evaluate.commands.outputs import Ending, Terminal, analysed, conclude, print_all
-    from evaluate.commands.plan import check_gates
+    from evaluate.commands.plan import check_baseline, check_gates
     from evaluate.records.store import read_run, remove_chunks
     from policies.files import FolderInUse, sole_use
 
@@ -36,13 +38,15 @@ def main(options: Options) -> int:
     if options.gate and not run.complete:
         raise UsageError(f"--gate: {options.folder} holds an unfinished run; carry it on with --resume")
     gates = check_gates(options.gate, list(run.manifest.policies), run.manifest.scenarios)
+    check_baseline(options.baseline, list(run.manifest.policies))
+    ending = Ending(gates=gates, baseline=options.baseline, film=options.film)
     try:
         with sole_use(options.folder):
-            code = conclude(run, options.folder, Ending(gates=gates, film=options.film))
+            code = conclude(run, options.folder, ending)
             if run.complete:
                 remove_chunks(options.folder)
             return code
     except FolderInUse:
-        print_all(analysed(run), Terminal())
+        print_all(analysed(run, options.baseline), Terminal())
         print(f"{options.folder} belongs to a run that is going on, which writes the files itself", file=sys.stderr)
         return 0

@@ -12,7 +12,7 @@ from evaluate.analysis.comparison import ERRORS, FALL_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.terminal.format import counted, number, p_value, percent, points
+from evaluate.terminal.format import counted, number, p_value, points, share
 
 MOST_SCENARIOS = 6
 """Scenarios of which every figure is printed."""
@@ -29,6 +29,7 @@ def print_results(results: Results, console: Console) -> None:
             console.print(falls_table(results, axis))
         if single := [axis for axis in severity_axes(results) if len(axis.levels) == 1]:
             console.print(single_table(results, single))
+        console.print(f"\n{_widest(results)}", highlight=False)
         console.print()
         return
     console.print(summary_table(results))
@@ -66,9 +67,16 @@ def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
     return table
 
 
+def _widest(results: Results) -> str:
+    """How far the intervals of all these shares reach."""
+    ends = [(figures.fall_rate, end) for figures in results.summaries.values() for end in figures.fall_rate_ci]
+    reach = number(100.0 * max(abs(end - rate) for rate, end in ends), 0)
+    return f"95 % intervals of falls (Wilson): at most {reach} points to either side; each is in the report"
+
+
 def summary_table(results: Results) -> Table:
     """A row for each policy on each scenario."""
-    table = _table(f"{counted(results.episodes, 'episode')} each; mean ± half of its 95 % interval")
+    table = _table(f"{counted(results.episodes, 'episode')} each, with 95 % intervals (± half of one)")
     for name in ("falls", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s", "cost of\ntransport"):
         table.add_column(name, justify="right")
     for scenario in results.scenarios:
@@ -82,7 +90,7 @@ def summary_table(results: Results) -> Table:
 def summary_figures(summary: Summary) -> tuple[str, ...]:
     """The figures of one row."""
     return (
-        percent(summary.fall_rate),
+        share(summary.fall_rate, summary.fall_rate_ci),
         _spread(summary.velocity_error, summary.velocity_error_ci),
         _spread(summary.yaw_rate_error, summary.yaw_rate_error_ci),
         number(summary.mean_velocity_error),
@@ -91,8 +99,9 @@ def summary_figures(summary: Summary) -> tuple[str, ...]:
 
 
 def difference_table(results: Results) -> Table:
-    """A row for each policy on each scenario: its difference from the baseline, with the p-value below."""
-    table = _table(f"minus {results.baseline}, paired by episode; below zero is better")
+    """A row for each policy on each scenario: its difference from the baseline, with the corrected p-value below."""
+    title = f"minus {results.baseline}, paired by episode; below zero is better\np corrected for their number (Holm)"
+    table = _table(title)
     for name in ("falls\n% points", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s"):
         table.add_column(name, justify="right")
     rows: dict[str, dict[str, dict[str, str]]] = {}
@@ -117,7 +126,7 @@ def _table(title: str, first: str = "policy") -> Table:
 def _difference(comparison: Comparison) -> str:
     value = comparison.difference
     shown = points(value) if comparison.metric == FALL_RATE else number(value)
-    return f"{shown}\n{p_value(comparison.p_value)}"
+    return f"{shown}\n{p_value(comparison.p_value_holm)}"
 
 
 def _spread(mean: float, ci: tuple[float, float]) -> str:

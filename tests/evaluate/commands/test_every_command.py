@@ -85,3 +85,10 @@ def test_a_readme_table_of_no_results_says_how_to_make_them(capsys, tmp_path) ->
     assert capsys.readouterr().err == (
         f"error: there is no {tmp_path / 'results.json'}; `python -m evaluate --out {tmp_path}` makes it\n"
     )
+
+
+@pytest.mark.parametrize("words", [["trot", "stand", "--scenarios", "flat", "--out", "{}"], ["report", "{}"]])
+def test_a_baseline_that_takes_no_part_is_refused(capsys, tmp_path, run, words) -> None:
+    folder = run.folder if words[0] == "report" else tmp_path
+    assert main([*(word.format(folder) for word in words), "--baseline", "gallop"]) == 2
+    assert "--baseline: gallop is not among the policies" in capsys.readouterr().err

@@ -16,9 +16,30 @@ def printed(results) -> list[str]:
 
 
 def test_a_few_scenarios_have_every_figure(made) -> None:
-    text = "\n".join(printed(made))
+    lines = printed(made)
+    assert max(map(len, lines)) <= 80
+    text = "\n".join(lines)
     assert "velocity" in text
     assert "minus trot" in text
+    assert "85 % [71, 93]" in text  # of 34 of 40 falls, Wilson
+
+
+def test_p_values_are_those_that_the_report_shows(made) -> None:
+    """On push:6 38 against 28 of 40 fall: p = 0.002 by itself, times three of the six comparisons that are left."""
+    lines = printed(made)
+    (first,) = (number for number, line in enumerate(lines) if "minus trot" in line)
+    assert lines[first + 1].strip() == "p corrected for their number (Holm)"
+    (place,) = (number for number, line in enumerate(lines) if number > first and line.strip() == "push:6")
+    assert lines[place + 2].strip().startswith("p = 0.006")
+
+
+def test_the_baseline_can_be_chosen(made) -> None:
+    results = analyse(made.cells, seed=0, episodes=40, complete=True, baseline="other")
+    assert "minus other" in "\n".join(printed(results))
+    assert {(c.a, c.b) for c in results.comparisons} == {("trot", "other")}
+    assert [(r.a, r.b) for r in results.breaking_point_ratios] == [("trot", "other")]
+    (falls,) = (c for c in results.comparisons if (c.scenario, c.metric) == ("rough", "fall_rate"))
+    assert falls.difference == -0.5  # 2 against 22 of 40
 
 
 def test_many_scenarios_have_falls_and_breaking_points_in_80_columns(made) -> None:
@@ -34,4 +55,6 @@ def test_many_scenarios_have_falls_and_breaking_points_in_80_columns(made) -> No
     trot = next(line.split() for line in lines[push:] if line.split()[:1] == ["trot"])
     assert trot[:5] == ["trot", "0", "50", "85", "95"]
     assert "N·s" in trot
+    # Of 20 of 40, the widest: 35 to 65 %.
+    assert any("at most 15 points" in line for line in lines)
     assert any(line.split() == ["flat", "at", "1.5", "m/s", "0", "0"] for line in lines)
