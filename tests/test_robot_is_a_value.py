@@ -1,7 +1,7 @@
 """A robot is a value that is handed down: its figures and names stand in `quad_env.robots` alone.
 
 Nobody imports a robot's constants, nobody writes its names a second time, and the one robot that there is, SIMPLE_QUAD,
-is named only where a default is chosen.
+is named where a default is chosen and hardly anywhere else.
 """
 
 import ast
@@ -14,54 +14,37 @@ import pytest
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-ROOMS = (
-    "quad_env",
-    "evaluate/analysis",
-    "evaluate/measures",
-    "evaluate/records",
-    "evaluate/report",
-    "evaluate/rollouts",
-    "policies",
-    "train",
-)
-"""Folders and modules where it holds."""
-DEFAULT_CHOSEN = {
-    "quad_env/__init__.py",
-    "quad_env/envs/env.py",
-    "quad_env/envs/vector_env.py",
-    "quad_env/scenarios/axes.py",
-    "quad_env/serialisation.py",
-    "quad_env/task/observations.py",
-    "evaluate/rollouts/hardware.py",
-    "policies/__init__.py",
-    "policies/article/printed.py",
-    "policies/article/repaired.py",
-    "policies/base.py",
-    "policies/behaviour/machine.py",
-    "policies/behaviour/policy.py",
-    "policies/bundle.py",
-    "policies/gaits/policy.py",
-    "policies/safety/watchdog.py",
-    "policies/trot/feedback.py",
-    "policies/trot/open_loop.py",
-    "train/search/recovery.py",
+PACKAGES = ("quad_env", "policies", "evaluate", "train")
+OF_SIMPLE_QUAD = {
+    "quad_env/scenarios/axes.py": "severities are chosen for it",
+    "quad_env/serialisation.py": "old results know no other robot",
+    "quad_env/task/observations.py": "public names are of it",
+    "policies/bundle.py": "old bundles know no other robot",
+    "evaluate/rollouts/hardware.py": "evaluations know no other robot",
+    "train/search/recovery.py": "parameters are searched for it",
 }
-"""Modules that may name SIMPLE_QUAD: defaults and public names, severities and parameters that are chosen for it, and
-old results and bundles, which know no other robot."""
+"""Modules that name SIMPLE_QUAD otherwise than as the default of a parameter, and why."""
 LEG = re.compile(r"(?<![a-zA-Z0-9])(fl|fr|hl|hr)(?![a-zA-Z0-9])", re.IGNORECASE)
 
 
-def modules(room: str) -> list[Path]:
-    path = REPOSITORY / room
-    found = [path] if path.is_file() else sorted(path.rglob("*.py"))
-    return [each for each in found if "robots" not in each.relative_to(REPOSITORY).parts]
+def modules(folder: str) -> list[Path]:
+    found = sorted((REPOSITORY / folder).rglob("*.py"))
+    return [path for path in found if path.relative_to(REPOSITORY).parts[:2] != ("quad_env", "robots")]
 
 
-def imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
-    """Module and name of everything that is imported from somewhere."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom):
-            yield from ((node.module or "", alias.name) for alias in node.names)
+def constants(tree: ast.Module) -> list[str]:
+    """What is imported from where SimpleQuad's constants used to stand."""
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    names = [alias.name for node in imports if node.module == "quad_env.robots.robot" for alias in node.names]
+    return [name for name in names if name != "Robot"]
+
+
+def chosen(tree: ast.Module) -> int:
+    """How often SIMPLE_QUAD is named otherwise than as the default of a parameter."""
+    signatures = [node for node in ast.walk(tree) if isinstance(node, ast.arguments)]
+    defaults = {id(default) for signature in signatures for default in (*signature.defaults, *signature.kw_defaults)}
+    named = [node for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id == "SIMPLE_QUAD"]
+    return sum(id(node) not in defaults for node in named)
 
 
 def texts(tree: ast.Module) -> Iterator[str]:
@@ -72,32 +55,31 @@ def texts(tree: ast.Module) -> Iterator[str]:
             yield node.value
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_no_module_imports_constants_of_a_robot(room: str) -> None:
-    for path in modules(room):
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_module_has_constants_of_a_robot(package: str) -> None:
+    for path in modules(package):
         tree, name = ast.parse(path.read_text()), path.relative_to(REPOSITORY).as_posix()
-        robots = [entry for entry in imported(tree) if entry[0].startswith("quad_env.robots")]
-        constants = [found for module, found in robots if module == "quad_env.robots.robot" and found != "Robot"]
-        assert not constants, f"{name} imports {constants}: take a Robot instead"
-        default = [found for _, found in robots if found == "SIMPLE_QUAD"]
-        assert not default or name in DEFAULT_CHOSEN, f"{name} names SIMPLE_QUAD: take a Robot instead"
+        assert not constants(tree), f"{name} imports {constants(tree)}: take a Robot instead"
+        assert not chosen(tree) or name in OF_SIMPLE_QUAD, f"{name} names SIMPLE_QUAD: take a Robot instead"
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_no_module_writes_the_name_of_a_leg(room: str) -> None:
-    for path in modules(room):
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_module_writes_the_name_of_a_leg(package: str) -> None:
+    for path in modules(package):
         named = [text for text in texts(ast.parse(path.read_text())) if LEG.search(text)]
         assert not named, f"{path.relative_to(REPOSITORY)} names legs: {named}; take them from a Robot's leg_names"
 
 
-@pytest.mark.parametrize("room", ["quad_env", "evaluate/measures", "evaluate/records", "evaluate/rollouts"])
-def test_no_module_writes_how_many_joints_a_robot_has(room: str) -> None:
-    for path in modules(room):
+@pytest.mark.parametrize("folder", ["quad_env", "evaluate/measures", "evaluate/records", "evaluate/rollouts"])
+def test_no_module_writes_how_many_joints_a_robot_has(folder: str) -> None:
+    for path in modules(folder):
         numbers = [node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant)]
         assert not any(type(number) is int and number == SIMPLE_QUAD.num_joints for number in numbers), path
 
 
 def test_what_is_looked_for_would_be_found() -> None:
     planted = ast.parse('"""fl_foot"""\nfrom quad_env.robots.robot import HOME_POSE\nx = f"fl_{link}"\ny = "1fr", "FL"')
-    assert list(imported(planted)) == [("quad_env.robots.robot", "HOME_POSE")]
+    assert constants(planted) == ["HOME_POSE"]
     assert [text for text in texts(planted) if LEG.search(text)] == ["fl_", "FL"]
+    assert chosen(ast.parse("def f(robot=SIMPLE_QUAD, *, other=SIMPLE_QUAD): return SIMPLE_QUAD.mass")) == 1
+    assert {name for name in OF_SIMPLE_QUAD if not chosen(ast.parse((REPOSITORY / name).read_text()))} == set()

@@ -56,7 +56,7 @@ def check(options: Options) -> Plan:
         hardware.check(options.hardware)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    compared = policies_asked_for(options.policies, scenarios, options.actuator)
+    compared = policies_asked_for(options.policies, scenarios, options.hardware)
     labels = [policy.label for policy in compared]
     found = check_gates(options.gate, labels, scenarios)
     check_baseline(options.baseline, labels)

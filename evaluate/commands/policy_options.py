@@ -6,12 +6,13 @@ from pathlib import Path
 import policies
 from evaluate.commands.options import DEFAULT_POLICIES
 from evaluate.rollouts.experiment import LabelledPolicy
+from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError
 from quad_env.scenarios.named import Scenario
 
 
 def policies_asked_for(
-    names: tuple[str, ...], scenarios: Sequence[Scenario], actuator: str
+    names: tuple[str, ...], scenarios: Sequence[Scenario], hardware: Hardware
 ) -> tuple[LabelledPolicy, ...]:
     """The policies of these names, each with the scenarios that it is limited to. Raises UsageError."""
     if not names:
@@ -23,7 +24,7 @@ def policies_asked_for(
     _check_distinct([label for label, _ in asked])
     _check_scenarios(asked, [scenario.name for scenario in scenarios])
     try:
-        return tuple(LabelledPolicy(label, policies.resolve(label, actuator=actuator), only) for label, only in asked)
+        return tuple(LabelledPolicy(label, hardware.policy(label), only) for label, only in asked)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error
 

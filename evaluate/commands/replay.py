@@ -138,7 +138,7 @@ def _policy(label: str, manifest: "Manifest") -> "LabelledPolicy":
     from evaluate.rollouts.experiment import LabelledPolicy
 
     try:
-        return LabelledPolicy(label, policies.resolve(label, actuator=manifest.hardware.actuator))
+        return LabelledPolicy(label, manifest.hardware.policy(label))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-LOOK_BACK = 100
-"""Control steps that count as the end of an episode."""
+LOOK_BACK = 1.0
+"""Time that counts as the end of an episode, s."""
 LARGEST_TILT = np.deg2rad(30.0)
 FASTEST_SINKING = 0.3
 """m/s."""
@@ -20,7 +20,8 @@ LOW = 0.3
 """Trunk centre above the ground, m; robots walk and stand higher, or move."""
 AT_REST = 0.5
 """Joint speed below which a robot is at rest, rad/s."""
-REST_STEPS = 20
+REST = 0.2
+"""Time at rest with which an episode ends, s."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +38,16 @@ class Motion:
     """Largest of a robot's joints, rad/s."""
 
 
-def controlled_stops(motion: Motion, fall_step: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which episodes ended in a controlled stop, (n,); `fall_step` is the number of steps where there was no fall."""
+def controlled_stops(motion: Motion, fall_step: NDArray[np.int64], dt: float) -> NDArray[np.bool_]:
+    """Which episodes of control steps of `dt`, s, ended in a controlled stop, (n,); `fall_step` is the number of steps
+    where there was no fall."""
     steps, count = motion.height.shape
     fell = fall_step < steps
     end = np.minimum(fall_step, steps - 1)
     time = np.arange(steps)[:, None]
-    ending = (time <= end) & (time > end - LOOK_BACK)
+    ending = (time <= end) & (time > end - round(LOOK_BACK / dt))
     quiet = (motion.upright > np.cos(LARGEST_TILT)) & (motion.vertical_velocity > -FASTEST_SINKING)
     gentle = (~ending | quiet).all(axis=0)
-    resting = (~(ending & (time > end - REST_STEPS)) | (motion.joint_speed < AT_REST)).all(axis=0)
+    resting = (~(ending & (time > end - round(REST / dt))) | (motion.joint_speed < AT_REST)).all(axis=0)
     low = motion.height[end, np.arange(count)] < LOW
     return np.asarray(gentle & low & (fell | resting))

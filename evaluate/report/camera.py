@@ -38,11 +38,10 @@ def film(shot: Shot) -> bytes:
     import numpy as np
     from PIL import Image
 
-    import policies
     from evaluate.rollouts.frames import Frames
     from evaluate.rollouts.rollout import roll_out
 
-    policy, seeds = policies.resolve(shot.policy, actuator=shot.hardware.actuator), np.array([shot.seed])
+    policy, seeds = shot.hardware.policy(shot.policy), np.array([shot.seed])
     steps = shot.first_step + FRAMES * STEPS_PER_FRAME
     with closing(Frames(STEPS_PER_FRAME, shot.first_step + 1, width=WIDTH, height=HEIGHT)) as frames:
         roll_out(policy, shot.scenario, seeds, frames, steps=steps, terminate_on_fall=False, hardware=shot.hardware)

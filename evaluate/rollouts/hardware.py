@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from policies.base import Policy
     from quad_env.robots.robot import Robot
 
 
@@ -20,6 +21,12 @@ class Hardware:
         from quad_env.robots.simple_quad import SIMPLE_QUAD
 
         return SIMPLE_QUAD
+
+    def policy(self, name_or_path: str) -> "Policy":
+        """A fresh policy for that robot, by name or path; PolicyError if there is none."""
+        import policies
+
+        return policies.resolve(name_or_path, robot=self.robot, actuator=self.actuator)
 
 
 IDEAL = Hardware()

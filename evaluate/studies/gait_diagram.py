@@ -9,11 +9,9 @@ from evaluate.report.plots.gait_diagram import stances
 from evaluate.rollouts.observers import Step
 from evaluate.studies.strides import Strides, walked
 from evaluate.terminal.command_line import UsageError
-from policies.base import CONTROL_PERIOD
 from policies.files import make_writable_folder
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import Gaits
-from quad_env.robots.robot import LEG_NAMES
 from quad_env.seeding import episode_seeds
 
 LONGEST = 60.0
@@ -40,23 +38,25 @@ class Options:
     """Seed of the episode."""
 
 
-def draw(strides: Strides, title: str, out: Path) -> None:
-    """Write the diagram of the first robot: a row a foot, the commanded stances pale above the measured ones."""
+def draw(policy: Gaits, strides: Strides, title: str, out: Path) -> None:
+    """Write the diagram of the first robot that `policy` walked: a row a foot, the commanded stances pale above the
+    measured ones."""
     import matplotlib as mpl
 
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
+    legs, period = policy.robot.leg_names, policy.control_period
     figure, axes = plt.subplots(figsize=(9, 2.8), layout="constrained")
     for contacts, shift, colour, label in (
         (strides.commanded[:, 0], 0.0, "#9ecae1", "commanded"),
         (strides.measured[:, 0], 0.4, "#08519c", "measured"),
     ):
         for leg, contact in enumerate(contacts.T):
-            bars = [(first * CONTROL_PERIOD, count * CONTROL_PERIOD) for first, count in stances(contact)]
+            bars = [(first * period, count * period) for first, count in stances(contact)]
             axes.broken_barh(bars, (leg - 0.4 + shift, 0.4), color=colour, label=label)
             label = "_"
-    axes.set(xlabel="time, s", title=title, yticks=range(4), yticklabels=LEG_NAMES, ylim=(3.6, -0.6))
+    axes.set(xlabel="time, s", title=title, yticks=range(len(legs)), yticklabels=legs, ylim=(len(legs) - 0.4, -0.6))
     figure.legend(loc="outside right upper", frameon=False)
     figure.savefig(out, dpi=110)
     plt.close(figure)
@@ -65,20 +65,23 @@ def draw(strides: Strides, title: str, out: Path) -> None:
 def main(options: Options) -> int:
     """Draw the diagram; the exit code."""
     _check(options)
-    draw(_strides(options), f"{options.gait}{f' → {options.then}' if options.then else ''}", options.out)
+    policy = Gaits(options.gait)
+    draw(
+        policy, _strides(policy, options), f"{options.gait}{f' → {options.then}' if options.then else ''}", options.out
+    )
     print(options.out)
     return 0
 
 
-def _strides(options: Options) -> Strides:
-    first, policy = round(options.start / CONTROL_PERIOD), Gaits(options.gait)
+def _strides(policy: Gaits, options: Options) -> Strides:
+    first, last = (round(time / policy.control_period) for time in (options.start, options.start + options.length))
 
     def change(step: Step) -> None:
         if options.then and step.number == first:
             policy.request(options.then)
 
-    seeds, steps = episode_seeds("evaluation", options.seed, 1), first + round(options.length / CONTROL_PERIOD)
-    return walked(policy, np.array(options.command), seeds, change, steps=steps).since(first)
+    seeds = episode_seeds("evaluation", options.seed, 1)
+    return walked(policy, np.array(options.command), seeds, change, steps=last).since(first)
 
 
 def _check(options: Options) -> None:

@@ -12,9 +12,8 @@ from evaluate.measures.standing import standing
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
-from policies.base import CONTROL_PERIOD, Floats
+from policies.base import Floats
 from policies.behaviour import Behaviour
-from quad_env.robots.robot import HOME_HEIGHT, TORQUE_LIMIT
 from quad_env.seeding import episode_seeds
 
 SETTLING, WATCHED = 0.8, 3.5
@@ -43,6 +42,8 @@ class Outcome:
     """Whether it stands at the end, by the rule of `evaluate.measures.standing`, (n,)."""
     peak_torque: float
     """Largest joint torque at the end of any control step, N·m."""
+    rated_torque: float
+    """Largest torque that the joints can have, N·m."""
     diverged: int
     """How many simulations diverged."""
 
@@ -57,20 +58,21 @@ def main(options: Options) -> int:
 
 def jumped(policy: Behaviour, seeds: NDArray[np.int64]) -> Outcome:
     """One robot for each seed, on flat ground, all side by side."""
+    robot, period = policy.robot, policy.control_period
     peak, torque = np.zeros(len(seeds)), 0.0
     stands = diverged = np.zeros(len(seeds), np.bool_)
 
     def watch(step: Step) -> None:
         nonlocal peak, torque, stands, diverged
-        if step.number == round(SETTLING / CONTROL_PERIOD):
+        if step.number == round(SETTLING / period):
             policy.request("jump")
         peak = np.maximum(peak, step.infos["height"])
         torque = max(torque, float(np.abs(step.infos["joint_torque"]).max()))
         stands, diverged = standing(step.observation, step.infos), step.infos["diverged"]
 
-    steps = round(WATCHED / CONTROL_PERIOD)
+    steps = round(WATCHED / period)
     roll_out(policy, "flat", seeds, watch, steps=steps, command=(0.0, 0.0, 0.0), terminate_on_fall=False)
-    return Outcome(peak - HOME_HEIGHT, stands, torque, int(diverged.sum()))
+    return Outcome(peak - robot.home_height, stands, torque, robot.rated_torque, int(diverged.sum()))
 
 
 def report(outcome: Outcome) -> str:
@@ -79,5 +81,5 @@ def report(outcome: Outcome) -> str:
     return (
         f"rose {WANTED_RISE:g} m or more and landed standing: {done.sum()} of {len(done)}\n"
         f"rise: lowest {outcome.rise.min():.3f} m, median {np.median(outcome.rise):.3f} m\n"
-        f"largest torque {outcome.peak_torque:.1f} N·m of {TORQUE_LIMIT:g}; {outcome.diverged} diverged"
+        f"largest torque {outcome.peak_torque:.1f} N·m of {outcome.rated_torque:g}; {outcome.diverged} diverged"
     )

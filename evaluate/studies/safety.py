@@ -118,7 +118,7 @@ def run(policy: Policy, where: str | Scenario, seeds: NDArray[np.int64], forward
     layer = [_Alarms(policy, falls)] if isinstance(policy, Safe) else []
     command = None if forward is None else (forward, 0.0, 0.0)
     roll_out(policy, where, seeds, falls, watch, *layer, steps=STEPS, command=command)
-    stopped = controlled_stops(watch.motion(), falls.step)
+    stopped = controlled_stops(watch.motion(), falls.step, policy.control_period)
     raised = layer[0].steps() if layer else (np.empty(0, np.int64),) * len(seeds)
     return Run(falls.step, falls.fell & ~stopped, stopped, raised)
 

@@ -47,7 +47,7 @@ def gaits(results: Results) -> str:
 
 def footfalls(policy: str, seed: int, hardware: Hardware) -> tuple[NDArray[np.bool_], float]:
     """Feet on the ground, (steps, 4), from START on, and the control step, s; none of a robot that fell before END."""
-    resolved = policies.resolve(policy, actuator=hardware.actuator)
+    resolved = hardware.policy(policy)
     steps = round(END * TaskConfig().control_rate)
     probe = rollout.run(resolved, SCENARIO, np.array([seed]), nthread=1, steps=steps, hardware=hardware)
     if probe.fall_step[0] < probe.steps:

@@ -24,11 +24,11 @@ def traced(height, upright=1.0, vertical=0.0, speed=0.0, steps=200):
     ],
 )
 def test_controlled_stop_is_low_upright_and_slow(trace, fall_step, expected):
-    assert controlled_stops(trace, np.array([fall_step])).tolist() == [expected]
+    assert controlled_stops(trace, np.array([fall_step]), 0.01).tolist() == [expected]
 
 
 def test_what_happened_long_before_or_after_the_end_does_not_count():
     trace = traced(0.22)
     trace.vertical_velocity[:50] = -1.0
     trace.upright[180:] = 0.0
-    assert controlled_stops(trace, np.array([170])).tolist() == [True]
+    assert controlled_stops(trace, np.array([170]), 0.01).tolist() == [True]

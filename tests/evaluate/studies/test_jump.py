@@ -7,7 +7,6 @@ from policies.base import CONTROL_PERIOD
 from policies.behaviour import Behaviour
 from policies.behaviour.jump import Jump, keyframes_of
 from quad_env.physics.simulation import ALL, Simulation
-from quad_env.robots.robot import HOME_HEIGHT
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 
@@ -43,7 +42,7 @@ def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch
 
     def first_one_diverges(self, ids=ALL):
         first = np.arange(len(self._qpos))[ids] == 0
-        return found(self, ids) | (first & (self._qpos[ids, 2] > HOME_HEIGHT + 0.16))
+        return found(self, ids) | (first & (self._qpos[ids, 2] > SIMPLE_QUAD.home_height + 0.16))
 
     monkeypatch.setattr(Simulation, "diverged", first_one_diverges)
     outcome, _ = jump(count=2)

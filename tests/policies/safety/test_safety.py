@@ -92,7 +92,7 @@ def drive(policy, steps=350, count=3, before_step=None):
 def test_failing_policy_ends_in_a_controlled_stop_with_its_reason_in_the_log(broken, reason):
     policy = Safe(Breaking(broken))
     trace, torque = drive(policy)
-    assert controlled_stops(trace, np.full(3, 350)).all()
+    assert controlled_stops(trace, np.full(3, 350), 0.01).all()
     assert torque <= SIMPLE_QUAD.rated_torque
     assert policy.mode.tolist() == [Mode.STOP] * 3
     events = policy.events()
@@ -142,7 +142,7 @@ def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped():
         watched.close()
     assert policy.events()[0].step == 101
     assert "DeadlineMissed" in policy.failures()[0]
-    assert controlled_stops(trace, np.full(3, 350)).all()
+    assert controlled_stops(trace, np.full(3, 350), 0.01).all()
     assert torque <= SIMPLE_QUAD.rated_torque
 
 
@@ -215,7 +215,7 @@ def test_emergency_stop_of_a_walking_robot_is_a_controlled_stop():
             policy.emergency_stop()
 
     trace, _ = drive(policy, before_step=stop)
-    assert controlled_stops(trace, np.full(3, 350)).all()
+    assert controlled_stops(trace, np.full(3, 350), 0.01).all()
 
 
 def test_stale_command_counts_as_zero_until_a_fresh_one_comes():
