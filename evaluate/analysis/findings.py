@@ -12,6 +12,9 @@ from evaluate.terminal.format import listed, number, share
 
 BETTER, WORSE, UNSHOWN = "better", "worse", "unshown"
 BREAKING_POINT = "breaking_point"
+VELOCITY_ERROR = "velocity_error"
+MANY = 4
+"""Axes of no shown difference that are counted instead of named, if others are named."""
 PHRASES = {
     FALL_RATE: {BETTER: "fewer falls", WORSE: "more falls", UNSHOWN: "no difference in falls shown"},
     BREAKING_POINT: {
@@ -19,7 +22,7 @@ PHRASES = {
         WORSE: "breaks earlier",
         UNSHOWN: "no difference in breaking point shown",
     },
-    "velocity_error": {
+    VELOCITY_ERROR: {
         BETTER: "smaller velocity error",
         WORSE: "larger velocity error",
         UNSHOWN: "no difference in velocity error shown",
@@ -71,11 +74,13 @@ def summary(found: Sequence[Finding], metric: str) -> str:
     """`fewer falls on push and rough; more falls on slope; no difference in falls shown on flat`."""
     places = {kind: [f.axis for f in found if (f.metric, f.kind) == (metric, kind)] for kind in PHRASES[metric]}
     count = len({finding.axis for finding in found if finding.metric == metric})
-    return "; ".join(f"{PHRASES[metric][kind]} on {_named(axes, count)}" for kind, axes in places.items() if axes)
+    return "; ".join(f"{PHRASES[metric][kind]} on {_named(kind, on, count)}" for kind, on in places.items() if on)
 
 
-def _named(axes: Sequence[str], count: int) -> str:
-    return f"all {count} axes" if len(axes) == count > 3 else listed(axes)
+def _named(kind: str, axes: Sequence[str], count: int) -> str:
+    if len(axes) == count > 3:
+        return f"all {count} axes"
+    return f"the other {len(axes)} axes" if kind == UNSHOWN and len(axes) >= MANY else listed(axes)
 
 
 def _others(results: Results) -> list[str]:
@@ -91,8 +96,9 @@ def _lead(results: Results, policy: str) -> Iterator[str]:
     found = findings(results, policy)
     if not found:
         return
-    yield f"{policy} against {results.baseline}: {summary(found, FALL_RATE)}."
-    for metric in (FALL_RATE, BREAKING_POINT):
+    errors = summary(found, VELOCITY_ERROR)
+    yield f"{policy} against {results.baseline}: {summary(found, FALL_RATE)}. {errors[:1].upper()}{errors[1:]}."
+    for metric in (FALL_RATE, BREAKING_POINT, VELOCITY_ERROR):
         for kind in (BETTER, WORSE):
             claims = (finding for finding in found if (finding.metric, finding.kind) == (metric, kind))
             if strongest := max(claims, key=lambda finding: finding.size, default=None):

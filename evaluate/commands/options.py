@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -99,6 +100,17 @@ def changed(then: Options, now: Options) -> list[str]:
         for name in before
         if before[name] != after[name]
     ]
+
+
+def command(chosen: Mapping[str, Any]) -> str:
+    """The command of a run, from what `of_the_run` gave, without what is as usual."""
+    usual = Options().of_the_run()
+    words = PROGRAM.split()
+    for name, value in chosen.items():
+        if value != usual.get(name):
+            values = [] if value is True else value if isinstance(value, list) else [value]
+            words += [f"--{name}", *map(str, values)]
+    return shlex.join(words)
 
 
 def asks_to_resume(arguments: list[str]) -> Path | None:

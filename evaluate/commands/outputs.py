@@ -15,9 +15,10 @@ from rich.console import Console
 from evaluate.analysis.gate_verdicts import Verdict, judge, passed
 from evaluate.analysis.gates import Gate
 from evaluate.analysis.results import Results, analyse, write_json
+from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
-from evaluate.report import junit, markdown, write_report
+from evaluate.report import Origin, junit, markdown, write_report
 from evaluate.report.seed_table import print_spread
 from evaluate.report.table import print_results
 from evaluate.terminal.command_line import UsageError
@@ -84,12 +85,13 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     if failures:
         console.on_broken_pipe()
     film = ending.film and run.complete
+    made_by = Origin(command(run.manifest.options), run.manifest.date)
     for name, write in (
         ("results.json", partial(write_json, results)),
         ("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)),
         ("report.md", partial(markdown.write, results, verdicts=verdicts)),
         *([("junit.xml", partial(junit.write, verdicts))] if verdicts else []),
-        ("report.html", partial(write_report, results, film=film, verdicts=verdicts)),
+        ("report.html", partial(write_report, results, film=film, verdicts=verdicts, made_by=made_by)),
     ):
         path = folder / name
         failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(_print_path, console, path))

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,8 @@ class Manifest:
     """Hardware of the robots."""
     only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Label -> names of the scenarios of a policy that does not run on all of them."""
+    date: str = ""
+    """Day on which the run began, UTC; empty where it was not written down."""
     fingerprint: str = ""
     """SHA-256 of all that a figure depends on, as it was written when the run began."""
 
@@ -68,10 +71,11 @@ class Manifest:
 
     def as_json(self) -> dict[str, Any]:
         """The contents of the file."""
-        return {"schema": SCHEMA, "fingerprint": self.fingerprint, "options": dict(self.options), **self.provenance()}
+        begun = {"fingerprint": self.fingerprint, "date": self.date, "options": dict(self.options)}
+        return {"schema": SCHEMA, **begun, **self.provenance()}
 
     def provenance(self) -> dict[str, Any]:
-        """All but the options and the fingerprint, as JSON values."""
+        """All but the options, the date and the fingerprint, as JSON values."""
         return {
             "seed": self.seed,
             "episodes": self.episodes,
@@ -115,6 +119,7 @@ def manifest(
         threads=threads,
         hardware=hardware,
         only_on={policy.label: policy.only_on for policy in policies if policy.only_on},
+        date=datetime.now(UTC).date().isoformat(),
     ).begun()
 
 

@@ -1,6 +1,7 @@
 """Pieces of HTML: tables, images, folds. Every argument called text is escaped here, every other is ready HTML."""
 
 import base64
+import re
 from collections.abc import Iterable
 from html import escape
 
@@ -9,10 +10,17 @@ BEST = "!"
 
 
 def section(title: str, *parts: str, anchor: str = "") -> str:
-    """A section of the page; empty without parts."""
+    """A section of the page, which `contents` finds by its anchor or its title's words; empty without parts."""
     body = "".join(parts)
-    identity = f' id="{escape(anchor)}"' if anchor else ""
-    return f"<section{identity}><h2>{title}</h2>{body}</section>\n" if body else ""
+    identity = anchor or re.sub(r"\W+", "-", re.sub(r"<.*?>", "", title)).strip("-").lower()
+    return f'<section id="{escape(identity)}"><h2>{title}</h2>{body}</section>\n' if body else ""
+
+
+def contents(sections: str) -> str:
+    """Ways to all the sections."""
+    found = re.findall(r'<section id="([^"]*)"><h2>(.*?)(?: <small>.*?)?</h2>', sections)
+    links = "".join(f'<li><a href="#{identity}">{title}</a></li>' for identity, title in found)
+    return f'<nav aria-label="Contents"><ul>{links}</ul></nav>\n'
 
 
 def fold(summary: str, body: str, *, opened: bool = False, printed: bool = False) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from evaluate.analysis.gate_verdicts import Verdict
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.footage import footage
-from evaluate.report.html import fold, note, section
+from evaluate.report.html import contents, fold, note, section
 from evaluate.report.notes import NOTES
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
@@ -33,12 +34,26 @@ FEW_AXES = 4
 """Up to so many axes the findings are unfolded."""
 
 
-def write_report(results: Results, path: Path, *, film: bool = False, verdicts: Sequence[Verdict] = ()) -> None:
+@dataclass(frozen=True)
+class Origin:
+    """What a run was begun by."""
+
+    command: str = ""
+    """Empty where it is not known."""
+    date: str = ""
+    """Empty where it is not known."""
+
+
+def write_report(
+    results: Results, path: Path, *, film: bool = False, verdicts: Sequence[Verdict] = (), made_by: Origin = Origin()
+) -> None:
     """Write report.html; filming takes a few seconds, and the page says why where it is impossible."""
-    write_atomically(path, render(results, path.parent, film=film, verdicts=verdicts).encode())
+    write_atomically(path, render(results, path.parent, film=film, verdicts=verdicts, made_by=made_by).encode())
 
 
-def render(results: Results, folder: Path, *, film: bool = False, verdicts: Sequence[Verdict] = ()) -> str:
+def render(
+    results: Results, folder: Path, *, film: bool = False, verdicts: Sequence[Verdict] = (), made_by: Origin = Origin()
+) -> str:
     """The whole page; `folder` is where the results are, for the commands that the page names."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings(), ThreadPoolExecutor(1) as beside:
@@ -57,27 +72,30 @@ def render(results: Results, folder: Path, *, film: bool = False, verdicts: Sequ
         ]
         if shown is not None:
             sections.insert(FILM_PLACE, shown.result())
+    body = "".join(sections)
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>SimpleQuad: comparison of policies</title><style>{css}</style></head>\n<body>\n"
-        f"{_head(results)}\n{''.join(sections)}</body></html>\n"
+        f"{_head(results, made_by)}\n{contents(body)}{body}</body></html>\n"
     )
 
 
-def _head(results: Results) -> str:
+def _head(results: Results, made_by: Origin) -> str:
     warning = (
         ""
         if results.complete
         else '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     )
     axes = listed([escape(axis.name) for axis in severity_axes(results)])
+    begun = f", begun on {escape(made_by.date)}" if made_by.date else ""
+    command = f'<p class="soft">Made by <code>{escape(made_by.command)}</code>{begun}.</p>' if made_by.command else ""
     legend = "".join(f"<li>{policy_label(results, policy)}{_role(results, policy)}</li>" for policy in results.policies)
     return (
         f"<h1>{escape(listed(results.policies))}</h1>"
         f'<p class="soft">{counted(results.episodes, "episode")} of each policy on each of '
         f"{counted(len(results.scenarios), 'scenario')}: {axes}. Seed {results.seed}."
-        f"{words_of(results.hardware)}</p>{warning}"
+        f"{words_of(results.hardware)}</p>{command}{warning}"
         f'<ul class="legend">{legend}</ul>'
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis
-from evaluate.report.plots.drawing import Margins, figure, short_name, style, svg
+from evaluate.report.plots.drawing import Margins, figure, short_name, style, svg, text_width
 from evaluate.statistics.breaking_point import LEAST_LEVELS
 from evaluate.statistics.intervals import Floats
 from evaluate.statistics.psychometric import fall_probability, fit
@@ -61,7 +61,8 @@ def errors(results: Results, axis: SeverityAxis, metric: str, label: str) -> byt
 def intervals(results: Results, scenario: str, metric: str, label: str, scale: float = 1.0) -> bytes:
     """A policy a line: figure and 95 % interval."""
     names = [policy for policy in results.policies if (scenario, policy) in results.summaries]
-    drawn, axes = figure(0.6 + 0.3 * len(names), margins=Margins(left=1.5))
+    widest = max(text_width(short_name(name)) for name in names)
+    drawn, axes = figure(0.6 + 0.3 * len(names), margins=Margins(left=0.22 + widest))
     for row, policy in enumerate(names):
         summary = results.summaries[scenario, policy]
         value, ci = scale * getattr(summary, metric), scale * np.asarray(getattr(summary, f"{metric}_ci"))

@@ -3,7 +3,9 @@
 import io
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 from evaluate.analysis.results import Results
 from evaluate.rollouts.experiment import Cell
@@ -12,14 +14,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's colours, told apart by colour-blind readers and in grey print; each with a mark of its own.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#882255", "#8C8C1A")
+"""Okabe and Ito's, and two of Tol's: told apart by colour-blind readers and, with the marks, in grey print."""
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 """Matplotlib's name -> the same mark in text."""
+OWN = ("document", "document_repaired", "trot", "residual", "trot_feedback")
+"""Policies that have a colour of their own, the first of COLOURS, in every report."""
+FONT = "DejaVu Sans"
 WIDTH = 3.6
 """in, about a phone's width at 100 points an inch"""
-LONGEST_NAME = 20
-"""Letters of a policy's name in a plot"""
+LONGEST_NAME = 1.5
+"""in, of a policy's name in a plot"""
 
 
 def settings() -> AbstractContextManager[None]:
@@ -33,7 +38,7 @@ def settings() -> AbstractContextManager[None]:
         {
             "svg.hashsalt": "simple-quad",
             "svg.fonttype": "none",
-            "font.sans-serif": ["DejaVu Sans"],
+            "font.sans-serif": [FONT],
             "font.size": 9,
             "axes.titleweight": "bold",
             "axes.titlesize": 10,
@@ -46,7 +51,7 @@ def settings() -> AbstractContextManager[None]:
 class Margins:
     """Room around a pair of axes, in; fixed, since a search for it draws every plot twice."""
 
-    left: float = 0.55
+    left: float = 0.62
     right: float = 0.12
     bottom: float = 0.48
     top: float = 0.12
@@ -78,13 +83,49 @@ def svg(drawn: "Figure") -> bytes:
 
 def style(results: Results, policy: str) -> tuple[str, str]:
     """Colour and matplotlib's mark of a policy, the same in every plot."""
-    index = results.policies.index(policy)
-    return COLOURS[index % len(COLOURS)], list(MARKS)[index % len(MARKS)]
+    return styles(frozenset(results.policies))[policy]
+
+
+@cache
+def styles(policies: frozenset[str]) -> dict[str, tuple[str, str]]:
+    """Colours and marks by the policies' names, whatever their order and mostly whatever their company.
+
+    A name other than OWN's has its colour by its digest; of two that want the same, the later in the alphabet gives
+    way. More policies than colours share them, with other marks.
+    """
+    taken: list[int] = []
+    found = {}
+    for policy in sorted(policies, key=lambda name: (name not in OWN, name)):
+        wanted = _preferred(policy)
+        colour = min(wanted, key=lambda index: (taken.count(index), wanted.index(index)))
+        mark = list(MARKS)[(colour + taken.count(colour)) % len(MARKS)]
+        taken.append(colour)
+        found[policy] = COLOURS[colour], mark
+    return found
+
+
+def _preferred(policy: str) -> list[int]:
+    """Indices of COLOURS, the best first."""
+    own, others = list(range(len(OWN))), list(range(len(OWN), len(COLOURS)))
+    if policy in OWN:
+        return [OWN.index(policy)]
+    first = crc32(policy.encode()) % len(others)
+    return others[first:] + others[:first] + own
+
+
+@cache
+def text_width(text: str) -> float:
+    """Width of a text at the usual size, in."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextPath
+
+    return float(TextPath((0.0, 0.0), text, 9.0, prop=FontProperties(family=FONT)).get_extents().width) / 72.0
 
 
 def short_name(policy: str) -> str:
     """A policy's name, or the end of a long path, as a plot has room for it."""
-    return policy if len(policy) <= LONGEST_NAME else f"…{policy[1 - LONGEST_NAME :]}"
+    cuts = (policy, *(f"…{policy[first:]}" for first in range(1, len(policy))))
+    return next((name for name in cuts if text_width(name) <= LONGEST_NAME), "…")
 
 
 def cell_of(results: Results, scenario: str, policy: str) -> Cell | None:

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from evaluate.analysis.results import Results
+from evaluate.report.plots.drawing import style
 from evaluate.statistics.intervals import Interval
 from evaluate.terminal.format import counted, percent
 from policies.files import write_atomically
@@ -83,9 +84,10 @@ def write_picture(results: Results, path: Path) -> None:
     for panel, (axis, of_axis) in zip(panels, found.items(), strict=False):
         for curve in of_axis:
             places = range(len(curve.scenarios))
-            (line,) = panel.plot(places, curve.fall_rates, marker="o", markersize=3, label=curve.policy)
+            colour, mark = style(results, curve.policy)
+            panel.plot(places, curve.fall_rates, marker=mark, markersize=3, color=colour, label=curve.policy)
             lows, highs = zip(*curve.intervals, strict=True) if curve.intervals else ((), ())
-            panel.fill_between(places, lows, highs, color=line.get_color(), alpha=0.15, linewidth=0)
+            panel.fill_between(places, lows, highs, color=colour, alpha=0.15, linewidth=0)
         known = max((curve.scenarios for curve in of_axis), key=len)
         panel.set_xticks(range(len(known)), [f"{scenario.severity:g}" for scenario in known])
         panel.set_title(axis.replace("_", " "), fontsize=9, loc="left")

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.report.plots.drawing import Margins, figure, short_name, svg
+from evaluate.report.plots.drawing import Margins, figure, short_name, svg, text_width
 from quad_env.robots.robot import Robot
 
 
@@ -13,14 +13,14 @@ def gait_diagram(robot: Robot, contact: NDArray[np.bool_], start: float, dt: flo
     Diagonal pairs stand together: in a trot their bars agree.
     """
     order = [leg for pair in robot.diagonals for leg in pair]
-    drawn, axes = figure(1.5, margins=Margins(left=0.35, top=0.28))
+    names = [robot.leg_names[leg].upper() for leg in order]
+    drawn, axes = figure(1.5, margins=Margins(left=0.22 + max(map(text_width, names)), right=0.25, top=0.28))
     for row, leg in enumerate(order):
         bars = [(start + first * dt, count * dt) for first, count in stances(contact[:, leg])]
         axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=colour)
-    axes.set_yticks(range(len(order)), [robot.leg_names[leg].upper() for leg in order])
-    axes.set(
-        ylim=(len(order) - 0.5, -0.5), xlim=(start, start + len(contact) * dt), xlabel="s", title=short_name(title)
-    )
+    axes.set_yticks(range(len(order)), names)
+    axes.set(ylim=(len(order) - 0.5, -0.5), xlim=(start, start + len(contact) * dt))
+    axes.set(xlabel="s", title=short_name(title))
     return svg(drawn)
 
 

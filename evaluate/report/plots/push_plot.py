@@ -8,6 +8,8 @@ from evaluate.statistics.intervals import Floats
 DIRECTIONS = 8
 """Sectors, the first about straight ahead."""
 MOST_RINGS = 8
+FEW_RINGS = 5
+"""Whose impulses are all named."""
 FEWEST = 3
 """Pushes that a cell needs to be shown."""
 COLOURS = "YlOrBr"
@@ -30,7 +32,9 @@ def push_plot(impulses: Floats, fell: Floats, title: str) -> bytes:
     axes.set_yticks([])
     axes.set_ylim(0.0, edges[-1])
     axes.grid(False)
-    axes.set_xlabel(f"rings: {', '.join(f'{level:g}' for level in levels_of(impulses))} N·s", fontsize=8)
+    levels = [f"{level:g}" for level in levels_of(impulses)]
+    rings = ", ".join(levels) if len(levels) <= FEW_RINGS else f"{', '.join(levels[:2])} … {levels[-1]}"
+    axes.set_xlabel(f"rings: {rings} N·s", fontsize=8)
     axes.set_title(short_name(title))
     return svg(drawn)
 

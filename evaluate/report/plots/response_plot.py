@@ -3,7 +3,7 @@
 import numpy as np
 
 from evaluate.analysis.results import Results
-from evaluate.report.plots.drawing import cell_of, figure, same_ticks, style, svg
+from evaluate.report.plots.drawing import Margins, cell_of, figure, same_ticks, style, svg
 from evaluate.statistics.intervals import Floats
 
 COMPONENTS = (("forward", "m/s"), ("lateral", "m/s"), ("yaw rate", "rad/s"))
@@ -16,7 +16,7 @@ FEWEST = 3
 def response(results: Results, scenario: str, component: int) -> bytes:
     """Mean speed against commanded speed, a line a policy; the band holds the middle half of the intervals."""
     name, unit = COMPONENTS[component]
-    drawn, axes = figure(3.0, 3.2)
+    drawn, axes = figure(3.0, 3.2, Margins(left=0.75))
     limit = _largest(results, scenario, component)
     axes.plot((-limit, limit), (-limit, limit), color="#888888", linewidth=1)
     for policy in results.policies:

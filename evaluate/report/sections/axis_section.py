@@ -12,9 +12,17 @@ from evaluate.report.plots.scatter import paired
 from evaluate.report.sections.figures import comparison_table, falls_table, summary_table
 from evaluate.report.sections.measures_section import figures_table
 from evaluate.report.sections.push_section import pushes
+from evaluate.statistics.breaking_point import LEAST_LEVELS
 
 FALLS = ("fall_rate", "episodes with a fall, %", 100.0)
 ERROR = ("velocity_error", "velocity error, m/s", 1.0)
+
+
+FITTED = (
+    "Lines of falls: fitted curves, with the breaking point and its interval at one half, which hold for these levels "
+    "and this shape."
+)
+JOINED = f"Lines of falls join the levels: fewer than {LEAST_LEVELS} have no curve and no breaking point."
 
 
 def disturbances(results: Results) -> str:
@@ -36,10 +44,8 @@ def _title(axis: SeverityAxis) -> str:
 
 def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
     if len(axis.levels) > 1:
-        yield note(
-            "Bands: 95 % intervals. Lines of falls: fitted curves, with the breaking point and its interval at one "
-            "half. Harder to the right."
-        )
+        lines = FITTED if len(axis.levels) >= LEAST_LEVELS else JOINED
+        yield note(f"Bands join the levels' 95 % intervals. {lines} Harder to the right.")
         yield grid(_curves(results, axis), 2)
         yield falls_table(results, axis)
         yield pushes(results, axis)

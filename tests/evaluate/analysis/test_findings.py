@@ -10,7 +10,7 @@ import pytest
 from evaluate.analysis.breaking_point_text import breaking_point_text
 from evaluate.analysis.breaking_points import AxisBreakingPoint
 from evaluate.analysis.comparison import FALL_RATE
-from evaluate.analysis.findings import BETTER, BREAKING_POINT, UNSHOWN, WORSE, findings, headline, summary
+from evaluate.analysis.findings import BETTER, BREAKING_POINT, UNSHOWN, WORSE, Finding, findings, headline, summary
 from evaluate.analysis.severity_levels import severity, severity_axes
 
 
@@ -46,11 +46,22 @@ def test_a_claim_has_both_figures_at_the_largest_difference(made) -> None:
 
 
 def test_the_headline_says_what_got_worse_like_what_got_better(made) -> None:
-    ((first, better, worse, later),) = (map(plain, sentences) for sentences in headline(made))
-    assert first.startswith("other against trot: fewer falls on push; more falls on rough")
+    ((first, better, worse, later, nearer),) = (map(plain, sentences) for sentences in headline(made))
+    assert first == (
+        "other against trot: fewer falls on push; more falls on rough; no difference in falls shown on flat. "
+        "Smaller velocity error on flat, push and rough."
+    )
     assert better.startswith("other falls in 5 %")
     assert worse.startswith("other falls in 55 %")
     assert later.startswith("other breaks on push at ")
+    assert nearer.startswith("other is 0.089 m/s off its command on ")
+
+
+def test_many_axes_without_a_difference_are_counted() -> None:
+    on = [Finding(FALL_RATE, UNSHOWN, f"axis {number}", "", 0.0) for number in range(5)]
+    assert summary(on, FALL_RATE) == "no difference in falls shown on all 5 axes"
+    more = [Finding(FALL_RATE, BETTER, "push", "", 0.5), *on]
+    assert summary(more, FALL_RATE) == "fewer falls on push; no difference in falls shown on the other 5 axes"
 
 
 def test_a_later_breaking_point_is_claimed_where_its_ratio_is_shown(made) -> None:

@@ -1,8 +1,17 @@
 """What the report's plots are drawn from."""
 
+import itertools
+from pathlib import Path
+
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
+from evaluate.commands.outputs import analysed
+from evaluate.records.store import read_run
+from evaluate.report import render
+from evaluate.report.plots import curves, drawing, fall_curves
 from evaluate.report.plots.gait_diagram import gait_diagram, stances
 from evaluate.report.plots.push_plot import DIRECTIONS, fall_shares, push_plot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -46,3 +55,70 @@ def test_plots_are_small_svg_images() -> None:
     ):
         assert b"<svg" in drawn[:500]
         assert len(drawn) < 200_000
+
+
+LONG = "models/residual-with-a-long-name/seed-12"
+WIDE = "W" * 30
+
+
+@pytest.fixture
+def clipped(monkeypatch) -> list[str]:
+    """What reaches beyond its figure, of every figure that is saved meanwhile; how many there were stands first."""
+    seen = ["0"]
+    save = Figure.savefig
+
+    def look(figure: Figure, *args, **settings) -> None:
+        FigureCanvasAgg(figure)
+        figure.draw_without_rendering()
+        box = figure.get_tightbbox()
+        beyond = np.maximum(0.0, [-box.x0, -box.y0, *(np.array([box.x1, box.y1]) - figure.get_size_inches())])
+        if beyond.max() > 0.005:
+            labels = [f"{axes.get_title('left')} {axes.get_xlabel()} {axes.get_ylabel()}" for axes in figure.axes]
+            seen.append(f"{'; '.join(labels)}: {beyond.round(3)} in")
+        seen[0] = str(int(seen[0]) + 1)
+        save(figure, *args, **settings)
+
+    monkeypatch.setattr(Figure, "savefig", look)
+    return seen
+
+
+def test_no_label_of_the_page_is_clipped(run, clipped) -> None:
+    render(analysed(read_run(run.folder)), Path())
+    assert clipped == ["13"]
+
+
+def test_no_label_of_made_up_curves_is_clipped(made, clipped, tmp_path) -> None:
+    render(made, Path())
+    fall_curves.write_picture(made, tmp_path / "curves.svg")
+    assert len(clipped) == 1
+    assert int(clipped[0]) > 8
+
+
+@pytest.mark.parametrize("name", [LONG, WIDE])
+def test_no_name_is_clipped(made_up_cell, clipped, name) -> None:
+    from evaluate.analysis.results import analyse
+
+    cells = [made_up_cell(policy, np.arange(9) < 3, np.linspace(0.1, 2.0, 9)) for policy in (name, "trot")]
+    results = analyse(cells, seed=0, episodes=9, complete=True)
+    impulses = np.outer(np.linspace(20.0, 220.0, 40), (1.0, 0.5))
+    with drawing.settings():
+        curves.intervals(results, "flat", "velocity_error", "velocity error, m/s")
+        push_plot(impulses, np.ones(40), name)
+        gait_diagram(SIMPLE_QUAD, np.ones((200, 4), bool), 3.0, 0.01, "#000000", name)
+    assert clipped == ["3"]
+
+
+def test_a_policys_colour_is_its_own_whatever_the_order_and_company() -> None:
+    names = ("document", "document_repaired", "trot", "residual", "trot_feedback", "mine", "models/run/best")
+    alone = {name: drawing.styles(frozenset({name}))[name][0] for name in names}
+    assert len(set(alone.values())) == len(names)
+    for company in itertools.combinations(names, 3):
+        assert {name: colour for name, (colour, _) in drawing.styles(frozenset(company)).items()} == {
+            name: alone[name] for name in company
+        }
+
+
+def test_many_policies_are_all_told_apart() -> None:
+    found = drawing.styles(frozenset(f"run-{number}" for number in range(9)))
+    assert len({colour for colour, _ in found.values()}) == 9
+    assert len(set(drawing.styles(frozenset(f"run-{number}" for number in range(40))).values())) == 40

@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import subprocess
+from datetime import UTC, date, datetime
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
@@ -54,6 +55,31 @@ def test_the_page_needs_nothing_but_itself(page) -> None:
 def test_the_outcome_in_words_comes_before_every_table_and_plot(page) -> None:
     first = min(page.index("<table"), page.index("<img"))
     assert 0 < page.index("Outcome") < page.index("document against trot") < first
+
+
+def test_the_contents_lead_to_every_section(page) -> None:
+    sections = re.findall(r'<section id="([^"]+)">', page)
+    contents = page[page.index("<nav") : page.index("</nav>")]
+    assert re.findall(r'href="#([^"]+)"', contents) == sections
+    assert len(set(sections)) == len(sections) == page.count("<section")
+    assert {"outcome", "axis-push", "how-it-was-measured"} <= set(sections)
+
+
+def test_the_page_names_its_command_and_day(run, page) -> None:
+    begun = json.loads((run.folder / "manifest.json").read_text())["date"]
+    assert date.fromisoformat(begun) <= datetime.now(UTC).date()
+    words = "python -m evaluate --policies document stand trot --scenarios flat push --episodes 5 --seed 3"
+    assert f"Made by <code>{words}</code>, begun on {begun}." in page
+
+
+def test_curves_are_promised_where_they_are_fitted(made) -> None:
+    """Push has four levels; of two no curve is drawn."""
+    four, fitted = render(made, Path()), "Lines of falls: fitted curves"
+    two = dataclasses.replace(made, cells=tuple(c for c in made.cells if c.scenario.name not in ("push:3", "push:5")))
+    two = dataclasses.replace(two, breaking_points=(), breaking_point_ratios=())
+    assert (fitted in four, "Lines of falls join the levels" in four) == (True, False)
+    page = render(two, Path())
+    assert (fitted in page, "Lines of falls join the levels" in page) == (False, True)
 
 
 def test_every_policy_and_scenario_is_on_the_page(page) -> None:
