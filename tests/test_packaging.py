@@ -89,11 +89,13 @@ import gymnasium
 env = gymnasium.make("quad_env:SimpleQuad-v0")
 observation, info = env.reset(seed=0)
 assert env.observation_space.contains(env.step(env.action_space.sample())[0])
+from quad_env.__main__ import main
+assert main(["info"]) == 0
 print(sys.modules["quad_env"].__file__)
 """
     run = python(code, str(installed_wheel), str(repository), cwd=tmp_path)
     assert run.returncode == 0, run.stderr
-    assert Path(run.stdout.strip()).is_relative_to(installed_wheel)
+    assert Path(run.stdout.splitlines()[-1]).is_relative_to(installed_wheel)
 
 
 @pytest.mark.parametrize("package", ["quad_env", "policies"])

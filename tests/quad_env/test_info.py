@@ -1,0 +1,87 @@
+"""`python -m quad_env info` says what the environment is; the command ends as those of evaluate do."""
+
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+import quad_env
+from quad_env import info
+from quad_env.__main__ import main
+
+COMMAND = (sys.executable, "-W", "error", "-m", "quad_env")
+
+
+def test_it_says_what_the_environment_is(capsys) -> None:
+    assert main(["info"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    text = "\n".join(" ".join(line.split()) for line in lines)
+    assert max(map(len, lines)) <= 92
+    assert len(lines) <= 70
+    assert lines[0].startswith("SimpleQuad-v0 ")
+    env = gym.make("quad_env:SimpleQuad-v0")
+    assert f"float32, shape {env.action_space.shape}:" in text
+    assert f"float32, shape {env.observation_space.shape}" in text
+    for name, part in quad_env.OBSERVATION.items():
+        assert f"{part.start}:{part.stop} {name} " in text
+    lowest, highest = env.action_space.low[2], env.action_space.high[2]
+    assert f"fl_calf_joint {lowest:.2f} -1.00 {highest:.2f}" in text
+    env.close()
+    for name in (*quad_env.AXES, *quad_env.ACTUATORS, *quad_env.SENSORS, *quad_env.FALL_REASONS[1:]):
+        assert name in text
+    assert "push 35 N·s impulse of each push: 20 35 50 65" in text
+
+
+def test_it_describes_the_robot_that_it_is_given() -> None:
+    from dataclasses import replace
+
+    assert "robot        heavy: " in info.text(replace(quad_env.SIMPLE_QUAD, name="heavy"))
+
+
+def test_without_a_command_it_lists_them(capsys) -> None:
+    assert main([]) == 0
+    assert "info " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [["inof"], ["info", "--nonsense"]], ids=" ".join)
+def test_a_mistake_is_one_line(capsys, arguments) -> None:
+    assert main(arguments) == 2
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert printed.err.startswith("error: ")
+    assert "--help" in printed.err
+
+
+def test_ctrl_c_is_one_line(capsys, monkeypatch) -> None:
+    def interrupted(_robot=None) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(info, "text", interrupted)
+    assert main(["info"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.parametrize("arguments", [["info"], ["--help"]], ids=" ".join)
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_closed_pipe_is_no_failure_and_a_full_disk_one_line(repository, arguments) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    options = {"cwd": repository, "stderr": subprocess.PIPE, "text": True, "check": False}
+    closed = subprocess.run([*COMMAND, *arguments], stdout=writing, **options)
+    os.close(writing)
+    assert (closed.returncode, closed.stderr) == (0, "")
+    with Path("/dev/full").open("w") as full:
+        filled = subprocess.run([*COMMAND, *arguments], stdout=full, **options)
+    assert (filled.returncode, filled.stderr.count("\n")) == (2, 1)
+    assert filled.stderr.startswith("error: cannot print")
+
+
+def test_a_terminal_without_unicode_gets_the_same(monkeypatch) -> None:
+    narrow = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", narrow)
+    assert main(["info"]) == 0
+    assert b"35 N?s" in narrow.buffer.getvalue()
