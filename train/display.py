@@ -32,10 +32,14 @@ def make_display(total: int, done: int) -> Display:
 
 def summary(figures: Mapping[str, float]) -> str:
     """The figures of a rollout that a trainer looks at."""
-    return (
-        f"return {figures['return']:7.2f}  falls {figures['falls']:5.1%}  "
-        f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
+    count = int(figures["episodes"])
+    ended = (
+        f"return {figures['return']:7.2f}  {round(figures['falls'] * count)} of {count} episodes fell"
+        if count
+        else "no episode ended"
     )
+    errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
+    return f"{ended}  {errors}"
 
 
 class BarDisplay:

@@ -41,11 +41,13 @@ class Statistics:
     """Return, summed over finished episodes."""
 
     def means(self) -> dict[str, float]:
-        """Means a step (errors, reward terms) and a finished episode (return, falls); NaN where there was none."""
+        """Means a step (errors, reward terms) and a finished episode (return, falls), NaN where there was none; their
+        count."""
         step, episode = max(self.steps, 1), self.episodes or float("nan")
         return {
             "velocity_error": self.velocity_error / step,
             "yaw_rate_error": self.yaw_rate_error / step,
+            "episodes": self.episodes,
             "falls": self.falls / episode,
             "return": self.episode_return / episode,
             **{f"reward/{name}": total / step for name, total in self.reward_terms.items()},
