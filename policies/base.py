@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.easing import smoothstep
 from policies.gait import advance
-from quad_env import OBSERVATION_SIZE
 from quad_env.config import TaskConfig
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.task.observations import observation_table
 
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
@@ -84,9 +84,9 @@ class Policy(ABC):
         single = rows.ndim == 1
         if single:
             rows = rows[None]
-        if rows.shape != (self.num_envs, OBSERVATION_SIZE):
+        if rows.shape != (self.num_envs, size := observation_table(self.robot).size):
             raise ValueError(
-                f"observation must have shape ({self.num_envs}, {OBSERVATION_SIZE}), not {np.shape(observation)}; "
+                f"observation must have shape ({self.num_envs}, {size}), not {np.shape(observation)}; "
                 "reset(num_envs=n) sets the number of robots"
             )
         if not np.isfinite(rows).all():

@@ -23,10 +23,10 @@ from policies.bases import describe, described, is_number
 from policies.files import write_atomically
 from policies.network import ACTIVATIONS, Network
 from policies.residual import ResidualPolicy, feature_count
-from quad_env import ENV_ID, OBSERVATION
+from quad_env import ENV_ID
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.task.observations import SCALE
+from quad_env.task.observations import observation_table
 
 SCHEMA_VERSION = 1
 DESCRIPTION, WEIGHTS = "policy.json", "policy.safetensors"
@@ -73,8 +73,8 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "env_id": ENV_ID,
         "robot": policy.robot.name,
         "control_period": policy.control_period,
-        "observation": _layout(),
-        "observation_scale": SCALE.tolist(),
+        "observation": _layout(policy.robot),
+        "observation_scale": observation_table(policy.robot).scale.tolist(),
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
@@ -94,11 +94,11 @@ def load(path: str | Path) -> ResidualPolicy:
     """
     folder = _bundle(Path(path))
     description = _parse(folder / DESCRIPTION)
-    _check_environment(folder, description)
+    robot, control_period = _made_for(folder, description)
+    _check_environment(folder, description, robot)
     weights = _read(folder / WEIGHTS)
     if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
         _fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
-    robot, control_period = _made_for(folder, description)
     try:
         base = described(description["base"], robot, control_period)
     except ValueError as error:
@@ -153,12 +153,12 @@ def _parse(file: Path) -> dict[str, Any]:
     return _LATER_FIELDS | description
 
 
-def _check_environment(folder: Path, description: dict[str, Any]) -> None:
+def _check_environment(folder: Path, description: dict[str, Any], robot: Robot) -> None:
     if description["env_id"] != ENV_ID:
         _fail(folder, f"it is for {description['env_id']!r}, not {ENV_ID!r}")
-    if description["observation"] != _layout():
+    if description["observation"] != _layout(robot):
         _fail(folder, f"its observation layout is not that of this {ENV_ID}")
-    if description["observation_scale"] != SCALE.tolist():
+    if description["observation_scale"] != observation_table(robot).scale.tolist():
         _fail(folder, f"its observation scales are not those of this {ENV_ID}")
     if not isinstance(description["training"], dict) or not isinstance(description["git_revision"], str):
         _fail(folder, "training must be an object and git_revision a text")
@@ -227,9 +227,9 @@ def _authority(folder: Path, values: Any, joints: int) -> Actions:
     return np.array(values, dtype=np.float32)
 
 
-def _layout() -> dict[str, list[int]]:
+def _layout(robot: Robot) -> dict[str, list[int]]:
     """The observation's layout: name -> [start, stop]."""
-    return {name: [part.start, part.stop] for name, part in OBSERVATION.items()}
+    return {name: [part.start, part.stop] for name, part in observation_table(robot).slices.items()}
 
 
 def _tensors(network: Network) -> dict[str, NDArray[Any]]:

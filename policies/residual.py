@@ -5,9 +5,8 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
 from policies.network import Network
-from quad_env import OBSERVATION_SIZE
 from quad_env.robots.robot import Robot
-from quad_env.task.observations import SCALE
+from quad_env.task.observations import observation_table
 
 
 def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions:
@@ -19,7 +18,7 @@ def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions
 
 def feature_count(base: Policy) -> int:
     """Width of the features over a base."""
-    return OBSERVATION_SIZE + (2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0)
+    return observation_table(base.robot).size + (2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0)
 
 
 def features(
@@ -28,7 +27,7 @@ def features(
     """What the network sees, shape (n, m), about unit size: the scaled observation (n, k), and over a gaited base the
     sine and cosine of its phase (n,) and its action (n, 12) minus the home pose.
     """
-    scaled = observation * SCALE
+    scaled = observation * observation_table(robot).scale
     if phase is None:
         return scaled
     clock = np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)

@@ -77,4 +77,3 @@ observation_table = cache(ObservationTable)
 OBSERVATION = observation_table(SIMPLE_QUAD).slices
 """Name of each term of SimpleQuad's observation -> its slice."""
 OBSERVATION_SIZE = observation_table(SIMPLE_QUAD).size
-SCALE = observation_table(SIMPLE_QUAD).scale

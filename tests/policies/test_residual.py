@@ -6,7 +6,9 @@ from policies.network import Network
 from policies.residual import ResidualPolicy, authority_of, compose, features
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.task.observations import SCALE
+from quad_env.task.observations import observation_table
+
+SCALE = observation_table(SIMPLE_QUAD).scale
 
 
 def constant_network(inputs, output):

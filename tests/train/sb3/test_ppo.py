@@ -9,15 +9,18 @@ import torch
 import policies
 from policies.bundle import load, save
 from policies.residual import ResidualPolicy
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import SCENARIOS
 from quad_env.seeding import PURPOSES, episode_seeds
-from quad_env.task.observations import SCALE
+from quad_env.task.observations import observation_table
 from train.config import PpoConfig, TrainConfig
 from train.robots import make_robots, training_seeds
 from train.run import make_env
 from train.sb3.callbacks import LowerNoise
 from train.sb3.ppo import AdaptiveRate, LinearRate, actor_network, build
 from train.scenarios import practice
+
+SCALE = observation_table(SIMPLE_QUAD).scale
 
 SMALL = PpoConfig(envs=4, rollout_steps=2, minibatch=8, actor=(8, 6), critic=(8,))
 
