@@ -8,8 +8,9 @@ from evaluate.analysis.findings import PHRASES, UNSHOWN, findings_by_policy, hea
 from evaluate.analysis.gate_verdicts import Verdict
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
+from evaluate.report.notes import extent
 from evaluate.rollouts.hardware import words
-from evaluate.terminal.format import counted, interval, number, share
+from evaluate.terminal.format import interval, number, share
 from policies.files import write_atomically
 
 
@@ -35,9 +36,8 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def _head(results: Results) -> str:
     interrupted = "" if results.complete else "**Interrupted: this is the part that was done.**\n\n"
     first = "\n".join(f"- **{lead}** {' '.join(rest)}".rstrip() for lead, *rest in headline(results))
-    runs = f"{counted(results.episodes, 'episode')} of each policy on {counted(len(results.scenarios), 'scenario')}"
     how = f"seed {results.seed}; in brackets 95 % intervals.{words(results.hardware)}"
-    return f"## Evaluation\n\n{interrupted}{first}\n\n{runs}, {how}"
+    return f"## Evaluation\n\n{interrupted}{first}\n\n{extent(results)}; {how}"
 
 
 def _gates(verdicts: Sequence[Verdict]) -> Iterator[str]:

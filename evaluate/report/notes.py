@@ -1,6 +1,8 @@
 """How the figures were made: what a reader has to know before believing them."""
 
 from evaluate.analysis.breaking_point_text import CAVEAT
+from evaluate.analysis.results import Results
+from evaluate.terminal.format import counted, listed
 
 NOTES = (
     "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
@@ -27,3 +29,12 @@ NOTES = (
     "kinds, at three levels, the 95 % intervals hold the truth in 85 % (python -m evaluate calibration).",
     "The intervals speak of episodes, not of training: another training seed gives another policy.",
 )
+
+
+def extent(results: Results) -> str:
+    """`64 episodes of each policy on each of 27 scenarios, of document on flat alone`."""
+    ran = {policy: [name for name, other in results.summaries if other == policy] for policy in results.policies}
+    fewer = {policy: names for policy, names in ran.items() if len(names) < len(results.scenarios)}
+    alone = [f"of {policy} on {listed(names)} alone" for policy, names in fewer.items() if results.complete]
+    scenarios = counted(len(results.scenarios), "scenario")
+    return ", ".join([f"{counted(results.episodes, 'episode')} of each policy on each of {scenarios}", *alone])

@@ -12,7 +12,7 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.footage import footage
 from evaluate.report.html import contents, fold, note, section
-from evaluate.report.notes import NOTES
+from evaluate.report.notes import NOTES, extent
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.figures import policy_label
@@ -25,7 +25,7 @@ from evaluate.report.sections.sensitivity_section import sensitivity
 from evaluate.report.sections.training_section import training
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
-from evaluate.terminal.format import counted, listed
+from evaluate.terminal.format import listed
 from policies.files import write_atomically
 
 FILM_PLACE = 5
@@ -93,8 +93,7 @@ def _head(results: Results, made_by: Origin) -> str:
     legend = "".join(f"<li>{policy_label(results, policy)}{_role(results, policy)}</li>" for policy in results.policies)
     return (
         f"<h1>{escape(listed(results.policies))}</h1>"
-        f'<p class="soft">{counted(results.episodes, "episode")} of each policy on each of '
-        f"{counted(len(results.scenarios), 'scenario')}: {axes}. Seed {results.seed}."
+        f'<p class="soft">{escape(extent(results))}: {axes}. Seed {results.seed}.'
         f"{words_of(results.hardware)}</p>{command}{warning}"
         f'<ul class="legend">{legend}</ul>'
     )

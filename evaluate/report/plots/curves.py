@@ -28,7 +28,7 @@ def falls(results: Results, axis: SeverityAxis) -> bytes:
         if len(severities):
             colour, mark = style(results, policy)
             fitted = len(severities) >= LEAST_LEVELS
-            axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
+            _band(axes, severities, low, high, colour)
             axes.plot(severities, values, mark, color=colour, markersize=4, linestyle="none" if fitted else "-")
             if fitted:
                 axes.plot(*_fitted(results, axis, policy), color=colour, linewidth=1.4)
@@ -50,7 +50,7 @@ def errors(results: Results, axis: SeverityAxis, metric: str, label: str) -> byt
         severities, values, low, high = _points(results, axis, policy, metric, 1.0)
         if len(severities):
             colour, mark = style(results, policy)
-            axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
+            _band(axes, severities, low, high, colour)
             axes.plot(severities, values, color=colour, marker=mark, markersize=4, linewidth=1.4)
     axes.set(ylabel=label)
     axes.set_ylim(bottom=0.0)
@@ -88,6 +88,13 @@ def _points(
     ]
     severities, values, low, high = np.array(rows, dtype=np.float64).reshape(-1, 4).T
     return severities, values, low, high
+
+
+def _band(axes: "Axes", severities: Floats, low: Floats, high: Floats, colour: str) -> None:
+    """Between the ends of the intervals; an upright line where there is but one."""
+    if len(severities) == 1:
+        axes.vlines(severities, low, high, color=colour, alpha=0.55, linewidth=2.2)
+    axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
 
 
 def _fitted(results: Results, axis: SeverityAxis, policy: str) -> tuple[Floats, Floats]:

@@ -9,7 +9,7 @@ from evaluate.analysis.severity_levels import SeverityAxis, place
 from evaluate.analysis.summary import Summary
 from evaluate.report.html import BEST, breakable, heading, mark, table
 from evaluate.report.plots.drawing import MARKS, style
-from evaluate.terminal.format import interval, number, p_value, percent_interval, points, points_interval
+from evaluate.terminal.format import ABSENT, interval, number, p_value, percent_interval, points, points_interval
 
 HEADINGS = {
     FALL_RATE: ("falls", ""),
@@ -40,10 +40,10 @@ def falls_table(results: Results, axis: SeverityAxis) -> str:
         heading("falls, %", f"at {escape(axis.unit or axis.name)}"),
         *(f"{level.severity:g}" for level in axis.levels),
     ]
-    rows = (
-        [policy_label(results, policy), *(_share(results.summaries.get((level.name, policy))) for level in axis.levels)]
-        for policy in results.policies
-    )
+    found = {
+        policy: [results.summaries.get((level.name, policy)) for level in axis.levels] for policy in results.policies
+    }
+    rows = ([policy_label(results, policy), *map(_share, levels)] for policy, levels in found.items() if any(levels))
     return table(heads, rows, "levels")
 
 
@@ -73,7 +73,7 @@ def _summary_cells(summary: Summary, best: dict[str, float]) -> Iterator[str]:
 
 
 def _share(summary: Summary | None) -> str:
-    return "" if summary is None else number(100.0 * summary.fall_rate, 0)
+    return ABSENT if summary is None else number(100.0 * summary.fall_rate, 0)
 
 
 def _difference(comparison: Comparison) -> str:

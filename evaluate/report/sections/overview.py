@@ -27,15 +27,19 @@ def overview(results: Results) -> str:
 
 
 def by_axis(results: Results, axes: Mapping[str, str], cells: Mapping[tuple[str, str], str]) -> str:
-    """A table of cells by axis and policy, ready HTML; below each axis's name stand its words, a text."""
+    """A table of cells by axis and policy, ready HTML; below each axis's name stand its words, a text.
+
+    Without the policies that have no cell.
+    """
+    policies = [policy for policy in results.policies if any(policy == found for _, found in cells)]
     rows = [
         [
             f'<a href="#{anchor(axis)}">{escape(axis)}</a><small>{escape(words)}</small>',
-            *(cells.get((axis, policy), ABSENT) for policy in results.policies),
+            *(cells.get((axis, policy), ABSENT) for policy in policies),
         ]
         for axis, words in axes.items()
     ]
-    return table(["axis", *(policy_label(results, policy) for policy in results.policies)], rows, "text")
+    return table(["axis", *(policy_label(results, policy) for policy in policies)], rows, "text")
 
 
 def _cell(point: AxisBreakingPoint) -> str:

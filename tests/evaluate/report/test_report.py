@@ -14,6 +14,7 @@ import pytest
 
 from evaluate.analysis.gate_verdicts import judge
 from evaluate.analysis.gates import parse
+from evaluate.analysis.results import analyse
 from evaluate.report import render
 from evaluate.report.sections.worst import worst
 from evaluate.terminal.format import interval, listed, number, p_value, percent, percent_interval, points
@@ -80,6 +81,17 @@ def test_curves_are_promised_where_they_are_fitted(made) -> None:
     assert (fitted in four, "Lines of falls join the levels" in four) == (True, False)
     page = render(two, Path())
     assert (fitted in page, "Lines of falls join the levels" in page) == (False, True)
+
+
+def test_a_policy_stands_only_where_it_ran(made) -> None:
+    """The other policy on flat ground alone: it has no row in the tables of push and rough, and the page says so."""
+    cells = tuple(c for c in made.cells if (c.policy, c.scenario.name) in {("other", "flat")} or c.policy == "trot")
+    page = render(analyse(cells, seed=0, episodes=40, complete=True), Path())
+    assert "40 episodes of each policy on each of 6 scenarios, of other on flat alone: flat, push and rough." in page
+    sections = dict(zip(re.findall(r'<section id="([^"]+)">', page), page.split("<section ")[1:], strict=True))
+    assert {name for name, text in sections.items() if "</span>other" in text} == {
+        "outcome", "axis-flat", "worst-episodes"
+    }  # fmt: skip
 
 
 def test_every_policy_and_scenario_is_on_the_page(page) -> None:
