@@ -1,5 +1,7 @@
 """Conditions on the observation that guard the transitions; each (n,) bool."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,6 +34,12 @@ JUMP_TIME = 0.9
 _NEVER = 2**62
 
 
+@cache
+def _limit_ticks(control_period: float) -> NDArray[np.int64]:
+    """Control steps in each state after which a robot is late."""
+    return np.array([round(TIME_LIMIT[state] / control_period) if state in TIME_LIMIT else _NEVER for state in State])
+
+
 def conditions(
     robot: Robot,
     control_period: float,
@@ -50,7 +58,6 @@ def conditions(
     at_home = (up > np.cos(HOME_TILT)) & still & (_largest(joints) < POSE_TOLERANCE)
     height = leg_height(robot, gravity, joints + robot.home_pose)
     begun = ticks >= round(MINIMUM_TIME / control_period)
-    limits = [round(TIME_LIMIT[each] / control_period) if each in TIME_LIMIT else _NEVER for each in State]
     return {
         "still": still,
         "upright": upright,
@@ -59,7 +66,7 @@ def conditions(
         "toppling": (up < np.cos(TOPPLING_TILT)) | (height < COLLAPSED_HEIGHT),
         "landed": at_home & (ticks >= round(JUMP_TIME / control_period)),
         "settled": begun & (turning < SETTLED_ANGULAR),
-        "late": ticks >= np.array(limits)[state],
+        "late": ticks >= _limit_ticks(control_period)[state],
     }
 
 
