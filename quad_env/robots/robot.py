@@ -61,12 +61,22 @@ class Robot:
             object.__setattr__(self, name, _constant(getattr(self, name)))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Robot) and all(
-            np.array_equal(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)
-        )
+        return isinstance(other, Robot) and self._key == other._key
 
     def __hash__(self) -> int:
         return hash((self.name, self.mjcf))
+
+    def __reduce__(self) -> tuple[type["Robot"], tuple[object, ...]]:
+        return Robot, self._values
+
+    @property
+    def _values(self) -> tuple[object, ...]:
+        return tuple(getattr(self, field.name) for field in fields(self))
+
+    @cached_property
+    def _key(self) -> tuple[object, ...]:
+        """What robots are compared by, at every step where tables are looked up by robot."""
+        return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in self._values)
 
     @property
     def num_joints(self) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.task.observations import observation_table
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +54,9 @@ def test_nothing_of_a_robot_can_be_written() -> None:
 
 
 def test_robots_are_equal_by_value_and_survive_pickling() -> None:
-    assert pickle.loads(pickle.dumps(SIMPLE_QUAD)) == SIMPLE_QUAD
+    copy = pickle.loads(pickle.dumps(SIMPLE_QUAD))
+    assert copy == SIMPLE_QUAD
+    assert observation_table(copy) is observation_table(SIMPLE_QUAD)
+    assert not copy.home_pose.flags.writeable
     assert replace(SIMPLE_QUAD, foot_radius=0.03) != SIMPLE_QUAD
     assert replace(SIMPLE_QUAD, home_pose=np.zeros(12)) != SIMPLE_QUAD
