@@ -5,7 +5,7 @@ after that. Legs are ordered fl, fr, hl, hr.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,6 +61,18 @@ def advance(phase: Floats, frequency: float, period: float) -> Floats:
     """The clock one tick of `period` s later at `frequency` Hz, in [0, 2π) rad; the document's φ <- φ + 2πf·dt."""
     advanced: Floats = (phase + TURN * frequency * period) % TURN
     return advanced
+
+
+def mapped(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) -> tuple[Floats, Floats, Floats]:
+    """Forward and lateral velocity, m/s, and yaw rate, rad/s, to ask of a gait so that the robot achieves those given.
+
+    `gains` are a gait's parameters, among them those of its command map, `forward_gain` … `yaw_per_lateral`.
+    """
+    return (
+        gains.forward_gain * forward + gains.forward_bias,
+        gains.lateral_gain * lateral,
+        gains.yaw_gain * yaw_rate + gains.yaw_per_lateral * lateral,
+    )
 
 
 TROT_OFFSETS = (0.0, np.pi, np.pi, 0.0)

@@ -53,5 +53,9 @@ def writing(folder: Path) -> Iterator[None]:
     except FolderInUse:
         raise
     except OSError as error:
-        remedy = "make room, then carry the run on with --resume" if has_checkpoint(folder) else "choose another --out"
+        remedy = (
+            "make room, then carry the run on with --resume"
+            if has_checkpoint(folder)
+            else "choose another --out, where there is room"
+        )
         raise UsageError(f"cannot write into {folder} ({error.strerror or error}): {remedy}") from None

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
-from policies.gait import TURN, Floats, LegCycle
+from policies.gait import TURN, Floats, LegCycle, mapped
 from policies.gaits.change import GaitChange
 from policies.gaits.parameters import (
     GAITS,
@@ -210,7 +210,7 @@ class Gaits(GaitedPolicy):
         self._command = self._command + np.clip(command - self._command, -reach, reach)
         p, robot = Columns(values), self.robot
         beat = self._beat(values)
-        self._move_feet(beat, p, self._mapped(p))
+        self._move_feet(beat, p, mapped(p, *(self._command[:, i, None] for i in range(3))))
         _, lift = swing_path(beat.cycle.progress, self.path)
         z = np.where(self._swing, p.step_height * lift, 0.0) - p.body_height
         z = z - hip_height(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
@@ -248,15 +248,6 @@ class Gaits(GaitedPolicy):
         x, y = _middle(self.robot, p)
         close: Mask = (np.abs(self._x - x) < CLOSE) & (np.abs(self._y - y) < CLOSE)
         return close
-
-    def _mapped(self, p: Columns) -> tuple[Floats, Floats, Floats]:
-        """Forward and lateral velocity, m/s, and yaw rate, rad/s, to ask of the gait; each (n, 1)."""
-        forward, lateral, yaw_rate = (self._command[:, i, None] for i in range(3))
-        return (
-            p.forward_gain * forward + p.forward_bias,
-            p.lateral_gain * lateral,
-            p.yaw_gain * yaw_rate + p.yaw_per_lateral * lateral,
-        )
 
     def _move_feet(self, beat: Beat, p: Columns, velocity: tuple[Floats, Floats, Floats]) -> None:
         """Carry the feet on by a tick: on the ground at -(v + ω × r), through the air to the next foothold."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from policies import bounds
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, PolicyError, flat_joints, to_actions
-from policies.gait import TROT_OFFSETS, Floats, Gait
+from policies.gait import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import leg_angles
 from policies.legs.stance_load import held_up
@@ -146,7 +146,9 @@ class Trot(GaitedPolicy):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()
         self._follow(observation[:, OBSERVATION["command"]].astype(np.float64))
-        joints = self._blended(self._targets(self._phase, self._mapped(self._command)), self.parameters.blend_time)
+        joints = self._blended(
+            self._targets(self._phase, self._gait_velocity(self._command)), self.parameters.blend_time
+        )
         velocity = (joints - self._joints) / self.control_period
         self._joints = joints
         return to_actions(self.robot, joints + self.parameters.servo_lead * velocity)
@@ -157,20 +159,13 @@ class Trot(GaitedPolicy):
         reach = self.control_period * np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
         self._command = self._command + np.clip(command - self._command, -reach, reach)
 
-    def _mapped(self, command: Floats) -> Floats:
+    def _gait_velocity(self, command: Floats) -> Floats:
         """The velocity to ask of the gait so that the robot achieves the commanded one; shape (n, 3)."""
         p = self.parameters
         yaw_rate = command[:, 2]
         forward = command[:, 0] - p.turn_lead * yaw_rate * command[:, 1]
         lateral = command[:, 1] + p.turn_lead * yaw_rate * command[:, 0]
-        return np.stack(
-            [
-                p.forward_gain * forward + p.forward_bias,
-                p.lateral_gain * lateral,
-                p.yaw_gain * yaw_rate + p.yaw_per_lateral * lateral,
-            ],
-            axis=-1,
-        )
+        return np.stack(mapped(p, forward, lateral, yaw_rate), axis=-1)
 
     def _targets(self, phase: Floats, velocity: Floats) -> Floats:
         """Joint targets (n, 12) in rad for a phase (n,) and a gait velocity (n, 3)."""

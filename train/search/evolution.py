@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from rich.progress import track
 
 from evaluate.measures.metrics import Measures
 from evaluate.terminal.launcher import raise_on_interrupt
@@ -106,7 +107,6 @@ def minimise(
     `costs` judges the points of a generation, by its number; `settings` are further ones of the strategy.
     """
     import cma
-    from rich.progress import track
 
     strategy = cma.CMAEvolutionStrategy(
         start,
@@ -148,13 +148,13 @@ def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Colle
     return lines
 
 
-def judged(kind: str, rows: Iterator[tuple[str, str, Measures]]) -> list[str]:
+def judged(kind: str, rows: Iterator[tuple[str, str, Measures]], count: int) -> list[str]:
     """What parameters are worth on episodes of some `kind`, (its name, whose parameters, measures) each, likewise."""
     lines = [
         f"| {kind} | parameters | falls | velocity error, m/s | mean velocity error, m/s | yaw-rate error, rad/s |",
         "|---|---|---|---|---|---|",
     ]
-    for name, label, found in rows:
+    for name, label, found in track(rows, description="judging", total=count):
         errors = (found.velocity_error, found.mean_velocity_error, found.yaw_rate_error)
         figures = " | ".join(f"{value.mean():.3f}" for value in errors)
         lines.append(f"| {name} | {label} | {int(found.fell.sum())}/{len(found.fell)} | {figures} |")

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.progress import Progress
 
 import policies
-from evaluate.rollouts.observers import Step
+from evaluate.rollouts.observers import Observer, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Policy
@@ -46,18 +47,21 @@ def main(options: Options) -> int:
     check_output(options.out)
     episodes = max(1, round(options.hours * 3600 / (STEPS * CONTROL_PERIOD)))
     seeds = episode_seeds("search", options.seed * 100 + 50, episodes)
-    largest = max(undisturbed(policies.resolve(name), seeds) for name in options.policies)
+    chunks = np.array_split(seeds, -(-len(seeds) // AT_ONCE))
+    with Progress() as progress:
+        task = progress.add_task("walking", total=len(options.policies) * len(chunks) * STEPS)
+        largest = max(
+            undisturbed(policies.resolve(name), chunk, lambda _: progress.advance(task))
+            for name in options.policies
+            for chunk in chunks
+        )
     save(options.out, json.dumps({"velocity_deviation": round(largest + MARGIN, 4)}, indent=2) + "\n")
     print(f"largest in {len(seeds) * STEPS * CONTROL_PERIOD / 3600:.2f} h: {largest:.3f} m/s; {options.out}")
     return 0
 
 
-def undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
+def undisturbed(policy: Policy, seeds: NDArray[np.int64], *observers: Observer) -> float:
     """The largest velocity deviation in undisturbed walking on flat ground, m/s."""
-    return max(_undisturbed(policy, chunk) for chunk in np.array_split(seeds, -(-len(seeds) // AT_ONCE)))
-
-
-def _undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
     reference, recent, largest = np.zeros((len(seeds), 2)), np.zeros((len(seeds), 2)), 0.0
 
     def watch(step: Step) -> None:
@@ -67,5 +71,5 @@ def _undisturbed(policy: Policy, seeds: NDArray[np.int64]) -> float:
             largest = max(largest, float(velocity_deviation(step.observation, reference, recent).max()))
             recent = next_recent(recent, step.observation, step.env.dt)
 
-    roll_out(policy, "flat", seeds, watch)
+    roll_out(policy, "flat", seeds, watch, *observers)
     return largest

@@ -100,7 +100,7 @@ def comparison(options: Options, before: FeedbackParameters, after: FeedbackPara
         for label, parameters in (("before", before), ("after", after))
     )
     lead = f"On {options.check_episodes} fresh search episodes of 10 s an exercise:"
-    return [lead, "", *judged("exercise", walks)]
+    return [lead, "", *judged("exercise", walks, 2 * len(EXERCISES))]
 
 
 def main(options: Options) -> int:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.progress import track
 
 from evaluate.terminal.command_line import UsageError
 from policies.gaits.parameters import OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
@@ -102,7 +103,7 @@ def search(options: Options, start: GaitParameters) -> GaitParameters:
 def fitted(options: Options, found: GaitParameters) -> GaitParameters:
     """The parameters with a command map fitted on fresh episodes, to four digits."""
     rng = np.random.default_rng((1, options.seed))
-    for number in range(MAP_ROUNDS):
+    for number in track(range(MAP_ROUNDS), description="command map"):
         command = commands(options.gait, MAP_EPISODES, rng)
         seeds = episode_seeds("search", options.seed + 1_000_000 + number, MAP_EPISODES)
         (walk,) = shared_walk(options.gait, [found], command, seeds, 2 * options.steps, options.threads)

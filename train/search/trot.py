@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.progress import track
 
 from evaluate.measures.metrics import SETTLING_TIME, measure
 from evaluate.rollouts.rollout import run
@@ -69,7 +70,7 @@ def search(options: Options, start: TrotParameters) -> TrotParameters:
 
     *_, found = evolve(options, start, SEARCH_RANGES, costs, spread=SPREAD)
     fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
-    for round_seeds in np.split(fresh, MAP_ROUNDS):
+    for round_seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
         found = mapped(found, round_seeds, options.threads)
     return TrotParameters(**{name: round(value, 4) for name, value in asdict(found).items()})
 
@@ -101,7 +102,7 @@ def account(options: Options, before: TrotParameters, after: TrotParameters) -> 
         for name in SCENARIO_WEIGHTS
         for label, parameters in (("before", before), ("after", after))
     )
-    lines += judged("scenario", walks)
+    lines += judged("scenario", walks, 2 * len(SCENARIO_WEIGHTS))
     return "\n".join(lines) + "\n"
 
 
