@@ -19,7 +19,6 @@ from evaluate.statistics.improvement import (
     improvement_by_episode,
     interquartile_mean,
     interquartile_mean_interval,
-    probability_of_improvement,
 )
 from evaluate.statistics.intervals import (
     Bools,
@@ -81,7 +80,6 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
         "bootstrap, errors of disjoint episodes": partial(_disjoint_mean_difference, count, fall_probability),
         "bootstrap, interquartile mean": partial(_interquartile_mean, count, fall_probability),
         "score, improvement by episode": partial(_improvement_by_episode, count, fall_probability),
-        "bootstrap, probability of improvement": partial(_improvement, count, fall_probability),
     }
     for name, outcome in rules.items():
         yield Check(name, count, fall_probability, outcome, COVERS)
@@ -200,19 +198,14 @@ def _interquartile_mean(count: int, fall_probability: float, generator: np.rando
 
 
 @cache
-def _true_improvement(fall_probability: float, paired: bool) -> float:
+def _true_improvement(fall_probability: float) -> float:
     a, b = _two_policies(np.random.default_rng(1), LARGE, fall_probability).error
-    return float((a > (b if paired else np.roll(b, 1))).mean())
+    return float((a > b).mean())
 
 
 def _improvement_by_episode(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     a, b = _two_policies(generator, count, fall_probability).error
-    return _within(improvement_by_episode(a, b)[1], _true_improvement(fall_probability, True))
-
-
-def _improvement(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = (each.error[0] for each in _two_disjoint(generator, count, fall_probability))
-    return _within(probability_of_improvement(a, b)[1], _true_improvement(fall_probability, False))
+    return _within(improvement_by_episode(a, b)[1], _true_improvement(fall_probability))
 
 
 def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> bool:

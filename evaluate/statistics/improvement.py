@@ -1,7 +1,6 @@
-"""Interquartile mean and probability of improvement, as rliable defines them (Agarwal et al. 2021, NeurIPS).
+"""Interquartile mean, as rliable defines it (Agarwal et al. 2021, NeurIPS), and improvement by episode.
 
-rliable's intervals are percentile bootstraps over training runs, drawn for each algorithm by itself. Ours are over
-episodes; two policies that ran the same episodes are resampled together, pair by pair.
+rliable's intervals are percentile bootstraps over training runs; ours are over episodes.
 """
 
 import numpy as np
@@ -56,16 +55,3 @@ def improvement_by_episode(a: Floats, b: Floats) -> tuple[float, Interval]:
         return (np.nan, (np.nan, np.nan))
     low, high = share_difference_interval(wins, losses, len(a))
     return ((1.0 + (wins - losses) / len(a)) / 2.0, ((1.0 + low) / 2.0, (1.0 + high) / 2.0))
-
-
-def probability_of_improvement(a: Floats, b: Floats, seed: int = 0) -> tuple[float, Interval]:
-    """rliable's, unpaired: probability that any value of a is larger than any of b, ties counted as half; its interval.
-
-    A percentile bootstrap that draws from a and b apart, as rliable's does.
-    """
-    if min(len(a), len(b)) < 2:
-        return (np.nan, (np.nan, np.nan))
-    wins = (np.sign(a[:, None] - b) + 1.0) / 2.0
-    blocks = zip(resamples(len(a), FEWER_RESAMPLES, seed), resamples(len(b), FEWER_RESAMPLES, seed + 1), strict=True)
-    shares = np.concatenate([((counts_a @ wins) * counts_b).sum(axis=1) for counts_a, counts_b in blocks])
-    return (float(wins.mean()), percentile_interval(shares / wins.size))
