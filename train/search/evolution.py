@@ -1,6 +1,6 @@
 """A search of parameters by CMA-ES, over the unit cube of their ranges, and the rows of its account."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import Field, asdict, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -148,13 +148,13 @@ def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Colle
     return lines
 
 
-def judged(kind: str, rows: Iterator[tuple[str, str, Measures]], count: int) -> list[str]:
+def judged(kind: str, rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
     """What parameters are worth on episodes of some `kind`, (its name, whose parameters, measures) each, likewise."""
     lines = [
         f"| {kind} | parameters | falls | velocity error, m/s | mean velocity error, m/s | yaw-rate error, rad/s |",
         "|---|---|---|---|---|---|",
     ]
-    for name, label, found in track(rows, description="judging", total=count):
+    for name, label, found in rows:
         errors = (found.velocity_error, found.mean_velocity_error, found.yaw_rate_error)
         figures = " | ".join(f"{value.mean():.3f}" for value in errors)
         lines.append(f"| {name} | {label} | {int(found.fell.sum())}/{len(found.fell)} | {figures} |")

@@ -1,6 +1,7 @@
 """What a set of parameters of `trot_feedback` is worth: how it tracks on flat ground, and where it breaks."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from policies.trot.feedback_parameters import FeedbackParameters
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.named import Scenario
 from train.scenarios import practice
-from train.search.trot_cost import Floats, Panel, cost
+from train.search.trot_cost import Floats, Panel, episode_costs
 
 COMMAND_INTERVAL = 2.0
 """s between commands in the search: more changes of command in the same time, their transients weigh more."""
@@ -33,14 +34,18 @@ class Exercise:
         """Axis and severity with its unit."""
         return f"{self.axis} {self.severity:g} {AXES[self.axis].unit}"
 
-    def scenario(self, *, short: bool) -> Scenario:
-        """On the search's own ground; `short` has the commands and the pushes of a search's short episodes."""
-        found = practice(AXES[self.axis].scenario(self.severity, self.name), "search")
-        if not short:
+    def scenario(self, purpose: Literal["search", "validation"]) -> Scenario:
+        """The scenario on ground of that purpose; a search's has the commands and the pushes of its short episodes."""
+        found = practice(AXES[self.axis].scenario(self.severity, self.name), purpose)
+        if purpose == "validation":
             return found
         commands = replace(found.commands, interval=COMMAND_INTERVAL)
         pushes = found.pushes and replace(found.pushes, window=(0.5, 2 * COMMAND_INTERVAL))
         return replace(found, commands=commands, pushes=pushes)
+
+    def bill(self, measures: Measures) -> Floats:
+        """Weighted cost of each episode, (episodes,)."""
+        return self.weight * (episode_costs(measures) + self.fall_cost * measures.fell)
 
 
 FALL_COST = 20.0
@@ -58,20 +63,24 @@ EXERCISES = (
 
 The errors of an episode with a fall are some ten times those of walking well: hence the small weights of the hard ones.
 """
+HISTORY = (
+    "The weights are those in the code. That of flat 1.5 m/s was once raised from 2 to 10 after a look at a figure of "
+    "the evaluation. The defaults in the code, from which a search starts, date from then; neither was changed since."
+)
+"""What an account says of the weights."""
 
 
 def walked(members: list[FeedbackParameters], exercise: Exercise, seeds: NDArray[np.int64], threads: int) -> Measures:
-    """What full episodes from those seeds measure, member after member."""
-    return _run(members, exercise.scenario(short=False), seeds, STEPS, threads)
+    """What full episodes from those seeds measure on ground of the validation, member after member."""
+    return _run(members, exercise.scenario("validation"), seeds, STEPS, threads)
 
 
 def judge(candidates: list[FeedbackParameters], seeds: NDArray[np.int64], steps: int, threads: int) -> Floats:
     """Weighted cost of each candidate over all exercises, (candidates,)."""
     total = np.zeros(len(candidates))
     for exercise in EXERCISES:
-        measures = _run(candidates, exercise.scenario(short=True), seeds, steps, threads)
-        fell = measures.fell.reshape(len(candidates), -1).mean(axis=1)
-        total += exercise.weight * (cost(measures, len(candidates)) + exercise.fall_cost * fell)
+        measures = _run(candidates, exercise.scenario("search"), seeds, steps, threads)
+        total += exercise.bill(measures).reshape(len(candidates), -1).mean(axis=1)
     return total
 
 

@@ -102,7 +102,7 @@ def account(options: Options, before: TrotParameters, after: TrotParameters) -> 
         for name in SCENARIO_WEIGHTS
         for label, parameters in (("before", before), ("after", after))
     )
-    lines += judged("scenario", walks, 2 * len(SCENARIO_WEIGHTS))
+    lines += judged("scenario", track(walks, description="judging", total=2 * len(SCENARIO_WEIGHTS)))
     return "\n".join(lines) + "\n"
 
 

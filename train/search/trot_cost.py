@@ -47,13 +47,18 @@ class Panel(Policy):
         return np.concatenate([member.act(share) for member, share in zip(self._members, shares, strict=True)])
 
 
-def cost(measures: Measures, members: int) -> Floats:
-    """Mean over a member's episodes of the scaled errors, (members,); falls are billed within the errors."""
+def episode_costs(measures: Measures) -> Floats:
+    """Sum of the scaled errors of each episode, (episodes,); falls are billed within the errors."""
     total = np.zeros(len(measures.velocity_error))
     for name, scale in ERROR_SCALES.items():
         # A robot that fell within the first second has no overspeed: it is billed for all joints all the time.
         total += np.nan_to_num(getattr(measures, name), nan=1.0) / scale
-    mean: Floats = total.reshape(members, -1).mean(axis=1)
+    return total
+
+
+def cost(measures: Measures, members: int) -> Floats:
+    """Mean cost of each member's episodes, (members,)."""
+    mean: Floats = episode_costs(measures).reshape(members, -1).mean(axis=1)
     return mean
 
 
