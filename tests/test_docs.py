@@ -1,0 +1,169 @@
+"""README and docs run and render: Python blocks as they stand, commands by their options, tables by the code."""
+
+import contextlib
+import importlib
+import io
+import re
+import shlex
+import subprocess
+import sys
+import textwrap
+import tomllib
+from pathlib import Path
+
+import pytest
+from markdown_it import MarkdownIt
+
+import policies
+from quad_env import AXES, FALL_REASONS, SCENARIOS, SIMPLE_QUAD
+from quad_env.task.observations import observation_table
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+PAGES = {
+    str(path.relative_to(ROOT)): path.read_text()
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
+}
+LANGUAGES = {"bash", "python", "mermaid"}
+EVERY_PAGE = pytest.mark.parametrize("page", PAGES)
+
+
+def blocks(language: str, text: str) -> list[str]:
+    found = re.findall(rf"^( *)```{language}\n(.*?)^ *```$", text, re.DOTALL | re.MULTILINE)
+    return [textwrap.dedent(block) for _, block in found]
+
+
+def commands() -> list[str]:
+    """Every `python -m …` in a bash block or between back quotes, with … for what stands before."""
+    lines = [line for text in PAGES.values() for block in blocks("bash", text) for line in block.splitlines()]
+    inline = [code for text in PAGES.values() for code in re.findall(r"`((?:python -m|…) [^`]+)`", text)]
+    parts = [part for line in lines for part in line.split(" && ")] + inline
+    found = [part.replace("…", "python -m evaluate") for part in parts]
+    return sorted({command for command in found if command.startswith("python -m ") and "venv" not in command})
+
+
+def table(header: str, page: str) -> list[list[str]]:
+    """Cells of the table under that header line, back quotes taken off, shape (rows, columns)."""
+    lines = PAGES[page].split(f"{header}\n", 1)[1].split("\n\n")[0].splitlines()[1:]
+    return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines]
+
+
+@EVERY_PAGE
+def test_every_fence_is_closed_and_swallows_no_heading_and_no_table(page: str) -> None:
+    tokens = MarkdownIt("commonmark").enable("table").parse(PAGES[page])
+    fences = [token for token in tokens if token.type == "fence"]
+    assert {token.info for token in fences} <= LANGUAGES
+    assert len(re.findall(r"^ *```", PAGES[page], re.MULTILINE)) == 2 * len(fences)
+    inside = "\n".join(token.content for token in fences)
+    assert not re.search(r"^(##+ |\|[-: |]+\|$)", inside, re.MULTILINE)
+    headings = len(re.findall(r"^#+ ", PAGES[page], re.MULTILINE)) - len(re.findall(r"^#+ ", inside, re.MULTILINE))
+    assert sum(token.type == "heading_open" for token in tokens) == headings
+    rules = len(re.findall(r"^\|[-:|]+\|$", PAGES[page], re.MULTILINE))
+    assert sum(token.type == "table_open" for token in tokens) == rules
+
+
+@pytest.mark.parametrize(
+    "block",
+    [block for text in PAGES.values() for block in blocks("python", text)],
+    ids=lambda block: block.strip().splitlines()[-1][:40],
+)
+def test_python_block_runs_as_it_stands(block: str, tmp_path: Path) -> None:
+    run = subprocess.run([sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+
+
+def help_of(words: list[str]) -> str:
+    """Help of the command that these words, without options, call."""
+    package, *rest = words
+    main = importlib.import_module(package if "." in package else f"{package}.__main__").main
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
+        assert main([*rest, "--help"]) == 0
+    return printed.getvalue()
+
+
+@pytest.mark.parametrize("command", commands())
+def test_command_and_its_options_exist(command: str) -> None:
+    words = shlex.split(command)[2:]
+    package = words[0]
+    if package == "policies.behaviour.diagram":
+        assert len(words) == 1
+        return
+    named = getattr(importlib.import_module(f"{package.split('.')[0]}.__main__"), "COMMANDS", {})
+    called = next((name.split() for name in named if words[1 : 1 + len(name.split())] == name.split()), [])
+    options = {word.partition("=")[0] for word in words if word.startswith("--")}
+    assert options <= set(re.findall(r"--[\w.-]+", help_of([package, *called])))
+
+
+def test_every_subcommand_is_on_the_page_of_commands() -> None:
+    text = PAGES["docs/commands.md"]
+    assert "`python -m quad_env info`" in text
+    for package in ("evaluate", "train"):
+        for name in importlib.import_module(f"{package}.__main__").COMMANDS:
+            last = name.split()[-1]
+            assert re.search(rf"`(python -m {package} )?({name}|{last})\b[^`]*`", text), f"{package} {name}"
+
+
+def test_compared_policies_exist() -> None:
+    listed = [re.search(r"--policies ([^-]+)", command) for command in commands()]
+    names = {name for found in listed if found for name in found[1].split() if "/" not in name}
+    names = {name.partition("@")[0] for name in names}
+    assert names
+    assert names <= set(policies.names())
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 120
+
+
+def test_set_up_is_two_commands_that_each_stand_alone() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    environment = "python3 -m venv .venv && . .venv/bin/activate && pip install -e"
+    first, second = (block.strip() for block in blocks("bash", README)[:2])
+    assert first == f"{environment} . && python -m evaluate"
+    assert second == f'{environment} ".[train,dev]" && pytest'
+    assert set(extras) == {"train", "dev", "video"}
+
+
+def test_observation_table_is_the_observation() -> None:
+    rows = table("| term | width | unit |", "docs/environment.md")
+    assert rows == [[term.name, str(term.width), term.unit] for term in observation_table(SIMPLE_QUAD).terms]
+
+
+def test_every_policy_has_its_row_and_its_results() -> None:
+    assert sorted(row[0] for row in table("| name | what it is |", "docs/policies.md")) == sorted(policies.names())
+    rows = re.findall(r"^\| \S+ \| `([^`]+)` \| ", PAGES["docs/results.md"], re.MULTILINE)
+    assert set(policies.names()) <= set(rows)
+
+
+def test_every_axis_has_its_row_with_its_levels_and_its_nominal_one_bold() -> None:
+    rows = table("| axis | severity | levels, the nominal one bold |", "docs/scenarios.md")
+    assert [row[0] for row in rows] == list(AXES) == list(SCENARIOS)
+    for (name, _, levels), axis in zip(rows, AXES.values(), strict=True):
+        assert [float(level.strip("* ")) for level in levels.split(",")] == list(axis.levels), name
+        (bold,) = re.findall(r"\*\*(.+?)\*\*", levels)
+        assert float(bold) == axis.nominal
+
+
+def test_the_fall_rule_is_told_as_it_is() -> None:
+    assert len(FALL_REASONS) > 1
+    for page in ("docs/environment.md", "docs/numbers.md"):
+        rule = " ".join(PAGES[page].split())
+        assert "trunk on the ground, tilt over 70°, or trunk centre lower than 0.12 m above the ground below it" in rule
+
+
+@EVERY_PAGE
+def test_linked_files_exist(page: str) -> None:
+    links = [target for target in re.findall(r"\]\(([^)#]+)\)", PAGES[page]) if "://" not in target]
+    assert [target for target in links if not (ROOT / page).parent.joinpath(target).exists()] == []
+
+
+def test_listed_folders_exist() -> None:
+    folders = re.findall(r"^\| `(\w+/)` \|", README, re.MULTILINE)
+    assert len(folders) >= 7
+    assert [folder for folder in folders if not (ROOT / folder).is_dir()] == []
+
+
+def test_every_page_is_reached_from_the_readme() -> None:
+    linked = {target for text in PAGES.values() for target in re.findall(r"\]\((?:docs/)?(\w+\.md)\)", text)}
+    assert {Path(page).name for page in PAGES if page.startswith("docs/")} <= linked
