@@ -74,13 +74,19 @@ def write(take: Take, path: Path, progress: Progress) -> None:
         return
     images: list[Image] = []
     shoot(take, progress, STRIP_FRAMES_A_SECOND if kind == ".png" else FRAMES_A_SECOND, images.append)
-    buffer = io.BytesIO()
     if kind == ".png":
+        buffer = io.BytesIO()
         _strip(images).save(buffer, "png")
+        write_atomically(path, buffer.getvalue())
     else:
-        lasting = round(1000 / FRAMES_A_SECOND)
-        images[0].save(buffer, kind[1:], save_all=True, append_images=images[1:], duration=lasting, loop=0)
-    write_atomically(path, buffer.getvalue())
+        write_atomically(path, moving_picture(images, kind[1:], 1 / FRAMES_A_SECOND))
+
+
+def moving_picture(images: "list[Image]", kind: str, period: float, quality: int = 80) -> bytes:
+    """A WebP, of that quality out of 100, or a GIF, which shows each image for `period` s, over and over."""
+    buffer, lasting = io.BytesIO(), round(1000 * period)
+    images[0].save(buffer, kind, save_all=True, append_images=images[1:], duration=lasting, loop=0, quality=quality)
+    return buffer.getvalue()
 
 
 def shoot(take: Take, progress: Progress, frames_a_second: int, keep: "Callable[[Image], None]") -> None:

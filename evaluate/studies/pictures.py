@@ -1,7 +1,7 @@
-"""Strips of frames: `python -m evaluate pictures` shows policies walking, one row a policy and scenario.
+"""Pictures of policies walking: `python -m evaluate pictures` draws strips of frames, one row a policy and scenario.
 
-Look at the robot before believing a figure. With `--out docs/walking.png` and one scenario it draws the README's
-picture.
+Look at the robot before believing a figure. With `--scenarios flat rough --out docs/walking.webp` it draws the README's
+picture, in which the policies move side by side.
 """
 
 from contextlib import closing
@@ -12,38 +12,61 @@ import numpy as np
 
 import policies
 import quad_env
+from evaluate.report.film import moving_picture
 from evaluate.rollouts.frames import Frame, Frames
 from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD
-from policies.files import make_writable_folder
+from policies.files import make_writable_folder, write_atomically
 
 EPISODE = 10.0
 """Length of an episode, s."""
+WIDTH, HEIGHT = 240, 200
+"""Pixels of a frame."""
+SAMPLES = 2
+"""Pixels drawn across and down for each that is shown: edges are smooth then."""
+QUALITY = 30
+"""Quality of a moving WebP, out of 100."""
+MOVING = (".webp", ".gif")
 
 
 @dataclass(frozen=True)
 class Options:
-    """Draw strips of frames."""
+    """Draw policies walking."""
 
-    policies: tuple[str, ...] = ("document", "document_repaired", "trot", "residual")
+    policies: tuple[str, ...] = ("document_repaired", "trot", "trot_feedback", "residual")
     """Names or folders of trained policies."""
     scenarios: tuple[str, ...] = ("flat", "push", "rough")
     """Names of scenarios."""
     out: Path = Path("results/walking.png")
-    """PNG to write."""
+    """PNG to write, of strips; or WebP or GIF, of the policies moving side by side, a row a scenario."""
     command: tuple[float, float, float] = (0.7, 0.0, 0.0)
     """Forward m/s, lateral m/s, yaw rate rad/s."""
     start: float = 2.0
     """Time of the first frame, s."""
-    every: float = 0.06
-    """Time between frames, s."""
-    frames: int = 8
-    """Frames a row."""
+    every: float | None = None
+    """Time between frames, s; by default 0.06 of a strip, 0.05 of a moving picture, which is shown in real time."""
+    frames: int | None = None
+    """Frames (count); by default 8 of a strip, 60 of a moving picture."""
     seed: int = 0
     """Seed of the episode."""
     camera: str = "track"
     """Camera of the model: track or side."""
+
+    @property
+    def moving(self) -> bool:
+        """Whether the picture is to move."""
+        return self.out.suffix.lower() in MOVING
+
+    @property
+    def period(self) -> float:
+        """Time between frames, s."""
+        return self.every if self.every is not None else 0.05 if self.moving else 0.06
+
+    @property
+    def count(self) -> int:
+        """How many frames."""
+        return self.frames if self.frames is not None else 60 if self.moving else 8
 
 
 def main(options: Options) -> int:
@@ -59,9 +82,9 @@ def main(options: Options) -> int:
 
 def _check(options: Options) -> None:
     """Everything that can be wrong, before anything is drawn; ValueError (PolicyError), OSError or UsageError."""
-    if not (options.frames >= 1 and options.every >= 0.01 and options.start >= 0.0):
-        raise UsageError("--frames must be at least 1, --every at least 0.01 s, --start not negative")
-    if not options.start + options.frames * options.every <= EPISODE:
+    if not (options.count >= 1 and options.period >= CONTROL_PERIOD and options.start >= 0.0):
+        raise UsageError(f"--frames must be at least 1, --every at least {CONTROL_PERIOD:g} s, --start not negative")
+    if not options.start + options.count * options.period <= EPISODE:
         raise UsageError(f"the last frame must lie within the episode's {EPISODE:g} s; see --start, --every, --frames")
     if not options.policies or not options.scenarios:
         raise UsageError("--policies and --scenarios must each name at least one")
@@ -72,36 +95,48 @@ def _check(options: Options) -> None:
             quad_env.scenario(scenario)
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
-    if options.out.suffix.lower() != ".png" or options.out.is_dir():
-        raise UsageError(f"--out must be a PNG file, such as results/walking.png, not {options.out}")
+    if options.out.suffix.lower() not in (".png", *MOVING) or options.out.is_dir():
+        raise UsageError(f"--out must be a .png, or a .webp or .gif that moves, not {options.out}")
     make_writable_folder(options.out.parent)
 
 
 def draw(options: Options) -> None:
-    """Write the picture: a labelled row of frames for each policy on each scenario."""
-    from PIL import Image, ImageDraw
+    """Write the picture."""
+    from PIL import Image
 
-    rows = []
-    for scenario in options.scenarios:
-        for policy in options.policies:
-            row = Image.fromarray(np.concatenate(strip(policy, scenario, options), axis=1))
-            ImageDraw.Draw(row).text((8, 6), f"{policy}, {scenario}", fill=(20, 20, 20), font_size=18)
-            rows.append(np.asarray(row))
-    Image.fromarray(np.concatenate(rows, axis=0)).save(options.out)
+    walks = np.array([[walk(policy, name, options) for policy in options.policies] for name in options.scenarios])
+    scenarios, shown, count = walks.shape[:3]
+    if options.moving:  # (scenario, policy, time, y, x, colour)
+        sheets = walks.transpose(2, 0, 3, 1, 4, 5).reshape(count, scenarios * HEIGHT, shown * WIDTH, 3)
+        images = list(map(Image.fromarray, sheets))
+        write_atomically(options.out, moving_picture(images, options.out.suffix[1:].lower(), options.period, QUALITY))
+    else:
+        sheet = walks.transpose(0, 1, 3, 2, 4, 5).reshape(scenarios * shown * HEIGHT, count * WIDTH, 3)
+        Image.fromarray(sheet).save(options.out)
 
 
-def strip(policy: str, scenario: str, options: Options) -> list[Frame]:
-    """Frames of one episode; a fallen robot is shown where it lies."""
-    first, every = 1 + round(options.start / CONTROL_PERIOD), round(options.every / CONTROL_PERIOD)
-    steps = first + (options.frames - 1) * every
-    with closing(Frames(every, first, width=240, height=200, camera=options.camera)) as frames:
+def walk(policy: str, scenario: str, options: Options) -> list[Frame]:
+    """Frames of one episode, with its name on the first, or on all that are to move; a fallen robot lies there."""
+    first, every = 1 + round(options.start / CONTROL_PERIOD), round(options.period / CONTROL_PERIOD)
+    with closing(Frames(every, first, width=SAMPLES * WIDTH, height=SAMPLES * HEIGHT, camera=options.camera)) as frames:
         roll_out(
             policies.resolve(policy),
             scenario,
             np.array([options.seed]),
             frames,
-            steps=steps,
+            steps=first + (options.count - 1) * every,
             command=options.command,
             terminate_on_fall=False,
         )
-    return frames.taken + frames.taken[-1:] * (options.frames - len(frames.taken))
+    taken = frames.taken + frames.taken[-1:] * (options.count - len(frames.taken))
+    label = f"{policy}, {scenario}"
+    return [_tile(frame, label if options.moving or not i else "") for i, frame in enumerate(taken)]
+
+
+def _tile(frame: Frame, label: str) -> Frame:
+    """A frame in its size, with smooth edges and the label."""
+    from PIL import Image, ImageDraw
+
+    image = Image.fromarray(frame).reduce(SAMPLES)
+    ImageDraw.Draw(image).text((8, 6), label, fill="white", font_size=17, stroke_width=1, stroke_fill="black")
+    return np.asarray(image)

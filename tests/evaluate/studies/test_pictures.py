@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from evaluate.__main__ import main
 
@@ -21,6 +21,20 @@ def test_a_row_for_each_policy_shows_it_moving(tmp_path, capsys) -> None:
     moved = (np.abs(np.diff(frames, axis=1)).max(axis=-1) > 40).mean(axis=(2, 3))
     assert moved[1].min() > 0.005  # the trot's legs
     assert moved[1].min() > 2.0 * moved[0].max()  # and the other one stands
+
+
+@pytest.mark.rendering
+def test_policies_move_side_by_side_over_and_over(tmp_path) -> None:
+    out = tmp_path / "walking.webp"
+    arguments = ["pictures", "--policies", "stand", "trot", "--scenarios", "flat", "--start", "0.5", "--every", "0.1"]
+    assert main([*arguments, "--frames", "3", "--out", str(out)]) == 0
+    with Image.open(out) as picture:
+        assert (picture.size, picture.n_frames, picture.info["loop"]) == ((2 * 240, 200), 3, 0)
+        frames = np.array([frame.convert("RGB") for frame in ImageSequence.Iterator(picture)]).astype(int)
+        assert picture.info["duration"] == 100
+    tiles = frames[:, 40:].reshape(3, 160, 2, 240, 3)
+    moved = (np.abs(np.diff(tiles, axis=0)).max(axis=-1) > 40).mean(axis=(0, 1, 3))
+    assert moved[1] > 0.005 > 2.0 * moved[0]  # the trot's legs; the other one stands
 
 
 @pytest.mark.rendering
