@@ -389,6 +389,7 @@ def time_out_counted_as_fall(patch: pytest.MonkeyPatch) -> None:
 
     def faulty(self: SimpleQuadVectorEnv, actions: np.ndarray) -> Any:
         observation, reward, terminated, truncated, infos = true_step(self, actions)
+        infos["fall"] = np.where(truncated, 1, infos["fall"]).astype(np.int8)
         return observation, reward, terminated | truncated, truncated, infos
 
     patch.setattr(SimpleQuadVectorEnv, "step", faulty)
