@@ -13,10 +13,9 @@ from rich.table import Table
 
 from benchmarks.support.bars import BARS, Check
 from benchmarks.support.measure import Spread, machine, machine_line
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
-from policies.base import PolicyError
-from policies.files import make_writable_folder, write_atomically
+from evaluate.terminal.command_line import UsageError, make_folder_of, parse
+from evaluate.terminal.program import exit_code
+from policies.files import write_atomically
 
 WIDTH = 100
 """Columns that every table fits into."""
@@ -67,25 +66,19 @@ def run(
     description: str,
 ) -> int:
     """Parse, measure, print and keep; the exit code: 0, 2 with one line after a user's mistake, 130 after Ctrl-C."""
-    survive_narrow_encodings()
-    try:
+
+    def run_it() -> int:
         words = list(sys.argv[1:] if arguments is None else arguments)
         options = parse(kind, words, program=f"python -m {program}", description=description)
         if isinstance(options, Common):
             in_range("--rounds", options.rounds, 1, MOST_ROUNDS)
         if options.json:
-            make_writable_folder(options.json.parent)
+            make_folder_of(options.json, "--json")
         facts = machine()
-        outcome = measure(options)
-        conclude(outcome, facts, options, program)
-    except BrokenPipeError:
-        raise
-    except (UsageError, PolicyError, OSError) as mistake:
-        return fail(str(mistake))
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return launcher.INTERRUPTED
-    return 0
+        conclude(measure(options), facts, options, program)
+        return 0
+
+    return exit_code(run_it)
 
 
 def conclude(outcome: Outcome, facts: dict[str, Any], options: Output, program: str) -> None:

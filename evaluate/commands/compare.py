@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, make_folder_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -54,6 +54,8 @@ def main(options: Options) -> int:
 
     from evaluate.records.manifest import differences
 
+    if options.json is not None:
+        make_folder_of(options.json, "--json")
     (manifest_a, rows_a), (manifest_b, rows_b) = map(_read, (options.a, options.b))
     pairs = _pairs(options, manifest_a, manifest_b)
     matches = [

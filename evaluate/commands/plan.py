@@ -14,13 +14,12 @@ from evaluate.records.manifest import Manifest
 from evaluate.records.store import CHUNKS, FILES, JUNIT
 from evaluate.rollouts import battery, hardware
 from evaluate.rollouts.experiment import LabelledPolicy
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.files import make_writable_folder, sole_use
 from quad_env.scenarios.named import Scenario
 
-MOST_EPISODES = 1_000_000
-MOST_THREADS = 256
-MOST_AT_ONCE = 65_536
+LIMITS = {"episodes": (1, 1_000_000), "threads": (1, 256), "at_once": (1, 65_536), "seed": (0, 2**63 - 1)}
+"""Smallest and largest value of each number of the options."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ def begun_with(folder: Path) -> Options:
 
 def check(options: Options) -> Plan:
     """The plan of these options. Raises UsageError."""
-    _check_numbers(options)
+    check_numbers(options, LIMITS)
     if options.quick + options.full + (options.scenarios != DEFAULT_BATTERY) > 1:
         raise UsageError("--quick, --full and --scenarios each name the scenarios: give one of them")
     try:
@@ -89,17 +88,6 @@ def check_baseline(baseline: str | None, labels: Sequence[str]) -> None:
     """Raise UsageError unless the baseline is one of the policies."""
     if baseline is not None and baseline not in labels:
         raise UsageError(f"--baseline: {baseline} is not among the policies {', '.join(labels)}")
-
-
-def _check_numbers(options: Options) -> None:
-    for name, value, low, high in (
-        ("episodes", options.episodes, 1, MOST_EPISODES),
-        ("threads", options.threads, 1, MOST_THREADS),
-        ("at-once", options.at_once, 1, MOST_AT_ONCE),
-        ("seed", options.seed, 0, 2**63 - 1),
-    ):
-        if not low <= value <= high:
-            raise UsageError(f"--{name} must be a whole number from {low} to {high}, not {value}")
 
 
 def _check_folder(out: Path) -> None:

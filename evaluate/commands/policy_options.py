@@ -17,6 +17,8 @@ def policies_asked_for(
     """The policies of these names, each with the scenarios that it is limited to. Raises UsageError."""
     if not names:
         raise UsageError(f"--policies: none given; name at least one of {', '.join(policies.names())}, or a folder")
+    if unlimited := [name for name in names if name.endswith("@")]:
+        raise UsageError(f"--policies: name scenarios after the @ of {', '.join(unlimited)}, as in document@flat")
     asked = [_parts(name) for name in names]
     if names == DEFAULT_POLICIES:
         run = {scenario.name for scenario in scenarios}

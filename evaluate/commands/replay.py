@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, make_folder_of
 
 if TYPE_CHECKING:
     from evaluate.records.manifest import Manifest
@@ -59,7 +59,7 @@ def main(options: Options) -> int:
     policy = _policy(found.cell.policy, run.manifest)
     if options.video is not None:
         check_kind(options.video)
-        _check_folder(options.video)
+        make_folder_of(options.video, "--video")
     differing = differences(run.manifest, found, policy)
     if not differing:
         print(f"{found.title}, seed {found.cell.seeds[found.number]}: identical to the bit")
@@ -141,17 +141,6 @@ def _policy(label: str, manifest: "Manifest") -> "LabelledPolicy":
         return LabelledPolicy(label, manifest.hardware.policy(label))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
-
-
-def _check_folder(video: Path) -> None:
-    from policies.files import make_writable_folder
-
-    try:
-        make_writable_folder(video.parent)
-    except OSError as error:
-        raise UsageError(f"--video: cannot write to the folder {video.parent} ({error.strerror})") from error
-    if video.is_dir():
-        raise UsageError(f"--video: {video} is a folder")
 
 
 def _film(video: Path, manifest: "Manifest", found: Found, policy: "LabelledPolicy") -> None:

@@ -34,7 +34,7 @@ class Options:
     results: Annotated[Path, tyro.conf.Positional]
     """Folder of the results."""
     rules: tuple[str, ...] = ("all",)
-    """Names of fall rules, or `all`."""
+    """Names of fall rules: simple-quad/1, height-only, tilt-70, tilt-90, trunk-contact, non-foot-contact; or all."""
 
 
 @dataclass(frozen=True)

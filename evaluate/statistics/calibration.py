@@ -14,7 +14,15 @@ import numpy as np
 
 from evaluate.statistics import checks
 from evaluate.statistics.checks import Check
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, check_numbers
+
+LIMITS = {
+    "sets": (2, 10_000_000),
+    "episodes": (2, 1_000_000),
+    "fall_probabilities": (0.001, 0.999),
+    "seed": (0, 2**31),
+}
+"""Smallest and largest value of each number of the options."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +52,9 @@ def main(options: Options) -> int:
 
 
 def _checks(options: Options) -> Iterator[Check]:
-    if min((options.sets, *options.episodes)) < 2 or not all(0.0 < p < 1.0 for p in options.fall_probabilities):
-        raise UsageError("--sets and --episodes must be 2 or more, --fall-probabilities between 0 and 1")
+    if not options.episodes or not options.fall_probabilities:
+        raise UsageError("--episodes and --fall-probabilities must each have at least one value")
+    check_numbers(options, LIMITS)
     if options.real is None:
         yield from checks.all_checks(options.episodes, options.fall_probabilities)
     else:

@@ -8,8 +8,7 @@ import numpy as np
 from evaluate.report.plots.gait_diagram import stances
 from evaluate.rollouts.observers import Step
 from evaluate.studies.strides import Strides, walked
-from evaluate.terminal.command_line import UsageError
-from policies.files import make_writable_folder
+from evaluate.terminal.command_line import UsageError, check_numbers, make_folder_of
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import Gaits
 from quad_env.seeding import episode_seeds
@@ -23,7 +22,7 @@ class Options:
     """Draw a gait diagram."""
 
     gait: str = "walk"
-    """Gait to draw."""
+    """Gait to draw: bound, pace, pronk, trot, walk or stand."""
     then: str | None = None
     """Gait to change to at the start of the diagram; none without."""
     out: Path = Path("results/gait.png")
@@ -35,7 +34,7 @@ class Options:
     length: float = 2.0
     """Time that the diagram shows, s."""
     seed: int = 0
-    """Seed of the episode."""
+    """Which episode (whole number from 0)."""
 
 
 def draw(policy: Gaits, strides: Strides, title: str, out: Path) -> None:
@@ -90,10 +89,7 @@ def _check(options: Options) -> None:
             raise UsageError(f"unknown gait {gait!r}; there are {', '.join(GAITS)}")
     if not (options.start >= 0.0 and options.length >= 0.05 and options.start + options.length <= LONGEST):
         raise UsageError(f"--start must be at least 0 s, --length at least 0.05 s, both together at most {LONGEST:g} s")
-    if not np.isfinite(options.command).all() or np.abs(options.command).max() > 10.0:
-        raise UsageError("--command must be three numbers from -10 to 10")
-    if options.seed < 0:
-        raise UsageError(f"--seed must not be negative, got {options.seed}")
+    check_numbers(options, {"command": (-10.0, 10.0), "seed": (0, 2**31)})
     if options.out.suffix.lower() != ".png" or options.out.is_dir():
         raise UsageError(f"--out must be a PNG file, such as results/gait.png, not {options.out}")
-    make_writable_folder(options.out.parent)
+    make_folder_of(options.out, "--out")

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from evaluate.rollouts.observers import Step
 from evaluate.studies.strides import Strides, walked
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.base import CONTROL_PERIOD
 from policies.gaits.parameters import GAITS, OFFSETS
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
@@ -31,6 +31,9 @@ CHANGE_STEPS = 600
 """Control steps of an episode with a change of gait."""
 TIMED_ROBOTS, TIMED_STEPS = 1024, 200
 
+LIMITS = {"robots": (1, 65_536), "seconds": (3.0, 1000.0), "threads": (1, 256), "seed": (0, 2**31)}
+"""Smallest and largest value of each number of the options."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -45,9 +48,9 @@ class Options:
     changes: bool = True
     """Whether to measure the changes of gait."""
     seed: int = 0
-    """Seed of the episodes."""
+    """Which set of episodes (whole number from 0)."""
     threads: int = 2
-    """Threads of the simulation."""
+    """Threads of the simulation (count)."""
 
 
 def steady(gait: str, seeds: NDArray[np.int64], *, steps: int, threads: int = 2) -> Strides:
@@ -142,9 +145,7 @@ def _change_table(options: Options) -> Table:
 def _check(options: Options) -> None:
     if not options.gaits or set(options.gaits) - set(GAITS) or len(set(options.gaits)) < len(options.gaits):
         raise UsageError(f"--gaits: name each once; there are {', '.join(GAITS)}")
-    for name, low, high in (("robots", 1, 65_536), ("seconds", 3.0, 1000.0), ("threads", 1, 256), ("seed", 0, 2**31)):
-        if not low <= (value := getattr(options, name)) <= high:
-            raise UsageError(f"--{name} must be from {low:g} to {high:g}, got {value:g}")
+    check_numbers(options, LIMITS)
 
 
 def main(options: Options) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evaluate.measures.standing import standing
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import check_numbers
 from policies.base import Floats
 from policies.behaviour import Behaviour
 from quad_env.seeding import episode_seeds
@@ -29,7 +29,7 @@ class Options:
     robots: int = 256
     """Robots (count), each with start noise of its own."""
     seed: int = 0
-    """Seed of the starts."""
+    """Which set of starts (whole number from 0)."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,7 @@ class Outcome:
 
 def main(options: Options) -> int:
     """Measure and print; the exit code."""
-    if options.robots < 1 or options.seed < 0:
-        raise UsageError("--robots must be at least 1, --seed not negative")
+    check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
     print(report(jumped(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
     return 0
 

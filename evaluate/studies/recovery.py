@@ -16,7 +16,7 @@ from evaluate.measures.standing import standing
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from evaluate.statistics.intervals import wilson_interval
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import check_numbers
 from policies.base import CONTROL_PERIOD, Floats, Policy
 from policies.behaviour import Behaviour, State
 from quad_env import OBSERVATION, SCENARIOS, AnyPose
@@ -36,9 +36,9 @@ class Options:
     """Measure the recovery from falls."""
 
     robots: int = 1000
-    """Random starts."""
+    """Robots (count), each with a random start of its own."""
     seed: int = 0
-    """Seed of the starts."""
+    """Which set of starts (whole number from 0)."""
     seeds: Literal["search", "validation", "evaluation"] = "evaluation"
     """Family of seeds; the keyframes were searched on "search"."""
 
@@ -58,8 +58,7 @@ class Outcome:
 
 def main(options: Options) -> int:
     """Measure and print; the exit code."""
-    if options.robots < 1 or options.seed < 0:
-        raise UsageError("--robots must be at least 1, --seed not negative")
+    check_numbers(options, {"robots": (1, 1_000_000), "seed": (0, 2**31)})
     print(report(recover(episode_seeds(options.seeds, options.seed, options.robots))))
     return 0
 

@@ -18,7 +18,7 @@ from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
 from evaluate.statistics.intervals import wilson_interval
 from evaluate.studies.gaits import SPEEDS
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import check_numbers
 from policies.base import CONTROL_PERIOD, Policy
 from policies.safety import Mode, Safe
 from quad_env import OBSERVATION
@@ -37,11 +37,11 @@ class Options:
     policy: str = "trot"
     """Name or folder of the policy that it guards."""
     episodes: int = 64
-    """Episodes at each level of the push axis, without and with the layer."""
+    """Episodes at each level of the push axis, without and with the layer (count)."""
     hours: float = 2.0
-    """Undisturbed walking."""
+    """Undisturbed walking, h of simulated time."""
     seed: int = 0
-    """Seed of the episodes."""
+    """Which set of episodes (whole number from 0)."""
     seeds: Literal["search", "validation", "evaluation"] = "evaluation"
     """Family of seeds."""
 
@@ -62,8 +62,7 @@ class Run:
 
 def main(options: Options) -> int:
     """Score and print; the exit code."""
-    if options.episodes < 1 or options.hours <= 0 or options.seed < 0:
-        raise UsageError("--episodes must be at least 1, --hours positive, --seed not negative")
+    check_numbers(options, {"episodes": (1, 65_536), "hours": (0.001, 1000.0), "seed": (0, 2**31)})
     policies.resolve(options.policy)
     _push_axis(options)
     _undisturbed(options)

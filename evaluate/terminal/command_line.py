@@ -5,6 +5,8 @@ import io
 import itertools
 import re
 import sys
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TypeVar, cast
 
 Options = TypeVar("Options")
@@ -47,6 +49,26 @@ def first_sentence(box: str) -> str:
     # Where the terminal cannot draw boxes, a rule follows the title.
     below = itertools.dropwhile(_RULE.fullmatch, lines)
     return " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+
+
+def check_numbers(options: object, limits: Mapping[str, tuple[float, float]]) -> None:
+    """Raise UsageError, one line, for the first of these numbers, or of its entries, that is outside its limits."""
+    for name, (low, high) in limits.items():
+        value = getattr(options, name)
+        if not all(low <= each <= high for each in (value if isinstance(value, tuple) else (value,))):
+            raise UsageError(f"--{name.replace('_', '-')} must be from {low} to {high}, not {value}")
+
+
+def make_folder_of(file: Path, option: str) -> None:
+    """Make the folder that a file is to be written into. Raises UsageError, one line, where it cannot be written."""
+    from policies.files import make_writable_folder  # here, since it takes long to load
+
+    try:
+        make_writable_folder(file.parent)
+    except OSError as error:
+        raise UsageError(f"{option}: cannot write to the folder {file.parent} ({error.strerror})") from error
+    if file.is_dir():
+        raise UsageError(f"{option}: {file} is a folder; name a file")
 
 
 def survive_narrow_encodings() -> None:

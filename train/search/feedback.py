@@ -17,12 +17,13 @@ from rich.progress import track
 
 from evaluate.measures.metrics import Measures
 from evaluate.statistics.significance import sign_flip_test
+from evaluate.terminal.command_line import check_numbers
 from policies.base import CONTROL_PERIOD
 from policies.trot.feedback_parameters import PARAMETERS_FILE, SEARCH_RANGES, FeedbackParameters, read_parameters
 from quad_env.seeding import episode_seeds
 from train.search.evolution import changes, encode, evolve, judged, last
 from train.search.feedback_cost import COMMAND_INTERVAL, EXERCISES, FALL_COST, HISTORY, judge, walked
-from train.search.outcome import as_json, check_numbers, check_output, save
+from train.search.outcome import as_json, check_output, save
 from train.search.trot import LIMITS as TROT_LIMITS
 from train.search.trot_cost import ERROR_SCALES, Floats
 

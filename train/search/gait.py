@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.gaits.parameters import OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
 from quad_env.seeding import episode_seeds
 from train.search.command_map import response, undone
 from train.search.evolution import Ranges, evolve
 from train.search.gait_cost import FEWEST, SETTLING, commands, cost, shared_walk
-from train.search.outcome import as_json, check_numbers, check_output, save
+from train.search.outcome import as_json, check_output, save
 
 _COMMON = {
     "frequency": (2.0, 3.6),

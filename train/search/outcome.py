@@ -1,21 +1,12 @@
-"""What a search is asked for and what it leaves: numbers within their limits, files that are not lost."""
+"""What a search leaves: files that are not lost."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
 from evaluate.terminal.command_line import UsageError
 from policies.files import make_writable_folder, write_atomically
 from train.search.evolution import Parameters
-
-
-def check_numbers(options: object, limits: Mapping[str, tuple[float, float]]) -> None:
-    """Raise UsageError, one line, for the first number outside its limits."""
-    for name, (low, high) in limits.items():
-        if not low <= getattr(options, name) <= high:
-            option = "--" + name.replace("_", "-")
-            raise UsageError(f"{option} must be from {low} to {high}, got {getattr(options, name)}")
 
 
 def check_output(out: Path, account: str = "") -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.studies.recovery import TIME_ALLOWED, recover_with
+from evaluate.terminal.command_line import check_numbers
 from policies.base import Floats
 from policies.behaviour import Behaviour
 from policies.behaviour.recovery import PARAMETERS_FILE, RecoveryParameters, searched_parameters
@@ -19,7 +20,7 @@ from policies.behaviour.transitions import State
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.search.evolution import last, minimise
-from train.search.outcome import as_json, check_numbers, check_output, save
+from train.search.outcome import as_json, check_output, save
 from train.search.trot_cost import Panel
 
 LATE_COST = 2.0

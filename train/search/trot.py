@@ -13,12 +13,13 @@ from rich.progress import track
 
 from evaluate.measures.metrics import SETTLING_TIME, measure
 from evaluate.rollouts.rollout import run
+from evaluate.terminal.command_line import check_numbers
 from policies.base import CONTROL_PERIOD
 from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
 from train.search.evolution import changes, evolve, judged
-from train.search.outcome import as_json, check_numbers, check_output, save
+from train.search.outcome import as_json, check_output, save
 from train.search.trot_cost import ERROR_SCALES, MINIMUM_INTERVALS, SCENARIO_WEIGHTS, Floats, judge, mapped
 
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")

@@ -104,7 +104,7 @@ def test_policies_of_different_names(run, capsys) -> None:
     [
         (("--policies", "trott", "trot"), ("trott", "document, stand, trot")),
         (("--policies", "trot"), ("--policies",)),
-        (("--json", "nowhere/found.json"), ("--json", "nowhere/found.json")),
+        (("--json", "."), ("--json", "is a folder")),
     ],
     ids=lambda value: " ".join(value),
 )

@@ -92,3 +92,32 @@ def test_a_baseline_that_takes_no_part_is_refused(capsys, tmp_path, run, words) 
     folder = run.folder if words[0] == "report" else tmp_path
     assert main([*(word.format(folder) for word in words), "--baseline", "gallop"]) == 2
     assert "--baseline: gallop is not among the policies" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["jump", "--robots", "100000000000"], "--robots must be from 1 to 65536, not 100000000000"),
+        (["jump", "--seed", "-1"], "--seed must be from 0 to"),
+        (["recovery", "--robots", "100000000000"], "--robots must be from 1 to 1000000"),
+        (["safety", "--episodes", "0"], "--episodes must be from 1 to"),
+        (["safety", "--hours", "nan"], "--hours must be from 0.001 to 1000.0, not nan"),
+        (["safety", "--policy", "gallop"], "no policy 'gallop': name one of"),
+        (["calibration", "--seed", "-1"], "--seed must be from 0 to"),
+        (["calibration", "--sets", "100000000000"], "--sets must be from 2 to"),
+        (["calibration", "--episodes"], "--episodes and --fall-probabilities must each have at least one value"),
+        (["calibration", "--fall-probabilities", "0.5", "nan"], "--fall-probabilities must be from 0.001 to 0.999"),
+        (["gait-diagram", "--command", "nan", "0", "0"], "--command must be from -10.0 to 10.0, not (nan, 0.0, 0.0)"),
+        (["trot@", "--out", "out"], "--policies: name scenarios after the @ of trot@, as in document@flat"),
+        (["compare", "a", "b", "--json", "."], "--json: . is a folder; name a file"),
+        (["gait-diagram", "--out", "file/gait.png"], "--out: cannot write to the folder file ("),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_values_that_nothing_can_be_done_with_are_one_line(capsys, tmp_path, monkeypatch, words, said) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert printed.err.startswith(f"error: {said}")
