@@ -14,7 +14,7 @@ from rich.progress import Progress
 import policies
 from evaluate.rollouts.observers import Observer, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.base import CONTROL_PERIOD, Policy
 from policies.safety.fall_prediction import THRESHOLD_FILE, next_recent, next_reference, velocity_deviation
 from quad_env.seeding import episode_seeds
@@ -42,8 +42,9 @@ class Options:
 
 def main(options: Options) -> int:
     """Fit and write; the exit code. Raises UsageError."""
-    if not options.hours > 0 or options.seed < 0 or not options.policies:
-        raise UsageError("--hours must be positive, --seed not negative, and --policies name at least one")
+    if not options.policies:
+        raise UsageError("--policies must name at least one policy")
+    check_numbers(options, {"hours": (0.001, 1000.0), "seed": (0, 2**31)})
     check_output(options.out)
     episodes = max(1, round(options.hours * 3600 / (STEPS * CONTROL_PERIOD)))
     seeds = episode_seeds("search", options.seed * 100 + 50, episodes)

@@ -17,6 +17,7 @@ from evaluate.records.store import FILES, ChunkStore, read_run
 from evaluate.rollouts import rollout
 from evaluate.rollouts.battery import default, resolve
 from evaluate.rollouts.experiment import Chunk
+from evaluate.rollouts.hardware import IDEAL
 
 RUN = ["--policies", "document@flat", "trot", "stand", "--scenarios", "push", "flat", "--episodes", "2", "--no-film"]
 CELLS = {"trot": ["push", "flat"], "stand": ["push", "flat"], "document": ["flat"]}
@@ -108,7 +109,7 @@ def test_the_default_is_everyone_that_walks_on_the_battery_and_the_document_on_f
 
 
 def test_of_scenarios_without_flat_ground_the_default_leaves_the_document_out() -> None:
-    labelled = policies_asked_for(DEFAULT_POLICIES, resolve(("push",)), "ideal")
+    labelled = policies_asked_for(DEFAULT_POLICIES, resolve(("push",)), IDEAL)
     assert tuple(policy.label for policy in labelled) == WALKING_POLICIES
 
 
@@ -127,12 +128,12 @@ def test_a_scenario_that_is_not_run_is_refused(tmp_path, capsys, policy, said) -
 
 def test_the_words_of_a_run_are_those_it_was_asked_for_with() -> None:
     asked = ("trot", "stand@flat,rough")
-    labelled = policies_asked_for(asked, resolve(("flat", "push", "rough")), "ideal")
+    labelled = policies_asked_for(asked, resolve(("flat", "push", "rough")), IDEAL)
     only_on = {each.label: each.only_on for each in labelled if each.only_on}
     assert words([each.label for each in labelled], only_on) == asked
 
 
 def test_a_folder_may_have_an_at_sign(tmp_path) -> None:
     shutil.copytree(Path(__file__).parents[3] / "models" / "residual", tmp_path / "mine@home")
-    (labelled,) = policies_asked_for((f"{tmp_path}/mine@home/",), resolve(("flat",)), "ideal")
+    (labelled,) = policies_asked_for((f"{tmp_path}/mine@home/",), resolve(("flat",)), IDEAL)
     assert (labelled.label, labelled.only_on) == (f"{tmp_path}/mine@home", ())

@@ -7,7 +7,7 @@ from train.search.fall_prediction import Options, main
 
 def test_the_layer_reads_the_threshold_that_was_fitted_on_that_many_hours(tmp_path, monkeypatch):
     walked = []
-    monkeypatch.setattr(fall_prediction, "undisturbed", lambda policy, seeds: walked.append(len(seeds)) or 0.5)
+    monkeypatch.setattr(fall_prediction, "undisturbed", lambda _, seeds, *__: walked.append(len(seeds)) or 0.5)
     assert main(Options(hours=0.5, out=tmp_path / "found.json")) == 0
     assert walked == [180]  # of 10 s each
     monkeypatch.setattr(predictor, "THRESHOLD_FILE", tmp_path / "found.json")
