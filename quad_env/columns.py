@@ -58,22 +58,14 @@ def differences(x: Vector[Column], y: Vector[Column] | Sequence[float]) -> Vecto
 
 def sum_of_squares(x: Vector[Column]) -> Column:
     """Σ xᵢ²"""
-    if isinstance(x, np.ndarray):
-        return total(x * x)
-    out: Any = 0.0
-    for value in x:
-        out += value * value
-    return out  # type: ignore[no-any-return]
+    products: Iterable[Column] = map(operator.mul, x, x)
+    return total(products)
 
 
 def sum_of_magnitudes(x: Vector[Column], y: Vector[Column]) -> Column:
     """Σ |xᵢ yᵢ|"""
-    if isinstance(x, np.ndarray):
-        return total(np.abs(x * y))
-    out: Any = 0.0
-    for a, b in zip(x, y, strict=True):
-        out += abs(a * b)
-    return out  # type: ignore[no-any-return]
+    products: Iterable[Column] = map(operator.mul, x, y)
+    return total(map(abs, products))
 
 
 def share_above(x: Vector[Column], bound: float) -> Column:

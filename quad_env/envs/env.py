@@ -214,8 +214,7 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
             "mechanical_power": np.float64(power),
             "overspeed": np.float64(overspeed),
         }
-        for key, value in terms.items():
-            info[key] = np.float64(value)
+        info.update(zip(terms, map(np.float64, terms.values()), strict=True))
         if isinstance(self._sensors, SensedObservation):
             info |= {key: values[0] for key, values in self._sensors.readings().items()}
         return info
