@@ -8,8 +8,7 @@ action = policy.act(observation)  # (n, k) -> (n, 12) rad
 from pathlib import Path
 from typing import Protocol
 
-from policies.article.printed import Document
-from policies.article.repaired import DocumentRepaired
+from policies.article import Document, DocumentRepaired
 from policies.base import CONTROL_PERIOD, GaitedPolicy, Policy, PolicyError
 from policies.bases import BASES
 from policies.behaviour import Behaviour

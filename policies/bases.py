@@ -2,17 +2,16 @@
 
 import hashlib
 import json
-import sys
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from functools import partial
 from typing import Any, NamedTuple
 
-from policies.article.printed import Document, PrintedGait
-from policies.article.repaired import DocumentRepaired
+from policies.article import Document, DocumentRepaired, PrintedGait
 from policies.base import Policy
 from policies.gaits.parameters import GAITS, GaitParameters
 from policies.gaits.policy import Gaits
+from policies.parameters import Parameters, from_json
 from policies.stand import Stand
 from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters
@@ -25,8 +24,8 @@ class Base(NamedTuple):
 
     make: Callable[..., Policy]
     """From `robot` and `control_period`, and `parameters` where it has any; the searched ones when not given."""
-    parameters: type | None = None
-    """A dataclass of numbers; None where it has none."""
+    parameters: type[Parameters] | None = None
+    """Kind of them; None where it has none."""
 
     @property
     def kind(self) -> type:
@@ -91,29 +90,14 @@ def _arguments(base: Base, parameters: dict[str, Any]) -> dict[str, Any]:
         if parameters:
             raise ValueError(f"a {base.kind.__name__} has no parameters")
         return {}
-    if base.kind is not Gaits:
-        return {"parameters": _numbers(base.parameters, parameters)}
-    if set(parameters) != set(GAITS):
+    if base.kind is Gaits and set(parameters) != set(GAITS):
         raise ValueError(f"the base's parameters must be those of {', '.join(GAITS)}")
-    return {"parameters": {gait: _numbers(base.parameters, each) for gait, each in parameters.items()}}
-
-
-def _numbers(kind: type, values: Any) -> Any:
-    """The dataclass of those numbers."""
-    if not isinstance(values, dict) or set(values) != {field.name for field in fields(kind)}:
-        raise ValueError(f"the base's parameters are not those of {kind.__name__}")
-    if not all(is_number(value) for value in values.values()):
-        raise ValueError("the base's parameters must be finite numbers")
     try:
-        return kind(**values)
+        if base.kind is Gaits:
+            return {"parameters": {gait: from_json(base.parameters, each) for gait, each in parameters.items()}}
+        return {"parameters": from_json(base.parameters, parameters)}
     except ValueError as error:
-        raise ValueError(f"the base's parameters are out of range ({error})") from None
-
-
-def is_number(value: Any) -> bool:
-    """Whether a JSON value is a number that a float can hold."""
-    # Not math.isfinite, which fails on whole numbers of more digits than that.
-    return type(value) in (int, float) and abs(value) <= sys.float_info.max
+        raise ValueError(f"the base's {error}") from None
 
 
 def _digest(parameters: dict[str, Any]) -> str:

@@ -19,9 +19,10 @@ from safetensors.numpy import load as parse_safetensors
 from safetensors.numpy import save as format_safetensors
 
 from policies.base import CONTROL_PERIOD, Actions, PolicyError
-from policies.bases import describe, described, is_number
+from policies.bases import describe, described
 from policies.files import write_atomically
 from policies.network import ACTIVATIONS, Network
+from policies.parameters import is_number
 from policies.residual import ResidualPolicy, feature_count
 from quad_env import ENV_ID
 from quad_env.robots.robot import Robot

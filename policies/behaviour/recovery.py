@@ -7,7 +7,6 @@ stands up. Whenever it is lost on the way it begins again, after a kick that fai
 times and thresholds of the file are the outcome of a search, `python -m train search recovery`.
 """
 
-import json
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import cache
@@ -17,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Floats, PolicyError
+from policies.base import Floats
 from policies.behaviour.guards import POSE_TOLERANCE
 from policies.behaviour.motion import Mask, Motion, approach
+from policies.parameters import read
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
@@ -86,15 +86,13 @@ class RecoveryParameters:
 @cache
 def searched_parameters() -> RecoveryParameters:
     """The outcome of the search, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
-    try:
-        values: dict[str, Any] = json.loads(PARAMETERS_FILE.read_text())
+
+    def decoded(values: dict[str, Any]) -> RecoveryParameters:
         for name, value in values.items():
             values[name] = tuple(value) if isinstance(value, list) else value
         return RecoveryParameters(**values)
-    except (OSError, TypeError, ValueError) as error:
-        raise PolicyError(
-            f"cannot read {PARAMETERS_FILE} ({error}); `python -m train search recovery` writes it"
-        ) from None
+
+    return read(PARAMETERS_FILE, "recovery", decoded)
 
 
 SETTLE_TIME, SETTLE_MINIMUM = 0.1, 0.05

@@ -1,15 +1,14 @@
 """The gaits by name: footfall pattern and numbers of each, and frequency and duty factor by the speed asked for."""
 
-import json
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from policies import bounds
-from policies.base import PolicyError
 from policies.gait import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
+from policies.parameters import Parameters, from_json, limits_of, number, read
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
@@ -33,80 +32,54 @@ BEYOND = 10.0
 
 
 @dataclass(frozen=True)
-class GaitParameters:
+class GaitParameters(Parameters):
     """Numbers of one gait; a robot that changes gait goes through all values between."""
 
-    frequency: float = 3.0
+    frequency: float = number(3.0, limits=(0.5, 10.0))
     """Gait cycles a second at rest, Hz."""
-    frequency_rise: float = 0.5
+    frequency_rise: float = number(0.5, limits=(0.0, 10.0))
     """Added to the frequency at Froude number 1, Hz; in proportion to the root of the Froude number."""
-    duty: float = 0.6
+    duty: float = number(0.6, limits=(0.1, 0.95))
     """Share of the cycle that a foot is on the ground, at rest."""
-    duty_fall: float = 0.05
+    duty_fall: float = number(0.05, limits=(0.0, 0.5))
     """Taken off the duty factor at Froude number 1; in proportion to the root of the Froude number."""
-    body_height: float = 0.32
+    body_height: float = number(0.32, limits=(0.1, 0.6))
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = 0.08
+    step_height: float = number(0.08, limits=(0.0, 0.3))
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = 0.5
+    stance_width: float = number(0.5, limits=(0.2, 0.8))
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = 0.0
+    stance_shift: float = number(0.0, limits=(-0.2, 0.2))
     """Middle of the strides ahead of the hip joints, m."""
-    bounce: float = 0.0
+    bounce: float = number(0.0, limits=(0.0, 2.0))
     """How far each hip is thrown up while its leg swings, per free flight of that time."""
-    sway: float = 0.0
+    sway: float = number(0.0, limits=(-0.2, 0.2))
     """How far the trunk leans over to the side of the standing feet while those of the other side swing, m."""
-    stance_load: float = 0.8
+    stance_load: float = number(0.8, limits=(0.0, 3.0))
     """Share of its mean load whose give in the joint servos the targets of a standing leg make up for."""
-    servo_lead: float = 0.01
+    servo_lead: float = number(0.01, limits=(0.0, 0.1))
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    forward_gain: float = 1.0
+    forward_gain: float = number(1.0, limits=(-10.0, 10.0))
     """Gait's forward velocity per commanded."""
-    forward_bias: float = 0.0
+    forward_bias: float = number(0.0, limits=(-1.0, 1.0))
     """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
-    lateral_gain: float = 1.0
+    lateral_gain: float = number(1.0, limits=(-10.0, 10.0))
     """Gait's lateral velocity per commanded."""
-    yaw_gain: float = 1.0
+    yaw_gain: float = number(1.0, limits=(-10.0, 10.0))
     """Gait's yaw rate per commanded."""
-    yaw_per_lateral: float = 0.0
+    yaw_per_lateral: float = number(0.0, limits=(-10.0, 10.0))
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
-    forward_limit: float = BEYOND
+    forward_limit: float = number(BEYOND, limits=(0.01, 100.0))
     """Fastest forward command that the gait follows, m/s; asked for more it goes the same way more slowly: `slowed`."""
-    backward_limit: float = BEYOND
+    backward_limit: float = number(BEYOND, limits=(0.01, 100.0))
     """Fastest backward command, m/s."""
-    lateral_limit: float = BEYOND
+    lateral_limit: float = number(BEYOND, limits=(0.01, 100.0))
     """Fastest sideways command, m/s."""
-    yaw_limit: float = BEYOND
+    yaw_limit: float = number(BEYOND, limits=(0.01, 100.0))
     """Fastest yaw rate command, rad/s."""
 
-    def __post_init__(self) -> None:
-        bounds.check(self, LIMITS)
 
-
-LIMITS: dict[str, tuple[float, float]] = {
-    "frequency": (0.5, 10.0),
-    "frequency_rise": (0.0, 10.0),
-    "duty": (0.1, 0.95),
-    "duty_fall": (0.0, 0.5),
-    "body_height": (0.1, 0.6),
-    "step_height": (0.0, 0.3),
-    "stance_width": (0.2, 0.8),
-    "stance_shift": (-0.2, 0.2),
-    "bounce": (0.0, 2.0),
-    "sway": (-0.2, 0.2),
-    "stance_load": (0.0, 3.0),
-    "servo_lead": (0.0, 0.1),
-    "forward_gain": (-10.0, 10.0),
-    "forward_bias": (-1.0, 1.0),
-    "lateral_gain": (-10.0, 10.0),
-    "yaw_gain": (-10.0, 10.0),
-    "yaw_per_lateral": (-10.0, 10.0),
-    "forward_limit": (0.01, 100.0),
-    "backward_limit": (0.01, 100.0),
-    "lateral_limit": (0.01, 100.0),
-    "yaw_limit": (0.01, 100.0),
-}
-"""Bounds of `GaitParameters` by field name, beyond any use: within them every action is a finite number."""
+LIMITS = limits_of(GaitParameters)
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), BEYOND)
 """Limits of the commands, by field name: ahead, back, sideways and turning, in that order."""
 SLOWEST, FASTEST = 0.3, 15.0
@@ -177,14 +150,11 @@ def row(parameters: GaitParameters) -> Floats:
 
 @cache
 def searched_parameters() -> dict[str, GaitParameters]:
-    """The outcome of the searches, from PARAMETERS_FILE, by the name of the gait that steps.
+    """The outcome of the searches, from PARAMETERS_FILE, by gait that steps. Raises PolicyError where it is damaged."""
 
-    Raises PolicyError where the file is missing or damaged.
-    """
-    try:
-        found = {name: GaitParameters(**values) for name, values in json.loads(PARAMETERS_FILE.read_text()).items()}
-        if set(found) != set(OFFSETS):
-            raise ValueError(f"it has {', '.join(found)} instead of {', '.join(OFFSETS)}")
-    except (AttributeError, OSError, OverflowError, TypeError, ValueError) as error:
-        raise PolicyError(f"cannot read {PARAMETERS_FILE} ({error}); `python -m train search gait` writes it") from None
-    return found
+    def decoded(gaits: dict[str, Any]) -> dict[str, GaitParameters]:
+        if set(gaits) != set(OFFSETS):
+            raise ValueError(f"it has {', '.join(gaits)} instead of {', '.join(OFFSETS)}")
+        return {name: from_json(GaitParameters, values) for name, values in gaits.items()}
+
+    return read(PARAMETERS_FILE, "gait", decoded)

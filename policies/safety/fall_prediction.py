@@ -6,14 +6,14 @@ change of command. On pushed episodes the first warned earlier than a logistic r
 extrapolated tilt and this speed.
 """
 
-import json
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Floats, PolicyError
+from policies.base import Floats
+from policies.parameters import read
 from quad_env import OBSERVATION
 
 THRESHOLD_FILE = Path(__file__).with_name("prediction.json")
@@ -53,12 +53,11 @@ def _planar_velocity(observation: NDArray[np.float32]) -> Floats:
 @cache
 def fitted_threshold() -> float:
     """The velocity deviation above which a fall is predicted, m/s. Raises PolicyError where THRESHOLD_FILE is bad."""
-    try:
-        threshold = float(json.loads(THRESHOLD_FILE.read_text())["velocity_deviation"])
+
+    def decoded(found: dict[str, float]) -> float:
+        threshold = float(found["velocity_deviation"])
         if not 0.0 < threshold < np.inf:
             raise ValueError("velocity_deviation must be positive and finite")
         return threshold
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise PolicyError(
-            f"cannot read {THRESHOLD_FILE} ({error}); `python -m train search fall-prediction` writes it"
-        ) from None
+
+    return read(THRESHOLD_FILE, "fall-prediction", decoded)

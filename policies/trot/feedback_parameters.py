@@ -1,262 +1,142 @@
 """What the search of `trot_feedback` tunes: the gait, and the gain of each feedback."""
 
-import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from policies import bounds
-from policies.base import PolicyError
+from policies.parameters import Parameters, from_json, limits_of, number, read, search_ranges_of
 
 PARAMETERS_FILE = Path(__file__).with_name("trot_feedback.json")
 """The parameters in force, written by `python -m train search feedback`; TROT_FEEDBACK.md is its account."""
 
+_SHARE = (0.0, 2.0)
+_GAIN = (-10.0, 10.0)
+
 
 @dataclass(frozen=True)
-class FeedbackParameters:
+class FeedbackParameters(Parameters):
     """Gait and gains; velocity errors are measured minus reference.
 
     The defaults are where the search starts: the gait's own set by hand, those for rough ground, slopes and pushes
     between the outcomes of two earlier searches, which weighed falls less and more.
     """
 
-    frequency: float = 7.7
+    frequency: float = number(7.7, limits=(0.1, 50.0), search=(3.0, 9.0))
     """Gait cycles a second while nothing disturbs, Hz."""
-    duty: float = 0.5
+    duty: float = number(0.5, limits=(0.01, 0.99), search=(0.4, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = 0.28
+    body_height: float = number(0.28, limits=(0.01, 1.0), search=(0.22, 0.36))
     """Trunk's centre above the centres of the standing feet, m."""
-    step_height: float = 0.05
+    step_height: float = number(0.05, limits=(-1.0, 1.0), search=(0.03, 0.14))
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = 0.51
+    stance_width: float = number(0.51, limits=(-2.0, 2.0), search=(0.46, 0.64))
     """Between the left and the right feet's lines, m."""
-    stance_shift: float = -0.09
+    stance_shift: float = number(-0.09, limits=(-1.0, 1.0), search=(-0.12, 0.02))
     """Middle of the strides ahead of the hip joints, m."""
-    servo_lead: float = 0.013
+    servo_lead: float = number(0.013, limits=(-1.0, 1.0), search=(0.0, 0.04))
     """How far the targets run ahead of the planned path of the foot along its tangent, s."""
-    neutral_share: float = 0.8
+    neutral_share: float = number(0.8, limits=_GAIN, search=(-0.2, 1.2))
     """Neutral point ahead of the hip as a share of half the way that a foot passes in its stance."""
-    stance_load: float = 95.0
+    stance_load: float = number(95.0, limits=(-1e3, 1e3), search=(20.0, 120.0))
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
-    blend_time: float = 0.3
+    blend_time: float = number(0.3, limits=(1e-3, 100.0))
     """From the home pose to the gait at the start of an episode, s."""
-    linear_acceleration: float = 30.0
+    linear_acceleration: float = number(30.0, limits=(1e-3, 1e6), search=(6.0, 50.0))
     """Fastest change of the forward and of the lateral reference velocity, m/s²."""
-    yaw_acceleration: float = 60.0
+    yaw_acceleration: float = number(60.0, limits=(1e-3, 1e6), search=(8.0, 100.0))
     """Fastest change of the reference yaw rate, rad/s²."""
-    forward_gain: float = 1.17
+    forward_gain: float = number(1.17, limits=_GAIN, search=(0.7, 1.7))
     """Feedforward: the gait's forward velocity per reference."""
-    forward_bias: float = 0.16
+    forward_bias: float = number(0.16, limits=_GAIN, search=(-0.1, 0.6))
     """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
-    lateral_gain: float = 0.93
+    lateral_gain: float = number(0.93, limits=_GAIN, search=(0.7, 1.7))
     """Feedforward: the gait's lateral velocity per reference."""
-    yaw_gain: float = 1.15
+    yaw_gain: float = number(1.15, limits=_GAIN, search=(0.7, 1.7))
     """Feedforward: the gait's yaw rate per reference."""
-    yaw_per_lateral: float = -0.19
+    yaw_per_lateral: float = number(-0.19, limits=_GAIN, search=(-0.5, 0.1))
     """Feedforward: added to the yaw rate per lateral reference velocity, rad/m: walking sideways turns the robot."""
-    turn_lead: float = 0.08
+    turn_lead: float = number(0.08, limits=_GAIN, search=(0.0, 0.2))
     """How far ahead the gait's velocity is turned at the reference yaw rate, s: in a curve the body lags behind."""
-    integral_gain: float = 3.0
+    integral_gain: float = number(3.0, limits=_GAIN, search=(0.0, 4.0))
     """Change of the gait's velocity per velocity error and second, 1/s."""
-    yaw_integral_gain: float = 2.0
+    yaw_integral_gain: float = number(2.0, limits=_GAIN, search=(0.0, 6.0))
     """Change of the gait's yaw rate per yaw-rate error and second, 1/s."""
-    stance_yield: float = 0.2
+    stance_yield: float = number(0.2, limits=_SHARE, search=(0.0, 1.0))
     """Share of a velocity error that the standing feet give way to; 0 holds them to the plan."""
-    stance_push: float = 0.085
+    stance_push: float = number(0.085, limits=_GAIN, search=(0.0, 0.15))
     """Advance of the standing feet's targets per velocity error up to `capture_threshold`, s: legs push against it."""
-    yaw_push: float = 0.03
+    yaw_push: float = number(0.03, limits=_GAIN, search=(0.0, 0.1))
     """The same per yaw-rate error, s."""
-    velocity_filter: float = 0.018
+    velocity_filter: float = number(0.018, limits=(1e-3, 100.0), search=(0.005, 0.2))
     """Time constant of the velocity that footholds go by, s."""
-    raibert_gain: float = 0.04
+    raibert_gain: float = number(0.04, limits=_GAIN, search=(0.0, 0.2))
     """Foothold ahead of the neutral point per forward velocity error, s."""
-    raibert_lateral: float = 0.04
+    raibert_lateral: float = number(0.04, limits=_GAIN, search=(0.0, 0.2))
     """Foothold beside the neutral point per lateral velocity error, s."""
-    yaw_step: float = 0.05
+    yaw_step: float = number(0.05, limits=_GAIN, search=(0.0, 0.2))
     """Turn of the footholds about the trunk per yaw-rate error, s."""
-    capture_threshold: float = 0.632
+    capture_threshold: float = number(0.632, limits=(0.0, 100.0), search=(0.2, 1.2))
     """Velocity error beyond which a step is to catch a push, m/s."""
-    capture_gain: float = 0.0939
+    capture_gain: float = number(0.0939, limits=_GAIN, search=(0.0, 0.2))
     """Foothold further out per velocity error beyond the threshold, s; √(height / g) is the capture point's."""
-    frequency_gain: float = 0.219
+    frequency_gain: float = number(0.219, limits=_SHARE, search=(0.0, 0.5))
     """Rise of the frequency, as a share, per m/s of velocity error beyond the threshold."""
-    tilt_gain: float = 0.3
+    tilt_gain: float = number(0.3, limits=_GAIN, search=(0.0, 2.5))
     """Legs' answer to a tilt error, as a share of the turn that would undo it."""
-    tilt_damping: float = 0.02
+    tilt_damping: float = number(0.02, limits=_GAIN, search=(0.0, 0.1))
     """The same per tilt rate, s."""
-    height_gain: float = 0.3
+    height_gain: float = number(0.3, limits=_GAIN, search=(0.0, 1.5))
     """Lengthening of the standing legs per missing height."""
-    height_damping: float = 0.003
+    height_damping: float = number(0.003, limits=_GAIN, search=(0.0, 0.05))
     """Shortening of the standing legs per rising speed, s."""
-    plane_filter: float = 0.158
+    plane_filter: float = number(0.158, limits=(1e-3, 100.0), search=(0.05, 0.6))
     """Time constant of the ground plane's slope, s."""
-    slope_share: float = 0.865
+    slope_share: float = number(0.865, limits=_SHARE, search=(0.0, 1.2))
     """Share of the ground's slope that the trunk leans with."""
-    terrain_compliance: float = 0.882
+    terrain_compliance: float = number(0.882, limits=_SHARE, search=(0.0, 1.0))
     """Share of a footprint's height above the plane that its leg is shortened by."""
-    rough_height: float = 0.538
+    rough_height: float = number(0.538, limits=_GAIN, search=(0.0, 3.0))
     """Rise of the trunk per roughness of the ground, m/m."""
-    rough_step: float = 1.56
+    rough_step: float = number(1.56, limits=_GAIN, search=(0.0, 3.0))
     """Rise of the steps per roughness of the ground, m/m."""
-    rough_slowdown: float = 55.8
+    rough_slowdown: float = number(55.8, limits=(0.0, 1e3), search=(0.0, 120.0))
     """Slowing down by the square of this times the roughness of the ground, 1/m."""
-    slope_height: float = 0.141
+    slope_height: float = number(0.141, limits=_GAIN, search=(-0.1, 0.4))
     """Rise of the trunk per slope of the ground, m: longer legs reach further fore and aft."""
-    slope_shift: float = 0.0841
+    slope_shift: float = number(0.0841, limits=_GAIN, search=(-0.1, 0.2))
     """Shift of the strides uphill per slope of the ground, m."""
-    slope_slowdown: float = 1.23
+    slope_slowdown: float = number(1.23, limits=(0.0, 1e3), search=(0.0, 5.0))
     """Slowing down by the square of this times the slope of the ground."""
-    slope_brace: float = 0.588
+    slope_brace: float = number(0.588, limits=(0.0, 1e3), search=(0.3, 0.9))
     """Slope of the ground that is too steep to walk on: the robot stands with all feet down."""
-    rough_brace: float = 0.0241
+    rough_brace: float = number(0.0241, limits=(0.0, 1e3), search=(0.01, 0.12))
     """Roughness of the ground that is too much to walk on: the robot stands with all feet down, m."""
-    hold_height: float = 0.373
+    hold_height: float = number(0.373, limits=(0.01, 1.0), search=(0.15, 0.4))
     """Trunk's centre above the feet while it stands on rough ground, m."""
-    hold_width: float = 0.578
+    hold_width: float = number(0.578, limits=(-2.0, 2.0), search=(0.46, 0.75))
     """Between the left and the right feet while it stands on rough ground, m."""
-    hold_length: float = 0.543
+    hold_length: float = number(0.543, limits=(-2.0, 2.0), search=(0.4, 0.85))
     """Between the front and the hind feet while it does, m."""
-    brace_error: float = 0.79
+    brace_error: float = number(0.79, limits=(0.0, 1e3), search=(0.4, 2.0))
     """Speed beyond the reference at which the robot begins to put all feet down to slide to rest, m/s."""
-    brace_height: float = 0.135
+    brace_height: float = number(0.135, limits=(0.01, 1.0), search=(0.12, 0.28))
     """Trunk's centre above the feet while it does, m."""
-    brace_width: float = 0.768
+    brace_width: float = number(0.768, limits=(-2.0, 2.0), search=(0.5, 0.85))
     """Between the left and the right feet while it does, m."""
-    brace_length: float = 0.812
+    brace_length: float = number(0.812, limits=(-2.0, 2.0), search=(0.45, 0.95))
     """Between the front and the hind feet while it does, m."""
-    brace_lead: float = 0.0247
+    brace_lead: float = number(0.0247, limits=_GAIN, search=(0.0, 0.06))
     """Shift of the feet while it does along the way it slides, per excess speed, s."""
-    brace_tilt_gain: float = 0.96
+    brace_tilt_gain: float = number(0.96, limits=_GAIN, search=(0.0, 3.0))
     """`tilt_gain` while it does."""
-    brace_tilt_damping: float = 0.116
+    brace_tilt_damping: float = number(0.116, limits=_GAIN, search=(0.0, 0.15))
     """`tilt_damping` while it does, s."""
-    brace_release: float = 0.172
+    brace_release: float = number(0.172, limits=(1e-3, 100.0), search=(0.05, 0.5))
     """From there back to the trot, s."""
 
-    def __post_init__(self) -> None:
-        bounds.check(self, LIMITS)
 
-
-_SHARE = (0.0, 2.0)
-_GAIN = (-10.0, 10.0)
-LIMITS: dict[str, tuple[float, float]] = {
-    "frequency": (0.1, 50.0),
-    "duty": (0.01, 0.99),
-    "body_height": (0.01, 1.0),
-    "step_height": (-1.0, 1.0),
-    "stance_width": (-2.0, 2.0),
-    "stance_shift": (-1.0, 1.0),
-    "servo_lead": (-1.0, 1.0),
-    "neutral_share": _GAIN,
-    "stance_load": (-1e3, 1e3),
-    "blend_time": (1e-3, 100.0),
-    "linear_acceleration": (1e-3, 1e6),
-    "yaw_acceleration": (1e-3, 1e6),
-    "forward_gain": _GAIN,
-    "forward_bias": _GAIN,
-    "lateral_gain": _GAIN,
-    "yaw_gain": _GAIN,
-    "yaw_per_lateral": _GAIN,
-    "turn_lead": _GAIN,
-    "integral_gain": _GAIN,
-    "yaw_integral_gain": _GAIN,
-    "stance_yield": _SHARE,
-    "stance_push": _GAIN,
-    "yaw_push": _GAIN,
-    "velocity_filter": (1e-3, 100.0),
-    "raibert_gain": _GAIN,
-    "raibert_lateral": _GAIN,
-    "yaw_step": _GAIN,
-    "capture_threshold": (0.0, 100.0),
-    "capture_gain": _GAIN,
-    "frequency_gain": _SHARE,
-    "tilt_gain": _GAIN,
-    "tilt_damping": _GAIN,
-    "height_gain": _GAIN,
-    "height_damping": _GAIN,
-    "plane_filter": (1e-3, 100.0),
-    "slope_share": _SHARE,
-    "terrain_compliance": _SHARE,
-    "rough_height": _GAIN,
-    "rough_step": _GAIN,
-    "rough_slowdown": (0.0, 1e3),
-    "slope_height": _GAIN,
-    "slope_shift": _GAIN,
-    "slope_slowdown": (0.0, 1e3),
-    "slope_brace": (0.0, 1e3),
-    "rough_brace": (0.0, 1e3),
-    "hold_height": (0.01, 1.0),
-    "hold_width": (-2.0, 2.0),
-    "hold_length": (-2.0, 2.0),
-    "brace_error": (0.0, 1e3),
-    "brace_height": (0.01, 1.0),
-    "brace_width": (-2.0, 2.0),
-    "brace_length": (-2.0, 2.0),
-    "brace_lead": _GAIN,
-    "brace_tilt_gain": _GAIN,
-    "brace_tilt_damping": _GAIN,
-    "brace_release": (1e-3, 100.0),
-}
-"""Bounds of `FeedbackParameters` by field name, far beyond any use: within them every action is a finite number."""
-
-SEARCH_RANGES: dict[str, tuple[float, float]] = {
-    "frequency": (3.0, 9.0),
-    "duty": (0.4, 0.65),
-    "body_height": (0.22, 0.36),
-    "step_height": (0.03, 0.14),
-    "stance_width": (0.46, 0.64),
-    "stance_shift": (-0.12, 0.02),
-    "servo_lead": (0.0, 0.04),
-    "neutral_share": (-0.2, 1.2),
-    "stance_load": (20.0, 120.0),
-    "linear_acceleration": (6.0, 50.0),
-    "yaw_acceleration": (8.0, 100.0),
-    "forward_gain": (0.7, 1.7),
-    "forward_bias": (-0.1, 0.6),
-    "lateral_gain": (0.7, 1.7),
-    "yaw_gain": (0.7, 1.7),
-    "yaw_per_lateral": (-0.5, 0.1),
-    "turn_lead": (0.0, 0.2),
-    "integral_gain": (0.0, 4.0),
-    "yaw_integral_gain": (0.0, 6.0),
-    "stance_yield": (0.0, 1.0),
-    "stance_push": (0.0, 0.15),
-    "yaw_push": (0.0, 0.1),
-    "velocity_filter": (0.005, 0.2),
-    "raibert_gain": (0.0, 0.2),
-    "raibert_lateral": (0.0, 0.2),
-    "yaw_step": (0.0, 0.2),
-    "capture_threshold": (0.2, 1.2),
-    "capture_gain": (0.0, 0.2),
-    "frequency_gain": (0.0, 0.5),
-    "tilt_gain": (0.0, 2.5),
-    "tilt_damping": (0.0, 0.1),
-    "height_gain": (0.0, 1.5),
-    "height_damping": (0.0, 0.05),
-    "plane_filter": (0.05, 0.6),
-    "slope_share": (0.0, 1.2),
-    "terrain_compliance": (0.0, 1.0),
-    "rough_height": (0.0, 3.0),
-    "rough_step": (0.0, 3.0),
-    "rough_slowdown": (0.0, 120.0),
-    "slope_height": (-0.1, 0.4),
-    "slope_shift": (-0.1, 0.2),
-    "slope_slowdown": (0.0, 5.0),
-    "slope_brace": (0.3, 0.9),
-    "rough_brace": (0.01, 0.12),
-    "hold_height": (0.15, 0.4),
-    "hold_width": (0.46, 0.75),
-    "hold_length": (0.4, 0.85),
-    "brace_error": (0.4, 2.0),
-    "brace_height": (0.12, 0.28),
-    "brace_width": (0.5, 0.85),
-    "brace_length": (0.45, 0.95),
-    "brace_lead": (0.0, 0.06),
-    "brace_tilt_gain": (0.0, 3.0),
-    "brace_tilt_damping": (0.0, 0.15),
-    "brace_release": (0.05, 0.5),
-}
-"""Bounds within which a search of `FeedbackParameters` makes sense, by field name."""
+LIMITS = limits_of(FeedbackParameters)
+SEARCH_RANGES = search_ranges_of(FeedbackParameters)
 
 
 @cache
@@ -267,12 +147,4 @@ def searched_parameters() -> FeedbackParameters:
 
 def read_parameters(path: Path) -> FeedbackParameters:
     """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
-    try:
-        values = json.loads(path.read_text())
-        if missing := sorted(FeedbackParameters.__dataclass_fields__.keys() - values.keys()):
-            raise ValueError(f"without {', '.join(missing)}")
-        return FeedbackParameters(**values)
-    except (AttributeError, OSError, OverflowError, TypeError, ValueError) as error:
-        raise PolicyError(
-            f"cannot read {path} ({error}); `python -m train search feedback` writes such a file"
-        ) from None
+    return read(path, "feedback", lambda values: from_json(FeedbackParameters, values))

@@ -4,7 +4,6 @@ Each standing foot moves against the velocity that the body is to have at that f
 lateral and turning commands are one formula; each swing brings it back. It looks at nothing but the command.
 """
 
-import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -12,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from policies import bounds
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, PolicyError, flat_joints, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import leg_angles
 from policies.legs.stance_load import held_up
+from policies.parameters import Parameters, from_json, limits_of, number, read, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -27,93 +26,53 @@ PARAMETERS_FILE = Path(__file__).with_name("trot.json")
 
 
 @dataclass(frozen=True)
-class TrotParameters:
+class TrotParameters(Parameters):
     """What the search tunes."""
 
-    frequency: float = 3.4
+    frequency: float = number(3.4, limits=(0.1, 50.0), search=(2.0, 4.0))
     """Gait cycles a second, Hz."""
-    duty: float = 0.48
+    duty: float = number(0.48, limits=(0.01, 0.99), search=(0.45, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = 0.28
+    body_height: float = number(0.28, limits=(0.01, 1.0), search=(0.25, 0.42))
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = 0.08
+    step_height: float = number(0.08, limits=(-1.0, 1.0), search=(0.04, 0.14))
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = 0.54
+    stance_width: float = number(0.54, limits=(-2.0, 2.0), search=(0.4, 0.62))
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = -0.07
+    stance_shift: float = number(-0.07, limits=(-1.0, 1.0), search=(-0.1, 0.05))
     """Middle of the strides ahead of the hip joints, m."""
-    servo_lead: float = 0.01
+    servo_lead: float = number(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05))
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    stance_load: float = 50.0
+    stance_load: float = number(50.0, limits=(-1e3, 1e3), search=(0.0, 90.0))
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
-    blend_time: float = 0.3
+    blend_time: float = number(0.3, limits=(1e-3, 100.0))
     """From the home pose to the gait at the start of an episode, s."""
-    linear_acceleration: float = 14.0
-    """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
-    yaw_acceleration: float = 16.0
-    """Fastest change of the yaw rate command that the gait follows, rad/s²."""
-    turn_lead: float = 0.06
+    turn_lead: float = number(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2))
     """How far ahead the gait's velocity is turned at the commanded yaw rate, s: in a curve the body lags behind."""
-    forward_gain: float = 1.0
+    linear_acceleration: float = number(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0))
+    """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
+    yaw_acceleration: float = number(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0))
+    """Fastest change of the yaw rate command that the gait follows, rad/s²."""
+    forward_gain: float = number(1.0, limits=(-100.0, 100.0))
     """Gait's forward velocity per commanded."""
-    forward_bias: float = 0.0
+    forward_bias: float = number(0.0, limits=(-100.0, 100.0))
     """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
-    lateral_gain: float = 1.0
+    lateral_gain: float = number(1.0, limits=(-100.0, 100.0))
     """Gait's lateral velocity per commanded."""
-    yaw_gain: float = 1.0
+    yaw_gain: float = number(1.0, limits=(-100.0, 100.0))
     """Gait's yaw rate per commanded."""
-    yaw_per_lateral: float = 0.0
+    yaw_per_lateral: float = number(0.0, limits=(-100.0, 100.0))
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
-    def __post_init__(self) -> None:
-        bounds.check(self, LIMITS)
 
-
-LIMITS: dict[str, tuple[float, float]] = {
-    "frequency": (0.1, 50.0),
-    "duty": (0.01, 0.99),
-    "body_height": (0.01, 1.0),
-    "step_height": (-1.0, 1.0),
-    "stance_width": (-2.0, 2.0),
-    "stance_shift": (-1.0, 1.0),
-    "servo_lead": (-1.0, 1.0),
-    "stance_load": (-1e3, 1e3),
-    "blend_time": (1e-3, 100.0),
-    "linear_acceleration": (1e-3, 1e6),
-    "yaw_acceleration": (1e-3, 1e6),
-    "turn_lead": (-10.0, 10.0),
-    "forward_gain": (-100.0, 100.0),
-    "forward_bias": (-100.0, 100.0),
-    "lateral_gain": (-100.0, 100.0),
-    "yaw_gain": (-100.0, 100.0),
-    "yaw_per_lateral": (-100.0, 100.0),
-}
-"""Bounds of `TrotParameters` by field name, far beyond any use: within them every action is a finite number."""
+LIMITS = limits_of(TrotParameters)
+SEARCH_RANGES = search_ranges_of(TrotParameters)
 
 
 @cache
 def searched_parameters() -> TrotParameters:
     """The outcome of the search, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
-    try:
-        return TrotParameters(**json.loads(PARAMETERS_FILE.read_text()))
-    except (OSError, OverflowError, TypeError, ValueError) as error:
-        raise PolicyError(f"cannot read {PARAMETERS_FILE} ({error}); `python -m train search trot` writes it") from None
-
-
-SEARCH_RANGES: dict[str, tuple[float, float]] = {
-    "frequency": (2.0, 4.0),
-    "duty": (0.45, 0.65),
-    "body_height": (0.25, 0.42),
-    "step_height": (0.04, 0.14),
-    "stance_width": (0.4, 0.62),
-    "stance_shift": (-0.1, 0.05),
-    "servo_lead": (0.0, 0.05),
-    "stance_load": (0.0, 90.0),
-    "turn_lead": (0.0, 0.2),
-    "linear_acceleration": (2.0, 20.0),
-    "yaw_acceleration": (3.0, 40.0),
-}
-"""Bounds within which a search of `TrotParameters` makes sense, by field name."""
+    return read(PARAMETERS_FILE, "trot", lambda values: from_json(TrotParameters, values))
 
 
 class Trot(GaitedPolicy):

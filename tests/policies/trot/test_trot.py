@@ -219,7 +219,7 @@ def test_impossible_parameters_are_refused(change):
         Trot(replace(BARE, **change))
 
 
-@pytest.mark.parametrize("content", [None, "{", '{"gallop": 1}', '{"frequency": "fast"}'])
+@pytest.mark.parametrize("content", [None, "{", '{"gallop": 1}', '{"frequency": "fast"}', '{"frequency": 3.0}'])
 def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatch, content):
     file = tmp_path / "trot.json"
     if content is not None:

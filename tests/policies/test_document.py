@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import policies
-from policies.article.printed import Document, PrintedGait, UnreachableFootWarning, printed_joint_angles, unreachable
+from policies.article import Document, PrintedGait, UnreachableFootWarning, printed_joint_angles, unreachable
 from quad_env import OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 

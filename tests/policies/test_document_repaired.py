@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 import policies
-from policies.article.repaired import DocumentRepaired
+from policies.article import DocumentRepaired
 from policies.legs.kinematics import foot_positions
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD

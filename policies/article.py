@@ -1,7 +1,8 @@
-"""The source document's gait controller exactly as printed, for show: by its axis conventions it collapses.
+"""The source document's gait controller: `document`, exactly as printed, and `document_repaired`, what it meant.
 
-Its pitch is an angle from the +x axis, which the thigh takes for an angle from straight down; its leg length ignores
-the lateral offset; its stance starts half a step behind where its swing ended. See `document_repaired`.
+The printed one is for show: by its axis conventions it collapses. Its pitch is an angle from the +x axis, which the
+thigh takes for an angle from straight down; its leg length ignores the lateral offset; its stance starts half a step
+behind where its swing ended.
 """
 
 import warnings
@@ -10,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies import bounds
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import TROT_OFFSETS, Floats, leg_phases
-from policies.legs.kinematics import shortest_leg
+from policies.legs.kinematics import joint_angles, shortest_leg
+from policies.parameters import Parameters, number
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -23,22 +24,19 @@ class UnreachableFootWarning(UserWarning):
 
 
 @dataclass(frozen=True)
-class PrintedGait:
+class PrintedGait(Parameters):
     """The document's gait parameters, with the values it prints."""
 
-    frequency: float = 2.0
+    frequency: float = number(2.0, limits=(0.1, 50.0))
     """Steps of one leg a second, Hz."""
-    step_height: float = 0.15
+    step_height: float = number(0.15, limits=(-1.0, 1.0))
     """Lift of the foot at mid-swing, m."""
-    step_length: float = 0.1
+    step_length: float = number(0.1, limits=(-1.0, 1.0))
     """Length of a stride, m."""
-    body_height: float = 0.25
+    body_height: float = number(0.25, limits=(-1.0, 1.0))
     """Hip joint above the standing foot, m."""
-    foot_line: float = 0.15
+    foot_line: float = number(0.15, limits=(-1.0, 1.0))
     """Lateral distance of the foot from the hip joint, outboard, m."""
-
-    def __post_init__(self) -> None:
-        bounds.check(self, LIMITS)
 
     def feet(self, robot: Robot, phase: ArrayLike, stance_start: float) -> Floats:
         """Feet in their hip frames, m; shape (..., 4, 3) for a global phase in rad of shape (...).
@@ -51,16 +49,6 @@ class PrintedGait:
         x = np.where(swing, -self.step_length / 2.0 + self.step_length * t, stance_start - self.step_length * t)
         z = np.where(swing, -self.body_height + self.step_height * np.sin(np.pi * t), -self.body_height)
         return np.stack([x, np.broadcast_to(self.foot_line * robot.side, x.shape), z], axis=-1)
-
-
-LIMITS: dict[str, tuple[float, float]] = {
-    "frequency": (0.1, 50.0),
-    "step_height": (-1.0, 1.0),
-    "step_length": (-1.0, 1.0),
-    "body_height": (-1.0, 1.0),
-    "foot_line": (-1.0, 1.0),
-}
-"""Bounds of `PrintedGait` by field name, far beyond any use: within them every action is a finite number."""
 
 
 def unreachable(robot: Robot, feet: Floats) -> NDArray[np.bool_]:
@@ -120,3 +108,26 @@ class Document(GaitedPolicy):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._tick()
         return to_actions(self.robot, self.targets(self._phase))
+
+
+class DocumentRepaired(Document):
+    """The printed controller with only the repairs that it needs to walk; starts from the home pose, takes no command.
+
+    Repaired: exact kinematics with the thigh angle measured from straight down, and a stance that starts where the
+    swing ended (+s/2 to -s/2). Every printed figure stays. The lift of 0.15 m under a body height of 0.25 m asks for a
+    calf angle of -2.64 rad at mid-swing, past its stop at -2.5 rad: the stop clips it, as it would on a real joint, and
+    the foot rises 0.04 m less.
+    """
+
+    name = "document_repaired"
+    blend_time = 0.5
+    """From the home pose to the gait, s: one cycle."""
+
+    def targets(self, phase: ArrayLike) -> Floats:
+        """The 12 targets in rad, before blending and clipping, for a global phase in rad; shape (..., 12) for (...)."""
+        feet = self.parameters.feet(self.robot, phase, stance_start=self.parameters.step_length / 2.0)
+        return flat_joints(joint_angles(self.robot, feet))
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        self._tick()
+        return to_actions(self.robot, self._blended(self.targets(self._phase), self.blend_time))

@@ -1,1 +1,0 @@
-"""The article's gait controller, as printed and repaired."""

@@ -1,0 +1,71 @@
+"""Parameters of policies: dataclasses of numbers, each with its limits, and the files that searches leave them in."""
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from policies.base import PolicyError
+
+Range = tuple[float, float]
+N = TypeVar("N", int, float)
+P = TypeVar("P", bound="Parameters")
+T = TypeVar("T")
+
+
+def number(default: N, *, limits: Range, search: Range | None = None) -> N:
+    """A field: its default, what it must lie within, and bounds within which a search of it makes sense."""
+    return field(default=default, metadata={"limits": limits, "search": search})
+
+
+def limits_of(kind: Any) -> dict[str, Range]:
+    """Limits of the numbers of a dataclass, by field name."""
+    return {each.name: each.metadata["limits"] for each in fields(kind) if each.metadata}
+
+
+def search_ranges_of(kind: Any) -> dict[str, Range]:
+    """Bounds of a search of those numbers of a dataclass that have any, by field name."""
+    return {each.name: each.metadata["search"] for each in fields(kind) if each.metadata and each.metadata["search"]}
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Numbers whose limits are far beyond any use, but within them every action is a finite number; else ValueError."""
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in limits_of(self).items():
+            if not low <= (value := getattr(self, name)) <= high:  # nan lies nowhere
+                raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
+
+
+def from_json(kind: type[P], values: Any) -> P:
+    """The parameters of a JSON object. Raises ValueError unless it holds a number for each and nothing else."""
+    if not isinstance(values, dict):
+        raise ValueError("parameters must be an object")
+    if strange := values.keys() ^ {each.name for each in fields(kind)}:
+        names = ", ".join(map(repr, sorted(strange)))
+        raise ValueError(f"parameters are not those of {kind.__name__}: {names} missing or unknown")
+    if not all(is_number(value) for value in values.values()):
+        raise ValueError("parameters must be finite numbers")
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise ValueError(f"parameters are out of range ({error})") from None
+
+
+def is_number(value: Any) -> bool:
+    """Whether a JSON value is a number that a float can hold."""
+    # Not math.isfinite, which fails on whole numbers of more digits than that.
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
+
+
+def read(path: Path, search: str, decode: Callable[[Any], T]) -> T:
+    """What a search has left in a JSON file, decoded. Raises PolicyError where it is missing or damaged."""
+    try:
+        return decode(json.loads(path.read_text()))
+    except (AttributeError, KeyError, OSError, RecursionError, TypeError, ValueError) as error:
+        raise PolicyError(
+            f"cannot read {path} ({error}); `python -m train search {search}` writes such a file"
+        ) from None
