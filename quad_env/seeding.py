@@ -31,6 +31,16 @@ def fresh_seeds(count: int) -> list[int]:
     return [int(seed) for seed in np.random.SeedSequence().generate_state(count)]
 
 
+def _stream(number: int) -> "cached_property[np.random.Generator]":
+    """The stream of that number, made when it is first drawn from; a new kind shifts none of the others."""
+
+    def make(streams: "EpisodeStreams") -> np.random.Generator:
+        seed = np.random.SeedSequence(streams.seed, spawn_key=(streams.episode, number))
+        return np.random.Generator(np.random.PCG64(seed))
+
+    return cached_property(make)
+
+
 class EpisodeStreams:
     """Random generators of one episode, one for each kind of draw, so that none shifts another.
 
@@ -38,52 +48,20 @@ class EpisodeStreams:
     """
 
     def __init__(self, seed: int, episode: int) -> None:
-        self._seed, self._episode = seed, episode
+        self.seed, self.episode = seed, episode
 
-    @cached_property
-    def start(self) -> np.random.Generator:
-        """Stream of the start."""
-        return self._stream(0)
-
-    @cached_property
-    def commands(self) -> np.random.Generator:
-        """Stream of the commands."""
-        return self._stream(1)
-
-    @cached_property
-    def pushes(self) -> np.random.Generator:
-        """Stream of the pushes."""
-        return self._stream(2)
-
-    @cached_property
-    def force(self) -> np.random.Generator:
-        """Stream of the steady force's direction."""
-        return self._stream(3)
-
-    @cached_property
-    def payload(self) -> np.random.Generator:
-        """Stream of the payload's place."""
-        return self._stream(4)
-
-    @cached_property
-    def noise(self) -> np.random.Generator:
-        """Stream of the sensor noise."""
-        return self._stream(5)
-
-    @cached_property
-    def dropouts(self) -> np.random.Generator:
-        """Stream of the dropouts."""
-        return self._stream(6)
-
-    @cached_property
-    def sensors(self) -> np.random.Generator:
-        """Stream of the sensors' biases, offsets and noise."""
-        return self._stream(7)
-
-    def _stream(self, child: int) -> np.random.Generator:
-        """That of a child, by its number: adding a kind shifts none of the others."""
-        seed = np.random.SeedSequence(self._seed, spawn_key=(self._episode, child))
-        return np.random.Generator(np.random.PCG64(seed))
+    start = _stream(0)
+    commands = _stream(1)
+    pushes = _stream(2)
+    force = _stream(3)
+    """Direction of the steady force."""
+    payload = _stream(4)
+    """Place of the payload."""
+    noise = _stream(5)
+    """Noise on the observation."""
+    dropouts = _stream(6)
+    sensors = _stream(7)
+    """Biases, offsets and noise of the sensors."""
 
 
 def seeds_of(seed: int | Sequence[int], num_envs: int) -> list[Any]:

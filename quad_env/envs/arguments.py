@@ -1,32 +1,18 @@
 """Checks of what callers hand to the environment: each gives the value in its own type or a ValueError that helps."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from numpy.typing import ArrayLike
 
 from quad_env.columns import Array, Mask
-from quad_env.config import COMMAND_BOUND, TaskConfig
-from quad_env.serialisation import from_plain
+from quad_env.config import COMMAND_BOUND
 
 MOST_PIXELS = 8192
 """Longest side of a frame."""
 RESET_OPTIONS = ("command", "reset_mask")
-
-
-def setting(value: Any) -> Any:
-    """The setting that a mapping describes, as in an `EnvSpec` that went through JSON; anything else as it is."""
-    return from_plain(value) if isinstance(value, Mapping) else value
-
-
-def task_config(config: Any) -> TaskConfig:
-    """The configuration itself, or the default for None."""
-    if config is not None and not isinstance(config, TaskConfig):
-        raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
-    return config or TaskConfig()
 
 
 def check_frame(width: int, height: int) -> None:
@@ -41,14 +27,12 @@ def warn_of_no_render_mode(modes: Sequence[str]) -> None:
     gym.logger.warn(f"render() without a render_mode gives None; make the environment with one of {', '.join(modes)}")
 
 
-def check_options(options: dict[str, Any]) -> None:
-    """Refuse unknown keys of reset's options."""
+def held_commands(options: dict[str, Any], num_envs: int) -> Array | None:
+    """Commands that reset's options hold, (num_envs, 3), given as one for all or one each; None to draw them."""
     if unknown := set(options) - set(RESET_OPTIONS):
         raise ValueError(f"unknown options {sorted(unknown)}; valid: {', '.join(RESET_OPTIONS)}")
-
-
-def held_commands(command: ArrayLike, num_envs: int) -> Array:
-    """Commands given by the caller, (num_envs, 3): one for all, or one each."""
+    if (command := options.get("command")) is None:
+        return None
     array = np.asarray(command, dtype=np.float64)
     if array.shape not in ((3,), (num_envs, 3)):
         raise ValueError(f"options['command'] has shape {array.shape}; wanted (3,) or ({num_envs}, 3)")
@@ -69,12 +53,11 @@ def reset_mask(mask: Any, num_envs: int) -> Mask:
 
 def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     """The mode of that name or value, or the mode itself."""
-    by_name = {member.name: member for member in AutoresetMode} | {member.value: member for member in AutoresetMode}
-    if isinstance(mode, AutoresetMode):
-        return mode
-    if mode not in by_name:
-        raise ValueError(f"unknown autoreset_mode {mode!r}; valid: {', '.join(AutoresetMode.__members__)}")
-    return by_name[mode]
+    names = AutoresetMode.__members__
+    try:
+        return names[mode] if isinstance(mode, str) and mode in names else AutoresetMode(mode)
+    except ValueError:
+        raise ValueError(f"unknown autoreset_mode {mode!r}; valid: {', '.join(names)}") from None
 
 
 def joint_targets(actions: Any, shape: tuple[int, ...], lower: Array, upper: Array) -> Array:

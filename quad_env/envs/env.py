@@ -9,34 +9,20 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from quad_env import columns
-from quad_env.actuation.delay import wires_of
 from quad_env.actuation.models import Actuator
-from quad_env.actuation.models import actuator as find_actuator
 from quad_env.config import TaskConfig
-from quad_env.envs.arguments import (
-    check_frame,
-    check_options,
-    held_commands,
-    joint_targets,
-    setting,
-    task_config,
-    warn_of_no_render_mode,
-)
-from quad_env.envs.copying import MadeAgain
-from quad_env.envs.spaces import action_space, observation_space
+from quad_env.envs.arguments import check_frame, held_commands, joint_targets, warn_of_no_render_mode
+from quad_env.envs.base import QuadEnvBase
 from quad_env.envs.vector_env import Observation
-from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.episode import Episode, at_reset
-from quad_env.scenarios.named import scenario as find_scenario
+from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import fresh_seeds, seeds_of
-from quad_env.sensing.observation import SensedObservation, shown_by
-from quad_env.sensing.suite import SensorSuite, sensor_suite
-from quad_env.task.observations import observation_table
-from quad_env.task.rewards import reward_terms, step_weights
+from quad_env.sensing.observation import SensedObservation
+from quad_env.sensing.suite import SensorSuite
+from quad_env.task.rewards import reward_terms
 from quad_env.task.terminations import fall_code
 
 RENDER_MODES = ("rgb_array", "depth_array", "human")
@@ -44,12 +30,11 @@ _ROW = np.zeros(1, np.intp)
 """The only robot among those of a batch of one."""
 
 
-class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]):
+class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A 14.2 kg quadruped that follows velocity commands; 12 joint-position targets at 100 Hz.
 
-    Actions, observations, commands, infos, falls and seeds are described in the README, section "Environment". Every
-    info is a number or an array of numbers. The time limit (1000 steps, 10 s) is the `TimeLimit` wrapper that
-    `gym.make` adds.
+    Actions, observations, commands, infos, falls and seeds are described in docs/environment.md. Every info is a
+    number or an array of numbers. The time limit (1000 steps, 10 s) is the `TimeLimit` wrapper that `gym.make` adds.
 
     Args:
         scenario: a name from `quad_env.SCENARIOS` or a `quad_env.Scenario`.
@@ -66,7 +51,6 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
     """
 
     _KEPT = ("spec", "_seed", "_next_episode")
-    _view: Any = None  # so that what was made in part can be closed
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012 -- typed so by Gymnasium
 
     def __init__(
@@ -85,25 +69,10 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        self.scenario = find_scenario(setting(scenario))
-        """What the robot has to cope with."""
-        self.config = task_config(setting(config))
-        self.robot = robot
-        """Names, geometry and limits of the robot; everything that the environment knows of it."""
+        self.observation_space, self.action_space = self._assemble(1, 1, scenario, config, actuator, sensors, robot)
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
-        self.dt = 1 / self.config.control_rate
-        """Control period, s."""
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
-        self._table = observation_table(robot)
-        self.action_space, self.observation_space = action_space(robot), observation_space(self._table)
-        self._lower, self._upper = robot.joint_lower, robot.joint_upper
-        rate, suite = self.config.control_rate, sensor_suite(setting(sensors))
-        motors, imu = find_actuator(setting(actuator)), None if suite is None else suite.imu
-        self._simulation = Simulation.of(robot, self.scenario, 1, 1, rate, actuator=motors, imu=imu)
-        self._wires = wires_of(robot, self.scenario, 1, self.dt)
-        self._sensors = shown_by(suite, self._simulation, self.scenario, 1, rate)
-        self._weights = step_weights(self.config.reward_weights, self.dt)
         self._interval = round(self.scenario.commands.interval / self.dt)
         (self._seed,), self._next_episode = fresh_seeds(1), 0
         self._episode: Episode | None = None
@@ -117,12 +86,12 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
     @property
     def model(self) -> mujoco.MjModel:
         """The compiled model; writing to it does not change the simulation."""
-        return self._simulation.model
+        return self.simulation.model
 
     @property
     def data(self) -> mujoco.MjData:
         """A fresh snapshot of the simulation, derived fields current; writing to it does not change the simulation."""
-        return self._simulation.snapshot(0)
+        return self.simulation.snapshot(0)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -130,11 +99,9 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         """Start an episode; `options["command"]`, (3,), is held for its whole length."""
         super().reset(seed=seed)
         options = options or {}
-        check_options(options)
+        held = held_commands(options, 1)
         if "reset_mask" in options:
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
-        command = options.get("command")
-        held = None if command is None else held_commands(command, 1)
         if seed is not None:
             (self._seed,), self._next_episode = seeds_of(seed, 1), 0
         self._episode = Episode(self.robot, self.scenario, self._seed, self._next_episode, self.dt)
@@ -142,12 +109,8 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
         self._clock, self._fall, self._diverged, self._terminated = 0, 0, False, False
         self._held = held is not None
         self._command = self._followed = columns.of_robot(self._episode.next_command()[None] if held is None else held)
-        self._simulation.reset(_ROW, *at_reset([self._episode]))
-        self._simulation.show_load(0)
-        if self._wires is not None:
-            self._wires.begin(_ROW, [self._episode])
-        if self._sensors is not None:
-            self._sensors.begin(_ROW, [self._episode])
+        self._start(_ROW, [self._episode])
+        self.simulation.show_load(0)
         observation, info = self._still()
         if self.render_mode == "human":
             self.render()
@@ -167,7 +130,7 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
             return observation, 0.0, True, False, info
         wires = self._wires
         heard = None if wires is None else wires.heard(targets[None], np.array([self._clock]), _ROW)
-        self._simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), heard=heard)
+        self.simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), heard=heard)
         self._clock += 1
         state = self._judge()
         terms = reward_terms(state, self._terminated, self._diverged, self._weights)
@@ -182,20 +145,20 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
 
     def _judge(self) -> QuadState[float]:
         """Readings of the robot that just moved; whether it fell, and whether that ends the episode."""
-        motion = self._simulation.motion_of_one()
-        self._diverged = self._simulation.one_diverged(motion)
+        motion = self.simulation.motion_of_one()
+        self._diverged = self.simulation.one_diverged(motion)
         if self._diverged:
-            self._simulation.park(_ROW)
-            motion = self._simulation.motion_of_one()
+            self.simulation.park(_ROW)
+            motion = self.simulation.motion_of_one()
         self._followed = self._command
-        state = self._simulation.state_of_one(self._followed, motion)
+        state = self.simulation.state_of_one(self._followed, motion)
         self._fall = 0 if self._diverged else fall_code(state, self.config.fall_rule)
         self._terminated = self._diverged or (self._fall > 0 and self.terminate_on_fall)
         return state
 
     def _still(self) -> tuple[Observation, dict[str, Any]]:
         """Observation and info of a robot that has not moved."""
-        state = self._simulation.state_of_one(self._followed)
+        state = self.simulation.state_of_one(self._followed)
         terms = dict.fromkeys(self._weights, 0.0)
         return self._observe(state), self._info(state, terms, 0.0, 0.0)
 
@@ -233,6 +196,4 @@ class SimpleQuadEnv(MadeAgain, gym.Env[NDArray[np.float32], NDArray[np.float32]]
 
     def close(self) -> None:
         """Close the window or the renderer; the simulation itself needs no closing."""
-        if self._view is not None:
-            self._view.close()
-            self._view = None
+        self._close_view()

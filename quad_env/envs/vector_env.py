@@ -10,36 +10,22 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from quad_env import columns
-from quad_env.actuation.delay import wires_of
 from quad_env.actuation.models import Actuator
-from quad_env.actuation.models import actuator as find_actuator
 from quad_env.columns import Array, Mask
 from quad_env.config import TaskConfig
-from quad_env.envs.arguments import (
-    check_options,
-    find_autoreset_mode,
-    held_commands,
-    joint_targets,
-    reset_mask,
-    setting,
-    task_config,
-    warn_of_no_render_mode,
-)
-from quad_env.envs.copying import MadeAgain
-from quad_env.envs.spaces import action_space, observation_space
-from quad_env.physics.simulation import ALL, Ids, Simulation
+from quad_env.envs import arguments
+from quad_env.envs.base import QuadEnvBase
+from quad_env.physics.simulation import ALL, Ids
 from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.episode import PushPlan, at_reset
-from quad_env.scenarios.named import scenario as find_scenario
+from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import Schedule
-from quad_env.sensing.observation import SensedObservation, shown_by
-from quad_env.sensing.suite import SensorSuite, sensor_suite
-from quad_env.task.observations import observation_table
+from quad_env.sensing.observation import SensedObservation
+from quad_env.sensing.suite import SensorSuite
 from quad_env.task.readings import readings as readings_of
-from quad_env.task.rewards import reward_terms, step_weights
+from quad_env.task.rewards import reward_terms
 from quad_env.task.terminations import fall_codes
 
 Observation = NDArray[np.float32]
@@ -48,34 +34,26 @@ Infos = dict[str, Any]
 RENDER_MODES = ("rgb_array", "depth_array")
 
 
-class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
+class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
     """n SimpleQuad robots, stepped together.
 
     Env i with a seed gives the same numbers, bit for bit, as a single env with that seed, whatever n and `nthread`.
-    Every info is an array of numbers, (n, …), with a mask `_<key>`, (n,), of who has it.
+    Every info is an array of numbers, (n, …), with a mask `_<key>`, (n,), of who has it. Arguments that are not named
+    here are those of `SimpleQuadEnv`.
 
     Args:
         num_envs: number of robots.
-        scenario: a name from `quad_env.SCENARIOS` or a `quad_env.Scenario`.
         nthread: threads of the simulation.
         autoreset_mode: an `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
             finished robot stands still in time, its last observation repeated with zero reward, until
             `reset(options={"reset_mask": mask})`.
         max_episode_steps: time limit in control steps; None or -1 for no limit.
-        terminate_on_fall: False keeps a fallen robot going.
         render_mode: None, "rgb_array" or "depth_array"; `render` gives a frame a robot. A window shows single ones.
-        config: control rate, fall rule and reward weights.
-        actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
         readings: True adds to the infos what happened in the step beyond what policies observe: see
             `quad_env.task.readings`.
-        sensors: what observations are built from: None or "truth", a name of `quad_env.SENSORS`, or a
-            `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its values, and
-            `sensor_<name>_time`, s since the start of the episode, when they were measured, to the infos.
-        robot: the `quad_env.Robot` that is simulated.
     """
 
     _KEPT = ("spec", "_schedule")
-    _camera: Any = None  # so that what was made in part can be closed
 
     def __init__(
         self,
@@ -99,32 +77,21 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
             raise ValueError(f"max_episode_steps must be at least 1, or None or -1 for none, got {max_episode_steps}")
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(f"a batch has no render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
-        self.scenario = find_scenario(setting(scenario))
-        self.config = task_config(setting(config))
-        self.robot = robot
         self.num_envs = num_envs
         self.render_mode = render_mode
-        self.autoreset_mode = find_autoreset_mode(autoreset_mode)
+        self.autoreset_mode = arguments.find_autoreset_mode(autoreset_mode)
+        spaces = self._assemble(num_envs, nthread, scenario, config, actuator, sensors, robot, readings)
+        self.single_observation_space, self.single_action_space = spaces
         self.metadata = {
             "render_modes": list(RENDER_MODES),
             "render_fps": round(self.config.control_rate),
             "autoreset_mode": self.autoreset_mode,
         }
-        self._table = observation_table(robot)
-        self.single_observation_space, self.single_action_space = observation_space(self._table), action_space(robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._lower, self._upper = robot.joint_lower, robot.joint_upper
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
-        self.dt = 1 / self.config.control_rate
-        rate, suite = self.config.control_rate, sensor_suite(setting(sensors))
-        motors, imu = find_actuator(setting(actuator)), None if suite is None else suite.imu
-        self.simulation = Simulation.of(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu)
-        self._wires = wires_of(robot, self.scenario, num_envs, self.dt)
-        self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
         self._readings = readings
-        self._weights = step_weights(self.config.reward_weights, self.dt)
         self._schedule = Schedule(robot, self.scenario, num_envs, self.dt)
         self._rows = np.arange(num_envs)
         self._started = np.zeros(num_envs, bool)
@@ -147,10 +114,8 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
             ValueError: a seed, command or mask of the wrong shape or kind.
         """
         options = options or {}
-        check_options(options)
-        mask = reset_mask(options.get("reset_mask"), self.num_envs)
-        command = options.get("command")
-        held = None if command is None else held_commands(command, self.num_envs)
+        mask = arguments.reset_mask(options.get("reset_mask"), self.num_envs)
+        held = arguments.held_commands(options, self.num_envs)
         self._schedule.reseed(seed, mask)
         super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
         self._begin(np.flatnonzero(mask), held)
@@ -167,7 +132,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
         """
         if not self._started.all():
             raise ResetNeeded("reset the environments before the first step")
-        targets = joint_targets(actions, (self.num_envs, self.robot.num_joints), self._lower, self._upper)
+        targets = arguments.joint_targets(actions, (self.num_envs, self.robot.num_joints), self._lower, self._upper)
         done = self._terminated | self._truncated
         moving = np.flatnonzero(~done) if done.any() else ALL
         wires, schedule = self._wires, self._schedule
@@ -187,20 +152,18 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
     def render(self) -> tuple[NDArray[Any], ...] | None:
         """A frame of each robot: (480, 640, 3) uint8, or (480, 640) float32 in m; None without a render_mode."""
         if self.render_mode is None:
-            warn_of_no_render_mode(RENDER_MODES)
+            arguments.warn_of_no_render_mode(RENDER_MODES)
             return None
-        if self._camera is None:
+        if self._view is None:
             from quad_env.physics.rendering import Camera
 
-            self._camera = Camera(self.simulation.model)
+            self._view = Camera(self.simulation.model)
         depth = self.render_mode == "depth_array"
-        return tuple(self._camera.draw(self.simulation.snapshot(i), depth=depth) for i in range(self.num_envs))
+        return tuple(self._view.draw(self.simulation.snapshot(i), depth=depth) for i in range(self.num_envs))
 
     def close_extras(self, **_: Any) -> None:
         """Close the renderer."""
-        if self._camera is not None:
-            self._camera.close()
-            self._camera = None
+        self._close_view()
 
     @property
     def pushes(self) -> PushPlan:
@@ -215,11 +178,7 @@ class SimpleQuadVectorEnv(MadeAgain, VectorEnv[Observation, NDArray[np.float32],
         self._terminated[ids] = self._truncated[ids] = self._diverged[ids] = False
         self._fall[ids] = 0
         episodes = self._schedule.begin(ids, held)
-        self.simulation.reset(ids, *at_reset(episodes))
-        if self._wires is not None:
-            self._wires.begin(ids, episodes)
-        if self._sensors is not None:
-            self._sensors.begin(ids, episodes)
+        self._start(ids, episodes)
         self._look(self._read(ids), ids)
 
     def _read(self, ids: Ids) -> QuadState[Array]:

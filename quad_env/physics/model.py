@@ -2,17 +2,17 @@
 
 import copy
 import math
-from typing import Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.actuation.models import Actuator, Line, weaker
+from quad_env.actuation.models import ACTUATORS, Actuator, Line, weaker
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.disturbances import Ground, Motors, Payload
-from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs, Terrain
+from quad_env.scenarios.disturbances import Ground, Payload
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
 TRUNK_SENSOR = "trunk_ground"
 PAYLOAD = "payload"
@@ -23,17 +23,10 @@ _FLOOR_DEPTH = 1.0
 """m of solid ground below a height field or a tread."""
 
 
-def compile_model(
-    robot: Robot,
-    terrain: Terrain,
-    ground: Ground | None = None,
-    motors: Motors | None = None,
-    payload: Payload | None = None,
-    actuator: Actuator | None = None,
-) -> mujoco.MjModel:
-    """The robot on that terrain; None is the robot's own, undisturbed."""
+def compile_model(robot: Robot, scenario: Scenario, actuator: Actuator = ACTUATORS["ideal"]) -> mujoco.MjModel:
+    """The robot with these motors in that scenario."""
     _log_to_the_console()
-    ground, motors, actuator = ground or Ground(), motors or Motors(), actuator or Actuator()
+    terrain, motors = scenario.terrain, scenario.motors
     spec = mujoco.MjSpec.from_file(str(robot.mjcf))
     if isinstance(terrain, SmoothRandom):
         _add_height_field(spec, terrain)
@@ -41,8 +34,8 @@ def compile_model(
         _add_stairs(spec, terrain)
     elif isinstance(terrain, Slope):
         spec.geom(_GROUND).quat = slope_quaternion(terrain)
-    if payload is not None:
-        _add_payload(spec, payload, robot.trunk_size[2])
+    if scenario.payload is not None:
+        _add_payload(spec, scenario.payload, robot.trunk_size[2])
     bandwidth, limit = weaker(motors.bandwidth, actuator.bandwidth), motors.largest_torque(robot)
     if actuator.curve is not None:
         line = actuator.curve.on(robot)
@@ -56,8 +49,8 @@ def compile_model(
     _delay(spec, actuator.delay)
     model = _compiled(spec)
     model.actuator_forcerange[:] = (-limit, limit)
-    if ground != Ground():
-        _set_ground(model, ground, robot)
+    if scenario.ground != Ground():
+        _set_ground(model, scenario.ground, robot)
     return model
 
 
@@ -90,21 +83,13 @@ def stepped_model(model: mujoco.MjModel, sensors: tuple[str, ...] = (TRUNK_SENSO
     return lean
 
 
-class Mounted(Protocol):
-    """Something fixed to the trunk."""
-
-    @property
-    def position(self) -> tuple[float, float, float]:
-        """From the trunk's centre, base frame, m."""
-
-    @property
-    def rotation(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw from the base frame, rad."""
+Mounting = tuple[tuple[float, float, float], tuple[float, float, float]]
+"""Place of something on the trunk, m, base frame, and roll, pitch and yaw from the base frame, rad."""
 
 
-def mount_imu(model: mujoco.MjModel, position: tuple[float, ...], rotation: tuple[float, ...]) -> None:
-    """Put the IMU there, m, base frame, turned from the base frame by roll, pitch and yaw, rad."""
-    site = model.site("imu")
+def mount_imu(model: mujoco.MjModel, mounting: Mounting) -> None:
+    """Put the IMU there."""
+    (position, rotation), site = mounting, model.site("imu")
     site.pos, site.sameframe = position, mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     mujoco.mju_euler2Quat(model.site_quat[site.id], np.array(rotation[::-1]), "zyx")
 

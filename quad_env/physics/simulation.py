@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable
-from functools import partial
 from typing import Any, cast
 
 import mujoco
@@ -10,13 +9,13 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from quad_env.actuation.models import Actuator
+from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import drives_of
 from quad_env.columns import Array, Column, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
 from quad_env.physics.model import (
     PAYLOAD,
     TRUNK_SENSOR,
-    Mounted,
+    Mounting,
     compile_model,
     history_of,
     mount_imu,
@@ -27,9 +26,8 @@ from quad_env.physics.probe import Probe, probed
 from quad_env.physics.rotations import product, quaternion
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.disturbances import Ground, Motors, Payload
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import Slope, Terrain
+from quad_env.scenarios.terrain import Slope
 
 Ids = slice | NDArray[np.intp]
 ALL = slice(None)
@@ -44,30 +42,26 @@ class Simulation:
     """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
 
     With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`; with an `imu`, mounted
-    where it says, there is a `probe`.
+    there, there is a `probe`.
     """
 
     def __init__(
         self,
         robot: Robot,
-        terrain: Terrain,
+        scenario: Scenario,
         num_envs: int,
         nthread: int,
         control_rate: float,
         contacts: bool = False,
-        *,
-        ground: Ground | None = None,
-        motors: Motors | None = None,
-        payload: Payload | None = None,
-        actuator: Actuator | None = None,
-        imu: Mounted | None = None,
+        actuator: Actuator = ACTUATORS["ideal"],
+        imu: Mounting | None = None,
     ) -> None:
-        self.robot, self.terrain = robot, terrain
-        self.model = compile_model(robot, terrain, ground, motors, payload, actuator)
+        self.robot, self.terrain = robot, scenario.terrain
+        self.model = compile_model(robot, scenario, actuator)
         """Model of every robot, but for where its payload is and what its hot motors can do: there it is that of the
         robot that `show_load` named last."""
         if imu is not None:
-            mount_imu(self.model, imu.position, imu.rotation)
+            mount_imu(self.model, imu)
         period = 1 / control_rate
         self.substeps = round(period / self.model.opt.timestep)
         if self.substeps < 1 or abs(self.substeps * self.model.opt.timestep - period) > 1e-9:
@@ -93,32 +87,16 @@ class Simulation:
         self._corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * robot.trunk_size
         self._sites, self._bodies = self._batch.bind("site_xpos"), self._batch.bind("xpos")
         self._filtered = self._batch.bind("act") if self.model.na else None
-        self._load = None if payload is None else self._batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
+        load = None if scenario.payload is None else self.model.body(PAYLOAD).id
+        self._load = None if load is None else self._batch.expand("body_pos")[:, load, :2]
         self._history = self._batch.bind("history") if self.model.nhistory else None
         self._past = history_of(self.model, robot.home_pose) if self.model.nhistory else None
         rows, timestep = (self._batch.bind, self._batch.expand), self.model.opt.timestep
-        self._drives = drives_of(robot, motors or Motors(), actuator or Actuator(), *rows, self.substeps, timestep)
+        self._drives = drives_of(robot, scenario.motors, actuator, *rows, self.substeps, timestep)
         self._force: Array | None = None
-        self._alignment = slope_quaternion(terrain) if isinstance(terrain, Slope) else None
+        self._alignment = slope_quaternion(self.terrain) if isinstance(self.terrain, Slope) else None
         self._action = np.tile(robot.home_pose, (num_envs, 1))
         self._previous_action = self._action.copy()
-
-    @classmethod
-    def of(
-        cls,
-        robot: Robot,
-        scenario: Scenario,
-        num_envs: int,
-        nthread: int,
-        control_rate: float,
-        contacts: bool = False,
-        actuator: Actuator | None = None,
-        imu: Mounted | None = None,
-    ) -> "Simulation":
-        """Robots in that scenario, with those motors."""
-        ground, motors, payload = scenario.ground, scenario.motors, scenario.payload
-        make = partial(cls, ground=ground, motors=motors, payload=payload, actuator=actuator, imu=imu)
-        return make(robot, scenario.terrain, num_envs, nthread, control_rate, contacts)
 
     def reset(self, ids: NDArray[np.intp], rows: Array, force: Array | None = None, load: Array | None = None) -> None:
         """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, just on the ground.

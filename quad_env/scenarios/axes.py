@@ -1,7 +1,8 @@
 """Axes of disturbance: one kind of trouble each, as scenarios from harmless to where robots fall.
 
-A severity is in the axis's own physical unit, its levels chosen for SimpleQuad. `push` is the axis at its nominal
-severity, `push:3` its third level.
+A severity is in the axis's own physical unit, its levels chosen for SimpleQuad: the last is one at which every shipped
+policy that walks falls in four of five episodes, or what is physically beyond, which is said at the axis. `push` is the
+axis at its nominal severity, `push:3` its third level.
 """
 
 import math
@@ -14,23 +15,23 @@ from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, P
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
+AtSeverity = Callable[[float], Scenario]
+
 
 @dataclass(frozen=True)
 class Axis:
     """A scenario for each severity."""
 
     name: str
+    at: AtSeverity
+    """The scenario of a severity; its name, axis and severity are filled in here."""
+    quantity: str
+    """What the severity is, in words."""
     unit: str
     levels: tuple[float, ...]
     """Severities from the mildest to the hardest; where less is harder, as with friction, they fall."""
-    at: Callable[[float], Scenario]
-    """The scenario of a severity; its name, axis and severity are filled in here."""
     nominal: float
     """Severity of the scenario that has the axis's bare name."""
-    quantity: str
-    """What the severity is, in words."""
-    end: str
-    """Why the levels end where they do: everybody falls, or what is physically beyond."""
 
     @property
     def falling(self) -> bool:
@@ -48,8 +49,25 @@ class Axis:
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
 
+AXES: dict[str, Axis] = {}
+"""By name."""
+
+
+def _axis(quantity: str, unit: str, levels: tuple[float, ...], nominal: float) -> Callable[[AtSeverity], AtSeverity]:
+    """Makes the function that follows an axis, which has the name that the function gives its scenarios."""
+
+    def add(at: AtSeverity) -> AtSeverity:
+        name = at(nominal).name
+        AXES[name] = Axis(name, at, quantity, unit, levels, nominal)
+        return at
+
+    return add
+
+
+@_axis("top commanded forward speed", "m/s", (1.0, 1.5, 2.0, 3.0, 4.5, 6.0), nominal=1.5)
 def _flat(top_speed: float) -> Scenario:
-    """The ranges of `CommandRanges`, all in proportion to the top commanded forward speed."""
+    """The ranges of `CommandRanges`, all in proportion to the top commanded forward speed; up to that of a leg of 0.6 m
+    at its rated 10 rad/s."""
     ranges = CommandRanges()
     share = top_speed / ranges.forward[1]
     forward, lateral, yaw_rate = (
@@ -58,63 +76,90 @@ def _flat(top_speed: float) -> Scenario:
     return Scenario("flat", commands=replace(ranges, forward=forward, lateral=lateral, yaw_rate=yaw_rate))
 
 
+@_axis("impulse of each push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0, 140.0, 200.0), nominal=35.0)
 def _push(impulse: float) -> Scenario:
     return Scenario("push", pushes=Pushes(impulse=impulse))
 
 
-def _force(force: float) -> Scenario:
-    return Scenario("force", force=SteadyForce(force))
-
-
+@_axis("height from valley to peak", "m", (0.06, 0.12, 0.18, 0.24, 0.32, 0.4, 0.5), nominal=0.12)
 def _rough(peak_to_valley: float) -> Scenario:
     return Scenario("rough", terrain=SmoothRandom(peak_to_valley=peak_to_valley))
 
 
+@_axis("steady horizontal force", "N", (20.0, 40.0, 60.0, 80.0, 110.0, 140.0), nominal=40.0)
+def _force(force: float) -> Scenario:
+    """Up to more than the friction of all feet on level ground, 111 N."""
+    return Scenario("force", force=SteadyForce(force))
+
+
+@_axis("angle of the plane", "°", (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0), nominal=15.0)
 def _slope(degrees: float) -> Scenario:
+    """Up to nearly the friction angle, 39°."""
     return Scenario("slope", terrain=Slope(math.radians(degrees)))
 
 
+@_axis("rise of a step, run 0.3 m", "m", (0.05, 0.1, 0.15, 0.2, 0.3, 0.4), nominal=0.1)
 def _stairs(rise: float) -> Scenario:
+    """Up to higher than the hips of a robot that trots."""
     return Scenario("stairs", terrain=Stairs(rise))
 
 
+@_axis("height from valley to peak", "m", (0.04, 0.08, 0.12, 0.16, 0.24, 0.32), nominal=0.08)
 def _gravel(peak_to_valley: float) -> Scenario:
-    """Stones of about two feet's size: a foot is a ball of 0.04 m."""
+    """Stones of about two feet's size, a foot being a ball of 0.04 m; up to spikes four times as high as they are
+    apart."""
     return Scenario("gravel", terrain=SmoothRandom(peak_to_valley, correlation_length=0.08, cell=0.04))
 
 
+@_axis("depth that standing feet sink", "m", (0.005, 0.01, 0.02, 0.04, 0.08, 0.16), nominal=0.02)
 def _soft(sink_depth: float) -> Scenario:
+    """Until a standing robot's knees touch the ground and a trotting one's sink in."""
     return Scenario("soft", ground=Ground(sink_depth=sink_depth))
 
 
+@_axis("friction coefficient", "", (0.6, 0.4, 0.2, 0.1, 0.05, 0.02), nominal=0.4)
 def _slippery(friction: float) -> Scenario:
+    """Until 0.7 N move a foot that carries a quarter of the weight."""
     return Scenario("slippery", ground=Ground(friction=friction))
 
 
+@_axis("mass on the trunk", "kg", (2.5, 5.0, 10.0, 20.0, 40.0, 60.0), nominal=5.0)
 def _payload(mass: float) -> Scenario:
+    """Up to four times the robot's own mass."""
     return Scenario("payload", payload=Payload(mass))
 
 
+@_axis("torque limit", "N·m", (50.0, 30.0, 20.0, 10.0, 5.0, 2.5), nominal=20.0)
 def _weak_motors(torque_limit: float) -> Scenario:
+    """Until the robot sits down: its knees need 4 N·m to stand in the home pose."""
     return Scenario("weak_motors", motors=Motors(torque_limit=torque_limit))
 
 
+@_axis("bandwidth of the servos", "Hz", (20.0, 10.0, 5.0, 2.0, 1.0, 0.5), nominal=5.0)
 def _slow_motors(bandwidth: float) -> Scenario:
+    """Down to slower than a stride: the legs hardly move."""
     return Scenario("slow_motors", motors=Motors(bandwidth=bandwidth))
 
 
+@_axis("delay of actions, and of readings", "s", (0.01, 0.02, 0.04, 0.08, 0.16, 0.32), nominal=0.02)
 def _latency(delay: float) -> Scenario:
+    """Up to more than a stride from reading to action."""
     return Scenario("latency", latency=Latency(action=delay, observation=delay))
 
 
+@_axis("standard deviation of the gyro's noise", "rad/s", (0.1, 0.2, 0.4, 0.8, 1.6, 3.2), nominal=0.2)
 def _noise(gyro: float) -> Scenario:
+    """Up to noise of the gravity reading as large as gravity."""
     return Scenario("noise", noise=SensorNoise(gyro))
 
 
+@_axis("time that a joint hears nothing", "s", (0.1, 0.2, 0.4, 0.8, 1.4, 2.0), nominal=0.4)
 def _dropout(duration: float) -> Scenario:
+    """Until, from the first second on, some joint always hears nothing."""
     return Scenario("dropout", dropouts=Dropouts(duration=duration))
 
 
+@_axis("share of the reference amplitudes", "", (0.5, 1.0, 1.5, 2.0, 3.0, 4.0), nominal=1.0)
 def _surprise(share: float) -> Scenario:
     """All at once: at share 1 each disturbance has the amplitude written here, at another share that share of it.
 
@@ -133,142 +178,3 @@ def _surprise(share: float) -> Scenario:
         noise=SensorNoise(0.1 * share),
         dropouts=Dropouts(duration=0.1 * share),
     )
-
-
-FALLS = "every shipped policy that walks falls in four of five episodes"
-
-AXES: dict[str, Axis] = {
-    axis.name: axis
-    for axis in (
-        Axis(
-            "flat",
-            "m/s",
-            (1.0, 1.5, 2.0, 3.0, 4.5, 6.0),
-            _flat,
-            1.5,
-            "top commanded forward speed",
-            "a leg of 0.6 m at its rated 10 rad/s",
-        ),
-        Axis(
-            "push",
-            "N·s",
-            (20.0, 35.0, 50.0, 65.0, 80.0, 100.0, 140.0, 200.0),
-            _push,
-            35.0,
-            "impulse of each push",
-            FALLS,
-        ),
-        Axis("rough", "m", (0.06, 0.12, 0.18, 0.24, 0.32, 0.4, 0.5), _rough, 0.12, "height from valley to peak", FALLS),
-        Axis(
-            "force",
-            "N",
-            (20.0, 40.0, 60.0, 80.0, 110.0, 140.0),
-            _force,
-            40.0,
-            "steady horizontal force",
-            "more than the friction of all feet on level ground, 111 N",
-        ),
-        Axis(
-            "slope",
-            "°",
-            (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0),
-            _slope,
-            15.0,
-            "angle of the plane",
-            "nearly the friction angle, 39°",
-        ),
-        Axis(
-            "stairs",
-            "m",
-            (0.05, 0.1, 0.15, 0.2, 0.3, 0.4),
-            _stairs,
-            0.1,
-            "rise of a step, run 0.3 m",
-            "higher than the hips of a robot that trots",
-        ),
-        Axis(
-            "gravel",
-            "m",
-            (0.04, 0.08, 0.12, 0.16, 0.24, 0.32),
-            _gravel,
-            0.08,
-            "height from valley to peak",
-            "spikes four times as high as they are apart",
-        ),
-        Axis(
-            "soft",
-            "m",
-            (0.005, 0.01, 0.02, 0.04, 0.08, 0.16),
-            _soft,
-            0.02,
-            "depth that standing feet sink",
-            "a standing robot's knees touch the ground, a trotting one's sink in",
-        ),
-        Axis(
-            "slippery",
-            "",
-            (0.6, 0.4, 0.2, 0.1, 0.05, 0.02),
-            _slippery,
-            0.4,
-            "friction coefficient",
-            "0.7 N move a foot that carries a quarter of the weight",
-        ),
-        Axis(
-            "payload",
-            "kg",
-            (2.5, 5.0, 10.0, 20.0, 40.0, 60.0),
-            _payload,
-            5.0,
-            "mass on the trunk",
-            "four times the robot's own mass",
-        ),
-        Axis(
-            "weak_motors",
-            "N·m",
-            (50.0, 30.0, 20.0, 10.0, 5.0, 2.5),
-            _weak_motors,
-            20.0,
-            "torque limit",
-            "the knees need 4 N·m to stand in the home pose: the robot sits down",
-        ),
-        Axis(
-            "slow_motors",
-            "Hz",
-            (20.0, 10.0, 5.0, 2.0, 1.0, 0.5),
-            _slow_motors,
-            5.0,
-            "bandwidth of the servos",
-            "slower than a stride: the legs hardly move",
-        ),
-        Axis(
-            "latency",
-            "s",
-            (0.01, 0.02, 0.04, 0.08, 0.16, 0.32),
-            _latency,
-            0.02,
-            "delay of actions, and of readings",
-            "more than a stride from reading to action",
-        ),
-        Axis(
-            "noise",
-            "rad/s",
-            (0.1, 0.2, 0.4, 0.8, 1.6, 3.2),
-            _noise,
-            0.2,
-            "standard deviation of the gyro's noise",
-            "the noise of the gravity reading is as large as gravity",
-        ),
-        Axis(
-            "dropout",
-            "s",
-            (0.1, 0.2, 0.4, 0.8, 1.4, 2.0),
-            _dropout,
-            0.4,
-            "time that a joint hears nothing",
-            "from the first second on, some joint always hears nothing",
-        ),
-        Axis(
-            "surprise", "", (0.5, 1.0, 1.5, 2.0, 3.0, 4.0), _surprise, 1.0, "share of the reference amplitudes", FALLS
-        ),
-    )
-}

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from quad_env.columns import Array
 from quad_env.config import AnyPose
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.commands import draw_command
 from quad_env.scenarios.disturbances import Dropouts, Payload, Pushes, SteadyForce
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import EpisodeStreams
@@ -58,8 +57,13 @@ class Episode:
         self.dropouts = draw_dropouts(scenario.dropouts, robot.num_joints, self.streams, dt)
 
     def next_command(self) -> Array:
-        """The next interval's command, (3,): forward and lateral m/s, yaw rate rad/s."""
-        return draw_command(self._scenario.commands, self.streams.commands)
+        """The next interval's command, (3,): forward and lateral m/s, yaw rate rad/s.
+
+        Always four numbers from the stream, so that a zero command shifts nothing.
+        """
+        ranges, (coin, *unit) = self._scenario.commands, self.streams.commands.random(4)
+        low, high = np.transpose((ranges.forward, ranges.lateral, ranges.yaw_rate))
+        return np.zeros(3) if coin < ranges.zero_fraction else low + (high - low) * np.asarray(unit)
 
 
 def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) -> Array:

@@ -49,13 +49,7 @@ class Read(NamedTuple):
 
     def of(self, which: Mask) -> "Read":
         """Readings of some of the robots."""
-        return Read(
-            self.gyro[which],
-            self.accelerometer[which],
-            self.joints[which],
-            self.joints_before[which],
-            self.standing[which],
-        )
+        return Read._make(readings[which] for readings in self)
 
 
 class Estimator:

@@ -271,11 +271,10 @@ def weight_of(name: str, value: float) -> Plant:
     """Both environments weigh that term so, whatever the configuration says."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
-        for module in ("env", "vector_env"):
-            patch.setattr(
-                f"quad_env.envs.{module}.step_weights",
-                lambda weights, dt: rewards.step_weights(replace(weights, **{name: value}), dt),
-            )
+        patch.setattr(
+            "quad_env.envs.base.step_weights",
+            lambda weights, dt: rewards.step_weights(replace(weights, **{name: value}), dt),
+        )
 
     return plant
 
@@ -306,16 +305,13 @@ def dropped(name: str) -> Plant:
     """The simulation is made without that part of the scenario."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
-        true_of = Simulation.of.__func__  # type: ignore[attr-defined]
+        true_init = Simulation.__init__
         default = getattr(quad_env.SCENARIOS["flat"], name)
 
-        def without(argument: Any) -> Any:
-            return replace(argument, **{name: default}) if isinstance(argument, quad_env.Scenario) else argument
+        def faulty(self: Simulation, robot: Any, scenario: quad_env.Scenario, *args: Any, **kwargs: Any) -> None:
+            true_init(self, robot, replace(scenario, **{name: default}), *args, **kwargs)
 
-        def faulty(cls: type[Simulation], *args: Any, **kwargs: Any) -> Simulation:
-            return true_of(cls, *map(without, args), **{key: without(value) for key, value in kwargs.items()})
-
-        patch.setattr(Simulation, "of", classmethod(faulty))
+        patch.setattr(Simulation, "__init__", faulty)
 
     return plant
 

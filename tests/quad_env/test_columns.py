@@ -10,6 +10,7 @@ from quad_env import columns
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, SmoothRandom
 from quad_env.task import rewards
 
@@ -75,7 +76,7 @@ def test_a_reward_term_that_somebody_adds_serves_one_robot_and_a_batch(monkeypat
 
     monkeypatch.setitem(rewards.TERMS, "reward_height", height)
     weights = dict.fromkeys((*rewards.TERMS, rewards.FALL), 2.0)
-    robot, robots = (Simulation(SIMPLE_QUAD, Flat(), n, 1, 100.0) for n in (1, 2))
+    robot, robots = (Simulation(SIMPLE_QUAD, Scenario("made"), n, 1, 100.0) for n in (1, 2))
     for simulation, count in ((robot, 1), (robots, 2)):
         simulation.reset(np.arange(count), np.zeros((count, 35)))
     one = rewards.reward_terms(robot.state_of_one((0.0, 0.0, 0.0)), False, False, weights)

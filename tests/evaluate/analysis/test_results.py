@@ -150,7 +150,7 @@ def replay(row) -> metrics.Measures:
     while not (terminated or truncated):
         step += 1
         observation, _, terminated, truncated, info = env.step(policy.act(observation))
-        state = env.unwrapped._simulation.state_of_one((0.0, 0.0, 0.0))
+        state = env.unwrapped.simulation.state_of_one((0.0, 0.0, 0.0))
         joints = {"joint_velocity": state.joint_velocity, "joint_torque": state.joint_torque}
         for name in names:
             record[name][step, 0] = (info | joints)[name]

@@ -13,7 +13,7 @@ from quad_env.actuation.models import ACTUATORS, Actuator, Gear, Thermal, Torque
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Motors
-from quad_env.scenarios.terrain import Flat
+from quad_env.scenarios.scenario import Scenario
 
 SUBSTEP = 0.002
 EVERY_SUBSTEP, EVERY_CONTROL_STEP = 500.0, 100.0
@@ -23,7 +23,9 @@ HOT = Thermal(resistance=2.0, time_constant=2.0, derated=0.25)
 
 
 def simulate(actuator: Actuator, rate: float = EVERY_SUBSTEP, motors: Motors | None = None, robots: int = 1):
-    simulation = Simulation(SIMPLE_QUAD, Flat(), robots, 1, rate, motors=motors, actuator=actuator)
+    simulation = Simulation(
+        SIMPLE_QUAD, Scenario("made", motors=motors or Motors()), robots, 1, rate, actuator=actuator
+    )
     simulation.reset(np.arange(robots), np.zeros((robots, 35)))
     return simulation
 
@@ -54,7 +56,7 @@ def test_the_largest_torque_lies_on_the_curve_and_braking_is_held_to_the_current
     speed: float, torque: float
 ) -> None:
     """A positive speed with an upward target drives, a negative one brakes; above 10 rad/s only braking is left."""
-    stiff = Simulation(SIMPLE_QUAD, Flat(), 1, 1, EVERY_SUBSTEP).model.actuator_gainprm[0, 0]
+    stiff = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, EVERY_SUBSTEP).model.actuator_gainprm[0, 0]
     assert stiff * 0.5 - 10 * 9 >= 10  # half a radian of error asks for more than the curve gives up to 9 rad/s
     far = 100 * np.ones(12)
     for sign in (1, -1):
@@ -109,7 +111,9 @@ def test_the_joint_feels_the_rotor_times_the_ratio_squared() -> None:
 
     added = inertia(Gear(6.0, 3e-4)) - inertia(Gear(6.0, 0.0))
     np.testing.assert_allclose(added, np.diag([0.0] * 6 + [3e-4 * 36] * 12), atol=1e-12)
-    assert Gear().reflected_inertia == pytest.approx(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0).model.dof_armature[6])
+    assert Gear().reflected_inertia == pytest.approx(
+        Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0).model.dof_armature[6]
+    )
 
 
 @pytest.mark.parametrize("parts", [{}, {"curve": CURVE}, {"curve": CURVE, "bandwidth": 20.0, "thermal": Thermal()}])

@@ -8,7 +8,7 @@ import pytest
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Motors, Payload
-from quad_env.scenarios.terrain import Flat
+from quad_env.scenarios.scenario import Scenario
 
 TARGET = SIMPLE_QUAD.home_pose + 0.1
 
@@ -20,7 +20,10 @@ def start(simulation: Simulation, loads: np.ndarray | None = None) -> Simulation
 
 
 def largest_torque(motors: Motors) -> float:
-    simulation, rng = start(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0, motors=motors)), np.random.default_rng(0)
+    simulation, rng = (
+        start(Simulation(SIMPLE_QUAD, Scenario("made", motors=motors), 1, 1, 100.0)),
+        np.random.default_rng(0),
+    )
     torques = []
     for _ in range(50):
         simulation.step(rng.uniform(SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper, (1, 12)), None)
@@ -36,7 +39,7 @@ def test_torque_reaches_its_limit_and_never_goes_above(limit: float) -> None:
 @pytest.mark.parametrize("bandwidth", [2.0, 10.0])
 def test_a_slow_servo_goes_63_percent_of_a_step_in_one_time_constant(bandwidth: float) -> None:
     """Torque kp (heard - q) - kv q̇ tells what target the servo goes by."""
-    simulation = start(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0, motors=Motors(bandwidth=bandwidth)))
+    simulation = start(Simulation(SIMPLE_QUAD, Scenario("made", motors=Motors(bandwidth=bandwidth)), 1, 1, 100.0))
     for step in range(1, 21):
         simulation.step(TARGET[None], None)
         data = simulation.snapshot(0)
@@ -46,7 +49,7 @@ def test_a_slow_servo_goes_63_percent_of_a_step_in_one_time_constant(bandwidth: 
 
 
 def test_a_restarted_robot_with_slow_servos_stands() -> None:
-    simulation = start(Simulation(SIMPLE_QUAD, Flat(), 2, 1, 100.0, motors=Motors(bandwidth=2.0)))
+    simulation = start(Simulation(SIMPLE_QUAD, Scenario("made", motors=Motors(bandwidth=2.0)), 2, 1, 100.0))
     for _ in range(30):
         simulation.step(np.tile(TARGET, (2, 1)), None)
     start(simulation).step(np.tile(SIMPLE_QUAD.home_pose, (2, 1)), None)
@@ -55,7 +58,7 @@ def test_a_restarted_robot_with_slow_servos_stands() -> None:
 
 def test_a_payload_adds_its_mass_where_it_is() -> None:
     loads = np.array([(0.2, 0.0), (-0.1, 0.1)])
-    simulation = start(Simulation(SIMPLE_QUAD, Flat(), 2, 1, 100.0, payload=Payload(6.0)), loads)
+    simulation = start(Simulation(SIMPLE_QUAD, Scenario("made", payload=Payload(6.0)), 2, 1, 100.0), loads)
     for robot, load in enumerate(loads):
         data = simulation.snapshot(robot)
         trunk = simulation.model.body("base_link").id
@@ -68,13 +71,14 @@ def test_a_payload_adds_its_mass_where_it_is() -> None:
 
 
 def com_of_the_bare_robot() -> np.ndarray:
-    data = start(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0)).snapshot(0)
+    data = start(Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)).snapshot(0)
     return np.array(data.subtree_com[1, :2] - data.xpos[1, :2])
 
 
 def test_the_legs_under_a_payload_carry_it() -> None:
     simulation = start(
-        Simulation(SIMPLE_QUAD, Flat(), 2, 1, 100.0, payload=Payload(6.0)), np.array([(0.2, 0.0), (-0.2, 0.0)])
+        Simulation(SIMPLE_QUAD, Scenario("made", payload=Payload(6.0)), 2, 1, 100.0),
+        np.array([(0.2, 0.0), (-0.2, 0.0)]),
     )
     for _ in range(100):
         simulation.step(np.tile(SIMPLE_QUAD.home_pose, (2, 1)), None)

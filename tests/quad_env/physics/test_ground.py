@@ -6,6 +6,7 @@ import pytest
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Ground
+from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Stairs, Terrain
 
 WEIGHT = SIMPLE_QUAD.mass * 9.81
@@ -23,19 +24,26 @@ def stand(simulation: Simulation, steps: int, force: tuple[float, float] = (0.0,
 @pytest.mark.parametrize("depth", [0.005, 0.02, 0.08])
 @pytest.mark.parametrize("terrain", [Flat(), Stairs()])
 def test_standing_feet_sink_to_the_depth_that_was_asked_for(terrain: Terrain, depth: float) -> None:
-    feet = stand(Simulation(SIMPLE_QUAD, terrain, 1, 1, 100.0, ground=Ground(sink_depth=depth)), 300)
+    feet = stand(
+        Simulation(SIMPLE_QUAD, Scenario("made", terrain=terrain, ground=Ground(sink_depth=depth)), 1, 1, 100.0), 300
+    )
     assert SIMPLE_QUAD.foot_radius - feet[:, 2].mean() == pytest.approx(depth, rel=0.05)
 
 
 def test_hard_ground_hardly_yields() -> None:
-    assert SIMPLE_QUAD.foot_radius - stand(Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0), 300)[:, 2].mean() < 0.0005
+    assert (
+        SIMPLE_QUAD.foot_radius - stand(Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0), 300)[:, 2].mean()
+        < 0.0005
+    )
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 @pytest.mark.parametrize("terrain", [Flat(), Stairs()])
 def test_a_robot_slides_where_the_side_force_exceeds_friction_times_weight(terrain: Terrain, friction: float) -> None:
     def slid(share: float) -> float:
-        simulation = Simulation(SIMPLE_QUAD, terrain, 1, 1, 100.0, ground=Ground(friction=friction))
+        simulation = Simulation(
+            SIMPLE_QUAD, Scenario("made", terrain=terrain, ground=Ground(friction=friction)), 1, 1, 100.0
+        )
         side = (0.0, share * friction * WEIGHT)
         return float((stand(simulation, 150, side) - stand(simulation, 50, side))[:, 1].mean())
 

@@ -124,7 +124,7 @@ def test_a_single_env_falls_diverges_and_stands_still_as_its_row_in_a_batch(
     batch.reset(seed=FIRST_SEED)
     for step, action in enumerate(random_actions(2)[:100]):
         if step == 5:
-            for simulation, row in ((single._simulation, 0), (batch.simulation, 1)):
+            for simulation, row in ((single.simulation, 0), (batch.simulation, 1)):
                 simulation._batch.bind("qpos")[row, 3:7] = (0.6, 0.8, 0, 0)
                 simulation._batch.bind("qvel")[row, 4] += velocity
         *result, info = single.step(action)

@@ -36,6 +36,6 @@ def test_what_mujoco_derives_has_the_bits_of_a_robot_that_starts_at_the_height_o
     """Recorded episodes rest on them."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     spec.body("base_link").pos[2] = spec.key("home").qpos[2]
-    at_home, ours = spec.compile(), compile_model(SIMPLE_QUAD, SCENARIOS["flat"].terrain)
+    at_home, ours = spec.compile(), compile_model(SIMPLE_QUAD, SCENARIOS["flat"])
     for name in ("body_invweight0", "dof_invweight0", "actuator_acc0", "dof_M0"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(at_home, name), err_msg=name)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import Rotation, heading_velocity, rotation_matrix, to_body
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Terrain
 
 angle = st.floats(-3.0, 3.0)
@@ -60,7 +61,7 @@ def test_gravity_points_forward_in_the_body_of_a_robot_that_looks_down() -> None
 
 @pytest.fixture
 def moving() -> Simulation:
-    simulation = Simulation(SIMPLE_QUAD, Flat(), 3, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 3, 1, 100.0)
     rng = np.random.default_rng(0)
     simulation.reset(np.arange(3), rng.uniform(-0.2, 0.2, (3, 35)))
     for _ in range(20):
@@ -87,7 +88,7 @@ def test_every_reading_is_of_the_current_state_not_of_a_substep_earlier(moving: 
 @pytest.mark.parametrize("terrain", [Flat(), SmoothRandom(half_size=6.0)])
 def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(terrain: Terrain) -> None:
     rng, touches = np.random.default_rng(0), 0
-    simulation = Simulation(SIMPLE_QUAD, terrain, 1, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, Scenario("made", terrain), 1, 1, 100.0)
     start = np.zeros((1, 35))
     start[0, 3] = 3.0  # rad of roll: it lies on its back
     simulation.reset(np.arange(1), start)
@@ -126,7 +127,7 @@ def test_linear_and_heading_velocity_are_the_trunks_displacement_over_time(movin
 
 
 def test_knee_torques_hold_the_weight() -> None:
-    simulation = Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     for _ in range(100):
         simulation.step(SIMPLE_QUAD.home_pose[None], np.zeros((1, 2)))

@@ -6,12 +6,12 @@ import pytest
 
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.terrain import Flat
+from quad_env.scenarios.scenario import Scenario
 
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    return compile_model(SIMPLE_QUAD, Flat())
+    return compile_model(SIMPLE_QUAD, Scenario("made"))
 
 
 def test_the_robot_has_13_links_12_joints_and_weighs_14_2_kg(model: mujoco.MjModel) -> None:

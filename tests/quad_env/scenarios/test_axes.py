@@ -69,7 +69,7 @@ def test_a_disturbance_shifts_no_other_draw() -> None:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) -> None:
     scenario = AXES[name].level(4)
-    simulation = Simulation.of(SIMPLE_QUAD, scenario, 16, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, scenario, 16, 1, 100.0)
     simulation.reset(np.arange(16), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(16)]))
     for robot in range(16):
         data = simulation.snapshot(robot)
@@ -83,7 +83,7 @@ def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) ->
 @pytest.mark.parametrize("terrain", [Slope(), Slope(0.3)])
 def test_a_robot_starts_aligned_with_a_slope_and_stands_on_it(terrain: Slope) -> None:
     scenario = Scenario("slope", terrain=terrain, start=replace(StartNoise(), tilt=0.0))
-    simulation = Simulation.of(SIMPLE_QUAD, scenario, 8, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, scenario, 8, 1, 100.0)
     simulation.reset(np.arange(8), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]))
     up = np.array(simulation.state(np.zeros((3, 8))).rotation)[:, 2]
     np.testing.assert_allclose(up.T, np.tile([-np.sin(terrain.angle), 0, np.cos(terrain.angle)], (8, 1)), atol=1e-12)
@@ -108,7 +108,7 @@ def test_no_robot_leaves_its_field_within_ten_seconds() -> None:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> None:
     scenario, rng = SCENARIOS[name], np.random.default_rng(0)
-    simulation = Simulation.of(SIMPLE_QUAD, scenario, 2, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, scenario, 2, 1, 100.0)
     simulation.reset(np.arange(2), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(2)]))
     data = simulation.snapshot(1)
     data.qacc_warmstart[:] = 0.0

@@ -9,6 +9,7 @@ import pytest
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs, Terrain
 
 SMALL = SmoothRandom(half_size=6.0)
@@ -32,7 +33,7 @@ def test_a_seed_is_a_surface() -> None:
 
 
 def ground_alone(terrain: Terrain) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    model = compile_model(SIMPLE_QUAD, terrain)
+    model = compile_model(SIMPLE_QUAD, Scenario("made", terrain))
     data = mujoco.MjData(model)
     data.qpos[:2] = 100.0  # the robot is elsewhere
     mujoco.mj_forward(model, data)

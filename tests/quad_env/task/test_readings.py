@@ -9,7 +9,7 @@ import policies
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulation import Simulation, compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.terrain import Flat
+from quad_env.scenarios.scenario import Scenario
 
 SEED = 5
 WIDTHS = {
@@ -99,7 +99,7 @@ def test_readings_are_those_of_mujoco_after_the_same_step(scenario: str) -> None
 
 def test_contacts_are_those_of_the_last_substep() -> None:
     """Single substeps make the state before the last one visible: MuJoCo's own contacts there are what is read."""
-    simulation = Simulation(SIMPLE_QUAD, Flat(), 1, 1, 500.0, contacts=True)
+    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 500.0, contacts=True)
     model = simulation.model
     rng = np.random.default_rng(0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))
@@ -131,7 +131,7 @@ def test_the_push_is_the_force_of_the_step_just_taken() -> None:
 
 
 def test_every_contact_sensor_watches_a_geom_against_the_world() -> None:
-    model = compile_model(SIMPLE_QUAD, Flat())
+    model = compile_model(SIMPLE_QUAD, Scenario("made"))
     contact = [i for i in range(model.nsensor) if model.sensor_type[i] == mujoco.mjtSensor.mjSENS_CONTACT]
     watched = {model.geom(model.sensor_objid[i]).name for i in contact}
     legs = {f"{leg}_{part}" for leg in SIMPLE_QUAD.leg_names for part in ("thigh", "calf", "foot")}

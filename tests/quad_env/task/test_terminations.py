@@ -9,7 +9,7 @@ from quad_env.config import FALL_REASONS, FallRule
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState, rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.terrain import Flat
+from quad_env.scenarios.scenario import Scenario
 from quad_env.task.terminations import fall_code, fall_codes
 
 TILT, HEIGHT = FALL_REASONS.index("tilt"), FALL_REASONS.index("height")
@@ -17,7 +17,7 @@ TILT, HEIGHT = FALL_REASONS.index("tilt"), FALL_REASONS.index("height")
 
 @pytest.fixture(scope="module")
 def standing() -> QuadState[float]:
-    simulation = Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     simulation.step(np.zeros((1, 12)), np.zeros((1, 2)))
     return simulation.state_of_one((0.0, 0.0, 0.0))
@@ -59,7 +59,7 @@ def test_of_two_reasons_the_first_counts_for_one_robot_and_in_a_batch(standing: 
 
 
 def test_a_dropped_trunk_touches_the_ground_in_the_simulation() -> None:
-    simulation = Simulation(SIMPLE_QUAD, Flat(), 1, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     codes = set()
     folded = np.tile([0.0, 1.5, -2.5], 4)[None]

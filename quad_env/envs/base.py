@@ -1,0 +1,102 @@
+"""What the single environment and the batch have in common: their parts, how these start, and copies."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from gymnasium.spaces import Box
+
+from quad_env.actuation.delay import wires_of
+from quad_env.actuation.models import Actuator
+from quad_env.actuation.models import actuator as find_actuator
+from quad_env.columns import Rows
+from quad_env.config import TaskConfig
+from quad_env.physics.simulation import Simulation
+from quad_env.robots.robot import Robot
+from quad_env.scenarios.episode import Episode, at_reset
+from quad_env.scenarios.named import scenario as find_scenario
+from quad_env.scenarios.scenario import Scenario
+from quad_env.sensing.observation import shown_by
+from quad_env.sensing.suite import SensorSuite, sensor_suite
+from quad_env.serialisation import from_plain
+from quad_env.task.observations import observation_table
+from quad_env.task.rewards import step_weights
+
+
+class QuadEnvBase:
+    """An environment whose copies and pickles are new ones, made with its arguments, that have yet to be reset.
+
+    A `reset` without a seed gives a copy the episode that it would have given the original. The state of MuJoCo's
+    simulation itself can be neither copied nor pickled.
+    """
+
+    _KEPT: ClassVar[tuple[str, ...]] = ("spec",)
+    """Attributes that a copy takes over."""
+    _view: Any = None  # so that what was made in part can be closed
+    _arguments: tuple[tuple[Any, ...], dict[str, Any]]
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Self:
+        """An environment that remembers what it was made with."""
+        env = super().__new__(cls)
+        env._arguments = args, kwargs
+        return env
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _make, (type(self), *self._arguments), {name: getattr(self, name) for name in self._KEPT}
+
+    def _assemble(
+        self,
+        num_envs: int,
+        nthread: int,
+        scenario: str | Scenario,
+        config: TaskConfig | None,
+        actuator: str | Actuator,
+        sensors: str | SensorSuite | None,
+        robot: Robot,
+        readings: bool = False,
+    ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
+        """Make the parts of n robots; the spaces of observations and of actions of one.
+
+        Mappings stand for settings, as in an `EnvSpec` that went through JSON.
+        """
+        config = _setting(config)
+        if config is not None and not isinstance(config, TaskConfig):
+            raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
+        self.config = config or TaskConfig()
+        self.scenario = find_scenario(_setting(scenario))
+        """What the robot has to cope with."""
+        self.robot = robot
+        """Names, geometry and limits of the robot; everything that the environment knows of it."""
+        rate = self.config.control_rate
+        self.dt = 1 / rate
+        """Control period, s."""
+        motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
+        imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
+        self.simulation = Simulation(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu)
+        self._wires = wires_of(robot, self.scenario, num_envs, self.dt)
+        self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
+        self._weights = step_weights(self.config.reward_weights, self.dt)
+        self._table = table = observation_table(robot)
+        self._lower, self._upper = robot.joint_lower, robot.joint_upper
+        actions = Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
+        return Box(-table.bound, table.bound), actions
+
+    def _start(self, rows: Rows, episodes: Sequence[Episode]) -> None:
+        """Start these episodes of those robots."""
+        self.simulation.reset(rows, *at_reset(episodes))
+        for part in (self._wires, self._sensors):
+            if part is not None:
+                part.begin(rows, episodes)
+
+    def _close_view(self) -> None:
+        if self._view is not None:
+            self._view.close()
+            self._view = None
+
+
+def _make(kind: type, args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
+    return kind(*args, **kwargs)
+
+
+def _setting(value: Any) -> Any:
+    return from_plain(value) if isinstance(value, Mapping) else value
