@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from policies.base import PolicyError
 
 Range = tuple[float, float]
-N = TypeVar("N", int, float)
+N = TypeVar("N", int, float, float | None)
 P = TypeVar("P", bound="Parameters")
 T = TypeVar("T")
 

@@ -11,7 +11,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 from tyro.constructors import PrimitiveConstructorSpec
 
 from evaluate.terminal.command_line import UsageError
+from policies.parameters import number
 from quad_env.config import RewardWeights
+from quad_env.scenarios.named import Pushes
 from train.run_folder import CONFIG_FILE
 
 
@@ -39,44 +41,49 @@ BaseName = Literal[
 ]
 """A name of `policies.bases.BASES`; written out, so that --help lists them at once."""
 
+_LOG_STD = (-20.0, 2.0)
+_PUSHES = Pushes()
+# One fewer than would fill the window: rounding must leave each push some room.
+_MOST_PUSHES = int((_PUSHES.window[1] - _PUSHES.window[0]) / _PUSHES.duration) - 1
+
 
 @dataclasses.dataclass(frozen=True)
 class PpoConfig:
     """The learner."""
 
-    envs: int = 256
+    envs: int = number(256, limits=(1, 65_536))
     """Robots simulated side by side."""
-    rollout_steps: int = 16
+    rollout_steps: int = number(16, limits=(1, 65_536))
     """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
-    minibatch: int = 512
+    minibatch: int = number(512, limits=(2, 2**24))  # advantages are normalised within one
     """Samples in one gradient step; must divide envs x rollout-steps."""
-    epochs: int = 6
+    epochs: int = number(6, limits=(1, 1000))
     """Passes over each rollout."""
-    learning_rate: float = 1e-3
+    learning_rate: float = number(1e-3, limits=(1e-9, 1.0))
     """Adam's step size at the start."""
     learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "linear"
     """linear: down to zero at the last step; adaptive: halved or raised to keep the KL divergence near target-kl."""
-    target_kl: float = 0.015
+    target_kl: float = number(0.015, limits=(1e-6, 10.0))
     """KL divergence of one update that the adaptive schedule steers towards, nat."""
-    hold: int = 1
+    hold: int = number(1, limits=(1, 1000))
     """Control steps that a correction is held in training; the trained policy corrects at every one."""
-    gamma: float = 0.95
+    gamma: float = number(0.95, limits=(0.0, 1.0))
     """Discount a step of the learner."""
-    gae_lambda: float = 0.9
+    gae_lambda: float = number(0.9, limits=(0.0, 1.0))
     """Lambda of the generalised advantage estimate."""
-    clip_range: float = 0.2
+    clip_range: float = number(0.2, limits=(1e-3, 10.0))
     """Clip of the probability ratio."""
-    reward_scale: float = 10.0
+    reward_scale: float = number(10.0, limits=(1e-6, 1e6))
     """Factor on the reward before the learner sees it: brings returns to about unit size for the value network."""
-    entropy: float = 0.0
+    entropy: float = number(0.0, limits=(0.0, 10.0))
     """Weight of the entropy bonus."""
-    value_weight: float = 0.5
+    value_weight: float = number(0.5, limits=(0.0, 1000.0))
     """Weight of the value loss."""
-    max_gradient: float = 1.0
+    max_gradient: float = number(1.0, limits=(1e-6, 1e6))
     """Largest norm of a gradient."""
-    log_std_init: float = -2.0
+    log_std_init: float = number(-2.0, limits=_LOG_STD)
     """Logarithm of the exploration noise at the start, in units of the authority."""
-    log_std_final: float | None = None
+    log_std_final: float | None = number(None, limits=_LOG_STD)
     """What it is lowered to, linearly, until the last step; learned from its start when not given."""
     actor: tuple[int, ...] = (128, 128)
     """Hidden layer widths of the policy's network."""
@@ -90,9 +97,9 @@ class PpoConfig:
 class ValidationConfig:
     """Judgement during training, by the code of `evaluate`, on episodes of its own."""
 
-    interval: Count = 500_000
+    interval: Count = number(500_000, limits=(0, 10**12))
     """Steps between two validations; 0 for none but the last."""
-    episodes: int = 24
+    episodes: int = number(24, limits=(1, 100_000))
     """Episodes a scenario."""
     scenarios: tuple[str, ...] = ("flat", "push", "rough")
     """Scenarios judged."""
@@ -106,29 +113,29 @@ class TrainConfig:
     """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
     base: BaseName = "trot"
     """Base policy that the correction is added to."""
-    steps: Count = 3_000_000
+    steps: Count = number(3_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
     run: its schedules, at their end already, begin again where they would be in a run of that length."""
-    seed: int = 0
+    seed: int = number(0, limits=(0, 2**32 - 1))  # NumPy's global generator, which SB3 seeds, takes no other
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None
     """Run folder; runs/POLICY-SEED when not given. Must be new or empty, unless --resume."""
     resume: bool = False
     """Carry on the run in --out from its last checkpoint."""
-    threads: int = 2
+    threads: int = number(2, limits=(1, 256))
     """Threads of the simulation; the learner needs one."""
-    joint_authority: float = 0.3
+    joint_authority: float = number(0.3, limits=(1e-3, 3.0))
     """Largest correction of a thigh or calf joint, rad."""
-    hip_authority: float = 0.15
+    hip_authority: float = number(0.15, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots."""
-    pushes: int = 2
+    pushes: int = number(2, limits=(0, _MOST_PUSHES))
     """Pushes in a training episode of a scenario that has any."""
-    hardness: float = 1.4
+    hardness: float = number(1.4, limits=(0.01, 100.0))
     """Factor on the impulse of the pushes and the height of the terrain in training, not in validation: a robot that
     hardly ever falls learns nothing about falling."""
-    max_episode_steps: int = 1000
+    max_episode_steps: int = number(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     rewards: RewardWeights = dataclasses.field(default_factory=RewardWeights)
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)

@@ -1,43 +1,13 @@
 """What can be trained with: the range of each number, and the few rules that join two settings."""
 
+import dataclasses
 from collections.abc import Sequence
 
 from evaluate.terminal.command_line import UsageError
-from quad_env.scenarios.named import Pushes, scenario
-from train.config import TrainConfig, to_dict
+from policies.parameters import limits_of
+from quad_env.scenarios.named import scenario
+from train.config import TrainConfig
 
-_PUSHES = Pushes()
-# One fewer than would fill the window: rounding must leave each push some room.
-_MOST_PUSHES = int((_PUSHES.window[1] - _PUSHES.window[0]) / _PUSHES.duration) - 1
-
-LIMITS: dict[str, tuple[float, float]] = {
-    "steps": (1, 10**12 - 1),  # a checkpoint's name has twelve digits
-    "seed": (0, 2**32 - 1),  # NumPy's global generator, which SB3 seeds, takes no other
-    "threads": (1, 256),
-    "joint_authority": (1e-3, 3.0),
-    "hip_authority": (0.0, 3.0),
-    "pushes": (0, _MOST_PUSHES),
-    "hardness": (0.01, 100.0),
-    "max_episode_steps": (1, 1_000_000),
-    "ppo.envs": (1, 65_536),
-    "ppo.rollout_steps": (1, 65_536),
-    "ppo.minibatch": (2, 2**24),  # advantages are normalised within one
-    "ppo.epochs": (1, 1000),
-    "ppo.learning_rate": (1e-9, 1.0),
-    "ppo.target_kl": (1e-6, 10.0),
-    "ppo.hold": (1, 1000),
-    "ppo.gamma": (0.0, 1.0),
-    "ppo.gae_lambda": (0.0, 1.0),
-    "ppo.clip_range": (1e-3, 10.0),
-    "ppo.reward_scale": (1e-6, 1e6),
-    "ppo.entropy": (0.0, 10.0),
-    "ppo.value_weight": (0.0, 1000.0),
-    "ppo.max_gradient": (1e-6, 1e6),
-    "ppo.log_std_init": (-20.0, 2.0),
-    "validation.interval": (0, 10**12),
-    "validation.episodes": (1, 100_000),
-}
-"""Smallest and largest value of each number, by its place in the settings."""
 LARGEST_REWARD_WEIGHT = 1e4
 LARGEST_SHARE = 1e6
 LARGEST_WIDTH, MOST_HIDDEN_LAYERS = 4096, 8
@@ -48,12 +18,12 @@ LARGEST_ROLLOUT = 2**24
 
 def check(config: TrainConfig) -> None:
     """Raise UsageError, one line, on settings that cannot be trained with."""
-    for place, (low, high) in LIMITS.items():
-        _check_range(place, _at(config, place), low, high)
-    for name, weight in to_dict(config)["rewards"].items():
-        _check_range(f"rewards.{name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
-    if config.ppo.log_std_final is not None:
-        _check_range("ppo.log_std_final", config.ppo.log_std_final, *LIMITS["ppo.log_std_init"])
+    for prefix, part in (("--", config), ("--ppo.", config.ppo), ("--validation.", config.validation)):
+        for name, (low, high) in limits_of(part).items():
+            if (value := getattr(part, name)) is not None:
+                _check_range(prefix + name, value, low, high)
+    for name, weight in dataclasses.asdict(config.rewards).items():
+        _check_range(f"--rewards.{name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
     _check_layers("--ppo.actor", config.ppo.actor)
     _check_layers("--ppo.critic", config.ppo.critic)
     _check_rollout(config)
@@ -63,19 +33,10 @@ def check(config: TrainConfig) -> None:
         raise UsageError(f"--policy end-to-end learns on --base stand, not on {config.base}: leave --base out")
 
 
-def _at(config: TrainConfig, place: str) -> float:
-    value: object = config
-    for name in place.split("."):
-        value = getattr(value, name)
-    assert isinstance(value, int | float)
-    return value
-
-
-def _check_range(place: str, value: float, low: float, high: float) -> None:
+def _check_range(option: str, value: float, low: float, high: float) -> None:
     # NaN is in no range.
     if not low <= value <= high:
-        option = "--" + place.replace("_", "-")
-        raise UsageError(f"{option} must be from {_number(low)} to {_number(high)}, got {value}")
+        raise UsageError(f"{option.replace('_', '-')} must be from {_number(low)} to {_number(high)}, got {value}")
 
 
 def _number(value: float) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from policies.base import Floats
 from policies.behaviour.guards import POSE_TOLERANCE
 from policies.behaviour.motion import Mask, Motion, approach
-from policies.parameters import read
+from policies.parameters import Parameters, read
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
@@ -46,7 +46,7 @@ Legs = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
-class RecoveryParameters:
+class RecoveryParameters(Parameters):
     """What the search tunes; a leg is lower if it is on the side that gravity pulls to."""
 
     gather_lower: Legs

@@ -1,8 +1,8 @@
 """A search of parameters by CMA-ES, over the unit cube of their ranges, and the rows of its account."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import Field, asdict, replace
-from typing import Any, ClassVar, Protocol, TypeVar
+from dataclasses import asdict, dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from rich.progress import track
 from evaluate.measures.metrics import Measures
 from evaluate.terminal.launcher import raise_on_interrupt
 from policies.base import Floats
+from policies.parameters import Parameters
 from quad_env.seeding import episode_seeds
 
 Ranges = Mapping[str, tuple[float, float]]
@@ -19,41 +20,24 @@ MARGIN = 0.02
 """Distance from the faces of the unit cube at which a search starts at least."""
 
 
-class Parameters(Protocol):
-    """A dataclass of numbers."""
-
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
-
-
 P = TypeVar("P", bound=Parameters)
 
 
-class Effort(Protocol):
-    """How thoroughly a search is done."""
+@dataclass(frozen=True)
+class Effort:
+    """How thoroughly a search is done: rounds, parameter sets tried in each, and the seed of these."""
 
-    @property
-    def generations(self) -> int:
-        """Rounds."""
-        ...
-
-    @property
-    def candidates(self) -> int:
-        """Parameter sets tried in a round."""
-        ...
-
-    @property
-    def seed(self) -> int:
-        """Seed of the candidates."""
-        ...
+    generations: int
+    candidates: int
+    seed: int
 
 
-class EpisodeEffort(Effort, Protocol):
-    """How thoroughly a search on drawn episodes is done."""
+@dataclass(frozen=True)
+class EpisodeEffort(Effort):
+    """That of a search on drawn episodes: how many, new in each round, and how many control steps long."""
 
-    @property
-    def episodes(self) -> int:
-        """Episodes of the "search" family, new in each round."""
-        ...
+    episodes: int
+    steps: int
 
 
 def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -> P:
@@ -65,6 +49,11 @@ def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -
 def encode(parameters: Parameters, ranges: Ranges) -> Floats:
     """Point of the unit cube of some parameters."""
     return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
+
+
+def rounded(parameters: P) -> P:
+    """The parameters to four digits."""
+    return replace(parameters, **{name: round(float(value), 4) for name, value in asdict(parameters).items()})
 
 
 def evolve(

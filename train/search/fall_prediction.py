@@ -14,11 +14,12 @@ from rich.progress import Progress
 import policies
 from evaluate.rollouts.observers import Observer, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
-from evaluate.terminal.command_line import UsageError, check_numbers
+from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Policy
+from policies.parameters import number
 from policies.safety.fall_prediction import THRESHOLD_FILE, next_recent, next_reference, velocity_deviation
 from quad_env.seeding import episode_seeds
-from train.search.outcome import check_output, save
+from train.search.outcome import check, save
 
 MARGIN = 0.2
 """Between the threshold and the largest velocity deviation that undisturbed walking gave, m/s."""
@@ -32,9 +33,9 @@ class Options:
 
     policies: tuple[str, ...] = ("trot",)
     """Names of the policies that must not cause alarms."""
-    hours: float = 1.0
+    hours: float = number(1.0, limits=(0.001, 1000.0))
     """Undisturbed walking of each policy."""
-    seed: int = 0
+    seed: int = number(0, limits=(0, 2**31))
     """Seed of the episodes."""
     out: Path = THRESHOLD_FILE
     """JSON to write."""
@@ -44,8 +45,7 @@ def main(options: Options) -> int:
     """Fit and write; the exit code. Raises UsageError."""
     if not options.policies:
         raise UsageError("--policies must name at least one policy")
-    check_numbers(options, {"hours": (0.001, 1000.0), "seed": (0, 2**31)})
-    check_output(options.out)
+    check(options, options.out)
     episodes = max(1, round(options.hours * 3600 / (STEPS * CONTROL_PERIOD)))
     seeds = episode_seeds("search", options.seed * 100 + 50, episodes)
     chunks = np.array_split(seeds, -(-len(seeds) // AT_ONCE))

@@ -17,15 +17,14 @@ from rich.progress import track
 
 from evaluate.measures.metrics import Measures
 from evaluate.statistics.significance import sign_flip_test
-from evaluate.terminal.command_line import check_numbers
-from policies.base import CONTROL_PERIOD
+from policies.base import CONTROL_PERIOD, Floats
+from policies.parameters import number
 from policies.trot.feedback_parameters import PARAMETERS_FILE, SEARCH_RANGES, FeedbackParameters, read_parameters
 from quad_env.seeding import episode_seeds
-from train.search.evolution import changes, encode, evolve, judged, last
+from train.search.evolution import EpisodeEffort, changes, encode, evolve, judged, last
 from train.search.feedback_cost import COMMAND_INTERVAL, EXERCISES, FALL_COST, HISTORY, judge, walked
-from train.search.outcome import as_json, check_output, save
-from train.search.trot import LIMITS as TROT_LIMITS
-from train.search.trot_cost import ERROR_SCALES, Floats
+from train.search.outcome import as_json, check, save
+from train.search.trot_cost import method
 
 ACCOUNT = "TROT_FEEDBACK.md"
 """The account of a search, beside its outcome."""
@@ -34,35 +33,31 @@ UNJUDGED = ".unjudged.json"
 SIGNIFICANT = 0.05
 """Largest p-value with which a smaller cost counts as smaller."""
 ADOPTED, KEPT = "The outcome is adopted.", "The start is kept: the outcome is not better."
+SHORTEST = round(2 * COMMAND_INTERVAL / CONTROL_PERIOD)
+"""Shortest episode of the search, control steps."""
 MOVED_MOST = 5
 """Parameters that an account names for having moved most."""
-LIMITS = {name: TROT_LIMITS[name] for name in ("generations", "candidates", "episodes", "seed", "threads")} | {
-    "steps": (round(2 * COMMAND_INTERVAL / CONTROL_PERIOD), 100_000),
-    "check_episodes": (1, 10_000),
-    "spread": (1e-6, 0.5),
-}
-"""Smallest and largest value of each number of the options."""
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(EpisodeEffort):
     """Search the gait and the gains of trot_feedback."""
 
-    generations: int = 20
+    generations: int = number(20, limits=(1, 10_000))
     """Rounds of the search."""
-    candidates: int = 16
+    candidates: int = number(16, limits=(4, 1000))
     """Parameter sets tried in a round."""
-    episodes: int = 4
+    episodes: int = number(4, limits=(1, 10_000))
     """Episodes a candidate and exercise."""
-    steps: int = 400
+    steps: int = number(400, limits=(SHORTEST, 100_000))
     """Length of an episode, control steps of 10 ms."""
-    spread: float = 0.03
+    spread: float = number(0.03, limits=(1e-6, 0.5))
     """First standard deviation of a parameter, as a share of its range."""
-    check_episodes: int = 64
+    check_episodes: int = number(64, limits=(1, 10_000))
     """Full episodes an exercise, of validation seeds, on which the outcome is judged beside the start."""
-    seed: int = 0
+    seed: int = number(0, limits=(0, 2**31))
     """Seed of the search."""
-    threads: int = 2
+    threads: int = number(2, limits=(1, 256))
     """Threads of the simulation."""
     start: Path | None = None
     """Parameters to start from, JSON; by default the defaults in the code."""
@@ -122,10 +117,18 @@ def compared(options: Options, start: FeedbackParameters, outcome: FeedbackParam
 
 def account(options: Options, start: FeedbackParameters, outcome: FeedbackParameters, found: Comparison) -> str:
     """What the search found, what it is worth on fresh episodes and what follows from that, as Markdown."""
+    command = (
+        f"python -m train search feedback --seed {options.seed} --generations {options.generations} "
+        f"--candidates {options.candidates} --episodes {options.episodes} --steps {options.steps} "
+        f"--spread {options.spread:g} --check-episodes {options.check_episodes}"
+        + (f" --start {options.start}" if options.start else "")
+    )
+    billed = f"Falls cost {FALL_COST:g} more on {', '.join(each.name for each in EXERCISES if each.fall_cost)}."
     lines = [
         "# The parameters of trot_feedback",
         "",
-        *method(options),
+        *method(command, options, {exercise.name: exercise.weight for exercise in EXERCISES}),
+        billed,
         HISTORY,
         "",
         found.verdict,
@@ -138,26 +141,6 @@ def account(options: Options, start: FeedbackParameters, outcome: FeedbackParame
     return "\n".join(lines) + "\n"
 
 
-def method(options: Options) -> list[str]:
-    """The command, how it searches, and what it bills."""
-    command = (
-        f"python -m train search feedback --seed {options.seed} --generations {options.generations} "
-        f"--candidates {options.candidates} --episodes {options.episodes} --steps {options.steps} "
-        f"--spread {options.spread:g} --check-episodes {options.check_episodes}"
-        + (f" --start {options.start}" if options.start else "")
-    )
-    return [
-        f"Written by `{command}`: CMA-ES, {options.generations} "
-        f"generations of {options.candidates} candidates, {options.episodes} episodes of "
-        f"{options.steps * CONTROL_PERIOD:g} s a candidate on each of "
-        f"{', '.join(f'{exercise.name} (weight {exercise.weight:g})' for exercise in EXERCISES)}.",
-        "Cost of an episode: "
-        + " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
-        + "; falls are billed within the errors, and "
-        f"{FALL_COST:g} more on {', '.join(exercise.name for exercise in EXERCISES if exercise.fall_cost)}.",
-    ]
-
-
 def moved(start: FeedbackParameters, outcome: FeedbackParameters) -> str:
     """How far the search moved the parameters, in words."""
     shares = np.abs(encode(outcome, SEARCH_RANGES) - encode(start, SEARCH_RANGES))
@@ -168,8 +151,7 @@ def moved(start: FeedbackParameters, outcome: FeedbackParameters) -> str:
 
 def main(options: Options) -> int:
     """Search, judge, write; the exit code. Raises UsageError; KeyboardInterrupt, after what was found is kept aside."""
-    check_numbers(options, LIMITS)
-    check_output(options.out, ACCOUNT)
+    check(options, options.out, ACCOUNT)
     start = read_parameters(options.start) if options.start else FeedbackParameters()
     aside = options.out.with_suffix(UNJUDGED)
     outcome = last(search(options, start), lambda parameters: save(aside, as_json(parameters)))

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures, measure
 from evaluate.rollouts.rollout import STEPS, run
+from policies.base import Floats
 from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.named import Scenario
 from train.scenarios import practice
-from train.search.trot_cost import Floats, Panel, episode_costs
+from train.search.trot_cost import Panel, episode_costs
 
 COMMAND_INTERVAL = 2.0
 """s between commands in the search: more changes of command in the same time, their transients weigh more."""

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from evaluate.terminal.command_line import UsageError, check_numbers
+from evaluate.terminal.command_line import UsageError
 from policies.gaits.parameters import OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
+from policies.parameters import number
 from quad_env.seeding import episode_seeds
 from train.search.command_map import response, undone
-from train.search.evolution import Ranges, evolve
+from train.search.evolution import EpisodeEffort, Ranges, evolve, rounded
 from train.search.gait_cost import FEWEST, SETTLING, commands, cost, shared_walk
-from train.search.outcome import as_json, check_output, save
+from train.search.outcome import as_json, check, save
 
 _COMMON = {
     "frequency": (2.0, 3.6),
@@ -50,37 +51,27 @@ RANGES: dict[str, Ranges] = {
 MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
 MAP_EPISODES = 64
-LIMITS: dict[str, tuple[float, float]] = {
-    "generations": (0, 10_000),
-    "spread": (0.001, 0.5),
-    "candidates": (4, 1000),
-    "episodes": (FEWEST, 10_000),
-    "steps": (SETTLING + 100, 100_000),
-    "seed": (0, 2**31),
-    "threads": (1, 256),
-}
-"""Smallest and largest value of each number of the options."""
 
 
-@dataclass(frozen=True)
-class Options:
+@dataclass(frozen=True, kw_only=True)
+class Options(EpisodeEffort):
     """Search a gait's numbers."""
 
     gait: str
     """Gait to search: bound, pace, pronk, trot or walk."""
-    generations: int = 20
+    generations: int = number(20, limits=(0, 10_000))
     """Rounds of the search; 0 fits the command map alone."""
-    spread: float = 0.15
+    spread: float = number(0.15, limits=(0.001, 0.5))
     """Standard deviation of the first candidates, in widths of the ranges."""
-    candidates: int = 10
+    candidates: int = number(10, limits=(4, 1000))
     """Parameter sets tried in a round."""
-    episodes: int = 10
+    episodes: int = number(10, limits=(FEWEST, 10_000))
     """Episodes a candidate."""
-    steps: int = 400
+    steps: int = number(400, limits=(SETTLING + 100, 100_000))
     """Length of an episode, control steps of 10 ms."""
-    seed: int = 0
+    seed: int = number(0, limits=(0, 2**31))
     """Seed of the search."""
-    threads: int = 1
+    threads: int = number(1, limits=(1, 256))
     """Threads of the simulation."""
     out: Path = PARAMETERS_FILE
     """File of all gaits' parameters, JSON, in which this gait's are replaced."""
@@ -103,28 +94,22 @@ def search(options: Options, start: GaitParameters) -> GaitParameters:
 def fitted(options: Options, found: GaitParameters) -> GaitParameters:
     """The parameters with a command map fitted on fresh episodes, to four digits."""
     rng = np.random.default_rng((1, options.seed))
-    for number in track(range(MAP_ROUNDS), description="command map"):
+    for done in track(range(MAP_ROUNDS), description="command map"):
         command = commands(options.gait, MAP_EPISODES, rng)
-        seeds = episode_seeds("search", options.seed + 1_000_000 + number, MAP_EPISODES)
+        seeds = episode_seeds("search", options.seed + 1_000_000 + done, MAP_EPISODES)
         (walk,) = shared_walk(options.gait, [found], command, seeds, 2 * options.steps, options.threads)
         upright = ~walk.fell
         if upright.sum() < FEWEST:
             raise UsageError(f"the {options.gait} falls: {int(walk.fell.sum())} of {MAP_EPISODES}; search on")
         found = undone(found, response(command[upright], walk.heading_velocity.mean(axis=0)[upright]))
-    return GaitParameters(**{name: round(float(value), 4) for name, value in asdict(found).items()})
-
-
-def check(options: Options) -> None:
-    """Raise UsageError, one line, on options that no search can be made with."""
-    if options.gait not in OFFSETS:
-        raise UsageError(f"--gait must be one of {', '.join(OFFSETS)}, got {options.gait}")
-    check_numbers(options, LIMITS)
-    check_output(options.out)
+    return rounded(found)
 
 
 def main(options: Options) -> int:
     """Search and write; the exit code. Raises UsageError."""
-    check(options)
+    if options.gait not in OFFSETS:
+        raise UsageError(f"--gait must be one of {', '.join(OFFSETS)}, got {options.gait}")
+    check(options, options.out)
     start = searched_parameters()[options.gait]
     found = fitted(options, search(options, start) if options.generations else start)
     searched_parameters.cache_clear()  # another gait's search may have ended in the meantime

@@ -4,13 +4,15 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.files import make_writable_folder, write_atomically
-from train.search.evolution import Parameters
+from policies.parameters import Parameters, limits_of
 
 
-def check_output(out: Path, account: str = "") -> None:
-    """Raise UsageError, one line, where no parameters can be written, with their account, if any, beside them."""
+def check(options: object, out: Path, account: str = "") -> None:
+    """Raise UsageError, one line, for a number of the options beyond its limits, and where no parameters can be
+    written, with their account, if any, beside them."""
+    check_numbers(options, limits_of(options))
     if out.is_dir() or out.name == account:
         reserved = f", and not {account}, which the account goes to" if account else ""
         raise UsageError(f"--out must be a file{reserved}; got {out}")

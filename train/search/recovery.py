@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.studies.recovery import TIME_ALLOWED, recover_with
-from evaluate.terminal.command_line import check_numbers
 from policies.base import Floats
 from policies.behaviour import Behaviour
 from policies.behaviour.recovery import PARAMETERS_FILE, RecoveryParameters, searched_parameters
 from policies.behaviour.transitions import State
+from policies.parameters import number
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from train.search.evolution import last, minimise
-from train.search.outcome import as_json, check_output, save
+from train.search.evolution import Effort, last, minimise
+from train.search.outcome import as_json, check, save
 from train.search.trot_cost import Panel
 
 LATE_COST = 2.0
@@ -35,29 +35,20 @@ THRESHOLDS = {
     "upright": (0.2, 0.9),
 }
 
-LIMITS = {
-    "generations": (1, 10_000),
-    "candidates": (4, 1000),
-    "starts": (1, 10_000),
-    "step": (1e-6, 1.0),
-    "seed": (0, 2**31),
-}
-"""Smallest and largest value of each number of the options."""
-
 
 @dataclass(frozen=True)
-class Options:
+class Options(Effort):
     """Search the recovery's parameters."""
 
-    generations: int = 30
+    generations: int = number(30, limits=(1, 10_000))
     """Rounds of the search."""
-    candidates: int = 24
+    candidates: int = number(24, limits=(4, 1000))
     """Parameter sets tried in a round."""
-    starts: int = 12
+    starts: int = number(12, limits=(1, 10_000))
     """Random starts of each candidate in a round."""
-    step: float = 0.07
+    step: float = number(0.07, limits=(1e-6, 1.0))
     """First step size, rad and likewise in the other units."""
-    seed: int = 0
+    seed: int = number(0, limits=(0, 2**31))
     """Seed of the search."""
     out: Path = PARAMETERS_FILE
     """JSON to write."""
@@ -65,8 +56,7 @@ class Options:
 
 def main(options: Options) -> int:
     """Search and write; the exit code. Raises UsageError; KeyboardInterrupt, after what was found is kept."""
-    check_numbers(options, LIMITS)
-    check_output(options.out)
+    check(options, options.out)
     save(options.out, as_json(last(search(options), lambda parameters: save(options.out, as_json(parameters)))))
     print(options.out)
     return 0

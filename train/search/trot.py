@@ -4,7 +4,7 @@ CMA-ES over `policies.trot.open_loop.SEARCH_RANGES`. A generation's candidates w
 and every generation gets new ones, all from the "search" family of seeds, which neither training nor evaluation draws.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +13,14 @@ from rich.progress import track
 
 from evaluate.measures.metrics import SETTLING_TIME, measure
 from evaluate.rollouts.rollout import run
-from evaluate.terminal.command_line import check_numbers
-from policies.base import CONTROL_PERIOD
+from policies.base import CONTROL_PERIOD, Floats
+from policies.parameters import number
 from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
-from train.search.evolution import changes, evolve, judged
-from train.search.outcome import as_json, check_output, save
-from train.search.trot_cost import ERROR_SCALES, MINIMUM_INTERVALS, SCENARIO_WEIGHTS, Floats, judge, mapped
+from train.search.evolution import EpisodeEffort, changes, evolve, judged, rounded
+from train.search.outcome import as_json, check, save
+from train.search.trot_cost import MINIMUM_INTERVALS, SCENARIO_WEIGHTS, judge, mapped, method
 
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
 SPREAD = 0.15
@@ -29,35 +29,27 @@ MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
 ACCOUNT = "TROT.md"
 """The account of a search, beside its outcome."""
-LIMITS = {
-    "generations": (1, 10_000),
-    "candidates": (4, 1000),
-    "episodes": (1, 10_000),
-    "steps": (round(SETTLING_TIME / CONTROL_PERIOD) + 1, 100_000),  # what is settling only is not judged
-    "check_episodes": (MINIMUM_INTERVALS // 2, 10_000),  # of two command intervals each
-    "seed": (0, 2**31),
-    "threads": (1, 256),
-}
-"""Smallest and largest value of each number of the options."""
+SHORTEST = round(SETTLING_TIME / CONTROL_PERIOD) + 1
+"""Shortest episode, control steps: what is settling only is not judged."""
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(EpisodeEffort):
     """Search the trot's parameters."""
 
-    generations: int = 14
+    generations: int = number(14, limits=(1, 10_000))
     """Rounds of the search."""
-    candidates: int = 14
+    candidates: int = number(14, limits=(4, 1000))
     """Parameter sets tried in a round."""
-    episodes: int = 10
+    episodes: int = number(10, limits=(1, 10_000))
     """Episodes a candidate and scenario."""
-    steps: int = 600
+    steps: int = number(600, limits=(SHORTEST, 100_000))
     """Length of an episode, control steps of 10 ms."""
-    check_episodes: int = 108
+    check_episodes: int = number(108, limits=(MINIMUM_INTERVALS // 2, 10_000))  # of two command intervals each
     """Fresh episodes a scenario on which the outcome is judged beside the parameters before the search."""
-    seed: int = 0
+    seed: int = number(0, limits=(0, 2**31))
     """Seed of the search."""
-    threads: int = 2
+    threads: int = number(2, limits=(1, 256))
     """Threads of the simulation."""
     out: Path = PARAMETERS_FILE
     """Where the parameters go, JSON; the account of the search goes beside it, TROT.md."""
@@ -73,7 +65,7 @@ def search(options: Options, start: TrotParameters) -> TrotParameters:
     fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
     for round_seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
         found = mapped(found, round_seeds, options.threads)
-    return TrotParameters(**{name: round(value, 4) for name, value in asdict(found).items()})
+    return rounded(found)
 
 
 def account(options: Options, before: TrotParameters, after: TrotParameters) -> str:
@@ -81,18 +73,11 @@ def account(options: Options, before: TrotParameters, after: TrotParameters) -> 
     lines = [
         "# The trot's parameters",
         "",
-        f"Written by `python -m train search trot --seed {options.seed}`: CMA-ES, {options.generations} generations of "
-        f"{options.candidates} candidates, {options.episodes} episodes of {options.steps * CONTROL_PERIOD:g} s a "
-        "candidate on each of "
-        f"{', '.join(f'{name} (weight {weight:g})' for name, weight in SCENARIO_WEIGHTS.items())}.",
-        "Cost of an episode: "
-        + " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
-        + "; falls are billed within the errors. Each candidate is judged against its own linear response on flat "
-        "ground; the command map is fitted by least squares afterwards.",
+        *method(f"python -m train search trot --seed {options.seed}", options, SCENARIO_WEIGHTS),
+        "Each candidate is judged against its own linear response on flat ground; the command map is fitted by least "
+        "squares afterwards.",
         "",
         *changes(before, after, SEARCH_RANGES, COMMAND_MAP),
-    ]
-    lines += [
         "",
         f"On {options.check_episodes} fresh search episodes of 10 s a scenario:",
         "",
@@ -107,15 +92,9 @@ def account(options: Options, before: TrotParameters, after: TrotParameters) -> 
     return "\n".join(lines) + "\n"
 
 
-def check(options: Options) -> None:
-    """Raise UsageError, one line, on options that no search can be made with."""
-    check_numbers(options, LIMITS)
-    check_output(options.out, ACCOUNT)
-
-
 def main(options: Options) -> int:
     """Search, write, judge; the exit code. Raises UsageError."""
-    check(options)
+    check(options, options.out, ACCOUNT)
     before = TrotParameters()
     after = search(options, before)
     try:

@@ -1,6 +1,7 @@
 """What a trot is worth in the search of its parameters, and the command map that undoes its response."""
 
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +9,11 @@ from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures, measure
 from evaluate.rollouts.rollout import run
-from policies.base import Actions, Policy
+from policies.base import CONTROL_PERIOD, Actions, Floats, Policy
 from policies.trot.open_loop import Trot, TrotParameters
 from train.scenarios import practice
 from train.search.command_map import response, undone
-
-Floats = NDArray[np.float64]
+from train.search.evolution import EpisodeEffort
 
 SCENARIO_WEIGHTS = {"flat": 0.5, "push": 0.25, "rough": 0.25}
 ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_error": 0.35, "overspeed": 0.02}
@@ -69,6 +69,18 @@ def interval_response(measures: Measures) -> Floats:
     if upright.sum() < MINIMUM_INTERVALS:
         return np.zeros((4, 3))
     return response(command[upright], achieved[upright])
+
+
+def method(command: str, effort: EpisodeEffort, weights: Mapping[str, float]) -> list[str]:
+    """How a search is made by that command, and what it bills on scenarios of those weights, for its account."""
+    return [
+        f"Written by `{command}`: CMA-ES, {effort.generations} generations of {effort.candidates} candidates, "
+        f"{effort.episodes} episodes of {effort.steps * CONTROL_PERIOD:g} s a candidate on each of "
+        f"{', '.join(f'{name} (weight {weight:g})' for name, weight in weights.items())}.",
+        "Cost of an episode: "
+        + " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
+        + "; falls are billed within the errors.",
+    ]
 
 
 def judge(candidates: list[TrotParameters], seeds: NDArray[np.int64], steps: int, threads: int) -> Floats:

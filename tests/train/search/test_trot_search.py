@@ -16,7 +16,8 @@ from train.__main__ import main
 from train.search import trot as search_trot
 from train.search.command_map import undone
 from train.search.evolution import decode, encode
-from train.search.trot import Options, check
+from train.search.outcome import check
+from train.search.trot import Options
 from train.search.trot_cost import (
     ERROR_SCALES,
     WEAKNESS_WEIGHT,
@@ -185,5 +186,5 @@ def test_ctrl_c_in_a_search_is_130_and_writes_nothing(tmp_path, monkeypatch, cap
 
 
 def test_the_defaults_can_be_searched_with():
-    check(Options())
+    check(Options(), Options().out)
     assert policies.make("trot").name == "trot"
