@@ -3,14 +3,13 @@
 Their tables, and the rows that take longer, are those of the commands named: `python -m benchmarks.NAME --help`.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks import physics, policies, single_env, startup, vector_env
 from benchmarks.probes.physics_settings import FIRST, SHIPPED
 from benchmarks.support.bars import BARS
-from benchmarks.support.command import Outcome, Output, run
-from evaluate.terminal import launcher
+from benchmarks.support.command import Outcome, Output, command
+from evaluate.terminal.launcher import launch
 
 
 @dataclass(frozen=True)
@@ -37,10 +36,7 @@ def measure(options: Options) -> Outcome:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

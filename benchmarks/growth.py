@@ -16,21 +16,11 @@ from rich.table import Table
 
 from benchmarks.probes.growth_probe import KINDS
 from benchmarks.support.bars import check
-from benchmarks.support.command import (
-    MOST_ENVS,
-    MOST_THREADS,
-    Common,
-    Outcome,
-    cell,
-    in_range,
-    run,
-    sizes_in_range,
-    table,
-)
+from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, cores, interleave, spread
 from benchmarks.support.progress import stage
 from evaluate.records.provenance import REPOSITORY
-from evaluate.terminal import launcher
+from evaluate.terminal.launcher import launch
 from policies.files import make_writable_folder
 
 GIB = 2.0**30
@@ -72,10 +62,6 @@ def measure(options: Options) -> Outcome:
     """A table and a row of the plot for environments and for episodes."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 2), episodes=(1,), robot_steps=10)
-    sizes_in_range("--envs", options.envs, MOST_ENVS)
-    sizes_in_range("--episodes", options.episodes, 10**6)
-    in_range("--robot-steps", options.robot_steps, 1, 10**9)
-    in_range("--threads", options.threads, 1, MOST_THREADS)
     make_writable_folder(options.out)
     grown = {kind: _grow(kind, sorted(getattr(options, kind)), options) for kind in KINDS}
     _plot(grown, options.out)
@@ -152,10 +138,7 @@ def _plot(grown: dict[str, Growth], folder: Path) -> None:
     plt.close(figure)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks.growth", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks.growth", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

@@ -6,7 +6,7 @@ batch; Ant-v5 is in the same wrappers, with random actions. gym-quadruped steps 
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,15 +17,15 @@ import numpy as np
 from benchmarks.probes import gym_quadruped_peer
 from benchmarks.support import bare
 from benchmarks.support.bars import check
-from benchmarks.support.command import MOST_ENVS, MOST_THREADS, Common, Outcome, cell, in_range, run, table
+from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread
 from benchmarks.support.progress import stage
-from evaluate.terminal import launcher
+from evaluate.terminal.command_line import check_numbers
+from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID
 
 ANT = "Ant-v5"
 OURS = "our batch"
-Group = dict[str, Subject]
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,7 @@ def measure(options: Options) -> Outcome:
     """Tables of our environment, of Ant-v5 and of gym-quadruped."""
     if options.quick:
         options = replace(options, rounds=1, envs=1, steps=2)
-    in_range("--envs", options.envs, 1, MOST_ENVS)
-    in_range("--steps", options.steps, 1, 10**6)
-    in_range("--threads", options.threads, 1, MOST_THREADS)
+    check_numbers(options, {"steps": (1, 10**6)})
     interpreter = gym_quadruped_peer.interpreter(options.peer_python)
     seconds = _turns(ENV_ID, options)
     tables = [_compared(f"SimpleQuad-v0, {options.envs} environments", seconds)]
@@ -186,10 +184,7 @@ def _physics_table(seconds: dict[str, Floats]) -> Any:
     return rows
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks.peers", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks.peers", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

@@ -1,11 +1,10 @@
 """`python -m benchmarks.physics`: what each physics setting costs, and what it gives up.
 
 The speed is that of robots under the trot, all settings in turns. The accuracy is that of one stride of the trot, the
-worst of several commands, against a 4x finer timestep with a fully converged Newton solver; and of a standing robot.
+worst of several commands, against a 4x finer timestep with a fully converged Newton solver; and of a standing foot.
 """
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,23 +12,23 @@ from mujoco.batch import Batch
 from rich.table import Table
 
 from benchmarks.probes.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
-from benchmarks.probes.physics_settings import FIRST, SERVO, SETTINGS, SHIPPED
+from benchmarks.probes.physics_settings import FIRST, SETTINGS, SHIPPED
 from benchmarks.support.bars import ACCURACY, check
-from benchmarks.support.command import MOST_ENVS, MOST_THREADS, Common, Outcome, cell, in_range, run, table
+from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread
 from benchmarks.support.progress import stage
-from evaluate.terminal import launcher
 from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.launcher import launch
 
 
 @dataclass(frozen=True)
 class Options(Common):
-    """Solver, iterations, cone, contacts, timestep and servo gains."""
+    """Solver, iterations, cone, contacts and timestep."""
 
     rounds: int = 9
     """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
-    settings: tuple[str, ...] = ()
-    """Names of settings; all when none is given. The shipped and the first ones are always among them."""
+    settings: tuple[str, ...] = tuple(SETTINGS)
+    """Names of settings. The shipped and the first ones are always among them."""
     envs: int = 64
     """Robots (count)."""
     threads: int = cores()
@@ -37,14 +36,12 @@ class Options(Common):
 
 
 def measure(options: Options) -> Outcome:
-    """Speeds, accuracies, servos, and which setting is the fastest within the bar."""
+    """Speeds, accuracies, and which setting is the fastest within the bar."""
     if options.quick:
         options = replace(options, rounds=1, envs=2, settings=("PGS, 5",))
-    in_range("--envs", options.envs, 1, MOST_ENVS)
-    in_range("--threads", options.threads, 1, MOST_THREADS)
     if unknown := set(options.settings) - set(SETTINGS):
         raise UsageError(f"--settings: unknown {', '.join(sorted(unknown))}; valid: {'; '.join(SETTINGS)}")
-    names = [name for name in SETTINGS if not options.settings or name in {SHIPPED, FIRST, *options.settings}]
+    names = [name for name in SETTINGS if name in {SHIPPED, FIRST, *options.settings}]
     walked = strides()
     subjects = {name: _walking(name, walked, options) for name in names}
     with stage("physics, speed", options.rounds + 1) as advance:
@@ -54,16 +51,14 @@ def measure(options: Options) -> Outcome:
         for name in names:
             found[name] = accuracy(SETTINGS[name], walked)
             advance()
-    within = [name for name in names if found[name].within and not name.startswith(SERVO)]
+    within = [name for name in names if found[name].within]
     best = min(within, key=lambda name: spread(seconds[name]).median, default="none")
     speeds = {name: speed_ratio(seconds[name], seconds[FIRST]) for name in names}
     gained = speeds[SHIPPED].median if found[SHIPPED].within else float("nan")
-    tables = [_speeds(seconds, found, options), _accuracies(found)]
-    if any(name.startswith(SERVO) for name in names):
-        tables.append(_servos(found))
+    tables = (_speeds(seconds, found, options), _accuracies(found))
     figures = {"seconds_per_simulated_second": seconds, "speed": speeds, "accuracy": found, "fastest_within": best}
     notes = (f"fastest within the accuracy bar: {best}",)
-    return Outcome(figures, tuple(tables), (check("physics", gained),), notes)
+    return Outcome(figures, tables, (check("physics", gained),), notes)
 
 
 def _walking(name: str, walked: tuple[Stride, ...], options: Options) -> Subject:
@@ -103,21 +98,10 @@ def _speeds(seconds: dict[str, Floats], found: dict[str, Accuracy], options: Opt
 
 
 def _accuracies(found: dict[str, Accuracy]) -> Table:
-    units = ("trunk\nmm", "tilt\nrad", "joints\nrad", "sinks\nmm", "slip\nmm/s", "lands\nmm", "energy\n%")
-    rows = table("Accuracy", "setting", *units, "")
+    rows = table("Accuracy", "setting", "trunk\nmm", "tilt\nrad", "joints\nrad", "sinks\nmm", "slip\nmm/s", "")
     for name, figures in found.items():
-        row = (figures.trunk_mm, figures.tilt_rad, figures.joints_rad, figures.sinks_mm, figures.slip_mm_s)
-        rest = (figures.impact_mm, figures.energy * 100)
-        rows.add_row(name, *(f"{value:.3g}" for value in row + rest), _mark(figures))
-    rows.add_row("bar", *(str(limit) for limit in ACCURACY.values()), "-", "-", "")
-    return rows
-
-
-def _servos(found: dict[str, Accuracy]) -> Table:
-    rows = table("Servo: a robot in the home pose", "setting", "sags, rad", "settles, s")
-    for name, figures in found.items():
-        if name == SHIPPED or name.startswith(SERVO):
-            rows.add_row(name, f"{figures.sag_rad:.3f}", f"{figures.settles_s:.2f}")
+        rows.add_row(name, *(f"{getattr(figures, figure):.3g}" for figure in ACCURACY), _mark(figures))
+    rows.add_row("bar", *(str(limit) for limit in ACCURACY.values()), "")
     return rows
 
 
@@ -125,10 +109,7 @@ def _mark(figures: Accuracy) -> str:
     return "yes" if figures.within else "no"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks.physics", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks.physics", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

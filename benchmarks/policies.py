@@ -5,7 +5,7 @@ the wall time stands the processor's: what else runs on the machine lengthens th
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import gymnasium as gym
@@ -15,15 +15,14 @@ import numpy as np
 import policies
 from benchmarks.support import bare
 from benchmarks.support.bars import check
-from benchmarks.support.command import MOST_ENVS, Common, Outcome, cell, in_range, run, sizes_in_range, table
+from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, interleave, spread
 from benchmarks.support.progress import stage
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import check_numbers
+from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID
 
 PERCENTILE = 99.9
-MOST_CALLS = 10**7
 JOINT_LOOP = "one mj_step of 2 ms"
 Clock = Callable[[], float]
 
@@ -46,11 +45,7 @@ def measure(options: Options) -> Outcome:
     """Means at each size, then the percentiles."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 2), steps=2, calls=10)
-    sizes_in_range("--envs", options.envs, MOST_ENVS)
-    in_range("--steps", options.steps, 1, 10**6)
-    in_range("--calls", options.calls, 10, MOST_CALLS)
-    if not options.policies or len(set(options.policies)) < len(options.policies):
-        raise UsageError(f"--policies: name each once; there are {', '.join(policies.names())}")
+    check_numbers(options, {"steps": (1, 10**6)})
     costs = {n: _costs(n, options) for n in options.envs}
     calls, processor = _calls(options, time.perf_counter), _calls(options, time.process_time)
     means = table("µs a robot and control step", "policy", *(f"n = {n}" for n in options.envs))
@@ -140,10 +135,7 @@ def _timed(call: Callable[[], object], clock: Clock) -> Subject:
     return subject
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks.policies", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks.policies", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

@@ -5,16 +5,15 @@ meanwhile. A graphics processor's work is not in it.
 """
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import gymnasium as gym
 
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, in_range, run, table
+from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Subject, interleave, spread
 from benchmarks.support.progress import stage
-from evaluate.terminal import launcher
+from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID
 
 JUDGED = "flat"
@@ -33,7 +32,6 @@ def measure(options: Options) -> Outcome:
     """One table; the grounds take turns."""
     if options.quick:
         options = replace(options, rounds=1, frames=1)
-    in_range("--frames", options.frames, 1, 10**6)
     envs = {name: gym.make(ENV_ID, scenario=name, render_mode="rgb_array") for name in SCENARIOS}
     for env in envs.values():
         env.reset(seed=0)
@@ -59,10 +57,7 @@ def _frame_of(env: gym.Env, frames: int) -> Subject:
     return draw
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks.rendering", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks.rendering", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

@@ -1,17 +1,18 @@
 """`python -m benchmarks.single_env`: the environment as `gym.make` returns it against a bare loop of `mj_step`."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import gymnasium as gym
 
 from benchmarks.support import bare
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, in_range, run, table
+from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import difference, interleave, speed_ratio, spread
 from benchmarks.support.progress import stage
-from evaluate.terminal import launcher
+from evaluate.terminal.command_line import check_numbers
+from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID, MAX_EPISODE_STEPS
 
 
@@ -27,7 +28,7 @@ def measure(options: Options) -> Outcome:
     """Both walk the same steps from the same state."""
     if options.quick:
         options = replace(options, rounds=1, steps=20)
-    in_range("--steps", options.steps, 1, MAX_EPISODE_STEPS)
+    check_numbers(options, {"steps": (1, MAX_EPISODE_STEPS)})
     actions = bare.walk(options.steps)
     loop = bare.Loop(bare.start("flat", 1))
     env = gym.make(ENV_ID)
@@ -61,10 +62,7 @@ def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float
     return (time.perf_counter() - begin) / len(actions)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks.single_env", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks.single_env", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

@@ -7,15 +7,14 @@ for it.
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from benchmarks.support.bars import check
-from benchmarks.support.command import Common, Outcome, cell, run, table
+from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Subject, interleave, spread
 from benchmarks.support.progress import stage
 from evaluate.records.provenance import REPOSITORY
-from evaluate.terminal import launcher
+from evaluate.terminal.launcher import launch
 
 HEAVY = ("mujoco", "torch")
 """What `import quad_env` must not load."""
@@ -81,10 +80,7 @@ def _outside(command: str) -> Subject:
     return wait
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks.startup", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks.startup", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

@@ -17,12 +17,12 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.support.bars import THRESHOLDS, Check, check
-from benchmarks.support.command import MOST_THREADS, Common, Outcome, in_range, plain, run, table
+from benchmarks.support.command import Common, Outcome, command, plain, table
 from benchmarks.support.measure import cores, machine
 from benchmarks.support.progress import stage
 from evaluate.records.provenance import REPOSITORY, git_revision
-from evaluate.terminal import launcher
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, check_numbers
+from evaluate.terminal.launcher import launch
 from policies.files import make_writable_folder, write_atomically
 from train.config import DEFAULTS, PolicyKind, PpoConfig, TrainConfig, to_dict
 
@@ -78,7 +78,9 @@ def measure(options: Options) -> Outcome:
     """A table of shares, a table of seeds."""
     if options.quick:
         options = replace(options, rounds=1, seeds=min(options.seeds, 1), steps=64, every=64, episodes=1, piece=64)
-    _check(options)
+    if options.steps is not None:
+        check_numbers(options, {"steps": (1, 10**12)})
+    make_writable_folder(options.out)
     config = _config(options)
     records = _open(options.out)
     from benchmarks.probes.training_run import shares  # torch takes seconds to import
@@ -102,17 +104,6 @@ def measure(options: Options) -> Outcome:
         f"{reused} seeds were already in {records.path}" if reused else f"runs: {records.path}",
     )
     return Outcome(figures, tuple(tables), checks, notes if options.seeds else ())
-
-
-def _check(options: Options) -> None:
-    in_range("--seeds", options.seeds, 0, 1000)
-    in_range("--every", options.every, 1, 10**12)
-    in_range("--episodes", options.episodes, 1, 100_000)
-    in_range("--piece", options.piece, 1, 10**9)
-    in_range("--threads", options.threads, 1, MOST_THREADS)
-    if options.steps is not None:
-        in_range("--steps", options.steps, 1, 10**12)
-    make_writable_folder(options.out)
 
 
 def _config(options: Options) -> TrainConfig:
@@ -208,10 +199,7 @@ def _shown(seconds: float) -> str:
     return f"{seconds:.1f}" if seconds < float("inf") else "not reached"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks.training", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks.training", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

@@ -6,7 +6,6 @@ reset holds one.
 """
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,22 +15,12 @@ import numpy as np
 import policies
 from benchmarks.support import bare
 from benchmarks.support.bars import check
-from benchmarks.support.command import (
-    MOST_ENVS,
-    MOST_THREADS,
-    Common,
-    Outcome,
-    cell,
-    in_range,
-    run,
-    sizes_in_range,
-    table,
-)
+from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Spread, cores, difference, interleave, speed_ratio, spread
 from benchmarks.support.progress import Advance, stage
-from evaluate.terminal import launcher
 from evaluate.terminal.command_line import UsageError
-from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges, scenario
+from evaluate.terminal.launcher import launch
+from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 JUDGED = ("flat", 1024)
@@ -74,7 +63,8 @@ def measure(options: Options) -> Outcome:
     """A table with a row for each scenario and size."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 3), scenarios=("flat", "rough"), robot_steps=1, warm_up=1)
-    _check(options)
+    if unknown := set(options.scenarios) - set(SCENARIOS):
+        raise UsageError(f"--scenarios: unknown {', '.join(sorted(unknown))}; valid: {', '.join(SCENARIOS)}")
     results = {}
     parts = [(name, n) for name in options.scenarios for n in options.envs]
     with stage("vector env", len(parts)) as advance:
@@ -146,24 +136,7 @@ class Walkers:
         return (time.perf_counter() - begin) / len(self.action)
 
 
-def _check(options: Options) -> None:
-    sizes_in_range("--envs", options.envs, MOST_ENVS)
-    in_range("--threads", options.threads, 1, MOST_THREADS)
-    in_range("--robot-steps", options.robot_steps, 1, 10**9)
-    in_range("--warm-up", options.warm_up, 1, MAX_EPISODE_STEPS)
-    if not options.scenarios:
-        raise UsageError(f"--scenarios: none given; valid: {', '.join(SCENARIOS)}")
-    for name in options.scenarios:
-        try:
-            scenario(name)
-        except ValueError as error:
-            raise UsageError(f"--scenarios: {error}") from None
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return run(Options, measure, arguments, program="benchmarks.vector_env", description=__doc__ or "")
-
+main = command(Options, measure, "benchmarks.vector_env", __doc__)
 
 if __name__ == "__main__":
-    raise SystemExit(launcher.launch(main))
+    raise SystemExit(launch(main))

@@ -1,7 +1,7 @@
 """Physics settings to compare: changes of the shipped model, by name."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -24,16 +24,6 @@ def options(**values: Any) -> Change:
     def change(spec: mujoco.MjSpec) -> None:
         for name, value in values.items():
             setattr(spec.option, name, value)
-
-    return change
-
-
-def gains(stiffness: float, damping: float) -> Change:
-    """Other joint servos, N·m/rad and N·m·s/rad."""
-
-    def change(spec: mujoco.MjSpec) -> None:
-        for actuator in spec.actuators:
-            actuator.gainprm[0], actuator.biasprm[1], actuator.biasprm[2] = stiffness, -stiffness, -damping
 
     return change
 
@@ -66,10 +56,9 @@ FINE = options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
 
 @dataclass(frozen=True)
 class Setting:
-    """A change of the shipped model, and the change that its reference is made with."""
+    """A change of the shipped model."""
 
     change: Change
-    reference: Change
     lean: bool = True
     """Stepped as the environment steps it; False: every sensor evaluated, islands of constraints searched."""
 
@@ -79,49 +68,30 @@ class Setting:
         return stepped_model(model) if self.lean else model
 
 
-def _physics(change: Change) -> Setting:
-    """The reference is the shipped robot, however the setting models its contacts."""
-    return Setting(change, FINE)
-
-
-def _robot(change: Change) -> Setting:
-    """Another robot: its reference has the change too."""
-    return Setting(change, together(change, FINE))
-
-
 SHIPPED = "shipped"
 FIRST = "first settings"
 """Name of the foundation's settings: what a faster setting is measured from."""
 
-SERVO = "servo"
-"""How the names of other joint servos begin."""
-
 SETTINGS: dict[str, Setting] = {
-    SHIPPED: _physics(options()),
-    FIRST: replace(
-        _physics(options(solver=NEWTON, iterations=100, cone=ELLIPTIC, impratio=10, timestep=0.002)), lean=False
-    ),
-    "all sensors, islands": replace(_physics(options()), lean=False),
-    "Newton, 10": _physics(options(solver=NEWTON, iterations=10)),
-    "Newton, 3": _physics(options(solver=NEWTON, iterations=3)),
-    "CG, 30": _physics(options(solver=CG, iterations=30)),
-    "CG, 10": _physics(options(solver=CG, iterations=10)),
-    "PGS, 30": _physics(options(solver=PGS, iterations=30)),
-    "PGS, 10": _physics(options(solver=PGS, iterations=10)),
-    "PGS, 5": _physics(options(solver=PGS, iterations=5)),
-    "PGS, 3": _physics(options(solver=PGS, iterations=3)),
-    "pyramidal cone": _physics(options(cone=PYRAMIDAL, impratio=1)),
-    "impratio 1": _physics(options(impratio=1)),
-    "timestep 1 ms": _physics(options(timestep=0.001)),
-    "no self-collision": _physics(ground_only()),
-    "feet and trunk": _physics(ground_only("foot", "trunk")),
-    "feet and trunk, PGS, 10": _physics(together(ground_only("foot", "trunk"), options(solver=PGS, iterations=10))),
-    "feet and trunk, PGS, 5": _physics(together(ground_only("foot", "trunk"), options(solver=PGS, iterations=5))),
-    f"{SERVO} kp 100, kv 4": _robot(gains(100, 4)),
-    f"{SERVO} kp 200, kv 8": _robot(gains(200, 8)),
-    f"{SERVO} kp 400, kv 12": _robot(gains(400, 12)),
+    SHIPPED: Setting(options()),
+    FIRST: Setting(options(solver=NEWTON, iterations=100, cone=ELLIPTIC, impratio=10, timestep=0.002), lean=False),
+    "all sensors, islands": Setting(options(), lean=False),
+    "Newton, 10": Setting(options(solver=NEWTON, iterations=10)),
+    "Newton, 3": Setting(options(solver=NEWTON, iterations=3)),
+    "CG, 30": Setting(options(solver=CG, iterations=30)),
+    "CG, 10": Setting(options(solver=CG, iterations=10)),
+    "PGS, 30": Setting(options(solver=PGS, iterations=30)),
+    "PGS, 10": Setting(options(solver=PGS, iterations=10)),
+    "PGS, 5": Setting(options(solver=PGS, iterations=5)),
+    "PGS, 3": Setting(options(solver=PGS, iterations=3)),
+    "pyramidal cone": Setting(options(cone=PYRAMIDAL, impratio=1)),
+    "impratio 1": Setting(options(impratio=1)),
+    "timestep 1 ms": Setting(options(timestep=0.001)),
+    "no self-collision": Setting(ground_only()),
+    "feet and trunk": Setting(ground_only("foot", "trunk")),
+    "feet and trunk, PGS, 10": Setting(together(ground_only("foot", "trunk"), options(solver=PGS, iterations=10))),
+    "feet and trunk, PGS, 5": Setting(together(ground_only("foot", "trunk"), options(solver=PGS, iterations=5))),
 }
-
 """What follows a solver's name is its number of iterations."""
 
 

@@ -13,15 +13,27 @@ from rich.table import Table
 
 from benchmarks.support.bars import BARS, Check
 from benchmarks.support.measure import Spread, machine, machine_line
-from evaluate.terminal.command_line import UsageError, make_folder_of, parse
+from evaluate.terminal.command_line import UsageError, check_numbers, make_folder_of, parse
 from evaluate.terminal.program import exit_code
 from policies.files import write_atomically
+from quad_env import MAX_EPISODE_STEPS
 
 WIDTH = 100
 """Columns that every table fits into."""
-MOST_THREADS = 256
-MOST_ENVS = 65_536
-MOST_ROUNDS = 10_000
+LIMITS = {
+    "rounds": (1, 10_000),
+    "envs": (1, 65_536),
+    "threads": (1, 256),
+    "episodes": (1, 10**6),
+    "robot_steps": (1, 10**9),
+    "warm_up": (1, MAX_EPISODE_STEPS),
+    "calls": (10, 10**7),
+    "frames": (1, 10**6),
+    "seeds": (0, 1000),
+    "every": (1, 10**12),
+    "piece": (1, 10**9),
+}
+"""Least and most of each option of that name, whichever command has it."""
 
 
 @dataclass(frozen=True)
@@ -57,28 +69,31 @@ class Outcome:
     """Bars that another command measures."""
 
 
-def run(
-    kind: type[Options],
-    measure: Callable[[Options], Outcome],
-    arguments: Sequence[str] | None,
-    *,
-    program: str,
-    description: str,
-) -> int:
-    """Parse, measure, print and keep; the exit code: 0, 2 with one line after a user's mistake, 130 after Ctrl-C."""
+def command(
+    kind: type[Options], measure: Callable[[Options], Outcome], program: str, description: str | None
+) -> Callable[..., int]:
+    """Parses, measures, prints and keeps; gives the exit code: 0, 2 with one line after a user's mistake, 130 after
+    Ctrl-C. Takes the words of the command line, or those that the process was called with."""
 
-    def run_it() -> int:
-        words = list(sys.argv[1:] if arguments is None else arguments)
-        options = parse(kind, words, program=f"python -m {program}", description=description)
-        if isinstance(options, Common):
-            in_range("--rounds", options.rounds, 1, MOST_ROUNDS)
-        if options.json:
-            make_folder_of(options.json, "--json")
+    def run(words: Sequence[str]) -> int:
+        options = parse(kind, list(words), program=f"python -m {program}", description=description or "")
+        _check(options)
         facts = machine()
         conclude(measure(options), facts, options, program)
         return 0
 
-    return exit_code(run_it)
+    return lambda words=None: exit_code(lambda: run(sys.argv[1:] if words is None else words))
+
+
+def _check(options: Output) -> None:
+    """Raise UsageError, one line, for a number beyond its limits, an empty or double list, or no place for the file."""
+    check_numbers(options, {name: limits for name, limits in LIMITS.items() if hasattr(options, name)})
+    for name, value in vars(options).items():
+        if isinstance(value, tuple) and len(set(value)) < max(len(value), 1):
+            option = f"--{name.replace('_', '-')}"
+            raise UsageError(f"{option} names a value twice" if value else f"{option}: none given; name at least one")
+    if options.json:
+        make_folder_of(options.json, "--json")
 
 
 def conclude(outcome: Outcome, facts: dict[str, Any], options: Output, program: str) -> None:
@@ -146,19 +161,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and value - value != 0:
         return None
     return str(value) if isinstance(value, Path) else value
-
-
-def in_range(option: str, value: float, low: float, high: float) -> None:
-    """Raise UsageError, one line, unless the value is within the range; NaN is in none."""
-    if not low <= value <= high:
-        raise UsageError(f"{option} must be from {low:g} to {high:g}, not {value:g}")
-
-
-def sizes_in_range(option: str, values: Sequence[int], high: int) -> None:
-    """Raise UsageError, one line, unless there are values, each once and from 1 to `high`."""
-    if not values:
-        raise UsageError(f"{option}: none given; name at least one")
-    for value in values:
-        in_range(option, value, 1, high)
-    if len(set(values)) < len(values):
-        raise UsageError(f"{option} names a value twice")
