@@ -14,6 +14,8 @@ from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 BASELINE = "trot"
 FALL_RATE = "fall_rate"
 ERRORS = ("velocity_error", "yaw_rate_error", "mean_velocity_error")
+METRICS = (FALL_RATE, *ERRORS)
+"""What is compared."""
 SIGNIFICANT = 0.05
 """Level at which the report's words claim a difference, of the corrected p-value."""
 

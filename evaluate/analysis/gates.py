@@ -17,14 +17,12 @@ from typing import get_type_hints
 from evaluate.analysis.comparison import ERRORS, FALL_RATE
 from evaluate.analysis.summary import Summary
 
-RELATIONS = ("<=", "<", ">=", ">")
 FALLS = "falls"
 """What a gate calls the fall rate."""
 COMPARED = (FALLS, *ERRORS)
 """Measures that may be set against another policy's."""
 DEFAULT = ("residual falls <= trot", "residual velocity_error <= trot", "residual diverged <= 0")
 GRAMMAR = "POLICY MEASURE <=|<|>=|> NUMBER|POLICY [on SCENARIO …] [strictly], or default"
-STRICTLY = "strictly"
 ALL_LEVELS = ":all"
 _NOT_MEASURED = {"episodes", "severity", FALLS}
 _SENTENCE = re.compile(r"(\S+)\s+(\S+)\s*(<=|>=|<|>)\s*([^\s%]+)\s*(%?)(?:\s+on\s+(.+?))?(\s+strictly)?\s*")

@@ -64,11 +64,6 @@ class Sensitivity:
         """Whether it tracks significantly worse for it."""
         return self.velocity_error > 0.0 and self.velocity_error_p_value < SIGNIFICANT
 
-    @property
-    def matters(self) -> bool:
-        """Whether the policy does significantly worse for it, in falls or in tracking."""
-        return self.more_falls or self.more_error
-
 
 def sensitivities(cells: Sequence[Cell]) -> list[Sensitivity]:
     """Sensitivities of every axis and policy of a run that has the undisturbed scenario too, axis by axis."""

@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE
+from evaluate.analysis.comparison import FALL_RATE, METRICS
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import CONFIDENCE, Floats, Interval
 
 SEED_FOLDER = re.compile(r"seed-\d+")
-METRICS = (FALL_RATE, *ERRORS)
 _FIGURES = ("seeds", "mean", "lowest", "highest", "standard_deviation", "ci")
 
 

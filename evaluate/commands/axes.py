@@ -55,13 +55,14 @@ def main(options: Options) -> int:
     from evaluate.commands.execution import execute
     from evaluate.commands.outputs import analysed
     from evaluate.records.store import read_run
-    from evaluate.report.plots import fall_curves
+    from evaluate.report.plots.fall_curves import write_picture
+    from evaluate.report.table import print_falls
 
-    if code := execute(plan, show=fall_curves.print_curves):
+    if code := execute(plan, show=print_falls):
         return code
     picture = options.out / PICTURE
     try:
-        fall_curves.write_picture(analysed(read_run(options.out)), picture)
+        write_picture(analysed(read_run(options.out)), picture)
     except OSError as error:
         raise UsageError(f"cannot write {picture} ({error.strerror or error})") from error
     print(picture)

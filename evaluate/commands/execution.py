@@ -7,10 +7,11 @@ from pathlib import Path
 # Everything that is needed to the end, so that no interrupt can come in the middle of an import.
 import quad_env.envs.vector_env  # noqa: F401
 from evaluate.commands.options import PROGRAM
-from evaluate.commands.outputs import Ending, Show, conclude, print_all
+from evaluate.commands.outputs import Ending, Show, conclude
 from evaluate.commands.plan import Plan
 from evaluate.records import trace
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
+from evaluate.report.table import print_results
 from evaluate.rollouts.experiment import Cell, Settings, TraceWriter, evaluation_seeds, run_cells
 from evaluate.rollouts.progress import show_progress
 from evaluate.rollouts.workers import WorkerLost, process_pool
@@ -19,7 +20,7 @@ from evaluate.terminal.command_line import UsageError
 from policies.files import sole_use
 
 
-def execute(plan: Plan, show: Show = print_all) -> int:
+def execute(plan: Plan, show: Show = print_results) -> int:
     """Run every cell and conclude, the outcome shown so; the exit code.
 
     Raises UsageError, FolderInUse, and after Ctrl-C a KeyboardInterrupt that says what is kept.

@@ -19,7 +19,6 @@ from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
 from evaluate.report import Origin, junit, markdown, write_report
-from evaluate.report.seed_table import print_spread
 from evaluate.report.table import print_results
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import counted
@@ -53,17 +52,11 @@ def analysed(run: Run, baseline: str | None = None) -> Results:
     )
 
 
-def print_all(results: Results, console: Console) -> None:
-    """Every table of a comparison."""
-    print_results(results, console)
-    print_spread(results, console)
-
-
 @dataclass(frozen=True)
 class Ending:
     """What is made of a run."""
 
-    show: Show = print_all
+    show: Show = print_results
     gates: tuple[Gate, ...] = ()
     """Judged if the run is complete."""
     baseline: str | None = None

@@ -27,9 +27,10 @@ class Options:
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    from evaluate.commands.outputs import Ending, Terminal, analysed, conclude, print_all
+    from evaluate.commands.outputs import Ending, Terminal, analysed, conclude
     from evaluate.commands.plan import check_baseline, check_gates
     from evaluate.records.store import read_run, remove_chunks
+    from evaluate.report.table import print_results
     from policies.files import FolderInUse, sole_use
 
     run = read_run(options.folder)
@@ -47,6 +48,6 @@ def main(options: Options) -> int:
                 remove_chunks(options.folder)
             return code
     except FolderInUse:
-        print_all(analysed(run, options.baseline), Terminal())
+        print_results(analysed(run, options.baseline), Terminal())
         print(f"{options.folder} belongs to a run that is going on, which writes the files itself", file=sys.stderr)
         return 0

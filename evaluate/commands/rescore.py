@@ -9,7 +9,6 @@ from typing import Annotated
 import numpy as np
 import tyro
 from numpy.typing import NDArray
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -18,6 +17,7 @@ from evaluate.measures import fall_rules
 from evaluate.measures.fall_rules import FallCriterion
 from evaluate.records import trace
 from evaluate.records.manifest import check_folder
+from evaluate.report.table import console_table
 from evaluate.statistics.intervals import Interval, wilson_interval
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import percent
@@ -120,15 +120,7 @@ def _score(scenario: str, policy: str, rule: str, time: NDArray[np.float64]) -> 
 
 def table(scores: list[Score], rules: tuple[FallCriterion, ...]) -> Table:
     """A row for each policy on each scenario, a column for each rule; 80 columns are enough."""
-    out = Table(
-        title="falls, with Wilson 95 % intervals",
-        title_justify="left",
-        title_style="",
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
-    )
-    out.add_column("policy", overflow="fold")
+    out = console_table("falls, with Wilson 95 % intervals")
     for rule in rules:
         out.add_column(rule.name.replace("-", "-\n"), justify="right", no_wrap=True)
     rows: dict[str, dict[str, dict[str, Score]]] = {}

@@ -6,9 +6,8 @@ Over command intervals that were ended upright, each with its mean velocity afte
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evaluate.measures.averages import Floats, quotient
+from evaluate.measures.averages import Floats
 
 AXES = {"forward": "m/s", "lateral": "m/s", "yaw_rate": "rad/s"}
 """Axis of a command -> unit."""
@@ -31,26 +30,9 @@ class Response:
     inf if not even in that one."""
 
 
-@dataclass(frozen=True)
-class Curve:
-    """Achieved against commanded velocity, by bins of the command; only bins that hold something."""
-
-    commanded: Floats
-    """Mean command of each bin, (b,)."""
-    achieved: Floats
-    """Mean of what was achieved, (b,)."""
-    intervals: NDArray[np.int64]
-    """How many command intervals, (b,)."""
-
-
 def responses(commands: Floats, achieved: Floats) -> dict[str, Response]:
     """Response of each axis; commands and mean velocities (…, 3) of intervals, NaN of those that do not count."""
-    return {axis: response(*_known(commands, achieved, number)) for number, axis in enumerate(AXES)}
-
-
-def curves(commands: Floats, achieved: Floats) -> dict[str, Curve]:
-    """Curve of each axis, of the same."""
-    return {axis: curve(*_known(commands, achieved, number)) for number, axis in enumerate(AXES)}
+    return {axis: response(*known(commands, achieved, number)) for number, axis in enumerate(AXES)}
 
 
 def response(command: Floats, achieved: Floats) -> Response:
@@ -76,18 +58,8 @@ def dead_zone(command: Floats, achieved: Floats) -> float:
     return float((idle[-1] + 1 + above[0]) * BIN) if len(above) else float("inf")
 
 
-def curve(command: Floats, achieved: Floats) -> Curve:
-    """Bins are centred on multiples of BIN, so that standing still has one of its own."""
-    number = np.round(command / BIN).astype(np.intp)
-    lowest = number.min(initial=0)
-    sums = (np.bincount(number - lowest, weights=weights) for weights in (command, achieved, np.ones(len(command))))
-    commanded, reached, intervals = sums
-    some = intervals > 0
-    found = intervals[some].astype(np.int64)
-    return Curve(quotient(commanded, intervals)[some], quotient(reached, intervals)[some], found)
-
-
-def _known(commands: Floats, achieved: Floats, axis: int) -> tuple[Floats, Floats]:
+def known(commands: Floats, achieved: Floats, axis: int) -> tuple[Floats, Floats]:
+    """Commands and mean velocities along that axis, (m,) each, of the intervals that count."""
     asked, got = commands[..., axis].ravel(), achieved[..., axis].ravel()
-    known = np.isfinite(asked) & np.isfinite(got)
-    return asked[known], got[known]
+    counts = np.isfinite(asked) & np.isfinite(got)
+    return asked[counts], got[counts]

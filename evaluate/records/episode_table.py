@@ -4,7 +4,7 @@ The columns are the fields of `Measures` and who, where and from which seed; a t
 """
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,8 +25,8 @@ FIRST = ("fell", "fall_reason", "fall_time", "diverged")
 """Columns that stand before the other measures."""
 RUN = b"run"
 """Key of the table's metadata: the fingerprint of the run that its rows belong to."""
-_RAGGED, _WIDTH = b"ragged", b"width"
-"""Keys of a column's metadata: its lists may differ in length; how long the vectors in its lists are."""
+_WIDTH = b"width"
+"""Key of a column's metadata: how long the vectors in its lists are."""
 
 
 def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> "pa.Table":
@@ -47,7 +47,8 @@ def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> "pa.Table":
     }
     order = (*FIRST, *(name for name in named if name not in FIRST))
     columns |= {name: _array(named[name]) for name in order}
-    kinds = [pa.field(name, a.type, metadata=_metadata(named.get(name), a)) for name, a in columns.items()]
+    widths = {name: {_WIDTH: str(v.shape[-1]).encode()} for name, v in named.items() if v.ndim > 2}
+    kinds = [pa.field(name, column.type, metadata=widths.get(name)) for name, column in columns.items()]
     return pa.table(list(columns.values()), schema=pa.schema(kinds))
 
 
@@ -98,19 +99,17 @@ def read_table(path: Path, run: str | None = None) -> "pa.Table":
 
 
 def _array(values: NDArray[Any]) -> "pa.Array":
-    """A measure of n episodes: (n,) numbers, truth values or texts, (n, k), (n, k, m) or ragged lists of numbers."""
+    """A measure of n episodes: (n,) numbers, truth values or texts, (n, k) or (n, k, m) numbers."""
     import pyarrow as pa
 
-    if values.dtype != object and values.ndim == 1:
+    if values.dtype == object:
+        return pa.array(values.tolist(), pa.string())
+    if values.ndim == 1:
         return pa.array(values, from_pandas=True)  # NaN becomes null
-    if values.dtype != object:
-        kind = pa.float64()
-        for _ in range(values.ndim - 1):
-            kind = pa.list_(kind)
-        return pa.array([_nullable(entry) for entry in values], kind)
-    if any(isinstance(entry, np.ndarray) for entry in values):
-        return pa.array([_nullable(entry) for entry in values], pa.list_(pa.float64()))
-    return pa.array(values.tolist(), pa.string())
+    kind = pa.float64()
+    for _ in range(values.ndim - 1):
+        kind = pa.list_(kind)
+    return pa.array([_nullable(entry) for entry in values], kind)
 
 
 def _nullable(values: NDArray[Any]) -> Any:
@@ -118,17 +117,6 @@ def _nullable(values: NDArray[Any]) -> Any:
     if values.ndim > 1:
         return [None if np.isnan(entry).all() else _nullable(entry) for entry in values]
     return [None if np.isnan(value) else float(value) for value in values]
-
-
-def _metadata(values: NDArray[Any] | None, array: "pa.Array") -> Mapping[bytes, bytes] | None:
-    """What the values of a column do not say."""
-    import pyarrow as pa
-
-    if values is None or not pa.types.is_list(array.type):
-        return None
-    if values.dtype == object:
-        return {_RAGGED: b"true"}
-    return {_WIDTH: str(values.shape[-1]).encode()} if values.ndim > 2 else None
 
 
 def _values(rows: "pa.Table", name: str) -> NDArray[Any]:
@@ -139,11 +127,6 @@ def _values(rows: "pa.Table", name: str) -> NDArray[Any]:
     if not pa.types.is_list(field.type):
         return np.asarray(column.to_numpy())
     entries, metadata = column.to_pylist(), field.metadata or {}
-    if _RAGGED in metadata:
-        ragged = np.empty(len(entries), dtype=object)
-        for i, entry in enumerate(entries):
-            ragged[i] = np.array(entry, dtype=np.float64)
-        return ragged
     if _WIDTH in metadata:
         absent = [None] * int(metadata[_WIDTH])
         entries = [[absent if vector is None else vector for vector in entry] for entry in entries]

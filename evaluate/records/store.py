@@ -95,17 +95,11 @@ class ChunkStore:
 
 def read_run(folder: Path) -> Run:
     """The run in a folder, finished or not. Raises UsageError or OSError, one line, if there is none to be read."""
-    manifest = manifests.read(folder)
-    if is_unfinished(folder):
-        return Run(manifest, tuple(_from_chunks(ChunkStore(folder, manifest, resumed=True))))
-    path = folder / EPISODES
-    if not path.is_file():
-        return Run(manifest, ())
+    manifest, rows = read_rows(folder)
     try:
-        rows = read_table(path, manifest.fingerprint)
-        return Run(manifest, tuple(_from_table(manifest, rows)))
+        return Run(manifest, tuple(_cells(manifest, rows)))
     except ValueError as error:
-        raise UsageError(f"{path} cannot be read as the run of {manifests.NAME}: {error}") from error
+        raise _unreadable(folder, error) from error
 
 
 def read_rows(folder: Path) -> "tuple[Manifest, pa.Table]":
@@ -121,7 +115,14 @@ def read_rows(folder: Path) -> "tuple[Manifest, pa.Table]":
     try:
         return manifest, read_table(path, manifest.fingerprint) if path.is_file() else pa.table({})
     except ValueError as error:
-        raise UsageError(str(error)) from error
+        raise _unreadable(folder, error) from error
+
+
+def rows_of(rows: "pa.Table", policy: str, scenario: str) -> "pa.Table":
+    """The rows of one cell."""
+    import pyarrow.compute as pc
+
+    return rows.filter((pc.field("policy") == policy) & (pc.field("scenario") == scenario))
 
 
 def is_unfinished(folder: Path) -> bool:
@@ -154,11 +155,12 @@ def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
             yield join(chunks)
 
 
-def _from_table(manifest: Manifest, rows: "pa.Table") -> Iterator[Cell]:
-    import pyarrow.compute as pc
-
-    for scenario, policy in manifest.cells:
-        there = rows.filter(pc.equal(rows.column("scenario"), scenario.name))
-        mine = there.filter(pc.equal(there.column("policy"), policy))
+def _cells(manifest: Manifest, rows: "pa.Table") -> Iterator[Cell]:
+    for scenario, policy in manifest.cells if rows.num_rows else ():
+        mine = rows_of(rows, policy, scenario.name)
         if mine.num_rows == manifest.episodes:
             yield cell_of(mine, scenario)
+
+
+def _unreadable(folder: Path, error: ValueError) -> UsageError:
+    return UsageError(f"{folder / EPISODES} cannot be read as the run of {manifests.NAME}: {error}")

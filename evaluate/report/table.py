@@ -8,41 +8,52 @@ from rich.markup import escape
 from rich.table import Table
 
 from evaluate.analysis.breaking_point_text import breaking_point_text
-from evaluate.analysis.comparison import ERRORS, FALL_RATE, Comparison
+from evaluate.analysis.comparison import FALL_RATE, METRICS, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.terminal.format import counted, number, p_value, points, share
+from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
+from evaluate.terminal.format import counted, number, p_value, percent, points, share
 
 MOST_SCENARIOS = 6
 """Scenarios of which every figure is printed."""
+_ERRORS = ("velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s")
+FALLS_AND_ERRORS = ("falls", *_ERRORS)
+"""Headings of the METRICS."""
+DIFFERENCES = ("falls\n% points", *_ERRORS)
+"""Headings of their differences."""
 
 
 def print_results(results: Results, console: Console) -> None:
-    """Print every cell, and every policy's difference from the baseline; 80 columns are enough.
+    """Print every cell, every policy's difference from the baseline and the training seeds; 80 columns are enough.
 
     Of more scenarios than a screen holds, the share of falls on each and the breaking points.
     """
     if len(results.scenarios) > MOST_SCENARIOS:
-        graded = [axis for axis in severity_axes(results) if len(axis.levels) > 1]
-        for axis in graded:
-            console.print(falls_table(results, axis))
-        if single := [axis for axis in severity_axes(results) if len(axis.levels) == 1]:
-            console.print(single_table(results, single))
-        console.print(f"\n{_widest(results)}", highlight=False)
-        console.print()
-        return
-    console.print(summary_table(results))
-    if results.against_baseline:
-        console.print()
-        console.print(difference_table(results))
+        print_falls(results, console)
+    else:
+        console.print(summary_table(results))
+        if results.against_baseline:
+            console.print()
+            console.print(difference_table(results))
     console.print()
+    print_spread(results, console)
+
+
+def print_falls(results: Results, console: Console) -> None:
+    """Print the falls at each level of each axis, and the breaking points; 80 columns are enough."""
+    axes = severity_axes(results)
+    for axis in (axis for axis in axes if len(axis.levels) > 1):
+        console.print(falls_table(results, axis))
+    if single := [axis for axis in axes if len(axis.levels) == 1]:
+        console.print(single_table(results, single))
+    console.print(f"\n{_widest(results)}", highlight=False)
 
 
 def falls_table(results: Results, axis: SeverityAxis) -> Table:
     """Falls in per cent on each level of an axis, and the breaking point."""
     breaking_points = {point.policy: point for point in results.breaking_points if point.axis == axis.name}
-    table = _table(f"[bold]{escape(axis.name)}[/bold]: falls in % at {escape(axis.quantity)}")
+    table = console_table(f"[bold]{escape(axis.name)}[/bold]: falls in % at {escape(axis.quantity)}")
     for level in axis.levels:
         table.add_column(f"{level.severity:g}", justify="right")
     if breaking_points:
@@ -57,7 +68,7 @@ def falls_table(results: Results, axis: SeverityAxis) -> Table:
 
 def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
     """Falls in per cent: a scenario a row, a policy a column."""
-    table = _table("falls in %", "scenario")
+    table = console_table("falls in %", "scenario")
     for policy in results.policies:
         table.add_column(escape(policy), justify="right", overflow="fold")
     for axis in single:
@@ -76,9 +87,8 @@ def _widest(results: Results) -> str:
 
 def summary_table(results: Results) -> Table:
     """A row for each policy on each scenario."""
-    table = _table(f"{counted(results.episodes, 'episode')} each, with 95 % intervals (± half of one)")
-    for name in ("falls", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s", "cost of\ntransport"):
-        table.add_column(name, justify="right")
+    title = f"{counted(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
+    table = console_table(title, "policy", *FALLS_AND_ERRORS, "cost of\ntransport")
     for scenario in results.scenarios:
         table.add_row(f"[bold]{escape(scenario)}[/bold]")
         for policy in results.policies:
@@ -101,9 +111,7 @@ def summary_figures(summary: Summary) -> tuple[str, ...]:
 def difference_table(results: Results) -> Table:
     """A row for each policy on each scenario: its difference from the baseline, with the corrected p-value below."""
     title = f"minus {results.baseline}, paired by episode; below zero is better\np corrected for their number (Holm)"
-    table = _table(title)
-    for name in ("falls\n% points", "velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s"):
-        table.add_column(name, justify="right")
+    table = console_table(title, "policy", *DIFFERENCES)
     rows: dict[str, dict[str, dict[str, str]]] = {}
     for comparison in results.against_baseline:
         by_policy = rows.setdefault(comparison.scenario, {})
@@ -111,15 +119,39 @@ def difference_table(results: Results) -> Table:
     for scenario, by_policy in rows.items():
         table.add_row(f"[bold]{escape(scenario)}[/bold]")
         for policy, cells in by_policy.items():
-            table.add_row(f" {escape(policy)}", *(cells[metric] for metric in (FALL_RATE, *ERRORS)))
+            table.add_row(f" {escape(policy)}", *(cells[metric] for metric in METRICS))
     return table
 
 
-def _table(title: str, first: str = "policy") -> Table:
+def print_spread(results: Results, console: Console) -> None:
+    """A table for each training of several seeds, if there is one."""
+    runs: dict[str, dict[str, dict[str, SeedSpread]]] = {}
+    for spread in seed_spreads(results.cells):
+        runs.setdefault(spread.run, {}).setdefault(spread.scenario, {})[spread.metric] = spread
+    for run, scenarios in runs.items():
+        count = next(iter(scenarios.values()))[FALL_RATE].seeds
+        title = f"{escape(run)}, {count} training seeds: mean ± standard deviation, lowest … highest"
+        table = console_table(title, "scenario", *FALLS_AND_ERRORS)
+        for scenario, metrics in scenarios.items():
+            table.add_row(escape(scenario), *(_over_seeds(metrics[name]) for name in METRICS))
+        console.print(table)
+        console.print()
+
+
+def _over_seeds(spread: SeedSpread) -> str:
+    form = percent if spread.metric == FALL_RATE else number
+    middle = f"{form(spread.mean)} ± {form(spread.standard_deviation)}"
+    return f"{middle}\n{form(spread.lowest)} … {form(spread.highest)}"
+
+
+def console_table(title: str, first: str = "policy", *others: str) -> Table:
+    """An empty table in the style of all of them; columns but the first hold figures."""
     table = Table(
         title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
     )
     table.add_column(first, overflow="fold")
+    for name in others:
+        table.add_column(name, justify="right")
     return table
 
 

@@ -17,9 +17,6 @@ from policies.base import Policy
 from quad_env.scenarios.named import Scenario
 from quad_env.seeding import episode_seeds
 
-EPISODES_PER_CHUNK = 256
-"""Episodes simulated side by side, which bounds the memory of a run; no outcome depends on it."""
-
 
 @dataclass(frozen=True)
 class LabelledPolicy:
@@ -112,8 +109,8 @@ class Settings:
 
     nthread: int
     progress: CellProgress
-    chunk_size: int = EPISODES_PER_CHUNK
-    """Most episodes of a chunk."""
+    chunk_size: int = 256
+    """Most episodes of a chunk, simulated side by side, which bounds the memory of a run."""
     store: Store = dataclasses.field(default_factory=_NoStore)
     trace: TraceWriter | None = None
     steps: int = dataclasses.field(default_factory=lambda: rollout.STEPS)

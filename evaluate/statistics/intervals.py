@@ -41,10 +41,11 @@ def share_difference_interval(only_a: int, only_b: int, pairs: int) -> Interval:
     one share: without any disagreement it still has a width, where a bootstrap would claim certainty.
     """
     from scipy.optimize import brentq
+    from scipy.special import ndtri
 
     if pairs == 0:
         return (np.nan, np.nan)
-    difference, quantile = (only_a - only_b) / pairs, normal_quantile(0.5 + CONFIDENCE / 2)
+    difference, quantile = (only_a - only_b) / pairs, float(ndtri(0.5 + CONFIDENCE / 2))
 
     def excess(hypothesis: float, sign: float) -> float:
         return _score(only_a, only_b, pairs, hypothesis) - sign * quantile
@@ -175,10 +176,3 @@ def _kept(size: int, count: int, seed: int) -> Floats:
 def _draw(generator: np.random.Generator, size: int, count: int) -> Floats:
     drawn = generator.integers(0, size, (count, size), dtype=np.int32) + size * np.arange(count)[:, None]
     return np.bincount(drawn.ravel(), minlength=count * size).reshape(count, size).astype(np.float64)
-
-
-def normal_quantile(probability: float) -> float:
-    """Quantile of the standard normal distribution."""
-    from scipy.special import ndtri
-
-    return float(ndtri(probability))

@@ -3,10 +3,12 @@
 import numpy as np
 
 from evaluate.analysis.results import Results
+from evaluate.measures.response import AXES, known
 from evaluate.report.plots.drawing import Margins, cell_of, figure, same_ticks, style, svg
 from evaluate.statistics.intervals import Floats
 
-COMPONENTS = (("forward", "m/s"), ("lateral", "m/s"), ("yaw rate", "rad/s"))
+COMPONENTS = tuple((axis.replace("_", " "), unit) for axis, unit in AXES.items())
+"""Component of a command, and its unit."""
 BINS = 9
 """Bins of a component's commands."""
 FEWEST = 3
@@ -35,10 +37,7 @@ def intervals(results: Results, scenario: str, policy: str, component: int) -> t
     cell = cell_of(results, scenario, policy)
     if cell is None:
         return np.empty(0), np.empty(0)
-    commanded = cell.measures.commands[..., component].ravel()
-    achieved = cell.measures.mean_velocities[..., component].ravel()
-    known = np.isfinite(commanded) & np.isfinite(achieved)
-    return commanded[known], achieved[known]
+    return known(cell.measures.commands, cell.measures.mean_velocities, component)
 
 
 def _largest(results: Results, scenario: str, component: int) -> float:

@@ -38,14 +38,13 @@ def test_it_is_the_difference_to_the_undisturbed_episodes(run) -> None:
     assert found.falls_p_value == pytest.approx(2 * 0.5**10)  # ten of ten discordant pairs, the only two tests
     assert found.falls_ci[0] > 0.0
     assert found.felt
-    assert found.matters
+    assert (found.more_falls, found.more_error) == (True, True)
     assert effect_text(found).replace("\u00a0", " ") == "+25 points, +0.25 m/s"
 
 
 def test_what_changes_no_bit_is_not_felt(run) -> None:
     (found,) = sensitivities(run(flat=(2, 0.0), noise=(2, 0.0)))
     assert not found.felt
-    assert not found.matters
     assert effect_text(found) == UNCHANGED
     (hardly,) = sensitivities(run(flat=(2, 0.0), noise=(2, 1e-15)))
     assert hardly.felt
@@ -54,12 +53,11 @@ def test_what_changes_no_bit_is_not_felt(run) -> None:
 def test_what_helps_or_is_chance_does_not_matter(run) -> None:
     better, chance = sensitivities(run(flat=(20, 0.0), push=(0, -0.05), rough=(21, 0.0)))
     assert better.falls_p_value < 0.001
-    assert not better.matters
-    assert not chance.matters
+    assert not any(each.more_falls or each.more_error for each in (better, chance))
     assert effect_text(chance).replace("\u00a0", " ") == "(+2 points), (+0.00 m/s)"
     (both,) = sensitivities(run(flat=(0, 0.0), push=(2, 0.1)))
     assert effect_text(both).replace("\u00a0", " ") == "(+5 points), +0.10 m/s"
-    assert both.matters
+    assert (both.more_falls, both.more_error) == (False, True)
     (slower,) = sensitivities(run(flat=(0, 0.0), slippery=(0, 0.1)))
     assert effect_text(slower).replace("\u00a0", " ") == "+0.10 m/s"
 

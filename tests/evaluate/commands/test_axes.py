@@ -12,10 +12,11 @@ from rich.console import Console
 
 import policies
 from evaluate.__main__ import main
+from evaluate.analysis.severity_levels import severity_axes
 from evaluate.commands.outputs import analysed
 from evaluate.records.store import read_run
-from evaluate.report import seed_table
 from evaluate.report.plots import fall_curves
+from evaluate.report.table import print_falls, print_spread
 from evaluate.rollouts.progress import Forecast, duration
 from policies import bundle
 from policies.network import Network
@@ -44,24 +45,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_level_is_on_the_curve(folder) -> None:
     results = analysed(read_run(folder / "out"))
-    found = fall_curves.curves(results)
-    assert list(found) == ["push"]
-    for curve in found["push"]:
-        assert tuple(scenario.severity for scenario in curve.scenarios) == AXES["push"].levels
-        assert curve.fall_rates == tuple(
-            results.summaries[scenario.name, curve.policy].fall_rate for scenario in curve.scenarios
-        )
-    assert found["push"][0].fall_rates == (1.0,) * len(AXES["push"].levels)
+    (push,) = severity_axes(results)
+    assert tuple(level.severity for level in push.levels) == AXES["push"].levels
+    assert [results.summaries[level.name, "document"].fall_rate for level in push.levels] == [1.0] * len(push.levels)
 
 
 def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -> None:
     console = Console(file=io.StringIO(), width=80)
     results = analysed(read_run(folder / "out"))
-    fall_curves.print_curves(results, console)
+    print_falls(results, console)
     lines = console.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
-    (axis,) = (line for line in lines if "push, N·s" in line)
-    assert axis.split()[2:] == [f"{level:g}" for level in AXES["push"].levels]
+    (heads,) = (line for line in lines if line.split()[:1] == ["policy"])
+    assert heads.split()[1 : 1 + len(AXES["push"].levels)] == [f"{level:g}" for level in AXES["push"].levels]
     assert next(line for line in lines if "document" in line).count("100") == len(AXES["push"].levels)
 
 
@@ -98,7 +94,7 @@ def test_training_seeds_are_reported_apart(folder) -> None:
 
 def test_the_spread_is_printed_once_a_run(folder) -> None:
     console = Console(file=io.StringIO(), width=100)
-    seed_table.print_spread(analysed(read_run(folder / "out")), console)
+    print_spread(analysed(read_run(folder / "out")), console)
     printed = console.file.getvalue()
     assert printed.count("2 training seeds") == 1
     assert printed.count("±") == 1 + len(AXES["push"].levels) * 4

@@ -1,10 +1,10 @@
-"""Velocity response: gain, offset, dead zone and curve of made-up robots."""
+"""Velocity response: gain, offset and dead zone of made-up robots."""
 
 import numpy as np
 import pytest
 
 from evaluate.measures import response
-from evaluate.measures.response import curve, curves, dead_zone, responses
+from evaluate.measures.response import dead_zone, known, responses
 
 COMMANDS = np.linspace(-1, 1, 81)
 """m/s, four in each bin of 0.1."""
@@ -41,14 +41,7 @@ def test_each_axis_has_its_own_response_over_the_intervals_that_count() -> None:
     found = responses(commands, achieved)
     assert [round(found[axis].gain, 6) for axis in ("forward", "lateral", "yaw_rate")] == [0.9, 0.5, 1.5]
     assert found["lateral"].offset == pytest.approx(0.1)
-    assert curves(commands, achieved)["forward"].intervals.sum() == 34
-
-
-def test_a_curve_averages_bins_around_multiples_of_their_width() -> None:
-    found = curve(np.array([0.0, 0.0, 0.04, 0.16, 0.24, -0.5]), np.array([0.01, 0.03, 0.05, 0.1, 0.3, -0.2]))
-    np.testing.assert_allclose(found.commanded, (-0.5, 0.04 / 3, 0.2))
-    np.testing.assert_allclose(found.achieved, (-0.2, 0.03, 0.2))
-    assert found.intervals.tolist() == [1, 3, 2]
+    assert [len(each) for each in known(commands, achieved, 0)] == [34, 34]
 
 
 def test_signs_forgotten_would_be_found(monkeypatch: pytest.MonkeyPatch) -> None:

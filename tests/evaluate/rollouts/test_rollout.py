@@ -10,7 +10,7 @@ import quad_env
 from evaluate.measures.episodes import OF_POLICY, shapes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import battery, rollout
-from evaluate.rollouts.experiment import EPISODES_PER_CHUNK, LabelledPolicy, Settings, evaluation_seeds, run_cell
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from evaluate.rollouts.observers import Falls, Step
 from policies.base import Policy
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -152,7 +152,7 @@ def test_what_an_observer_asks_of_the_policy_counts_from_the_next_action_and_the
 
 
 def test_many_episodes_run_in_chunks_with_the_same_outcome() -> None:
-    assert EPISODES_PER_CHUNK >= 128
+    assert Settings.chunk_size >= 128
     policy, seeds = LabelledPolicy("document", policies.make("document")), evaluation_seeds(0, 5)
     whole = run_cell(policy, quad_env.SCENARIOS["flat"], seeds, Settings(2, lambda *_: None))
     shares: list[float] = []
