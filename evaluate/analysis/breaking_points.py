@@ -10,6 +10,7 @@ from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS, BreakingPoint, Found, breaking_point, breaking_ratio
 from evaluate.statistics.intervals import Interval
 from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.named import Scenario
 
 
 @dataclass(frozen=True)
@@ -70,14 +71,18 @@ def _series(cells: Sequence[Cell]) -> list[list[Cell]]:
 
 
 def _levels(cells: Iterable[Cell]) -> list[Cell]:
-    """One cell of each severity, the mildest first; an axis that is not of `AXES` hardens as it is run."""
+    """One cell of each severity, the mildest first."""
     first: dict[float, Cell] = {}
     for cell in cells:
         first.setdefault(cell.scenario.severity, cell)
-    severities = list(first)
-    axis = first[severities[0]].scenario.axis
-    levels = AXES[axis].levels if axis in AXES else severities
-    return [first[severity] for severity in sorted(severities, reverse=levels[0] > levels[-1])]
+    return [first[each.severity] for each in mildest_first([cell.scenario for cell in first.values()])]
+
+
+def mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
+    """Scenarios of one axis in the order of their hardness; an axis that is not of `AXES` hardens as it is run."""
+    axis = scenarios[0].axis
+    levels = AXES[axis].levels if axis in AXES else [each.severity for each in scenarios]
+    return sorted(scenarios, key=lambda each: each.severity, reverse=levels[0] > levels[-1])
 
 
 def _breaking_point(levels: Sequence[Cell]) -> BreakingPoint:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from evaluate.analysis.breaking_points import mildest_first
 from evaluate.analysis.results import Results
 from evaluate.terminal.format import NO_BREAK
 from quad_env.scenarios.axes import AXES
@@ -41,7 +42,7 @@ class SeverityAxis:
     @property
     def falling(self) -> bool:
         """Whether a smaller severity is harder, as with friction."""
-        return falling(self.name)
+        return self.scenarios[0].severity > self.scenarios[-1].severity
 
 
 def severity_axes(results: Results) -> tuple[SeverityAxis, ...]:
@@ -51,14 +52,8 @@ def severity_axes(results: Results) -> tuple[SeverityAxis, ...]:
     for scenario in scenarios.values():
         groups.setdefault(scenario.axis or scenario.name, []).append(scenario)
     return tuple(
-        SeverityAxis(name, group[0].severity_unit, tuple(sorted(group, key=lambda each: _hardness(name, each))))
-        for name, group in groups.items()
+        SeverityAxis(name, group[0].severity_unit, tuple(mildest_first(group))) for name, group in groups.items()
     )
-
-
-def falling(axis: str) -> bool:
-    """Whether an axis gets harder as its severity falls."""
-    return axis in AXES and AXES[axis].falling
 
 
 def amount(value: float, unit: str) -> str:
@@ -74,7 +69,3 @@ def severity(scenario: Scenario) -> str:
 def place(scenario: Scenario) -> str:
     """`push at 35 N·s`, or the scenario's name where it has no severity."""
     return f"{scenario.axis} at {severity(scenario)}" if scenario.severity else scenario.name
-
-
-def _hardness(axis: str, scenario: Scenario) -> float:
-    return -scenario.severity if falling(axis) else scenario.severity

@@ -7,6 +7,7 @@ import pytest
 
 from evaluate.analysis.breaking_points import breaking_points
 from evaluate.analysis.results import analyse, as_json
+from evaluate.analysis.severity_levels import severity_axes
 from evaluate.statistics.breaking_point import breaking_point, breaking_ratio
 from quad_env import SCENARIOS
 from quad_env.scenarios import axes
@@ -72,6 +73,8 @@ def test_where_less_is_harder_levels_are_taken_downwards(made_up_cell, monkeypat
     assert point.found == "crossed"
     assert point.severity50 == pytest.approx(0.6, rel=0.1)
     assert (point.lowest, point.highest, point.hardest) == (0.35, 1.0, 0.35)
+    (shown,) = severity_axes(analyse(cells, seed=0, episodes=100, complete=True))
+    assert (tuple(level.severity for level in shown.levels), shown.falling) == (frictions, True)
 
 
 def test_two_severities_have_no_breaking_point(cells) -> None:
