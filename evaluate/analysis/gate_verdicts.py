@@ -1,6 +1,6 @@
 """Judging a result by gates: a verdict for each rule on each of its scenarios."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from evaluate.analysis.comparison import FALL_RATE, Comparison
@@ -32,6 +32,11 @@ def judge(gates: Sequence[Gate], results: Results) -> list[Verdict]:
     return [_judge(rule, scenario, results) for rule in rules for scenario in _judged_on(rule, scenarios, results)]
 
 
+def by_gate(verdicts: Sequence[Verdict]) -> dict[str, list[Verdict]]:
+    """Gate -> its verdicts, in their order."""
+    return {gate: [v for v in verdicts if v.gate == gate] for gate in dict.fromkeys(v.gate for v in verdicts)}
+
+
 def passed(verdicts: Sequence[Verdict]) -> bool:
     """Whether every rule is met everywhere."""
     return all(verdict.passed for verdict in verdicts)
@@ -56,7 +61,8 @@ def _judge(rule: Rule, scenario: str, results: Results) -> Verdict:
     summary = results.summaries[scenario, rule.policy]
     if isinstance(rule.bound, float):
         return Verdict(rule.text, rule.policy, scenario, *_against_number(rule, summary, rule.bound))
-    comparison = _comparison(results, scenario, rule, rule.bound)
+    of_metric = (c for c in results.comparisons if (c.scenario, c.metric) == (scenario, rule.metric))
+    comparison = next(c for c in of_metric if {c.a, c.b} == {rule.policy, rule.bound})
     other = results.summaries[scenario, rule.bound]
     return Verdict(rule.text, rule.policy, scenario, *_against_policy(rule, summary, other, comparison))
 
@@ -92,14 +98,6 @@ def _shown(comparison: Comparison, policy: str) -> tuple[bool, bool]:
 def _holds(value: float, relation: str, bound: float) -> bool:
     """Whether the relation is true; never of a figure that does not exist."""
     return {"<": value < bound, "<=": value <= bound, ">": value > bound, ">=": value >= bound}[relation]
-
-
-def _comparison(results: Results, scenario: str, rule: Rule, other: str) -> Comparison:
-    return next(c for c in _pair(results, scenario, rule, other) if c.metric == rule.metric)
-
-
-def _pair(results: Results, scenario: str, rule: Rule, other: str) -> Iterator[Comparison]:
-    return (c for c in results.comparisons if c.scenario == scenario and {c.a, c.b} == {rule.policy, other})
 
 
 def _figure(rule: Rule, value: float) -> str:

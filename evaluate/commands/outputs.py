@@ -18,7 +18,8 @@ from evaluate.analysis.results import Results, analyse, write_json
 from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
-from evaluate.report import Origin, junit, markdown, write_report
+from evaluate.report import junit, markdown
+from evaluate.report.page import write_report
 from evaluate.report.table import print_results
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import counted
@@ -78,7 +79,7 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     if failures:
         console.on_broken_pipe()
     film = ending.film and run.complete
-    made_by = Origin(command(run.manifest.options), run.manifest.date)
+    made_by = command(run.manifest.options), run.manifest.date
     for name, write in (
         ("results.json", partial(write_json, results)),
         ("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)),

@@ -10,12 +10,12 @@ from typing import Annotated, Any
 
 import tyro
 
-from evaluate.commands.options import Options as Evaluation
+from evaluate.analysis.results import with_nan
+from evaluate.commands.options import command
 from evaluate.commands.policy_options import words as policy_words
 from evaluate.report.readme_table import newcomers_table
 from evaluate.report.results_page import every_figure, scenarios_of
 from evaluate.rollouts.battery import BATTERIES
-from evaluate.rollouts.hardware import IDEAL
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
 
@@ -57,7 +57,7 @@ def _lines(path: Path) -> tuple[list[str], list[str]]:
     if not path.exists():
         raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
     try:
-        found: dict[str, Any] = json.loads(path.read_bytes())
+        found: dict[str, Any] = with_nan(json.loads(path.read_bytes()))
         if not found["complete"]:
             raise UsageError(f"the evaluation of {path} was interrupted: carry it on with --resume")
         made_by = ["", _made_by(found)]
@@ -74,20 +74,15 @@ def _made_by(found: dict[str, Any]) -> str:
 
 def _command(found: dict[str, Any], scenarios: list[str]) -> str:
     """What was run, without what is as usual."""
-    words = ["python -m evaluate"]
-    asked = policy_words(found["policies"], found.get("provenance", {}).get("only_on", {}))
-    if asked != Evaluation.policies:
-        words += ["--policies", *asked]
+    provenance = found.get("provenance", {})
     battery = next((name for name, each in BATTERIES.items() if [one.name for one in each()] == scenarios), None)
-    if (battery,) != Evaluation.scenarios:
-        words += ["--scenarios", *([battery] if battery else scenarios)]
-    for name in ("episodes", "seed"):
-        if found[name] != getattr(Evaluation, name):
-            words += [f"--{name}", str(found[name])]
-    for name, value in found.get("provenance", {}).get("hardware", {}).items():
-        if value != getattr(IDEAL, name):
-            words += [f"--{name}", value]
-    return " ".join(words)
+    chosen = {
+        "policies": list(policy_words(found["policies"], provenance.get("only_on", {}))),
+        "scenarios": [battery] if battery else scenarios,
+        "episodes": found["episodes"],
+        "seed": found["seed"],
+    }
+    return command(chosen | provenance.get("hardware", {}))
 
 
 def insert(text: str, lines: list[str], place: str = RESULTS) -> str:

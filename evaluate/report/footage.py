@@ -19,7 +19,7 @@ from evaluate.report.plots.drawing import cell_of
 from evaluate.report.sections.figures import policy_label
 from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.format import counted
-from quad_env.config import TaskConfig
+from policies.base import CONTROL_PERIOD as DT
 from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.terrain import Flat
 
@@ -27,8 +27,6 @@ LIMIT = 300.0
 """s that filming may take"""
 AFTERMATH = 1.5
 """s shown after the last fall"""
-DT = 1.0 / TaskConfig().control_rate
-"""Control step, s."""
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-from evaluate.analysis.gate_verdicts import Verdict
+from evaluate.analysis.gate_verdicts import Verdict, by_gate
 from policies.files import write_atomically
 
 
@@ -16,8 +16,7 @@ def write(verdicts: Sequence[Verdict], path: Path) -> None:
 def render(verdicts: Sequence[Verdict]) -> bytes:
     """The file: a suite a gate, a case a scenario."""
     root = ElementTree.Element("testsuites", _counts("simple-quad", verdicts))
-    for gate in dict.fromkeys(verdict.gate for verdict in verdicts):
-        mine = [verdict for verdict in verdicts if verdict.gate == gate]
+    for gate, mine in by_gate(verdicts).items():
         suite = ElementTree.SubElement(root, "testsuite", _counts(gate, mine))
         for verdict in mine:
             case = ElementTree.SubElement(suite, "testcase", {"classname": gate, "name": verdict.scenario, "time": "0"})

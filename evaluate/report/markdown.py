@@ -5,7 +5,7 @@ from pathlib import Path
 
 from evaluate.analysis.breaking_point_text import CAVEAT
 from evaluate.analysis.findings import PHRASES, UNSHOWN, findings_by_policy, headline, summary
-from evaluate.analysis.gate_verdicts import Verdict
+from evaluate.analysis.gate_verdicts import Verdict, by_gate
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
 from evaluate.report.notes import extent
@@ -44,8 +44,7 @@ def _gates(verdicts: Sequence[Verdict]) -> Iterator[str]:
     """What failed of each gate; that it passed otherwise."""
     if not verdicts:
         return
-    gates = dict.fromkeys(verdict.gate for verdict in verdicts)
-    lines = [line for gate in gates for line in _gate(gate, [v for v in verdicts if v.gate == gate])]
+    lines = [line for gate, mine in by_gate(verdicts).items() for line in _gate(gate, mine)]
     yield "### Gates\n\n" + "\n".join(lines)
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
@@ -19,9 +18,8 @@ from evaluate.report.sections.figures import policy_label
 from evaluate.report.sections.gait_section import gaits
 from evaluate.report.sections.gate_section import gates
 from evaluate.report.sections.measures_section import definitions
-from evaluate.report.sections.overview import overview
+from evaluate.report.sections.overview import overview, sensitivity
 from evaluate.report.sections.response_section import responses
-from evaluate.report.sections.sensitivity_section import sensitivity
 from evaluate.report.sections.training_section import training
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
@@ -34,25 +32,19 @@ FEW_AXES = 4
 """Up to so many axes the findings are unfolded."""
 
 
-@dataclass(frozen=True)
-class Origin:
-    """What a run was begun by."""
-
-    command: str = ""
-    """Empty where it is not known."""
-    date: str = ""
-    """Empty where it is not known."""
+Origin = tuple[str, str]
+"""Command and day that a run was begun by and on; each empty where it is not known."""
 
 
 def write_report(
-    results: Results, path: Path, *, film: bool = False, verdicts: Sequence[Verdict] = (), made_by: Origin = Origin()
+    results: Results, path: Path, *, film: bool = False, verdicts: Sequence[Verdict] = (), made_by: Origin = ("", "")
 ) -> None:
     """Write report.html; filming takes a few seconds, and the page says why where it is impossible."""
     write_atomically(path, render(results, path.parent, film=film, verdicts=verdicts, made_by=made_by).encode())
 
 
 def render(
-    results: Results, folder: Path, *, film: bool = False, verdicts: Sequence[Verdict] = (), made_by: Origin = Origin()
+    results: Results, folder: Path, *, film: bool = False, verdicts: Sequence[Verdict] = (), made_by: Origin = ("", "")
 ) -> str:
     """The whole page; `folder` is where the results are, for the commands that the page names."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
@@ -82,19 +74,17 @@ def render(
 
 
 def _head(results: Results, made_by: Origin) -> str:
-    warning = (
-        ""
-        if results.complete
-        else '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
-    )
+    interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
+    warning = "" if results.complete else interrupted
     axes = listed([escape(axis.name) for axis in severity_axes(results)])
-    begun = f", begun on {escape(made_by.date)}" if made_by.date else ""
-    command = f'<p class="soft">Made by <code>{escape(made_by.command)}</code>{begun}.</p>' if made_by.command else ""
+    command, date = map(escape, made_by)
+    begun = f", begun on {date}" if date else ""
+    made = f'<p class="soft">Made by <code>{command}</code>{begun}.</p>' if command else ""
     legend = "".join(f"<li>{policy_label(results, policy)}{_role(results, policy)}</li>" for policy in results.policies)
     return (
         f"<h1>{escape(listed(results.policies))}</h1>"
         f'<p class="soft">{escape(extent(results))}: {axes}. Seed {results.seed}.'
-        f"{words_of(results.hardware)}</p>{command}{warning}"
+        f"{words_of(results.hardware)}</p>{made}{warning}"
         f'<ul class="legend">{legend}</ul>'
     )
 
@@ -107,11 +97,8 @@ def _outcome(results: Results) -> str:
     first = "".join(
         f"<p><strong>{escape(lead)}</strong> {escape(' '.join(rest))}</p>" for lead, *rest in headline(results)
     )
-    return section(
-        "Outcome",
-        first,
-        *(_findings(results, policy, found) for policy, found in findings_by_policy(results)),
-    )
+    details = (_findings(results, policy, found) for policy, found in findings_by_policy(results))
+    return section("Outcome", first, *details)
 
 
 def _findings(results: Results, policy: str, found: list[Finding]) -> str:

@@ -13,7 +13,7 @@ _ON_EVERY_ROW = "flat"
 
 
 def newcomers_table(found: dict[str, Any]) -> list[str]:
-    """Lines of the table; policies that walk on flat ground alone stand in a sentence below it."""
+    """Lines of the table, of a results.json with NaN for null; below it policies that walk on flat ground alone."""
     rows = [name for name in ROWS if any(name in each["scenarios"] for each in found["policies"].values())]
     names = [name for name, each in found["policies"].items() if set(rows) <= set(each["scenarios"])]
     lines = [
@@ -38,14 +38,11 @@ def newcomers_table(found: dict[str, Any]) -> list[str]:
 
 def headline(found: dict[str, Any], names: list[str]) -> str:
     """On how many of the scenarios that all of these policies walked each of them has the smallest velocity error."""
-    common = [
-        scenario
-        for scenario in found["policies"][names[0]]["scenarios"]
-        if all(scenario in found["policies"][name]["scenarios"] for name in names)
-    ]
+    ran = {name: found["policies"][name]["scenarios"] for name in names}
+    common = set.intersection(*map(set, ran.values()))
     counts = dict.fromkeys(names, 0)
     for scenario in common:
-        errors = {name: _figure(found, name, scenario, "velocity_error") for name in names}
+        errors = {name: cells[scenario]["velocity_error"] for name, cells in ran.items()}
         if any(map(math.isfinite, errors.values())):
             counts[min(errors, key=lambda name: (math.isnan(errors[name]), errors[name]))] += 1
     first, *rest = sorted(counts, key=lambda name: -counts[name])
@@ -58,10 +55,5 @@ def headline(found: dict[str, Any], names: list[str]) -> str:
 
 
 def _cell(found: dict[str, Any], policy: str, scenario: str) -> str:
-    falls, error = (_figure(found, policy, scenario, name) for name in ("fall_rate", "velocity_error"))
-    return f"{percent(falls)}, {number(error, 2)}"
-
-
-def _figure(found: dict[str, Any], policy: str, scenario: str, name: str) -> float:
-    value = found["policies"][policy]["scenarios"][scenario][name]
-    return math.nan if value is None else float(value)
+    figures = found["policies"][policy]["scenarios"][scenario]
+    return f"{percent(figures['fall_rate'])}, {number(figures['velocity_error'], 2)}"

@@ -1,6 +1,5 @@
 """Every figure of a results.json as Markdown: the comparison, breaking points, and what each disturbance does."""
 
-import math
 from typing import Any
 
 from evaluate.analysis.breaking_point_text import CAVEAT, breaking_point_text
@@ -11,7 +10,7 @@ from evaluate.terminal.format import ABSENT, interval, number, percent, percent_
 
 
 def every_figure(found: dict[str, Any]) -> list[str]:
-    """Lines of the comparison, breaking points and effects of disturbances as tables."""
+    """Lines of the comparison, breaking points and effects of disturbances as tables, with NaN for null."""
     names = list(found["policies"])
     run = scenarios_of(found)
     lines = [
@@ -21,12 +20,12 @@ def every_figure(found: dict[str, Any]) -> list[str]:
         "|---|---|---|---|---|---|",
     ]
     for scenario in run:
-        walked = [name for name in names if scenario in found["policies"][name]["scenarios"]]
-        lines += [f"| {scenario} | `{name}` | {row(_cell(found, name, scenario))} |" for name in walked]
+        cells = {name: found["policies"][name]["scenarios"].get(scenario) for name in names}
+        lines += [f"| {scenario} | `{name}` | {_row(cell)} |" for name, cell in cells.items() if cell]
     if found["breaking_points"]:
-        lines += ["", CAVEAT, "", *breaking_points(found["breaking_points"], names)]
+        lines += ["", CAVEAT, "", *_breaking_points(found["breaking_points"], names)]
     if found["sensitivities"]:
-        lines += ["", LEAD, "", *effects(found["sensitivities"], names)]
+        lines += ["", LEAD, "", *_effects(found["sensitivities"], names)]
     return lines
 
 
@@ -35,20 +34,19 @@ def scenarios_of(found: dict[str, Any]) -> list[str]:
     return list(dict.fromkeys(name for policy in found["policies"].values() for name in policy["scenarios"]))
 
 
-def effects(found: list[dict[str, Any]], names: list[str]) -> list[str]:
+def _effects(found: list[dict[str, Any]], names: list[str]) -> list[str]:
     """What each disturbance does: an axis a row, a policy a column."""
-    each = [Sensitivity(**_without_null(entry)) for entry in found]
+    each = [Sensitivity(**entry) for entry in found]
     cells = {(one.axis, one.policy): effect_text(one) for one in each}
     axes = {one.axis: f"{one.axis}, {amount(one.severity, one.unit)}" for one in each}
     return _by_axis("disturbance", axes, cells, names)
 
 
-def breaking_points(points: list[dict[str, Any]], names: list[str]) -> list[str]:
+def _breaking_points(points: list[dict[str, Any]], names: list[str]) -> list[str]:
     """Severity at which half of the episodes end in a fall: an axis a row, a policy a column."""
-    cells = {
-        (point["axis"], point["policy"]): breaking_point_text(AxisBreakingPoint(**_fields(point))) for point in points
-    }
-    axes = {point["axis"]: ", ".join(filter(None, (point["axis"], point["unit"]))) for point in points}
+    each = [AxisBreakingPoint(**point) for point in points]
+    cells = {(one.axis, one.policy): breaking_point_text(one) for one in each}
+    axes = {one.axis: ", ".join(filter(None, (one.axis, one.unit))) for one in each}
     return _by_axis("half of the episodes fall at", axes, cells, names)
 
 
@@ -60,27 +58,7 @@ def _by_axis(head: str, axes: dict[str, str], cells: dict[tuple[str, str], str],
     return [f"| {head} | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}", *rows]
 
 
-def _fields(point: dict[str, Any]) -> dict[str, Any]:
-    """Fields of an AxisBreakingPoint; an end that JSON cannot hold is beyond the severities tried."""
-    fields: dict[str, Any] = _without_null(point)
-    return fields | {"ci": tuple(fields["ci"])}
-
-
-def _cell(found: dict[str, Any], policy: str, scenario: str) -> dict[str, Any]:
-    """Figures of one policy on one scenario, nan where one does not exist."""
-    figures: dict[str, Any] = _without_null(found["policies"][policy]["scenarios"][scenario])
-    return figures
-
-
-def _without_null(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_null(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_without_null(entry) for entry in value]
-    return math.nan if value is None else value
-
-
-def row(cell: dict[str, Any]) -> str:
+def _row(cell: dict[str, Any]) -> str:
     """The figures of one policy on one scenario."""
     return " | ".join(
         (

@@ -1,12 +1,14 @@
-"""Curves against severity, one line a policy, and bars where there is one severity only."""
+"""Curves against severity, one line a policy; bars where there is one severity only; episode against episode."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis
-from evaluate.report.plots.drawing import Margins, figure, short_name, style, svg, text_width
+from evaluate.report.plots.drawing import Margins, figure, same_ticks, short_name, style, svg, text_width
+from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS
 from evaluate.statistics.intervals import Floats
 from evaluate.statistics.psychometric import fall_probability, fit
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 HEIGHT = 2.7
 """in"""
 CURVE_POINTS = 60
+SHOWN = 300
+"""Episodes of a scatter at most: the first of the run, the same for every policy."""
 
 
 def falls(results: Results, axis: SeverityAxis) -> bytes:
@@ -74,6 +78,23 @@ def intervals(results: Results, scenario: str, metric: str, label: str, scale: f
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlim(left=min(0.0, axes.get_xlim()[0]) if scale == 1.0 else -2.0, right=None if scale == 1.0 else 102.0)
     axes.set_xlabel(label)
+    return svg(drawn)
+
+
+def paired(results: Results, others: Sequence[Cell], baseline: Cell) -> bytes:
+    """Velocity error of each episode, the baseline across, the others up; below the line a policy did better."""
+    drawn, axes = figure(3.6)
+    x = baseline.measures.velocity_error[:SHOWN]
+    ups = [cell.measures.velocity_error[:SHOWN] for cell in others]
+    limit = 1.05 * float(max(0.1, x.max(), *(up.max() for up in ups)))
+    axes.plot((0, limit), (0, limit), color="#888888", linewidth=1)
+    same_ticks(axes)
+    for cell, up in zip(others, ups, strict=True):
+        colour, mark = style(results, cell.policy)
+        axes.plot(x, up, mark, color=colour, markersize=3.5, alpha=0.55, markeredgewidth=0)
+    axes.set(
+        xlim=(0, limit), ylim=(0, limit), xlabel=f"{short_name(baseline.policy)}, m/s", ylabel="other policies, m/s"
+    )
     return svg(drawn)
 
 

@@ -8,16 +8,14 @@ from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_a
 from evaluate.report.html import fold, grid, image, note, section
 from evaluate.report.plots import curves
 from evaluate.report.plots.drawing import cell_of
-from evaluate.report.plots.scatter import paired
 from evaluate.report.sections.figures import comparison_table, falls_table, summary_table
 from evaluate.report.sections.measures_section import figures_table
 from evaluate.report.sections.push_section import pushes
 from evaluate.statistics.breaking_point import LEAST_LEVELS
+from quad_env.scenarios.named import Scenario
 
 FALLS = ("fall_rate", "episodes with a fall, %", 100.0)
 ERROR = ("velocity_error", "velocity error, m/s", 1.0)
-
-
 FITTED = (
     "Lines of falls: fitted curves, with the breaking point and its interval at one half, which hold for these levels "
     "and this shape."
@@ -49,9 +47,9 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
         yield grid(_curves(results, axis), 2)
         yield falls_table(results, axis)
         yield pushes(results, axis)
-        yield fold("Every figure", "".join(_figures(results, axis, scenario) for scenario in axis.scenario_names))
+        yield fold("Every figure", "".join(_figures(results, level) for level in axis.scenarios))
     else:
-        scenario = axis.scenario_names[0]
+        scenario = axis.scenarios[0].name
         yield grid((_bars(results, scenario, *FALLS), _bars(results, scenario, *ERROR)), 2)
         yield summary_table(results, scenario)
         yield pushes(results, axis)
@@ -70,12 +68,10 @@ def _differences(results: Results, axis: SeverityAxis) -> Iterator[str]:
     yield fold("Episode by episode", _episodes(results, axis))
 
 
-def _figures(results: Results, axis: SeverityAxis, scenario: str) -> str:
-    level = next(level for level in axis.scenarios if level.name == scenario)
-    every = fold("Every measure", figures_table(results, scenario))
-    return (
-        f"<h3>{escape(scenario)} <small>{escape(severity(level))}</small></h3>{summary_table(results, scenario)}{every}"
-    )
+def _figures(results: Results, level: Scenario) -> str:
+    every = fold("Every measure", figures_table(results, level.name))
+    head = f"<h3>{escape(level.name)} <small>{escape(severity(level))}</small></h3>"
+    return f"{head}{summary_table(results, level.name)}{every}"
 
 
 def _curves(results: Results, axis: SeverityAxis) -> Iterator[str]:
@@ -99,4 +95,6 @@ def _episodes(results: Results, axis: SeverityAxis) -> str:
     lead = note(
         f"Velocity error of each episode of {scenario}, {baseline.policy} across: below the line a policy did better."
     )
-    return lead + grid([image(paired(results, present, baseline), f"Velocity errors on {scenario}, by episode")], 2)
+    return lead + grid(
+        [image(curves.paired(results, present, baseline), f"Velocity errors on {scenario}, by episode")], 2
+    )

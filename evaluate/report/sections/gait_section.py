@@ -11,7 +11,8 @@ from evaluate.report.plots.gait_diagram import gait_diagram
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import evaluation_seeds
 from evaluate.rollouts.hardware import Hardware
-from quad_env.config import CommandRanges, TaskConfig
+from policies.base import CONTROL_PERIOD
+from quad_env.config import CommandRanges
 from quad_env.scenarios.named import Scenario
 
 SPEED = 0.7
@@ -48,7 +49,7 @@ def gaits(results: Results) -> str:
 def footfalls(policy: str, seed: int, hardware: Hardware) -> tuple[NDArray[np.bool_], float]:
     """Feet on the ground, (steps, 4), from START on, and the control step, s; none of a robot that fell before END."""
     resolved = hardware.policy(policy)
-    steps = round(END * TaskConfig().control_rate)
+    steps = round(END / CONTROL_PERIOD)
     probe = rollout.run(resolved, SCENARIO, np.array([seed]), nthread=1, steps=steps, hardware=hardware)
     if probe.fall_step[0] < probe.steps:
         return probe.foot_contact[:0, 0], probe.dt

@@ -3,15 +3,14 @@
 from collections.abc import Sequence
 from html import escape
 
-from evaluate.analysis.gate_verdicts import Verdict
+from evaluate.analysis.gate_verdicts import Verdict, by_gate
 from evaluate.report.html import fold, section
 from evaluate.terminal.format import counted
 
 
 def gates(verdicts: Sequence[Verdict]) -> str:
     """A line a gate, with what failed; empty without gates."""
-    names = dict.fromkeys(verdict.gate for verdict in verdicts)
-    return section("Gates", *(_gate(name, [v for v in verdicts if v.gate == name]) for name in names))
+    return section("Gates", *(_gate(gate, mine) for gate, mine in by_gate(verdicts).items()))
 
 
 def _gate(name: str, verdicts: Sequence[Verdict]) -> str:
@@ -24,10 +23,5 @@ def _gate(name: str, verdicts: Sequence[Verdict]) -> str:
 
 def _list(verdicts: Sequence[Verdict]) -> str:
     kinds = {True: "better", False: "worse"}
-    return "".join(
-        (
-            "<ul>",
-            *(f'<li class="{kinds[v.passed]}">{escape(v.scenario)}: {escape(v.reason)}</li>' for v in verdicts),
-            "</ul>",
-        )
-    )
+    lines = (f'<li class="{kinds[v.passed]}">{escape(v.scenario)}: {escape(v.reason)}</li>' for v in verdicts)
+    return f"<ul>{''.join(lines)}</ul>"

@@ -1,4 +1,4 @@
-"""Every axis in one table: where each policy breaks, with a way to the axis."""
+"""Every axis in one table: where each policy breaks, and what its hardest disturbance does to it."""
 
 from collections.abc import Mapping
 from html import escape
@@ -6,7 +6,9 @@ from html import escape
 from evaluate.analysis.breaking_point_text import CAVEAT, figure_and_interval
 from evaluate.analysis.breaking_points import AxisBreakingPoint
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import severity_axes
+from evaluate.analysis.sensitivity import LEAD as EFFECTS
+from evaluate.analysis.sensitivity import effect_text
+from evaluate.analysis.severity_levels import amount, severity_axes
 from evaluate.report.html import note, section, table
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
@@ -23,14 +25,18 @@ def overview(results: Results) -> str:
     cells = {(point.axis, point.policy): _cell(point) for point in results.breaking_points}
     found = {axis for axis, _ in cells}
     axes = {axis.name: axis.quantity for axis in severity_axes(results) if axis.name in found}
-    return section("Breaking points", note(LEAD), by_axis(results, axes, cells)) if axes else ""
+    return section("Breaking points", note(LEAD), _by_axis(results, axes, cells)) if axes else ""
 
 
-def by_axis(results: Results, axes: Mapping[str, str], cells: Mapping[tuple[str, str], str]) -> str:
-    """A table of cells by axis and policy, ready HTML; below each axis's name stand its words, a text.
+def sensitivity(results: Results) -> str:
+    """What each disturbance does; empty for a run without the undisturbed scenario, or with nothing else."""
+    cells = {(each.axis, each.policy): escape(effect_text(each)) for each in results.sensitivities}
+    axes = {each.axis: amount(each.severity, each.unit) for each in results.sensitivities}
+    return section("What each disturbance does", note(EFFECTS), _by_axis(results, axes, cells)) if axes else ""
 
-    Without the policies that have no cell.
-    """
+
+def _by_axis(results: Results, axes: Mapping[str, str], cells: Mapping[tuple[str, str], str]) -> str:
+    """A table of cells, ready HTML, of the policies that have one; below each axis's name stand its words, a text."""
     policies = [policy for policy in results.policies if any(policy == found for _, found in cells)]
     rows = [
         [

@@ -1,9 +1,10 @@
 """The worst episodes of each policy: where to look first."""
 
 import shlex
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+
+import numpy as np
 
 from evaluate.analysis.results import Results
 from evaluate.report.html import fold, note, section, table
@@ -15,44 +16,15 @@ LISTED = 5
 """Episodes a policy."""
 
 
-@dataclass(frozen=True)
-class WorstEpisode:
-    """One episode and what went wrong."""
-
-    policy: str
-    scenario: str
-    episode: int
-    """Row within its cell."""
-    seed: int
-    fall_reason: str | None
-    fall_time: float
-    """s; NaN without a fall."""
-    velocity_error: float
-    """m/s"""
-
-
-def worst(results: Results, policy: str) -> list[WorstEpisode]:
-    """Falls on the scenarios where the policy falls least, earliest first; then the largest velocity errors."""
+def worst(results: Results, policy: str) -> list[tuple[Cell, int]]:
+    """Cells and rows in them: falls where the policy falls least, earliest first; then the largest velocity errors."""
     cells = [cell for cell in results.cells if cell.policy == policy]
     cells.sort(key=lambda cell: results.summaries[cell.scenario.name, policy].fall_rate)
-    fallen = [each for cell in cells for each in sorted(_of(cell, fell=True), key=lambda each: each.fall_time)]
-    upright = [each for cell in cells for each in _of(cell, fell=False)]
-    return [*fallen, *sorted(upright, key=lambda each: -each.velocity_error)][:LISTED]
-
-
-def _of(cell: Cell, *, fell: bool) -> list[WorstEpisode]:
-    return [
-        WorstEpisode(
-            cell.policy,
-            cell.scenario.name,
-            row,
-            int(cell.seeds[row]),
-            cell.fall_reason[row],
-            float(cell.measures.fall_time[row]),
-            float(cell.measures.velocity_error[row]),
-        )
-        for row in (cell.measures.fell == fell).nonzero()[0].tolist()
-    ]
+    earliest = ((cell, row) for cell in cells for row in np.argsort(cell.measures.fall_time, kind="stable").tolist())
+    fallen = [(cell, row) for cell, row in earliest if cell.measures.fell[row]]
+    upright = [(cell, row) for cell in cells for row in np.flatnonzero(~cell.measures.fell).tolist()]
+    upright.sort(key=lambda place: -place[0].measures.velocity_error[place[1]])
+    return [*fallen, *upright][:LISTED]
 
 
 def worst_episodes(results: Results, folder: Path) -> str:
@@ -66,7 +38,7 @@ def worst_episodes(results: Results, folder: Path) -> str:
     tables = (
         fold(
             policy_label(results, policy),
-            table(heads, [_row(episode, folder) for episode in worst(results, policy)], "text"),
+            table(heads, [_row(cell, episode, folder) for cell, episode in worst(results, policy)], "text"),
             printed=True,
         )
         for policy in results.policies
@@ -74,16 +46,14 @@ def worst_episodes(results: Results, folder: Path) -> str:
     return section("Worst episodes", lead, *tables)
 
 
-def replay_command(episode: WorstEpisode, folder: Path) -> str:
-    """What a shell needs to run the episode again."""
-    words = ("python", "-m", "evaluate", "replay", str(folder), str(episode.episode))
-    return shlex.join((*words, "--policy", episode.policy, "--scenario", episode.scenario))
+def replay_command(cell: Cell, episode: int, folder: Path) -> str:
+    """What a shell needs to run an episode of that number again."""
+    words = ("python", "-m", "evaluate", "replay", str(folder), str(episode))
+    return shlex.join((*words, "--policy", cell.policy, "--scenario", cell.scenario.name))
 
 
-def _row(episode: WorstEpisode, folder: Path) -> tuple[str, str, str]:
-    what = (
-        f"{escape(episode.fall_reason)} at {number(episode.fall_time, 2)} s"
-        if episode.fall_reason
-        else f"velocity error {number(episode.velocity_error)} m/s"
-    )
-    return escape(episode.scenario), what, f"<code>{escape(replay_command(episode, folder))}</code>"
+def _row(cell: Cell, episode: int, folder: Path) -> tuple[str, str, str]:
+    reason, measures = cell.fall_reason[episode], cell.measures
+    fall = f"{escape(reason or '')} at {number(measures.fall_time[episode], 2)} s"
+    what = fall if reason else f"velocity error {number(measures.velocity_error[episode])} m/s"
+    return escape(cell.scenario.name), what, f"<code>{escape(replay_command(cell, episode, folder))}</code>"

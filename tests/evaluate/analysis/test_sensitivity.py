@@ -8,7 +8,7 @@ import pytest
 import policies
 from evaluate.analysis.results import analyse
 from evaluate.analysis.sensitivity import FALLS_WITHOUT, UNCHANGED, effect_text, sensitivities
-from evaluate.report.sections.sensitivity_section import sensitivity as section
+from evaluate.report.sections.overview import sensitivity as section
 from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 from quad_env import AXES, CommandRanges

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from evaluate.__main__ import main
+from evaluate.analysis.results import with_nan
 from evaluate.commands.options import DEFAULT_POLICIES
 from evaluate.commands.readme import insert
 from evaluate.report.readme_table import newcomers_table
@@ -100,7 +101,7 @@ def test_the_headline_counts_scenarios_by_the_smallest_error() -> None:
 
 
 def test_breaking_points_are_a_table_of_axes_and_policies() -> None:
-    text = "\n".join(every_figure(FOUND | {"breaking_points": POINTS})).replace("\u00a0", " ")
+    text = "\n".join(every_figure(with_nan(FOUND | {"breaking_points": POINTS}))).replace("\u00a0", " ")
     assert "| push, N·s | 48.2 N·s [45, > 100] | none up to 100 N·s |" in text
     assert "| soft, m | – | already at 20 m |" in text
     assert "half of the episodes fall" not in "\n".join(every_figure(FOUND))
@@ -108,7 +109,7 @@ def test_breaking_points_are_a_table_of_axes_and_policies() -> None:
 
 def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
     both = [NOISE | {"policy": "trot", "felt": False}, NOISE | {"policy": "stand"}]
-    text = "\n".join(every_figure(FOUND | {"sensitivities": both})).replace("\u00a0", " ")
+    text = "\n".join(every_figure(with_nan(FOUND | {"sensitivities": both}))).replace("\u00a0", " ")
     assert "| noise, 0.8 rad/s | the same to the bit | +25 points, +0.50 m/s |" in text
     assert "| disturbance |" not in "\n".join(every_figure(FOUND))
 
@@ -173,7 +174,7 @@ def test_figures_that_do_not_exist_are_dashes() -> None:
     """As after a run of a single episode, whose intervals are null."""
     absent = dict.fromkeys(CELL) | {f"{name}_ci": [None, None] for name in ("fall_rate", "velocity_error")}
     absent["yaw_rate_error_ci"] = [None, None]
-    found = FOUND | {"policies": {"trot": {"scenarios": {"flat": absent}}}}
+    found = with_nan(FOUND | {"policies": {"trot": {"scenarios": {"flat": absent}}}})
     assert every_figure(found)[4] == "| flat | `trot` | – [–] | – [–] | – [–] | – |"
     assert "| flat ground | –, – |" in newcomers_table(found)
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from evaluate.commands.outputs import analysed
 from evaluate.records.store import read_run
-from evaluate.report import render
+from evaluate.report.page import render
 from evaluate.report.plots import curves, drawing, fall_curves
 from evaluate.report.plots.gait_diagram import gait_diagram, stances
 from evaluate.report.plots.push_plot import DIRECTIONS, fall_shares, push_plot

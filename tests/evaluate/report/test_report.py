@@ -15,7 +15,7 @@ import pytest
 from evaluate.analysis.gate_verdicts import judge
 from evaluate.analysis.gates import parse
 from evaluate.analysis.results import analyse
-from evaluate.report import render
+from evaluate.report.page import render
 from evaluate.report.sections.worst import worst
 from evaluate.terminal.format import interval, listed, number, p_value, percent, percent_interval, points
 
@@ -120,7 +120,7 @@ def test_gates_are_on_the_page_with_what_failed(made) -> None:
 
 def test_the_worst_falls_come_first_with_the_command_that_replays_them(made) -> None:
     """Other falls least often on push:3 (5 %), so its falls there surprise the most; then on push:5 (43 %)."""
-    assert [(episode.scenario, episode.episode) for episode in worst(made, "other")][:3] == [
+    assert [(cell.scenario.name, episode) for cell, episode in worst(made, "other")][:3] == [
         ("push:3", 0),
         ("push:3", 1),
         ("push:5", 0),
@@ -132,8 +132,8 @@ def test_the_worst_falls_come_first_with_the_command_that_replays_them(made) -> 
 def test_without_falls_the_largest_errors_are_the_worst(made) -> None:
     mild = dataclasses.replace(made, cells=tuple(c for c in made.cells if c.scenario.name in ("flat", "push:1")))
     found = worst(mild, "trot")
-    assert [episode.episode for episode in found] == [39, 39, 38, 38, 37]
-    assert {episode.fall_reason for episode in found} == {None}
+    assert [episode for _, episode in found] == [39, 39, 38, 38, 37]
+    assert {cell.fall_reason[episode] for cell, episode in found} == {None}
 
 
 def test_names_are_escaped(page) -> None:
