@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 """Places of some robots in a batch, (k,)."""
+Ids = slice | Rows
 Column = TypeVar("Column", float, Array)
 Vector = Sequence[Column]
 """k columns: a tuple, or an array (k, n) of n robots'."""

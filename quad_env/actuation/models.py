@@ -33,10 +33,8 @@ class TorqueSpeed:
     """rad/s at which no torque is left; None: the robot's rated speed"""
 
     def __post_init__(self) -> None:
-        if self.stall_torque is not None:
-            check_positive("stall_torque", self.stall_torque, "N·m")
-        if self.no_load_speed is not None:
-            check_positive("no_load_speed", self.no_load_speed, "rad/s")
+        check_positive("stall_torque", self.stall_torque, "N·m")
+        check_positive("no_load_speed", self.no_load_speed, "rad/s")
 
     def on(self, robot: Robot) -> "Line":
         """The curve of that robot's motors."""
@@ -141,8 +139,7 @@ class Actuator:
 
     def __post_init__(self) -> None:
         check_kinds(self)
-        if self.bandwidth is not None:
-            check_positive("bandwidth", self.bandwidth, "Hz")
+        check_positive("bandwidth", self.bandwidth, "Hz")
         if not 0 <= self.delay <= 1:
             raise ValueError(f"an actuator's delay must lie between 0 s and 1 s, got {self.delay}")
         if self.thermal is not None and self.curve is None:

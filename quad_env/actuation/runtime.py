@@ -4,17 +4,15 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from quad_env.actuation.models import Actuator, Line, Thermal, weaker
-from quad_env.columns import Array, Mask
+from quad_env.columns import Array, Ids, Mask
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Motors
 
-Ids = slice | NDArray[np.intp]
 Advance = Callable[[Ids, int], None]
 """Moves those robots on by a number of physics steps."""
-Rows = Callable[[str], Array]
+Bind = Callable[[str], Array]
 """A field of every robot's simulation or model, by MuJoCo's name; writing to it changes the robots."""
 
 
@@ -76,7 +74,7 @@ class Windings:
 class Drives:
     """The drives of n robots, a lag and windings or one of them, around the motors of a batch."""
 
-    def __init__(self, lag: Lag | None, windings: Windings | None, bind: Rows, substeps: int) -> None:
+    def __init__(self, lag: Lag | None, windings: Windings | None, bind: Bind, substeps: int) -> None:
         self._lag, self._windings, self._substeps = lag, windings, substeps
         self._ctrl, self._torque = bind("ctrl"), bind("actuator_force")
 
@@ -103,7 +101,7 @@ class Drives:
 
 
 def drives_of(
-    robot: Robot, motors: Motors, actuator: Actuator, bind: Rows, expand: Rows, substeps: int, timestep: float
+    robot: Robot, motors: Motors, actuator: Actuator, bind: Bind, expand: Bind, substeps: int, timestep: float
 ) -> Drives | None:
     """The drives of those motors, or None where MuJoCo's own servos do all that is asked for."""
     curve, thermal, bandwidth = actuator.curve, actuator.thermal, weaker(motors.bandwidth, actuator.bandwidth)

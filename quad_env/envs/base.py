@@ -1,6 +1,7 @@
 """What the single environment and the batch have in common: their parts, how these start, and copies."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -42,7 +43,8 @@ class QuadEnvBase:
         return env
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _make, (type(self), *self._arguments), {name: getattr(self, name) for name in self._KEPT}
+        args, kwargs = self._arguments
+        return partial(type(self), *args, **kwargs), (), {name: getattr(self, name) for name in self._KEPT}
 
     def _assemble(
         self,
@@ -92,10 +94,6 @@ class QuadEnvBase:
         if self._view is not None:
             self._view.close()
             self._view = None
-
-
-def _make(kind: type, args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
-    return kind(*args, **kwargs)
 
 
 def _setting(value: Any) -> Any:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from quad_env import columns
 from quad_env.actuation.models import Actuator
-from quad_env.columns import Array, Mask
+from quad_env.columns import Array, Ids, Mask
 from quad_env.config import TaskConfig
 from quad_env.envs import arguments
 from quad_env.envs.base import QuadEnvBase
-from quad_env.physics.simulation import ALL, Ids
+from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -137,7 +137,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         moving = np.flatnonzero(~done) if done.any() else ALL
         wires, schedule = self._wires, self._schedule
         heard = None if wires is None else wires.heard(targets, schedule.clock[moving], self._rows[moving])
-        self.simulation.step(targets, schedule.force(), moving, heard)
+        self.simulation.step(targets, schedule.pushes.force_at(schedule.clock), moving, heard)
         schedule.clock[moving] += 1
         paid = self._judge(moving)
         rewards = columns.total(paid[key] for key in self._weights)

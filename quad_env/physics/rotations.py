@@ -9,27 +9,15 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
     """Quaternions of intrinsic yaw-pitch-roll rotations."""
     cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
     cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
-    return np.stack(
-        (
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ),
-        axis=1,
-    )
+    w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
+    y, z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+    return np.stack((w, x, y, z), axis=1)
 
 
 def product(first: tuple[float, float, float, float], then: Array) -> Array:
     """Quaternions of the rotations `then`, turned by `first`."""
     w, x, y, z = first
     a, b, c, d = then.T
-    return np.stack(
-        (
-            w * a - x * b - y * c - z * d,
-            w * b + x * a + y * d - z * c,
-            w * c - x * d + y * a + z * b,
-            w * d + x * c - y * b + z * a,
-        ),
-        axis=1,
-    )
+    real, i = w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c
+    j, k = w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a
+    return np.stack((real, i, j, k), axis=1)

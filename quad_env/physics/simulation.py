@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import drives_of
-from quad_env.columns import Array, Column, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
+from quad_env.columns import Array, Column, Ids, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
 from quad_env.physics.model import (
     PAYLOAD,
     TRUNK_SENSOR,
@@ -29,7 +29,6 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope
 
-Ids = slice | NDArray[np.intp]
 ALL = slice(None)
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""

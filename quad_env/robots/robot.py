@@ -7,13 +7,9 @@ straight down; hips turn about +x (abduction), thighs and calves about +y. Lengt
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-if TYPE_CHECKING:
-    from quad_env.robots.compiled import Figures
 
 Floats = NDArray[np.float64]
 
@@ -114,23 +110,25 @@ class Robot:
     @property
     def joint_lower(self) -> Floats:
         """Lower joint limits of the model, shape (12,), rad."""
-        return self._compiled.joint_lower
+        return self._compiled[0]
 
     @property
     def joint_upper(self) -> Floats:
         """Upper joint limits of the model, shape (12,), rad."""
-        return self._compiled.joint_upper
+        return self._compiled[1]
 
     @property
     def mass(self) -> float:
         """Mass of the model, kg."""
-        return self._compiled.mass
+        return self._compiled[2]
 
     @cached_property
-    def _compiled(self) -> "Figures":
-        from quad_env.robots.compiled import figures  # MuJoCo takes long to import, and most figures need none
+    def _compiled(self) -> tuple[Floats, Floats, float]:
+        import mujoco  # here, since it takes long, and most figures need none
 
-        return figures(self.mjcf, self.joint_names)
+        model = mujoco.MjModel.from_xml_path(str(self.mjcf))
+        lower, upper = model.jnt_range[[model.joint(name).id for name in self.joint_names]].T
+        return _constant(lower), _constant(upper), float(np.round(model.body_mass.sum(), 9))
 
 
 def _constant(values: ArrayLike) -> Floats:

@@ -21,9 +21,9 @@ def check_amount(what: str, value: float, unit: str) -> None:
         raise ValueError(f"{what} must be finite and at least 0 {unit}, got {value}")
 
 
-def check_positive(what: str, value: float, unit: str) -> None:
-    """Refuse zero too."""
-    if not 0 < value < math.inf:
+def check_positive(what: str, value: float | None, unit: str) -> None:
+    """Refuse zero too; None, where it may stand, is left alone."""
+    if value is not None and not 0 < value < math.inf:
         raise ValueError(f"{what} must be finite and more than 0 {unit}, got {value}")
 
 
@@ -97,10 +97,8 @@ class Motors:
     with the time constant 1/(2π·bandwidth). None is a servo that sees its target at once."""
 
     def __post_init__(self) -> None:
-        if self.torque_limit is not None:
-            check_positive("torque_limit", self.torque_limit, "N·m")
-        if self.bandwidth is not None:
-            check_positive("bandwidth", self.bandwidth, "Hz")
+        check_positive("torque_limit", self.torque_limit, "N·m")
+        check_positive("bandwidth", self.bandwidth, "Hz")
 
     def largest_torque(self, robot: Robot) -> float:
         """Torque limit on that robot, N·m."""

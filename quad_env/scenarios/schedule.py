@@ -5,13 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, Mask
+from quad_env.columns import Array, Ids, Mask
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode, PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import fresh_seeds, seeds_of
-
-Ids = slice | NDArray[np.intp]
 
 
 class Schedule:
@@ -52,10 +50,6 @@ class Schedule:
             self.command[i] = episode.next_command() if held is None else held[i]
         self.clock[ids], self._held[ids] = 0, held is not None
         return [self._episodes[i] for i in ids]
-
-    def force(self) -> Array | None:
-        """On each trunk during the coming step, world frame, (n, 2), N; None where nobody ever pushes."""
-        return self.pushes.force_at(self.clock)
 
     def redraw(self, ids: Ids) -> None:
         """New commands for those robots that have followed one for its time."""

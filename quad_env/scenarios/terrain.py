@@ -144,10 +144,6 @@ class SmoothRandom:
         that differ in their amplitude alone."""
         return _unit_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
 
-    def heights(self) -> Array:
-        """Grid of heights, rows along y and columns along x, shape (points, points), m."""
-        return self.unit_heights * self.peak_to_valley
-
     def height(self, x: Column, y: Column) -> Column:
         """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
         grid, last = self.unit_heights, self.points - 1

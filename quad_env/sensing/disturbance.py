@@ -46,12 +46,6 @@ class Sensors:
         sensed[:] = self._shown[(clock + 1) % slots, rows]
 
 
-def sensors_of(robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> Sensors | None:
-    """The robots' sensors, or None where they show every reading as it is."""
-    late = scenario.latency is not None and round(scenario.latency.observation / dt) > 0
-    return Sensors(robot, scenario, num_envs, dt) if late or scenario.noise is not None else None
-
-
 def _deviations(noise: SensorNoise, table: ObservationTable) -> NDArray[np.float32]:
     """Standard deviation of each sensed entry, (33,)."""
     out = np.zeros(table.sensed.stop, np.float32)

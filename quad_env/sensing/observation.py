@@ -13,7 +13,7 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.channel import Clock
-from quad_env.sensing.disturbance import Sensors, sensors_of
+from quad_env.sensing.disturbance import Sensors
 from quad_env.sensing.estimator import Estimator, Read
 from quad_env.sensing.instruments import Instruments
 from quad_env.sensing.suite import SensorSuite
@@ -118,8 +118,9 @@ def shown_by(
     suite: SensorSuite | None, simulation: Simulation, scenario: Scenario, num_envs: int, control_rate: float
 ) -> SensedObservation | Sensors | None:
     """What stands between the robots' states and their observations; None where they show every reading as it is."""
-    robot = simulation.robot
-    disturbed = sensors_of(robot, scenario, num_envs, 1 / control_rate)
+    robot, dt = simulation.robot, 1 / control_rate
+    late = scenario.latency is not None and round(scenario.latency.observation / dt) > 0
+    disturbed = Sensors(robot, scenario, num_envs, dt) if late or scenario.noise is not None else None
     if suite is None:
         return disturbed
     assert simulation.probe is not None, "a simulation of robots without sensors"

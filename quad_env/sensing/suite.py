@@ -20,8 +20,7 @@ class _Sampled:
     """s; one control step by default: what is measured in a step is acted on in the next"""
 
     def __post_init__(self) -> None:
-        if self.rate is not None:
-            check_positive("a sensor's rate", self.rate, "Hz")
+        check_positive("a sensor's rate", self.rate, "Hz")
         if not 0 <= self.delay <= 10:
             raise ValueError(f"a sensor's delay must lie between 0 s and 10 s, got {self.delay}")
 
@@ -123,8 +122,7 @@ class JointTorque(_Sampled):
         super().__post_init__()
         check_amount("the torque sensors' bias", self.bias, "N·m")
         check_amount("the torque sensors' noise", self.noise, "N·m")
-        if self.range is not None:
-            check_positive("the torque sensors' range", self.range, "N·m")
+        check_positive("the torque sensors' range", self.range, "N·m")
 
 
 @dataclass(frozen=True)

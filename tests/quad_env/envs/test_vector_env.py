@@ -334,7 +334,7 @@ def test_pushes_bring_their_impulse_within_their_window() -> None:
     env.simulation.step = lambda *_: None  # type: ignore[method-assign]
     force = []
     for _ in range(1000):
-        force.append(env._schedule.force())
+        force.append(env.pushes.force_at(env._schedule.clock))
         env._schedule.clock += 1
     applied = np.array(force)
     acting = np.linalg.norm(applied, axis=2) > 0

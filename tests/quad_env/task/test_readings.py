@@ -123,7 +123,7 @@ def test_the_push_is_the_force_of_the_step_just_taken() -> None:
     env.reset(seed=SEED)
     total, steps = np.zeros((4, 2)), 0
     for _ in range(1000):
-        force = env._schedule.force().copy()
+        force = env.pushes.force_at(env._schedule.clock).copy()
         *_, infos = env.step(np.tile(SIMPLE_QUAD.home_pose.astype(np.float32), (4, 1)))
         np.testing.assert_array_equal(infos["push"], force)
         total, steps = total + np.abs(force), steps + force.any(axis=1)

@@ -127,8 +127,8 @@ def test_no_robot_trains_on_an_episode_that_it_is_judged_on():
 
 
 def test_training_and_validation_walk_on_other_ground_than_the_evaluation():
-    grids = [practice("rough", purpose).terrain.heights() for purpose in ("training", "validation", "search")]
-    grids.append(SCENARIOS["rough"].terrain.heights())
+    grids = [practice("rough", purpose).terrain.unit_heights for purpose in ("training", "validation", "search")]
+    grids.append(SCENARIOS["rough"].terrain.unit_heights)
     for i, a in enumerate(grids):
         for b in grids[i + 1 :]:
             assert np.abs(a - b).mean() > 0.01
