@@ -1,20 +1,18 @@
-"""`python -m benchmarks.peers`: our batch against the usual wrappers of single environments, and other environments.
+"""`python -m benchmarks.peers`: our batch against the usual wrappers of single environments, and Gymnasium's Ant-v5.
 
 Within a table all take turns. The wrappers hold our own single environment, with the same seeds and actions as our
-batch; Ant-v5 is in the same wrappers, with random actions. gym-quadruped steps its own robot in a process of its own.
+batch; Ant-v5 is in the same wrappers, with random actions.
 """
 
 import contextlib
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.probes import gym_quadruped_peer
 from benchmarks.support import bare
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
@@ -38,16 +36,13 @@ class Options(Common):
     """Control steps of each environment in a round (count)."""
     threads: int = cores()
     """Threads of our batch (count; default: this machine's cores); the wrappers take a process an environment."""
-    peer_python: Path | None = None
-    """Interpreter that has gym-quadruped; this one when not given."""
 
 
 def measure(options: Options) -> Outcome:
-    """Tables of our environment, of Ant-v5 and of gym-quadruped."""
+    """Tables of our environment and of Ant-v5."""
     if options.quick:
         options = replace(options, rounds=1, envs=1, steps=2)
     check_numbers(options, {"steps": (1, 10**6)})
-    interpreter = gym_quadruped_peer.interpreter(options.peer_python)
     seconds = _turns(ENV_ID, options)
     tables = [_compared(f"SimpleQuad-v0, {options.envs} environments", seconds)]
     figures: dict[str, Any] = {"ours": seconds}
@@ -61,11 +56,6 @@ def measure(options: Options) -> Outcome:
     else:
         figures["ant"] = _turns(ANT, options)
         tables.append(_compared(f"{ANT}, {options.envs} environments, a control step of 50 ms", figures["ant"]))
-    if interpreter is None:
-        notes.append("gym-quadruped is not measured: name an interpreter that has it with --peer-python")
-    else:
-        figures["gym_quadruped"] = _physics_steps(interpreter, options)
-        tables.append(_physics_table(figures["gym_quadruped"]))
     return Outcome(figures, tuple(tables), checks if options.envs == 64 else (), tuple(notes))
 
 
@@ -149,38 +139,6 @@ def _compared(title: str, seconds: dict[str, Floats]) -> Any:
     for name, values in seconds.items():
         times = "" if name == OURS else cell(speed_ratio(seconds[OURS], values))
         rows.add_row(name, cell(spread(values).scaled(1e6), 1), f"{1 / spread(values).median:,.0f}", times)
-    return rows
-
-
-def _physics_steps(interpreter: str, options: Options) -> dict[str, Floats]:
-    """Seconds a physics step of 2 ms."""
-    steps = 2 if options.quick else 200
-    actions, start = bare.walk(steps), bare.start("flat", 1)
-    env = gym.make(ENV_ID)
-    loop = bare.Loop(start)
-
-    def single() -> float:
-        env.reset(seed=0, options={"command": bare.COMMAND})
-        begin = time.perf_counter()
-        for action in actions:
-            env.step(action)
-        return (time.perf_counter() - begin) / (steps * start.substeps)
-
-    def physics() -> float:
-        loop.restart()
-        return loop.run(actions) / start.substeps
-
-    with gym_quadruped_peer.Peer(interpreter, steps * start.substeps) as peer:
-        subjects = {"our single env": single, "our robot, bare mj_step": physics}
-        subjects |= {"gym-quadruped (go1)": peer.environment, "its robot, bare mj_step": peer.physics}
-        with stage("peers, gym-quadruped", options.rounds + 1) as advance:
-            return interleave(subjects, options.rounds, advance)
-
-
-def _physics_table(seconds: dict[str, Floats]) -> Any:
-    rows = table("Physics steps of 2 ms, one robot", "", "µs a physics step", "physics steps/s")
-    for name, values in seconds.items():
-        rows.add_row(name, cell(spread(values).scaled(1e6), 1), f"{1 / spread(values).median:,.0f}")
     return rows
 
 

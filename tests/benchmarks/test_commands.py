@@ -66,8 +66,7 @@ def test_peers_in_a_process_of_its_own(tmp_path: Path, repository: Path) -> None
     assert done.returncode == 0, done.stderr
     found = figures("peers", tmp_path / "kept.json", done.stdout)
     assert set(found["ours"]) == {"AsyncVectorEnv", "SyncVectorEnv", "SubprocVecEnv", "DummyVecEnv", "our batch"}
-    for name, key in (("Ant-v5", "ant"), ("gym-quadruped", "gym_quadruped")):
-        assert (key in found) != (f"{name} is not measured" in done.stdout)
+    assert ("ant" in found) != ("Ant-v5 is not measured" in done.stdout)
 
 
 def test_startup_counts_what_an_import_loads(tmp_path: Path, capsys) -> None:
@@ -145,8 +144,8 @@ def test_all_together_names_the_command_of_what_it_does_not_measure(tmp_path: Pa
         ("physics", ["--threads", "0"], "--threads"),
         ("policies", ["--policies", "gallop"], "no policy 'gallop'"),
         ("policies", ["--calls", "1"], "--calls"),
-        ("peers", ["--peer-python", "/nowhere/python"], "/nowhere/python"),
-        ("peers", ["--peer-python", sys.executable, "--envs", "0"], "--envs"),
+        ("peers", ["--steps", "0"], "--steps"),
+        ("peers", ["--envs", "0"], "--envs"),
         ("training", ["--seeds", "-1"], "--seeds"),
         ("training", ["--policy", "walk"], "--policy"),
         ("startup", ["--rounds", "-1"], "--rounds"),
