@@ -2,32 +2,13 @@
 
 import time
 from collections.abc import Mapping
-from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.text import Text
 
 LINE_PERIOD = 5.0
 """Between two lines where there is no terminal, s."""
-
-
-class Display(Protocol):
-    """Where progress is shown."""
-
-    def update(self, steps: int, figures: Mapping[str, float]) -> None:
-        """Show that `steps` have been taken, and the latest figures by name."""
-
-    def note(self, text: str) -> None:
-        """Show a line that stays."""
-
-    def close(self) -> None:
-        """Leave the terminal as it was."""
-
-
-def make_display(total: int, done: int) -> Display:
-    """The display that suits standard output; `done` steps were taken by an earlier session of the same run."""
-    console = Console()
-    return BarDisplay(console, total, done) if console.is_terminal else LineDisplay(total, done)
 
 
 def summary(figures: Mapping[str, float]) -> str:
@@ -42,68 +23,39 @@ def summary(figures: Mapping[str, float]) -> str:
     return f"{ended}  {errors}"
 
 
-class BarDisplay:
-    """A bar that is redrawn in place."""
+class Display:
+    """Progress on standard output towards `total` steps, of which an earlier session of the run has `done` some."""
 
-    def __init__(self, console: Console, total: int, done: int) -> None:
+    def __init__(self, total: int, done: int) -> None:
         columns = (
             BarColumn(bar_width=24),
             TextColumn("{task.completed:,.0f}/{task.total:,.0f} steps  {task.fields[rate]:,.0f}/s"),
             TimeRemainingColumn(),
             TextColumn("{task.fields[summary]}"),
         )
-        self._progress = Progress(*columns, console=console)
-        self._task = self._progress.add_task("train", total=total, completed=done, rate=0.0, summary="")
-        self._rate = Rate(done)
-        self._progress.start()
+        self._console = Console()
+        self._bar = Progress(*columns, console=self._console, disable=not self._console.is_terminal)
+        self._task = self._bar.add_task("train", total=total, completed=done, rate=0.0, summary="")
+        self._total, self._done = total, done
+        self._began, self._printed = time.monotonic(), float("-inf")
+        self._bar.start()
 
     def update(self, steps: int, figures: Mapping[str, float]) -> None:
-        """Redraw the bar."""
-        rate = self._rate(steps)
-        self._progress.update(self._task, completed=steps, rate=rate, summary=summary(figures))
-
-    def note(self, text: str) -> None:
-        """Print a line above the bar."""
-        self._progress.console.print(text, highlight=False)
-
-    def close(self) -> None:
-        """Stop redrawing."""
-        self._progress.stop()
-
-
-class LineDisplay:
-    """A line at most every five seconds."""
-
-    def __init__(self, total: int, done: int) -> None:
-        self._total = total
-        self._rate = Rate(done)
-        self._printed = float("-inf")
-
-    def update(self, steps: int, figures: Mapping[str, float]) -> None:
-        """Print a line, unless the last is recent."""
-        rate = self._rate(steps)
-        if time.monotonic() - self._printed < LINE_PERIOD and steps < self._total:
+        """Show that `steps` have been taken, and the latest figures by name."""
+        now = time.monotonic()
+        rate = (steps - self._done) / max(now - self._began, 1e-9)
+        self._bar.update(self._task, completed=steps, rate=rate, summary=summary(figures))
+        if self._console.is_terminal or (now - self._printed < LINE_PERIOD and steps < self._total):
             return
-        self._printed = time.monotonic()
+        self._printed = now
         left = max(self._total - steps, 0) / max(rate, 1e-9)
         pace = f"{rate:6,.0f}/s  {left // 60:3.0f}:{left % 60:02.0f} left"
-        print(f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}", flush=True)
+        self.note(f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}")
 
     def note(self, text: str) -> None:
-        """Print a line."""
-        print(text, flush=True)
+        """Show a line that stays."""
+        self._console.print(Text(text), soft_wrap=True)
 
     def close(self) -> None:
-        """Nothing to put back."""
-
-
-class Rate:
-    """Steps a second since it was made."""
-
-    def __init__(self, done: int) -> None:
-        self._done = done
-        self._start = time.monotonic()
-
-    def __call__(self, steps: int) -> float:
-        """Mean rate up to now, when `steps` have been taken in all."""
-        return (steps - self._done) / max(time.monotonic() - self._start, 1e-9)
+        """Leave the terminal as it was."""
+        self._bar.stop()

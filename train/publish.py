@@ -4,17 +4,21 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 
-from evaluate.terminal.command_line import UsageError
+import policies
+from evaluate.analysis.results import Results, analyse
+from evaluate.rollouts import battery
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
+from evaluate.rollouts.progress import show_progress
+from evaluate.terminal.command_line import UsageError, check_numbers
+from policies.files import make_writable_folder, write_atomically
+from policies.parameters import limits_of, number
 from train.config import differences, load_config
+from train.model_card import TrainedRun, model_card
 from train.run_folder import BEST, CHECKPOINTS
-
-if TYPE_CHECKING:
-    from evaluate.analysis.results import Results
-    from train.model_card import TrainedRun
 
 SHIPPED_SEED = 0
 """Fixed before any run, so that what ships is not the luckiest."""
@@ -32,21 +36,17 @@ class Options:
     """Which kind of policy ships."""
     scenarios: tuple[str, ...] = ("flat", "push", "rough")
     """Scenarios judged on."""
-    episodes: int = 512
+    episodes: int = number(512, limits=(1, 1_000_000))
     """Episodes of each policy on each scenario."""
-    seed: int = 0
+    seed: int = number(0, limits=(0, 2**63 - 1))
     """Seed of the evaluation's episodes."""
-    threads: int = 2
+    threads: int = number(2, limits=(1, 256))
     """Threads of the simulation."""
 
 
 def main(options: Options) -> int:
     """Judge the runs, then write the shipped one's bundle and card; the exit code. Raises UsageError."""
-    from policies.files import make_writable_folder, write_atomically
-    from train.model_card import model_card
-
-    if options.episodes < 1 or options.threads < 1 or options.seed < 0:
-        raise UsageError("--episodes and --threads must be at least 1, --seed at least 0")
+    check_numbers(options, limits_of(options))
     if not options.runs:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
     runs = [read_run(folder) for folder in options.runs]
@@ -60,30 +60,23 @@ def main(options: Options) -> int:
     return 0
 
 
-def judge(options: Options, runs: "Sequence[TrainedRun]", shipped: "TrainedRun") -> "Results":
+def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
     """What the runs and the shipped one's base do in the evaluation's episodes. Raises UsageError."""
-    from evaluate.analysis.results import analyse
-    from evaluate.rollouts import battery
-    from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
-    from evaluate.rollouts.progress import show_progress
-    from policies import load
-
     try:
         scenarios = battery.resolve(options.scenarios)
     except ValueError as error:
         raise UsageError(str(error)) from None
-    judged = [LabelledPolicy(shipped.config.base, load(Path(shipped.label) / BEST).base)]
-    judged += [LabelledPolicy(run.label, load(Path(run.label) / BEST)) for run in runs]
+    judged = [LabelledPolicy(shipped.config.base, policies.load(Path(shipped.label) / BEST).base)]
+    judged += [LabelledPolicy(run.label, policies.load(Path(run.label) / BEST)) for run in runs]
     seeds = evaluation_seeds(options.seed, options.episodes)
     with show_progress([each.label for each in judged] * len(scenarios)) as progress:
         found = list(run_cells(judged, scenarios, seeds, Settings(options.threads, progress)))
     return analyse(found, seed=options.seed, episodes=options.episodes, complete=True)
 
 
-def read_run(folder: Path) -> "TrainedRun":
+def read_run(folder: Path) -> TrainedRun:
     """What a finished run's folder says about it. Raises UsageError for one that is unfinished, damaged or none."""
-    import policies
-    from train.model_card import TrainedRun
+    # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
     from train.sb3.callbacks import CallbackState
     from train.sb3.checkpoint import load
 
@@ -100,7 +93,7 @@ def read_run(folder: Path) -> "TrainedRun":
     return TrainedRun(str(folder), config, minutes, description["git_revision"])
 
 
-def choose(runs: "Sequence[TrainedRun]", policy: str) -> "TrainedRun":
+def choose(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
     """The run that ships. Raises UsageError unless the policy's runs are one a seed and else alike."""
     candidates = [run for run in runs if run.config.policy == policy]
     seeds = [run.config.seed for run in candidates]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import cast
 
 from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 import policies
@@ -13,13 +14,13 @@ from evaluate.terminal.command_line import UsageError
 from policies.files import sole_use, write_atomically
 from policies.residual import authority_of
 from train.config import TrainConfig, to_dict
-from train.display import make_display
+from train.display import Display
 from train.interrupt import Interrupt
 from train.residual_env import ResidualVectorEnv
 from train.robots import TrainingRobots, make_robots, training_seeds
 from train.run_folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, begun, refuse_folder_in_use, writing
 from train.sb3 import checkpoint
-from train.sb3.callbacks import CallbackState, RolloutFigures, ValidateAndSave, schedules
+from train.sb3.callbacks import CallbackState, RolloutFigures, Schedules, ValidateAndSave
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -69,13 +70,13 @@ def _learn(
 ) -> None:
     model.set_logger(configure(str(config.folder / TENSORBOARD), ["tensorboard"]))
     done = model.num_timesteps
-    display = make_display(config.steps, done)
+    display = Display(config.steps, done)
     for notice in notices:
         display.note(notice)
     robots = cast(TrainingRobots, env.env.unwrapped)
     try:
         with Interrupt() as interrupt:
-            callbacks = [RolloutFigures(robots, display), *schedules(config, model, state)]
+            callbacks: list[BaseCallback] = [RolloutFigures(robots, display), Schedules(config, state)]
             callbacks.append(ValidateAndSave(config, display, state, interrupt))
             model.learn(config.steps - done, callbacks, reset_num_timesteps=not state.resumed)
     finally:

@@ -126,7 +126,7 @@ def test_a_damaged_run_is_one_line_before_anything_is_judged(file, change, compl
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
-    [(["no-such-run"], "no run in no-such-run"), (["x", "--episodes", "0"], "at least 1"), ([], "runs")],
+    [(["no-such-run"], "no run in no-such-run"), (["x", "--episodes", "0"], "must be from 1"), ([], "runs")],
 )
 def test_bad_input_is_one_line(arguments, complaint, capsys):
     assert publish(arguments) == 2

@@ -69,6 +69,10 @@ class CallbackState:
 class BetweenRollouts(BaseCallback):
     """A callback that has nothing to do at single steps."""
 
+    @property
+    def _learner(self) -> PPO:
+        return cast(PPO, self.model)
+
     def _on_step(self) -> bool:
         return True
 
@@ -88,40 +92,26 @@ class RolloutFigures(BetweenRollouts):
         self._display.update(self.num_timesteps, figures)
 
 
-class AdaptLearningRate(BetweenRollouts):
-    """Moves the adaptive learning rate after each update."""
+class Schedules(BetweenRollouts):
+    """Changes the learner's settings under way, noise and adaptive learning rate; a run without them is another run."""
 
-    def __init__(self, rate: AdaptiveRate, state: CallbackState) -> None:
-        super().__init__()
-        self._rate = rate
-        self._state = state
-        if state.rate is not None:
-            rate.rate = state.rate
-
-    def _on_rollout_start(self) -> None:
-        # What the last update logged; absent before the first.
-        kl = self.logger.name_to_value.get("train/approx_kl")
-        if kl is not None:
-            self._rate.update(float(kl))
-        self._state.rate = self._rate.rate
-
-
-class LowerNoise(BetweenRollouts):
-    """Lowers the exploration noise on its schedule."""
-
-    def __init__(self, config: TrainConfig) -> None:
+    def __init__(self, config: TrainConfig, state: CallbackState) -> None:
         super().__init__()
         self._config = config
+        self._state = state
+
+    def _on_training_start(self) -> None:
+        if isinstance(rate := self._learner.learning_rate, AdaptiveRate) and self._state.rate is not None:
+            rate.rate = self._state.rate
 
     def _on_rollout_start(self) -> None:
-        lower_noise(cast(PPO, self.model), self._config.ppo, self.num_timesteps / self._config.steps)
-
-
-def schedules(config: TrainConfig, model: PPO, state: CallbackState) -> list[BaseCallback]:
-    """What changes the learner's settings under way; a run without them is another run."""
-    if isinstance(model.learning_rate, AdaptiveRate):
-        return [LowerNoise(config), AdaptLearningRate(model.learning_rate, state)]
-    return [LowerNoise(config)]
+        lower_noise(self._learner, self._config.ppo, self.num_timesteps / self._config.steps)
+        if isinstance(rate := self._learner.learning_rate, AdaptiveRate):
+            # What the last update logged; absent before the first.
+            kl = self.logger.name_to_value.get("train/approx_kl")
+            if kl is not None:
+                rate.update(float(kl))
+            self._state.rate = rate.rate
 
 
 def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
@@ -140,9 +130,8 @@ class ValidateAndSave(BetweenRollouts):
         self._display = display
         self._state = state
         self._interrupt = interrupt
-        self._written = time.monotonic()
         self._earlier_seconds = state.seconds
-        self._began = time.monotonic()
+        self._began = self._written = time.monotonic()
 
     def _on_rollout_start(self) -> None:
         interval = self._config.validation.interval
@@ -162,12 +151,9 @@ class ValidateAndSave(BetweenRollouts):
         self._keep()
         self.logger.dump(self.num_timesteps)
 
-    def _policy(self) -> ResidualPolicy:
-        return current_policy(self._config, cast(PPO, self.model))
-
     def _validate(self) -> bool:
         """Judge the policy; whether it is the best so far, and is kept as that."""
-        policy, state = self._policy(), self._state
+        policy, state = current_policy(self._config, self._learner), self._state
         results = validate(policy, self._config.validation, self._config.threads)
         total = score(results)
         state.validated = self.num_timesteps
@@ -186,9 +172,9 @@ class ValidateAndSave(BetweenRollouts):
     def _keep(self) -> None:
         self._state.seconds = self._earlier_seconds + time.monotonic() - self._began
         # The checkpoint first: a folder without one is taken to hold nothing that could be carried on.
-        state = checkpoint.capture(cast(PPO, self.model), vars(self._state))
+        state = checkpoint.capture(self._learner, vars(self._state))
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
-        self._save(self._policy(), LAST)
+        self._save(current_policy(self._config, self._learner), LAST)
         self._written = time.monotonic()
 
     def _save(self, policy: ResidualPolicy, name: str) -> None:

@@ -16,7 +16,7 @@ from quad_env.task.observations import observation_table
 from train.config import PpoConfig, TrainConfig
 from train.robots import make_robots, training_seeds
 from train.run import make_env
-from train.sb3.callbacks import LowerNoise
+from train.sb3.callbacks import CallbackState, Schedules
 from train.sb3.ppo import AdaptiveRate, LinearRate, actor_network, build
 from train.scenarios import practice
 
@@ -52,7 +52,7 @@ def test_noise_falls_along_its_schedule_and_nothing_else_moves_it():
     samples = config.ppo.envs * config.ppo.rollout_steps
     seen = []
     for rollouts in (1, 2, 4):  # the last begins at 0, 1/4 and 3/4 of the run
-        model.learn(rollouts * samples, LowerNoise(dataclasses.replace(config, steps=4 * samples)))
+        model.learn(rollouts * samples, Schedules(dataclasses.replace(config, steps=4 * samples), CallbackState()))
         seen.append(model.policy.log_std.detach().numpy().copy())
     np.testing.assert_allclose(seen, np.tile([[-1.0], [-1.5], [-2.5]], 12), rtol=1e-6)
 
