@@ -5,8 +5,8 @@ policy.reset(num_envs=n)
 action = policy.act(observation)  # (n, k) -> (n, 12) rad
 """
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from policies.article import Document, DocumentRepaired
 from policies.base import CONTROL_PERIOD, GaitedPolicy, Policy, PolicyError
@@ -27,14 +27,6 @@ MODELS = Path(__file__).resolve().parents[1] / "models"
 """The trained policies that ship with the project."""
 
 
-class Maker(Protocol):
-    """Makes a fresh policy."""
-
-    def __call__(self, *, robot: Robot, control_period: float) -> Policy:
-        """A policy for that robot and that control period, s."""
-        ...
-
-
 def _shipped_residual(*, robot: Robot, control_period: float) -> Policy:
     if not MODELS.joinpath("residual").is_dir():
         raise PolicyError(f"no trained residual in {MODELS / 'residual'}; make one with `python -m train`")
@@ -52,13 +44,12 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
     return policy
 
 
-_MAKERS: dict[str, Maker] = {
+_MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: base.make for name, base in BASES.items()},
     "behaviour": Behaviour,
     "residual": _shipped_residual,
 }
-"""What makes a policy, by its name."""
-
+"""What makes a policy for a `robot` and a `control_period`, s, by its name."""
 
 SAFE = "safe:"
 """Before the name of any policy: that policy within the safety layer."""

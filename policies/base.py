@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.easing import smoothstep
+from policies.gait import Floats as Floats
 from policies.gait import advance
 from quad_env.config import TaskConfig
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task.observations import observation_table
 
-Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 CONTROL_PERIOD = 1.0 / TaskConfig().control_rate
 """The environment's control period unless it is told another, s."""
@@ -65,19 +66,13 @@ class Policy(ABC):
 
     def reset_where(self, mask: ArrayLike) -> None:
         """Start anew the robots where `mask`, shape (num_envs,) of bool, is true; the others go on."""
-        self._restart(self._checked_mask(mask))
+        self._restart(chosen(np.asarray(mask), self.num_envs))
 
     def act(self, observation: ArrayLike) -> Actions:
         """Joint targets in rad, float32, within the limits: (n, 12) for observations (n, k), (12,) for one (k,)."""
         batch, single = self._checked(observation)
         actions = self._act(batch)
         return actions[0] if single else actions
-
-    def _checked_mask(self, mask: ArrayLike) -> NDArray[np.bool_]:
-        chosen = np.asarray(mask)
-        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,):
-            raise ValueError(f"mask must be bool of shape ({self.num_envs},), not {chosen.dtype} of {chosen.shape}")
-        return chosen
 
     def _checked(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
         rows = np.asarray(observation, dtype=np.float32)
@@ -101,7 +96,7 @@ class Policy(ABC):
         """Make fresh state for `num_envs` robots."""
         return
 
-    def _restart(self, mask: NDArray[np.bool_]) -> None:
+    def _restart(self, mask: Mask) -> None:
         """Put the state of the masked robots back to its start."""
         return
 
@@ -125,7 +120,7 @@ class GaitedPolicy(Policy):
         self._phase = np.zeros(num_envs)
         self._ticks = np.zeros(num_envs)
 
-    def _restart(self, mask: NDArray[np.bool_]) -> None:
+    def _restart(self, mask: Mask) -> None:
         self._phase = np.where(mask, 0.0, self._phase)
         self._ticks = np.where(mask, 0.0, self._ticks)
 
@@ -142,6 +137,14 @@ class GaitedPolicy(Policy):
         weight = smoothstep(share)[:, None]
         # One formula for blended and settled rows: with weight 1 the home pose's part is exactly zero.
         return weight * targets + (1.0 - weight) * self.robot.home_pose
+
+
+def chosen(mask: ArrayLike | None, num_envs: int) -> Mask:
+    """The mask of robots, (num_envs,) of bool, all of them for None; ValueError for another shape or type."""
+    rows = np.ones(num_envs, np.bool_) if mask is None else np.asarray(mask)
+    if rows.dtype != np.bool_ or rows.shape != (num_envs,):
+        raise ValueError(f"mask must be bool of shape ({num_envs},), not {rows.dtype} of {rows.shape}")
+    return rows
 
 
 def to_actions(robot: Robot, targets: Floats) -> Actions:

@@ -53,14 +53,12 @@ class Gait:
 
 def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
     """Phase of each leg, in [0, 2π) rad; shape (..., 4) for a global phase of shape (...)."""
-    phases: Floats = (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
-    return phases
+    return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
 
 
 def advance(phase: Floats, frequency: float, period: float) -> Floats:
     """The clock one tick of `period` s later at `frequency` Hz, in [0, 2π) rad; the document's φ <- φ + 2πf·dt."""
-    advanced: Floats = (phase + TURN * frequency * period) % TURN
-    return advanced
+    return (phase + TURN * frequency * period) % TURN
 
 
 def mapped(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) -> tuple[Floats, Floats, Floats]:

@@ -47,6 +47,11 @@ def _home(robot: Robot) -> Actions:
 class ResidualPolicy(Policy):
     """base + authority · network(features); with a zero correction its base, bit for bit. Its robot is its base's."""
 
+    correction: NDArray[np.float32]
+    """The latest correction, in shares of the authority, -1 … 1, shape (n, 12); zero before the first action."""
+    base_action: Actions
+    """The base's latest action, rad, shape (n, 12); the home pose before the first."""
+
     def __init__(self, base: Policy, network: Network, authority: Actions | None = None, name: str = "residual"):
         robot = base.robot
         if network.sizes[0] != feature_count(base) or network.sizes[-1] != robot.num_joints:
@@ -66,32 +71,22 @@ class ResidualPolicy(Policy):
         """The base's phase, rad, shape (n,); None over a base without a clock."""
         return self.base.phase if isinstance(self.base, GaitedPolicy) else None
 
-    @property
-    def correction(self) -> NDArray[np.float32]:
-        """The latest correction, in shares of the authority, -1 … 1, shape (n, 12); zero before the first action."""
-        return self._correction
-
-    @property
-    def base_action(self) -> Actions:
-        """The base's latest action, rad, shape (n, 12); the home pose before the first."""
-        return self._base_action
-
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
         """Start `num_envs` robots anew, base included."""
         super().reset(num_envs, seed)
         self.base.reset(num_envs, seed)
 
     def _allocate(self, num_envs: int) -> None:
-        self._correction = np.zeros((num_envs, self.robot.num_joints), np.float32)
-        self._base_action: Actions = np.tile(_home(self.robot), (num_envs, 1))
+        self.correction = np.zeros((num_envs, self.robot.num_joints), np.float32)
+        self.base_action = np.tile(_home(self.robot), (num_envs, 1))
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         self.base.reset_where(mask)
-        self._correction = np.where(mask[:, None], np.float32(0.0), self._correction)
-        self._base_action = np.where(mask[:, None], _home(self.robot), self._base_action)
+        self.correction = np.where(mask[:, None], np.float32(0.0), self.correction)
+        self.base_action = np.where(mask[:, None], _home(self.robot), self.base_action)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        self._base_action = self.base.act(observation)
-        correction = self.network(features(self.robot, observation, self.phase, self._base_action))
-        self._correction = np.clip(correction, np.float32(-1.0), np.float32(1.0))
-        return compose(self.robot, self._base_action, self._correction, self.authority)
+        self.base_action = self.base.act(observation)
+        correction = self.network(features(self.robot, observation, self.phase, self.base_action))
+        self.correction = np.clip(correction, np.float32(-1.0), np.float32(1.0))
+        return compose(self.robot, self.base_action, self.correction, self.authority)

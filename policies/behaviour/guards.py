@@ -5,13 +5,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from policies.base import Mask
 from policies.behaviour.transitions import TIME_LIMIT, State
 from policies.legs.kinematics import foot_positions
 from quad_env import OBSERVATION
 from quad_env.config import FallRule
 from quad_env.robots.robot import Robot
-
-Mask = NDArray[np.bool_]
 
 UPRIGHT_TILT = np.deg2rad(35.0)
 TOPPLING_TILT = np.deg2rad(60.0)

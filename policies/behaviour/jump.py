@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats
-from policies.behaviour.motion import Mask, Motion, approach
+from policies.behaviour.motion import Motion, approach
 from policies.legs.kinematics import joint_angles
 from quad_env.robots.robot import Robot
 
@@ -50,14 +50,6 @@ class Jump(Motion):
         self._durations = np.array([key.duration for key in keyframes])
         ends = np.cumsum([key.duration + key.hold for key in keyframes])
         self._begins = np.concatenate(([0.0], ends[:-1]))
-
-    def reset(self, num_envs: int) -> None:
-        """Make room for that many robots."""
-        self._target, self._ticks = np.tile(self._robot.home_pose, (num_envs, 1)), np.zeros(num_envs, np.int64)
-
-    def start(self, mask: Mask, joints: Floats) -> None:
-        """Begin with those robots' joints."""
-        self._target[mask], self._ticks[mask] = joints, 0
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Targets of those robots."""

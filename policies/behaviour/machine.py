@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD
+from policies.base import CONTROL_PERIOD, Mask, chosen
 from policies.behaviour.event_log import Ring
-from policies.behaviour.guards import Mask, conditions
+from policies.behaviour.guards import conditions
 from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, valid_requests
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -75,7 +75,8 @@ class BehaviourMachine:
         """All robots anew, logs emptied."""
         self.step = 0
         self._state = np.full(num_envs, self._start, np.int8)
-        self._ticks = np.zeros(num_envs, np.int64)
+        self.ticks = np.zeros(num_envs, np.int64)
+        """Control steps that each robot has been in its state, (n,)."""
         self._changed = np.ones(num_envs, np.bool_)
         self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
         self._log, self._refusals = Ring(5, self._capacity), Ring(4, self._capacity)
@@ -92,11 +93,6 @@ class BehaviourMachine:
         """`State` of each robot, (n,), a copy."""
         return self._state.copy()
 
-    @property
-    def ticks(self) -> NDArray[np.int64]:
-        """Control steps that each robot has been in its state, (n,)."""
-        return self._ticks
-
     def take_changes(self) -> Mask:
         """Robots that entered a state since this was last asked, (n,)."""
         changed, self._changed = self._changed, np.zeros_like(self._changed)
@@ -110,9 +106,7 @@ class BehaviourMachine:
         """
         if name not in REQUESTS:
             raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
-        asked = np.ones(len(self._state), np.bool_) if mask is None else np.asarray(mask)
-        if asked.dtype != np.bool_ or asked.shape != self._state.shape:
-            raise ValueError(f"mask must be bool of shape {self._state.shape}, not {asked.dtype} of {asked.shape}")
+        asked = chosen(mask, len(self._state))
         rows = self._rows(name, asked)
         refused: Mask = asked & (rows < 0)
         if refused.any():
@@ -126,8 +120,8 @@ class BehaviourMachine:
     def observe(self, observation: NDArray[np.float32]) -> None:
         """One control step: look at the observations (n, k) and let happen what happens by itself."""
         self.step += 1
-        self._ticks += 1
-        self._conditions = conditions(self._robot, self._period, observation, self._state, self._ticks)
+        self.ticks += 1
+        self._conditions = conditions(self._robot, self._period, observation, self._state, self.ticks)
         self._apply(self._rows("", _HAPPENS[self._state]))
 
     def changes(self) -> list[Change]:
@@ -165,7 +159,7 @@ class BehaviourMachine:
 
     def _enter(self, mask: Mask, targets: NDArray[np.int8] | State) -> None:
         self._state[mask] = targets
-        self._ticks[mask] = 0
+        self.ticks[mask] = 0
         self._changed[mask] = True
 
 

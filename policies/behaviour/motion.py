@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import Floats
+from policies.base import Floats, Mask
 from quad_env.robots.robot import Robot
 
-Mask = NDArray[np.bool_]
 Floating = NDArray[np.floating[Any]]
 
 
@@ -20,13 +19,13 @@ class Motion(ABC):
         """`control_period`: time between two calls of `targets`, s."""
         self._robot, self._period = robot, control_period
 
-    @abstractmethod
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
+        self._target, self._ticks = np.tile(self._robot.home_pose, (num_envs, 1)), np.zeros(num_envs, np.int64)
 
-    @abstractmethod
     def start(self, mask: Mask, joints: Floats) -> None:
         """Begin anew with those robots, whose joints (k, 12), rad, are where the motion starts from."""
+        self._target[mask], self._ticks[mask] = joints, 0
 
     @abstractmethod
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
@@ -49,11 +48,13 @@ class Hold(Motion):
 
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
-        self._target, self._elapsed = np.tile(self._robot.home_pose, (num_envs, 1)), np.zeros(num_envs)
+        super().reset(num_envs)
+        self._elapsed = np.zeros(num_envs)
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Begin with those robots' joints."""
-        self._target[mask], self._elapsed[mask] = joints, 0.0
+        super().start(mask, joints)
+        self._elapsed[mask] = 0.0
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Targets of those robots."""
@@ -66,12 +67,6 @@ class Hold(Motion):
 
 class Damp(Motion):
     """Targets at the joints themselves: of the servo only its damping is left, and the robot sinks slowly."""
-
-    def reset(self, num_envs: int) -> None:
-        """Nothing to keep."""
-
-    def start(self, mask: Mask, joints: Floats) -> None:
-        """Nothing to begin."""
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """The joints."""

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Floats
+from policies.base import Floats, Mask
 from policies.behaviour.guards import POSE_TOLERANCE
-from policies.behaviour.motion import Mask, Motion, approach
+from policies.behaviour.motion import Motion, approach
 from policies.parameters import Parameters, read
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
@@ -130,26 +130,22 @@ class Recovery(Motion):
 
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
-        self._phase, self._ticks = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
-        self._left_lower = np.zeros(num_envs, np.int64)
-        self._target = np.tile(self._robot.home_pose, (num_envs, 1))
+        super().reset(num_envs)
+        self.phase, self._left_lower = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
+        """`Phase` of each robot, (n,), and whether its left side is the lower one."""
 
     def start(self, mask: Mask, joints: Floats) -> None:
         """Begin with those robots' joints."""
-        self._phase[mask], self._ticks[mask], self._target[mask] = Phase.SETTLE, 0, joints
-
-    @property
-    def phase(self) -> NDArray[np.int64]:
-        """`Phase` of each robot, (n,)."""
-        return self._phase
+        super().start(mask, joints)
+        self.phase[mask] = Phase.SETTLE
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Targets of those robots."""
         self._ticks[rows] += 1
-        before = self._phase[rows]
+        before = self.phase[rows]
         phase = self._next(rows, observation)
         self._ticks[rows] = np.where(phase != before, 0, self._ticks[rows])
-        self._phase[rows] = phase
+        self.phase[rows] = phase
         elapsed = self._ticks[rows] * self._period
         goal = self._poses[phase, self._left_lower[rows]]
         target = approach(self._target[rows], goal, elapsed, self._blends[phase], self._period)
@@ -159,7 +155,7 @@ class Recovery(Motion):
 
     def _next(self, rows: NDArray[np.intp], observation: Floats) -> NDArray[np.int64]:
         """Phase of each of those robots from now on, (k,)."""
-        p, phase, time = self._p, self._phase[rows], self._ticks[rows] * self._period
+        p, phase, time = self._p, self.phase[rows], self._ticks[rows] * self._period
         gravity = observation[:, OBSERVATION["projected_gravity"]]
         up = -gravity[:, 2]
         turning = np.abs(observation[:, OBSERVATION["angular_velocity"]]).max(axis=1)
@@ -197,5 +193,4 @@ def key_poses(robot: Robot, p: RecoveryParameters) -> Floats:
         for leg, side in enumerate(robot.side):
             lower_leg = left_lower if side > 0 else 1 - left_lower
             poses[:, left_lower, leg] = by_height[lower_leg, :, leg // 2] * (side, 1.0, 1.0)
-    clipped: Floats = np.clip(poses.reshape(len(Phase), 2, -1), robot.joint_lower, robot.joint_upper)
-    return clipped
+    return np.clip(poses.reshape(len(Phase), 2, -1), robot.joint_lower, robot.joint_upper)

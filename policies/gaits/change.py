@@ -65,5 +65,4 @@ class GaitChange:
 
     def _between(self, old: Floats, new: Floats) -> Floats:
         weight = smoothstep(self._share)[:, None]
-        between: Floats = old + weight * (new - old)
-        return between
+        return old + weight * (new - old)

@@ -109,8 +109,7 @@ def froude(robot: Robot, command: Floats, body_height: Floats) -> Floats:
     """Froude number v²/(g·h) of the fastest hip at a velocity command (n, 3) on legs of `body_height` (n,), m; (n,)."""
     hip_radius = float(np.hypot(robot.hip_positions[0, 0], robot.hip_positions[0, 1]))
     speed = np.sqrt(command[:, 0] * command[:, 0] + command[:, 1] * command[:, 1]) + hip_radius * np.abs(command[:, 2])
-    number: Floats = speed * speed / (GRAVITY * body_height)
-    return number
+    return speed * speed / (GRAVITY * body_height)
 
 
 def slowed(values: Floats, command: Floats) -> Floats:
@@ -121,11 +120,10 @@ def slowed(values: Floats, command: Floats) -> Floats:
     ahead = command[:, 0] / np.where(command[:, 0] < 0.0, backward, forward)
     sideways, turning = command[:, 1] / lateral, command[:, 2] / yaw
     size = np.sqrt(ahead * ahead + sideways * sideways + turning * turning)
-    slower: Floats = command / np.maximum(size, 1.0)[:, None]
-    return slower
+    return command / np.maximum(size, 1.0)[:, None]
 
 
-def chosen(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, Floats]:
+def stepping(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, Floats]:
     """Frequency, Hz, and duty factor, each (n,), by parameters (n, len(NAMES)) at a velocity command (n, 3)."""
     column = INDEX
     pace = np.sqrt(np.minimum(froude(robot, command, values[:, column["body_height"]]), 1.0))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, chosen, flat_joints, to_actions
 from policies.gait import TURN, Floats, LegCycle, mapped
 from policies.gaits.change import GaitChange
 from policies.gaits.parameters import (
@@ -22,12 +22,12 @@ from policies.gaits.parameters import (
     OFFSETS,
     STAND,
     GaitParameters,
-    chosen,
     held,
     row,
     searched_parameters,
     slowed,
     stand_parameters,
+    stepping,
 )
 from policies.legs.foot_path import SWING_PATHS, hip_height, load, swing_path
 from policies.legs.kinematics import leg_angles
@@ -36,8 +36,6 @@ from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-
-Mask = NDArray[np.bool_]
 
 LINEAR_ACCELERATION = 3.0
 """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
@@ -59,8 +57,7 @@ class Columns:
         self._values = values
 
     def __getattr__(self, name: str) -> Floats:
-        column: Floats = self._values[:, INDEX[name], None]
-        return column
+        return self._values[:, INDEX[name], None]
 
 
 class Beat(NamedTuple):
@@ -86,6 +83,12 @@ class Gaits(GaitedPolicy):
         path: of the feet through the air, one of `foot_path.SWING_PATHS`.
     """
 
+    swing: Mask
+    """Which feet are to be in the air, (n, 4)."""
+    duty: Floats
+    """Duty factor in force, (n,)."""
+    clock_rate: Floats
+    """Gait cycles a second in force, Hz, (n,)."""
     _change: GaitChange
     _gait: NDArray[np.int64]
 
@@ -118,24 +121,9 @@ class Gaits(GaitedPolicy):
     @property
     def settled(self) -> Mask:
         """Whether each robot is through with its change of gait: at rest, if it is to stand; (n,)."""
-        still = ~self._swing.any(axis=1) & (self._command == 0.0).all(axis=1)
+        still = ~self.swing.any(axis=1) & (self._command == 0.0).all(axis=1)
         settled: Mask = self._change.settled & (~self._standing | still)
         return settled
-
-    @property
-    def swing(self) -> Mask:
-        """Which feet are to be in the air, (n, 4)."""
-        return self._swing
-
-    @property
-    def duty(self) -> Floats:
-        """Duty factor in force, (n,)."""
-        return self._duty
-
-    @property
-    def clock_rate(self) -> Floats:
-        """Gait cycles a second in force, Hz, (n,)."""
-        return self._rate
 
     @property
     def offsets(self) -> Floats:
@@ -158,15 +146,14 @@ class Gaits(GaitedPolicy):
         Raises ValueError for a gait that does not exist or numbers out of range.
         """
         _known(gait)
-        rows = np.ones(self.num_envs, np.bool_) if mask is None else self._checked_mask(mask)
-        self._send(gait, rows, held(parameters or self.parameters[gait], frequency, duty))
+        self._send(gait, chosen(mask, self.num_envs), held(parameters or self.parameters[gait], frequency, duty))
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
         self._gait = np.zeros(num_envs, np.int64)
         self._change = GaitChange(np.zeros((num_envs, len(NAMES))), np.zeros((num_envs, 4)), self.control_period)
         self._command = np.zeros((num_envs, 3))
-        self._window = self._swing = np.zeros((num_envs, 4), np.bool_)
+        self._window = self.swing = np.zeros((num_envs, 4), np.bool_)
         self._x = self._y = self._left_x = self._left_y = np.zeros((num_envs, 4))
         self._joints = np.zeros((num_envs, self.robot.num_joints))
         self._restart(np.ones(num_envs, np.bool_))
@@ -179,11 +166,11 @@ class Gaits(GaitedPolicy):
         self._change.place(mask, stand, np.array(OFFSETS["walk"]))
         self._gait = np.where(mask, GAITS.index(STAND), self._gait)
         self._command = np.where(rows, 0.0, self._command)
-        self._window, self._swing = self._window & ~rows, self._swing & ~rows
+        self._window, self.swing = self._window & ~rows, self.swing & ~rows
         self._left_x, self._x = np.where(rows, 0.0, self._left_x), np.where(rows, 0.0, self._x)
         self._left_y, self._y = np.where(rows, foot_y, self._left_y), np.where(rows, foot_y, self._y)
         self._joints = np.where(rows, self.robot.home_pose, self._joints)
-        self._rate, self._duty = chosen(self.robot, self._change.values, self._command)
+        self.clock_rate, self.duty = stepping(self.robot, self._change.values, self._command)
         self._send(self._first, mask, self.parameters[self._first])
 
     def _send(self, gait: str, mask: Mask, parameters: GaitParameters) -> None:
@@ -212,12 +199,12 @@ class Gaits(GaitedPolicy):
         beat = self._beat(values)
         self._move_feet(beat, p, mapped(p, *(self._command[:, i, None] for i in range(3))))
         _, lift = swing_path(beat.cycle.progress, self.path)
-        z = np.where(self._swing, p.step_height * lift, 0.0) - p.body_height
+        z = np.where(self.swing, p.step_height * lift, 0.0) - p.body_height
         z = z - hip_height(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
         y = self._y + p.sway * beat.sway
         hip, thigh, calf = leg_angles(robot, self._x, y, z)
-        share = load(LegCycle(self._swing, beat.cycle.progress))
-        force = share * p.stance_load * (robot.mass * GRAVITY / len(robot.leg_names) / self._duty[:, None])
+        share = load(LegCycle(self.swing, beat.cycle.progress))
+        force = share * p.stance_load * (robot.mass * GRAVITY / len(robot.leg_names) / self.duty[:, None])
         joints = flat_joints(np.stack(held_up(robot, hip, thigh, calf, self._x, y, force), axis=-1))
         ahead = p.servo_lead / self.control_period * (joints - self._joints)
         self._joints = joints
@@ -225,19 +212,19 @@ class Gaits(GaitedPolicy):
 
     def _beat(self, values: Floats) -> Beat:
         """Advance the clock by a tick, and lift and put down the feet that are due."""
-        self._rate, self._duty = chosen(self.robot, values, self._command)
-        self._phase = (self._phase + TURN * self.control_period * self._rate) % TURN
+        self.clock_rate, self.duty = stepping(self.robot, values, self._command)
+        self._phase = (self._phase + TURN * self.control_period * self.clock_rate) % TURN
         fraction = ((self._phase[:, None] + self.offsets) % TURN) / TURN
-        rate, duty = self._rate[:, None], self._duty[:, None]
+        rate, duty = self.clock_rate[:, None], self.duty[:, None]
         window = fraction < 1.0 - duty
         progress = np.where(window, fraction / (1.0 - duty), (fraction - (1.0 - duty)) / duty)
         # To stand, a foot that is down and in its place stays down; to set out, it lifts at the start of its own swing.
         staying = (self._standing & self._change.settled & (self._command == 0.0).all(axis=1))[:, None]
         starting = window & ~self._window & ~(staying & self._in_place(values))
-        swing = window & (self._swing | starting)
+        swing = window & (self.swing | starting)
         self._left_x = np.where(starting, self._x, self._left_x)
         self._left_y = np.where(starting, self._y, self._left_y)
-        self._window, self._swing = window, swing
+        self._window, self.swing = window, swing
         to_side = self.robot.side * np.cos(TURN * (fraction - 0.5 * (1.0 - duty)))
         sway = 0.5 * (to_side[:, 0] + to_side[:, 1] + to_side[:, 2] + to_side[:, 3])
         return Beat(LegCycle(window, progress), (1.0 - duty) / rate, duty / rate, sway[:, None])
@@ -246,8 +233,7 @@ class Gaits(GaitedPolicy):
         """Which feet are where they belong at rest, (n, 4)."""
         p = Columns(values)
         x, y = _middle(self.robot, p)
-        close: Mask = (np.abs(self._x - x) < CLOSE) & (np.abs(self._y - y) < CLOSE)
-        return close
+        return (np.abs(self._x - x) < CLOSE) & (np.abs(self._y - y) < CLOSE)
 
     def _move_feet(self, beat: Beat, p: Columns, velocity: tuple[Floats, Floats, Floats]) -> None:
         """Carry the feet on by a tick: on the ground at -(v + ω × r), through the air to the next foothold."""
@@ -266,7 +252,7 @@ class Gaits(GaitedPolicy):
         air_y = self._left_y + (landing_y - self._left_y) * share + gone * ahead_y
         ground_x = self._x - self.control_period * (forward - yaw_rate * (hip_y + self._y))
         ground_y = self._y - self.control_period * (lateral + yaw_rate * (hip_x + self._x))
-        x, y = np.where(self._swing, air_x, ground_x), np.where(self._swing, air_y, ground_y)
+        x, y = np.where(self.swing, air_x, ground_x), np.where(self.swing, air_y, ground_y)
         self._x = np.clip(x, middle_x - LONGEST_REACH, middle_x + LONGEST_REACH)
         self._y = np.clip(y, middle_y - LONGEST_REACH, middle_y + LONGEST_REACH)
 

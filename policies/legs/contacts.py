@@ -43,5 +43,4 @@ def landing_offsets(landed: Contacts, phase: Floats) -> Floats:
 
 def wrapped(cycles: Floats) -> Floats:
     """The same share of a cycle, from -1/2 up to 1/2."""
-    shares: Floats = (cycles + 0.5) % 1.0 - 0.5
-    return shares
+    return (cycles + 0.5) % 1.0 - 0.5

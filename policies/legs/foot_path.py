@@ -21,24 +21,21 @@ def stride(cycle: LegCycle, duty: float) -> Floats:
     t = cycle.progress
     ratio = (1.0 - duty) / duty
     swing = smoothstep(t) - 0.5 - ratio * (t * (1.0 - t) * (1.0 - 2.0 * t))
-    path: Floats = np.where(cycle.swing, swing, 0.5 - t)
-    return path
+    return np.where(cycle.swing, swing, 0.5 - t)
 
 
 def lift(cycle: LegCycle) -> Floats:
     """Height above the ground, in step heights: 0 in stance, 1 at mid-swing, level at both ends; shape of the cycle."""
     t = cycle.progress
     arc = 4.0 * t * (1.0 - t)
-    height: Floats = np.where(cycle.swing, arc * arc, 0.0)
-    return height
+    return np.where(cycle.swing, arc * arc, 0.0)
 
 
 def load(cycle: LegCycle) -> Floats:
     """Share of its load that a foot carries: 0 in swing, 1 for most of the stance; shape of the cycle."""
     t = cycle.progress
     edge = (2.0 * t - 1.0) ** 2
-    share: Floats = np.where(cycle.swing, 0.0, 1.0 - edge * edge)
-    return share
+    return np.where(cycle.swing, 0.0, 1.0 - edge * edge)
 
 
 SWING_PATHS = ("cycloid", "half-sine")

@@ -27,20 +27,8 @@ class GroundSense:
         self._period = control_period
         self._share = control_period / (control_period + plane_filter)
         self._half_base = float(robot.hip_positions[:, 0].max())  # turns slope into height under a foot
-        zero, legs = 0.0, np.zeros(4)
-        self.memory = Memory(
-            {
-                "x": legs,
-                "y": legs,
-                "z": legs,
-                "known": zero,
-                "height": zero,
-                "forward": zero,
-                "lateral": zero,
-                "roughness": zero,
-                "worst": zero,
-            }
-        )
+        robots = dict.fromkeys(("known", "height", "forward", "lateral", "roughness", "worst"), 0.0)
+        self.memory = Memory(**robots, x=np.zeros(4), y=np.zeros(4), z=np.zeros(4))
 
     def update(self, senses: Senses, standing: NDArray[np.bool_], undisturbed: NDArray[np.bool_]) -> None:
         """One control period later, with the standing legs, (4, n), on the ground; at first all are.

@@ -11,12 +11,11 @@ to reach a point the inverse takes the one with the foot below the thigh joint (
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from policies.base import Floats, flat_joints
 from quad_env.robots.kinematics import foot_positions as foot_positions
 from quad_env.robots.robot import Robot
-
-Floats = NDArray[np.float64]
 
 
 def shortest_leg(robot: Robot) -> float:
@@ -27,8 +26,8 @@ def shortest_leg(robot: Robot) -> float:
 def joint_angles(robot: Robot, feet: ArrayLike, side: Floats | None = None) -> Floats:
     """Joint angles in rad that put the feet (hip frames, m) there, shape (..., legs, 3): undoes `foot_positions`.
 
-    A foot out of reach gets the angles of the nearest point in reach; `reachable` tells which. Joint limits are not
-    looked at. `side` is that of `foot_positions`.
+    A foot out of reach gets the angles of the nearest point in reach. Joint limits are not looked at. `side` is that of
+    `foot_positions`.
     """
     x, y, z = np.moveaxis(np.asarray(feet, dtype=np.float64), -1, 0)
     return np.stack(leg_angles(robot, x, y, z, side), axis=-1)
@@ -56,12 +55,8 @@ def leg_angles(
     return hip, thigh, calf
 
 
-def reachable(robot: Robot, feet: ArrayLike) -> NDArray[np.bool_]:
-    """Whether each foot position (hip frame, m; shape (..., 3)) lies within the leg's geometric reach; shape (...)."""
-    x, y, z = np.moveaxis(np.asarray(feet, dtype=np.float64), -1, 0)
-    off_axis = y * y + z * z - robot.hip_offset**2
-    squared_length = x * x + off_axis
-    inside: NDArray[np.bool_] = (
-        (off_axis >= 0.0) & (squared_length <= robot.leg_length**2) & (squared_length >= shortest_leg(robot) ** 2)
-    )
-    return inside
+def joint_targets(robot: Robot, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Floats:
+    """Joint angles (n, 12), rad, that put the feet (hip frames, m; shapes to broadcast to (n, 4)) there, clipped to the
+    joint limits."""
+    angles = flat_joints(joint_angles(robot, np.stack(np.broadcast_arrays(x, y, z), axis=-1)))
+    return np.clip(angles, robot.joint_lower, robot.joint_upper)

@@ -29,14 +29,12 @@ class LevelFrame(NamedTuple):
     @property
     def roll(self) -> Floats:
         """Turn about +x, rad: positive with the left side up; (n,)."""
-        roll: Floats = np.arctan2(self.up_y, self.up_z)
-        return roll
+        return np.arctan2(self.up_y, self.up_z)
 
     @property
     def pitch(self) -> Floats:
         """Turn about +y, rad: positive with the nose down; (n,)."""
-        pitch: Floats = -np.arcsin(np.clip(self.up_x, -1.0, 1.0))
-        return pitch
+        return -np.arcsin(np.clip(self.up_x, -1.0, 1.0))
 
     def to_level(self, vector: Vector) -> Vector:
         """A base-frame vector in the level frame.

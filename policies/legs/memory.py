@@ -1,7 +1,5 @@
 """Arrays that a controller remembers from step to step, robots along the last axis."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -11,7 +9,7 @@ from policies.gait import Floats
 class Memory:
     """Named arrays (…, n), each started from a value (…) that is the same for every robot."""
 
-    def __init__(self, start: Mapping[str, ArrayLike]) -> None:
+    def __init__(self, **start: ArrayLike) -> None:
         self._start = {name: np.asarray(value)[..., None] for name, value in start.items()}
         self.allocate(1)
 

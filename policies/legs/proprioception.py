@@ -53,5 +53,4 @@ def _vector(components: Floats) -> Vector:
 
 def length(x: Floats, y: Floats) -> Floats:
     """Lengths of horizontal vectors."""
-    size: Floats = np.sqrt(x * x + y * y)
-    return size
+    return np.sqrt(x * x + y * y)

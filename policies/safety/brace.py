@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Floats, flat_joints
-from policies.behaviour.motion import Mask
+from policies.base import Floats, Mask
 from policies.easing import smoothstep
-from policies.legs.kinematics import leg_angles
+from policies.legs.kinematics import joint_targets
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
@@ -49,8 +48,7 @@ class Brace:
         rested = self._rest_steps >= round(REST_TIME / self._period)
         self._released = catching & (rested | (self._released & ~alarm))
         self.share = np.where(self._released, self.share - self._period / RELEASE_TIME, 1.0)
-        done: Mask = self._released & (self.share <= 0.0)
-        return done
+        return self._released & (self.share <= 0.0)
 
     def blended(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
         """Targets (k, 12) of the robots `rows`, (k,): their policy's, turned into the brace as far as is due."""
@@ -75,7 +73,4 @@ def braced(robot: Robot, observation: Floats) -> Floats:
     x, y = np.sign(hip_x) * (LENGTH / 2.0), robot.side * (WIDTH / 2.0)
     # A side that rises shortens its legs.
     z = np.minimum(roll * y - pitch * x - HEIGHT, -SHORTEST_DROP)
-    x, y = np.broadcast_to(x - hip_x, z.shape), np.broadcast_to(y - hip_y, z.shape)
-    targets = flat_joints(np.stack(leg_angles(robot, x, y, z), axis=-1))
-    joints: Floats = np.clip(targets, robot.joint_lower, robot.joint_upper)
-    return joints
+    return joint_targets(robot, x - hip_x, y - hip_y, z)

@@ -27,14 +27,12 @@ RECENT_TIME = 0.1
 def next_reference(reference: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:
     """The planar velocity that a robot following its commands has about now, (n, 2), m/s: the command, lagged."""
     command = observation[:, OBSERVATION["command"]][:, :2].astype(np.float64)
-    following: Floats = reference + (command - reference) * (control_period / RESPONSE_TIME)
-    return following
+    return reference + (command - reference) * (control_period / RESPONSE_TIME)
 
 
 def next_recent(recent: Floats, observation: NDArray[np.float32], control_period: float) -> Floats:
     """The planar velocity of late, (n, 2), m/s, one control step later."""
-    averaged: Floats = recent + (_planar_velocity(observation) - recent) * (control_period / RECENT_TIME)
-    return averaged
+    return recent + (_planar_velocity(observation) - recent) * (control_period / RECENT_TIME)
 
 
 def velocity_deviation(observation: NDArray[np.float32], reference: Floats, recent: Floats) -> Floats:
@@ -42,8 +40,7 @@ def velocity_deviation(observation: NDArray[np.float32], reference: Floats, rece
     velocity = _planar_velocity(observation)
     off, jump = velocity - reference, velocity - recent
     squared = np.minimum(off[:, 0] ** 2 + off[:, 1] ** 2, jump[:, 0] ** 2 + jump[:, 1] ** 2)
-    speed: Floats = np.sqrt(squared)
-    return speed
+    return np.sqrt(squared)
 
 
 def _planar_velocity(observation: NDArray[np.float32]) -> Floats:

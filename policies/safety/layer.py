@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.base import Actions, Floats, Policy, to_actions
+from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
 from policies.behaviour.event_log import Ring
-from policies.behaviour.motion import Damp, Mask, Motion
+from policies.behaviour.motion import Damp, Motion
 from policies.safety.brace import Brace
 from policies.safety.fall_prediction import fitted_threshold, next_recent, next_reference, velocity_deviation
 from policies.safety.stop import Stop
@@ -117,12 +117,11 @@ class Safe(Policy):
 
     def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
         """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
-        chosen = self._mask(mask)
-        self._enter(chosen, Mode.DAMP if damp else Mode.STOP, REQUESTED)
+        self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, REQUESTED)
 
     def command_received(self, mask: ArrayLike | None = None) -> None:
         """Note that those robots' commands are fresh."""
-        self._silence[self._mask(mask)] = 0
+        self._silence[chosen(mask, self.num_envs)] = 0
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
         """Start `num_envs` robots anew, the policy included; what it raises, it raises here."""
@@ -244,9 +243,3 @@ class Safe(Policy):
         self._log.write(self._step, np.flatnonzero(mask), int(mode), reason)
         self._mode[mask] = mode
         self._entered |= mask
-
-    def _mask(self, mask: ArrayLike | None) -> Mask:
-        chosen = np.ones(self.num_envs, np.bool_) if mask is None else np.asarray(mask)
-        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,):
-            raise ValueError(f"mask must be bool of shape ({self.num_envs},), not {chosen.dtype} of {chosen.shape}")
-        return chosen

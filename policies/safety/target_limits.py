@@ -66,5 +66,4 @@ def limited(
     low, high = (damping - backward) / stiffness, (damping + forward) / stiffness
     then = joints + limits.delay * speeds
     targets = then + np.clip(targets - then, low, high)
-    within: Floats = np.clip(targets, robot.joint_lower, robot.joint_upper)
-    return within
+    return np.clip(targets, robot.joint_lower, robot.joint_upper)

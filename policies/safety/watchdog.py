@@ -55,11 +55,6 @@ class Watched(Policy):
         self._process: Any = None
         self._connection: Connection | None = None
 
-    @property
-    def process_id(self) -> int | None:
-        """Number of the policy's process; None while there is none."""
-        return self._process.pid if self._process is not None else None
-
     def close(self) -> None:
         """End the process."""
         if self._process is not None:

@@ -72,28 +72,12 @@ class TrotFeedback(GaitedPolicy):
         self._acceleration = np.array([[p.linear_acceleration], [p.linear_acceleration], [p.yaw_acceleration]])
         self._integral = np.array([[p.integral_gain], [p.integral_gain], [p.yaw_integral_gain]])
         self.ground = GroundSense(robot, control_period, p.plane_filter)
-        legs, one = np.zeros(4), 0.0
         ahead, aside = self._neutral[0][:, 0], self._neutral[1][:, 0]
-        self._memory = Memory(
-            {
-                "reference": np.zeros(3),
-                "followed": np.zeros(2),
-                "correction": np.zeros(3),
-                "error_x": one,
-                "error_y": one,
-                "brace": one,
-                "hold": one,
-                "disturbed": one,
-                "swinging": legs,
-                "foot_x": ahead,
-                "foot_y": aside,
-                "start_x": ahead,
-                "start_y": aside,
-                "speed_x": legs,
-                "speed_y": legs,
-                "lift": legs,
-            }
-        )
+        robots = dict.fromkeys(("error_x", "error_y", "brace", "hold", "disturbed"), 0.0)
+        legs = dict.fromkeys(("swinging", "speed_x", "speed_y", "lift"), np.zeros(4))
+        feet = {"foot_x": ahead, "foot_y": aside, "start_x": ahead, "start_y": aside}
+        velocities = {"reference": np.zeros(3), "followed": np.zeros(2), "correction": np.zeros(3)}
+        self._memory = Memory(**robots, **legs, **feet, **velocities)
         super().__init__(robot=robot, control_period=control_period)
 
     def _allocate(self, num_envs: int) -> None:
@@ -144,8 +128,7 @@ class TrotFeedback(GaitedPolicy):
         planar, followed = command[:2], self._memory["followed"]
         followed = np.where(self._ticks == 0.0, planar, followed)
         self._memory["followed"] = followed + (self.control_period / RECOVERY_TIME) * (planar - followed)
-        jump: NDArray[np.bool_] = length(*(planar - self._memory["followed"])) > self.parameters.capture_threshold
-        return jump
+        return length(*(planar - self._memory["followed"])) > self.parameters.capture_threshold
 
     def _brace(self, excess: Floats) -> Floats:
         """How far all feet are down, 0 … 1, by the excess speed: quickly on and slowly off; (n,)."""

@@ -15,8 +15,7 @@ G = TypeVar("G", TrotParameters, GaitParameters)
 def response(command: Floats, velocity: Floats) -> Floats:
     """Least-squares map (4, 3) from commands (n, 3) and 1 to achieved velocities (n, 3)."""
     inputs = np.column_stack((command, np.ones(len(command))))
-    solution: Floats = np.linalg.lstsq(inputs, velocity, rcond=None)[0].astype(np.float64)
-    return solution
+    return np.linalg.lstsq(inputs, velocity, rcond=None)[0].astype(np.float64)
 
 
 def undone(parameters: G, found: Floats) -> G:

@@ -14,11 +14,11 @@ from policies.gaits.parameters import (
     LIMITS,
     OFFSETS,
     GaitParameters,
-    chosen,
     froude,
     row,
     searched_parameters,
     slowed,
+    stepping,
 )
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
 from policies.legs.kinematics import foot_positions
@@ -124,7 +124,7 @@ def test_froude_number_by_hand():
 def test_frequency_rises_and_duty_falls_with_the_root_of_the_froude_number_up_to_one():
     values = np.tile(row(replace(BARE, frequency_rise=1.0, duty_fall=0.1)), (3, 1))
     one = np.sqrt(9.81 * 0.4)
-    frequency, duty = chosen(
+    frequency, duty = stepping(
         SIMPLE_QUAD, values, np.array([[0.0, 0.0, 0.0], [0.5 * one, 0.0, 0.0], [2.0 * one, 0.0, 0.0]])
     )
     np.testing.assert_allclose(frequency, [2.5, 3.0, 3.5])

@@ -134,7 +134,7 @@ def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped():
 
     def hang(step):
         if step == 100:
-            os.kill(watched.process_id, signal.SIGSTOP)
+            os.kill(watched._process.pid, signal.SIGSTOP)
 
     try:
         trace, torque = drive(policy, before_step=hang)
@@ -153,7 +153,7 @@ def test_deadline_is_kept_whatever_the_size_of_the_question(robots):
     try:
         observation = np.zeros((robots, OBSERVATION_SIZE), np.float32)
         assert with_deadline.act(observation).shape == (robots, 12)
-        os.kill(with_deadline.process_id, signal.SIGSTOP)
+        os.kill(with_deadline._process.pid, signal.SIGSTOP)
         began = time.perf_counter()
         with pytest.raises(DeadlineMissed, match="1500 ms"):
             with_deadline.act(observation)
