@@ -5,18 +5,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limit:
-    """A figure that must be reached, or not be passed."""
+    """A figure that must be reached, ≥, or not be passed, ≤."""
 
+    sign: str
     figure: float
-    at_least: bool
     unit: str = ""
 
     def met(self, value: float) -> bool:
         """Whether the value is within the limit; NaN is not."""
-        return value >= self.figure if self.at_least else value <= self.figure
+        return value >= self.figure if self.sign == "≥" else value <= self.figure
 
     def __str__(self) -> str:
-        return f"{'≥' if self.at_least else '≤'} {self.figure:g}{self.unit}"
+        return f"{self.sign} {self.figure:g}{self.unit}"
 
 
 @dataclass(frozen=True)
@@ -28,46 +28,38 @@ class Bar:
     limits: tuple[Limit, ...]
 
 
-def _least(figure: float, unit: str = "") -> Limit:
-    return Limit(figure, True, unit)
-
-
-def _most(figure: float, unit: str = "") -> Limit:
-    return Limit(figure, False, unit)
-
-
 THRESHOLDS = (0.15, 0.10, 0.08)
 """Flat velocity errors that training is timed to, m/s."""
 
 BARS = {
-    "single_env": Bar("single env / bare mj_step loop, speed", "single_env", (_least(0.55),)),
+    "single_env": Bar("single env / bare mj_step loop, speed", "single_env", (Limit("≥", 0.55),)),
     "vector_env": Bar(
         "vector env of 1024 / bare Batch.step, speed; overhead an env step",
         "vector_env",
-        (_least(0.90), _most(6.0, " µs")),
+        (Limit("≥", 0.90), Limit("≤", 6.0, " µs")),
     ),
-    "physics": Bar("shipped physics / first settings, speed within the accuracy bar", "physics", (_least(1.5),)),
-    "async": Bar("vector env of 64 / AsyncVectorEnv of 64, speed", "peers", (_least(2.0),)),
-    "subproc": Bar("vector env of 64 / SubprocVecEnv of 64, speed", "peers", (_least(2.5),)),
-    "residual 0.15": Bar("residual, seconds to a velocity error of 0.15 m/s", "training", (_most(60.0, " s"),)),
-    "residual 0.08": Bar("residual, seconds to a velocity error of 0.08 m/s", "training", (_most(300.0, " s"),)),
+    "physics": Bar("shipped physics / first settings, speed within the accuracy bar", "physics", (Limit("≥", 1.5),)),
+    "async": Bar("vector env of 64 / AsyncVectorEnv of 64, speed", "peers", (Limit("≥", 2.0),)),
+    "subproc": Bar("vector env of 64 / SubprocVecEnv of 64, speed", "peers", (Limit("≥", 2.5),)),
+    "residual 0.15": Bar("residual, seconds to a velocity error of 0.15 m/s", "training", (Limit("≤", 60.0, " s"),)),
+    "residual 0.08": Bar("residual, seconds to a velocity error of 0.08 m/s", "training", (Limit("≤", 300.0, " s"),)),
     "end-to-end 0.15": Bar("end-to-end, seconds to a velocity error of 0.15 m/s", "training --policy end-to-end", ()),
     "end-to-end 0.08": Bar("end-to-end, seconds to a velocity error of 0.08 m/s", "training --policy end-to-end", ()),
-    "control step": Bar("control step of one robot, 99.9th percentile", "policies", (_most(10.0, " ms"),)),
-    "joint step": Bar("joint-loop step of one robot, 99.9th percentile", "policies", (_most(2.0, " ms"),)),
-    "import": Bar("import quad_env / import gymnasium, time", "startup", (_most(1.15),)),
-    "loaded": Bar("of mujoco and torch, loaded by import quad_env", "startup", (_most(0.0),)),
-    "help": Bar("--help of evaluate and train, the slower", "startup", (_most(1.0, " s"),)),
-    "rendering": Bar("frames of 640 x 480, in software on one core", "rendering", (_least(15.0, "/s"),)),
-    "memory": Bar("memory of 4096 envs", "growth", (_most(1.5, " GiB"),)),
+    "control step": Bar("control step of one robot, 99.9th percentile", "policies", (Limit("≤", 10.0, " ms"),)),
+    "joint step": Bar("joint-loop step of one robot, 99.9th percentile", "policies", (Limit("≤", 2.0, " ms"),)),
+    "import": Bar("import quad_env / import gymnasium, time", "startup", (Limit("≤", 1.15),)),
+    "loaded": Bar("of mujoco and torch, loaded by import quad_env", "startup", (Limit("≤", 0.0),)),
+    "help": Bar("--help of evaluate and train, the slower", "startup", (Limit("≤", 1.0, " s"),)),
+    "rendering": Bar("frames of 640 x 480, in software on one core", "rendering", (Limit("≥", 15.0, "/s"),)),
+    "memory": Bar("memory of 4096 envs", "growth", (Limit("≤", 1.5, " GiB"),)),
 }
 
 ACCURACY = {
-    "trunk_mm": _most(2.0),
-    "tilt_rad": _most(0.01),
-    "joints_rad": _most(0.01),
-    "sinks_mm": _most(2.0),
-    "slip_mm_s": _most(1.0),
+    "trunk_mm": Limit("≤", 2.0),
+    "tilt_rad": Limit("≤", 0.01),
+    "joints_rad": Limit("≤", 0.01),
+    "sinks_mm": Limit("≤", 2.0),
+    "slip_mm_s": Limit("≤", 1.0),
 }
 """What a physics setting must keep, see `physics_accuracy.Accuracy`."""
 

@@ -26,7 +26,7 @@ from quad_env.sensing.observation import SensedObservation
 from quad_env.sensing.suite import SensorSuite
 from quad_env.task.readings import readings as readings_of
 from quad_env.task.rewards import reward_terms
-from quad_env.task.terminations import fall_codes
+from quad_env.task.terminations import fall_code
 
 Observation = NDArray[np.float32]
 Infos = dict[str, Any]
@@ -200,7 +200,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         if diverged.any():
             self.simulation.park(self._rows[ids][diverged])
         state = self._read(ids)
-        fall = fall_codes(state, self.config.fall_rule)
+        fall = fall_code(state, self.config.fall_rule)
         fall[diverged] = 0
         ended = diverged | ((fall > 0) & self.terminate_on_fall)
         self._diverged[ids], self._fall[ids], self._terminated[ids] = diverged, fall, ended

@@ -9,6 +9,7 @@ from quad_env.robots.kinematics import feet_in_world
 Readings = dict[str, NDArray[np.generic]]
 _NO_COMMAND = (np.zeros(1),) * 3
 """Command of the state that is looked at here, which has none."""
+_VECTORS = ("position", "angular_velocity", "joint_position", "joint_velocity", "joint_torque", "action")
 
 
 def readings(simulation: Simulation) -> Readings:
@@ -42,16 +43,11 @@ def readings(simulation: Simulation) -> Readings:
     feet_contact, leg_contact = simulation.ground_contacts()
     temperature = simulation.winding_temperature
     return {
-        "position": position.copy(),
+        **{name: np.transpose(getattr(state, name)).copy() for name in _VECTORS},
         "quaternion": simulation.quaternion,
-        "angular_velocity": np.transpose(state.angular_velocity).copy(),
         "height": state.height,
         "vertical_velocity": state.vertical_velocity,
         "tilt": np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0)),
-        "joint_position": joints.copy(),
-        "joint_velocity": np.transpose(state.joint_velocity).copy(),
-        "joint_torque": np.transpose(state.joint_torque).copy(),
-        "action": np.transpose(state.action).copy(),
         "foot_position": feet,
         "foot_height": feet[..., 2] - simulation.terrain.height(feet[..., 0], feet[..., 1]) - robot.foot_radius,
         "foot_contact": feet_contact,
