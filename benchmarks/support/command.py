@@ -13,6 +13,7 @@ from rich.table import Table
 
 from benchmarks.support.bars import BARS, Check
 from benchmarks.support.measure import Spread, machine, machine_line
+from evaluate.analysis.results import without_nan
 from evaluate.terminal.command_line import UsageError, check_numbers, make_folder_of, parse
 from evaluate.terminal.program import exit_code
 from policies.files import write_atomically
@@ -150,14 +151,10 @@ def cell(value: Spread, digits: int = 2) -> str:
 
 def plain(value: Any) -> Any:
     """JSON types of dataclasses, arrays and paths, however nested; what is not finite becomes None."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return plain(dataclasses.asdict(value))
-    if isinstance(value, dict):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
+    return without_nan(json.loads(json.dumps(value, default=_plain)))
+
+
+def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, float) and value - value != 0:
-        return None
-    return str(value) if isinstance(value, Path) else value
+        return value.tolist()
+    return str(value) if isinstance(value, Path) else dataclasses.asdict(value)

@@ -5,11 +5,12 @@ import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from evaluate.records.provenance import cpu_model
 
 Floats = NDArray[np.float64]
 Subject = Callable[[], float]
@@ -74,7 +75,7 @@ def cores() -> int:
 def machine() -> dict[str, Any]:
     """What the figures were made on: processor, cores, load before the run, versions."""
     return {
-        "cpu": _processor(),
+        "cpu": cpu_model(),
         "cores": cores(),
         "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "python": platform.python_version(),
@@ -88,12 +89,3 @@ def machine_line(facts: Mapping[str, Any]) -> str:
         f"{facts['cpu']}, {facts['cores']} cores, load {facts['load']} at the start; Python {facts['python']}, "
         f"MuJoCo {facts['mujoco']}, NumPy {facts['numpy']}, Gymnasium {facts['gymnasium']}"
     )
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(names, None) or platform.processor() or platform.machine()
