@@ -18,7 +18,6 @@ from benchmarks.probes.growth_probe import KINDS
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, cores, interleave, spread
-from benchmarks.support.progress import stage
 from evaluate.records.provenance import REPOSITORY
 from evaluate.terminal.launcher import launch
 from policies.files import make_writable_folder
@@ -85,8 +84,8 @@ def _grow(kind: str, sizes: Sequence[int], options: Options) -> Growth:
 
         return probe
 
-    with stage(f"growth, {kind}", options.rounds) as advance:
-        seconds = interleave({str(size): subject(size) for size in sizes}, options.rounds, advance, warm_up=0)
+    subjects = {str(size): subject(size) for size in sizes}
+    seconds = interleave(subjects, options.rounds, f"growth, {kind}", warm_up=0)
     return Growth({int(size): values for size, values in seconds.items()}, peaks)
 
 

@@ -17,7 +17,6 @@ from benchmarks.support import bare
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread
-from benchmarks.support.progress import stage
 from evaluate.terminal.command_line import check_numbers
 from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID
@@ -63,8 +62,7 @@ def _turns(env_id: str, options: Options) -> dict[str, Floats]:
     """Seconds an environment step of our batch and of the four wrappers around `env_id`."""
     with contextlib.ExitStack() as stack:
         group = {name: stack.enter_context(opened) for name, opened in _wrappers(env_id, options)}
-        with stage(f"peers, {env_id}", options.rounds + 1) as advance:
-            return interleave(group, options.rounds, advance)
+        return interleave(group, options.rounds, f"peers, {env_id}")
 
 
 def _wrappers(env_id: str, options: Options) -> Iterator[tuple[str, Any]]:

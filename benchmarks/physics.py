@@ -44,8 +44,7 @@ def measure(options: Options) -> Outcome:
     names = [name for name in SETTINGS if name in {SHIPPED, FIRST, *options.settings}]
     walked = strides()
     subjects = {name: _walking(name, walked, options) for name in names}
-    with stage("physics, speed", options.rounds + 1) as advance:
-        seconds = interleave(subjects, options.rounds, advance)
+    seconds = interleave(subjects, options.rounds, "physics, speed")
     found: dict[str, Accuracy] = {}
     with stage("physics, accuracy", len(names)) as advance:
         for name in names:

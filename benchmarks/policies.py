@@ -17,7 +17,6 @@ from benchmarks.support import bare
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, interleave, spread
-from benchmarks.support.progress import stage
 from evaluate.terminal.command_line import check_numbers
 from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID
@@ -88,8 +87,8 @@ def _costs(num_envs: int, options: Options) -> dict[str, Floats]:
 
         return act
 
-    with stage(f"policies, {num_envs} robots", options.rounds + 1) as advance:
-        return interleave({name: subject(name) for name in options.policies}, options.rounds, advance)
+    subjects = {name: subject(name) for name in options.policies}
+    return interleave(subjects, options.rounds, f"policies, {num_envs} robots")
 
 
 def _calls(options: Options, clock: Clock) -> dict[str, Floats]:
@@ -106,8 +105,8 @@ def _calls(options: Options, clock: Clock) -> dict[str, Floats]:
     calls = {f"{name}, action": action(name) for name in options.policies}
     calls["trot, action and env.step"] = _control_step()
     calls[JOINT_LOOP] = lambda: mujoco.mj_step(start.model, data)
-    with stage(f"policies, single calls, {clock.__name__}", options.calls + 1) as advance:
-        return interleave({name: _timed(call, clock) for name, call in calls.items()}, options.calls, advance)
+    subjects = {name: _timed(call, clock) for name, call in calls.items()}
+    return interleave(subjects, options.calls, f"policies, single calls, {clock.__name__}")
 
 
 def _control_step() -> Callable[[], object]:

@@ -12,7 +12,6 @@ import gymnasium as gym
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Subject, interleave, spread
-from benchmarks.support.progress import stage
 from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID
 
@@ -36,8 +35,7 @@ def measure(options: Options) -> Outcome:
     for env in envs.values():
         env.reset(seed=0)
     subjects = {name: _frame_of(env, options.frames) for name, env in envs.items()}
-    with stage("rendering", options.rounds + 1) as advance:
-        seconds = interleave(subjects, options.rounds, advance)
+    seconds = interleave(subjects, options.rounds, "rendering")
     for env in envs.values():
         env.close()
     rates = {name: spread(1 / values) for name, values in seconds.items()}

@@ -10,7 +10,6 @@ from benchmarks.support import bare
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import difference, interleave, speed_ratio, spread
-from benchmarks.support.progress import stage
 from evaluate.terminal.command_line import check_numbers
 from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID, MAX_EPISODE_STEPS
@@ -41,8 +40,8 @@ def measure(options: Options) -> Outcome:
         loop.restart()
         return loop.run(actions)
 
-    with stage("single env", options.rounds + 1) as advance:
-        seconds = interleave({"gym.make": environment, "bare mj_step loop": physics}, options.rounds, advance)
+    subjects = {"gym.make": environment, "bare mj_step loop": physics}
+    seconds = interleave(subjects, options.rounds, "single env")
     env.close()
     ours, limit = seconds["gym.make"], seconds["bare mj_step loop"]
     ratio, overhead = speed_ratio(ours, limit), difference(ours, limit).scaled(1e6)

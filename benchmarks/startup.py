@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Subject, interleave, spread
-from benchmarks.support.progress import stage
 from evaluate.records.provenance import REPOSITORY
 from evaluate.terminal.launcher import launch
 
@@ -45,8 +44,7 @@ def measure(options: Options) -> Outcome:
     subjects: dict[str, Subject] = {name: _inside(code) for name, code in _CODE.items()}
     subjects |= {name: _outside(name) for name in HELPS}
     warm_up = 0 if options.quick else 1  # the first reads from the disk
-    with stage("start-up", warm_up + options.rounds) as advance:
-        seconds = interleave(subjects, options.rounds, advance, warm_up)
+    seconds = interleave(subjects, options.rounds, "start-up", warm_up)
     loaded = _python("-c", _LOADED).split()
     rows = table("Start-up, fresh interpreters", "", "s")
     for name, values in seconds.items():

@@ -3,6 +3,7 @@
 import os
 import platform
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.support.progress import stage
 from evaluate.records.provenance import cpu_model
 
 Floats = NDArray[np.float64]
@@ -17,24 +19,19 @@ Subject = Callable[[], float]
 """Does the same work at every call; gives the seconds that one unit of it took."""
 
 
-def _no_progress() -> None:
-    return
-
-
-def interleave(
-    subjects: Mapping[str, Subject], rounds: int, progress: Callable[[], None] = _no_progress, warm_up: int = 1
-) -> dict[str, Floats]:
+def interleave(subjects: Mapping[str, Subject], rounds: int, title: str = "", warm_up: int = 1) -> dict[str, Floats]:
     """Seconds a unit of each subject, (rounds,): all take their turn in each round.
 
-    The first `warm_up` rounds, on top of the others, count nowhere; `progress` is told of every round.
+    The first `warm_up` rounds, on top of the others, count nowhere. Under a title the progress is shown.
     """
     seconds: dict[str, list[float]] = {name: [] for name in subjects}
-    for number in range(warm_up + rounds):
-        for name, subject in subjects.items():
-            taken = subject()
-            if number >= warm_up:
-                seconds[name].append(taken)
-        progress()
+    with stage(title, warm_up + rounds) if title else nullcontext(lambda: None) as advance:
+        for number in range(warm_up + rounds):
+            for name, subject in subjects.items():
+                taken = subject()
+                if number >= warm_up:
+                    seconds[name].append(taken)
+            advance()
     return {name: np.array(values) for name, values in seconds.items()}
 
 

@@ -3,6 +3,8 @@
 Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up).
 """
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -35,5 +37,4 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
     # Products summed in order: a robot's bits are the same in a batch of any size, as those of matmul are not.
     turned = [sum(rotation[:, None, row, axis] * base[..., axis] for axis in range(3)) for row in range(3)]
-    feet: Array = position[:, None] + np.stack(turned, axis=-1)
-    return feet
+    return cast("Array", position[:, None] + np.stack(turned, axis=-1))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,8 +31,7 @@ class PushPlan:
             return None
         since = np.asarray(step)[..., None] - self.first_step
         acting = (since >= 0) & (since < self.steps)
-        force: Array = np.where(acting[..., None], self.force, 0.0).sum(axis=-2)
-        return force
+        return cast("Array", np.where(acting[..., None], self.force, 0.0).sum(axis=-2))
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ The height of the centre of a resting ball, too: a foot is one.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 
@@ -46,8 +47,7 @@ class Slope:
 
     def height(self, x: Column, y: Column) -> Column:
         """Ground height in the world frame, m."""
-        height: Column = math.tan(self.angle) * x
-        return height
+        return math.tan(self.angle) * x
 
     def ball_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball that touches the ground there, world frame, m."""
@@ -87,8 +87,7 @@ class Stairs:
         """Ground height in the world frame, m; that of the tread right on a riser."""
         steps = (abs(x) - self.landing) / self.run + 1.0
         climbed = self.rise * whole(clip(steps, 0.0, float(self.steps)), self.steps)
-        height: Column = where(x > 0.0, climbed, -climbed)
-        return height
+        return cast("Column", where(x > 0.0, climbed, -climbed))
 
     def ball_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball on the tread there, world frame, m; of no use within `radius` of a riser."""
@@ -156,8 +155,7 @@ class SmoothRandom:
         side = self.peak_to_valley * where(u > v, grid[i, j + 1], grid[i + 1, j])
         surface = start + (side - start) * (far - near) + (end - start) * near
         inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
-        height: Column = where(inside, surface, 0.0)
-        return height
+        return cast("Column", where(inside, surface, 0.0))
 
     def ball_height(self, x: Array, y: Array, radius: float) -> Array:
         """Centre height of a ball that touches the ground there, world frame, m.

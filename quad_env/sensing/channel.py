@@ -51,18 +51,15 @@ class Channel:
 
         Until there is one, the first.
         """
-        out: Array = self._samples[self._number(clock, late) % len(self._samples), rows]
-        return out
+        return self._samples[self._number(clock, late) % len(self._samples), rows]
 
     def before(self, clock: Clock, rows: Rows, late: int | None = None) -> Array:
         """The sample before that of `value`, (k, width); the first has itself before it."""
-        out: Array = self._samples[np.maximum(self._number(clock, late) - 1, 0) % len(self._samples), rows]
-        return out
+        return self.value(clock - self.period, rows, late)
 
     def time(self, clock: Clock) -> Array:
         """When the sample of `value` was taken, s since the start of the episode, (k,)."""
-        out: Array = self._number(clock, None) * self.period / self._control_rate
-        return out
+        return self._number(clock, None) * self.period / self._control_rate
 
     @property
     def spacing(self) -> float:

@@ -18,7 +18,7 @@ al., State estimation for legged robots, RSS 2012, in the form of a filter with 
     v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(when the legs say so))
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -112,5 +112,4 @@ def cross(a: Array, b: Array) -> Array:
 def _unit(vectors: Array) -> Array:
     x, y, z = np.moveaxis(vectors, -1, 0)
     length = np.sqrt(x * x + y * y + z * z)
-    unit: Array = vectors / np.maximum(length, 1e-6)[..., None]
-    return unit
+    return cast("Array", vectors / np.maximum(length, 1e-6)[..., None])

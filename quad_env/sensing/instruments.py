@@ -65,8 +65,7 @@ class Instruments:
     def at_rest(self, up: Array, rows: Rows) -> Array:
         """What those robots' accelerometers read of a long rest, m/s², (k, 3), `up`, (k, 3), being up in their axes."""
         start = self._widths["gyro"]
-        force: Array = GRAVITY * up + self.bias[rows, start : start + self._widths["accelerometer"]]
-        return force
+        return GRAVITY * up + self.bias[rows, start : start + self._widths["accelerometer"]]
 
     def _as_read(self, name: str, values: Array) -> Array:
         if name == "foot_contact":

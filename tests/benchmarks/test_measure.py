@@ -1,5 +1,7 @@
 """Subjects take turns, ratios are of the same rounds, and what cannot be measured is not called met."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from benchmarks.support.bars import BARS, check
 from benchmarks.support.measure import difference, interleave, machine, machine_line, speed_ratio, spread
 
 
-def test_subjects_take_turns_and_the_first_round_does_not_count() -> None:
+def test_subjects_take_turns_and_the_first_round_does_not_count(monkeypatch) -> None:
     order: list[str] = []
     clock = iter(range(100))
 
@@ -16,11 +18,14 @@ def test_subjects_take_turns_and_the_first_round_does_not_count() -> None:
         return float(next(clock))
 
     rounds = []
-    seconds = interleave(
-        {"a": lambda: subject("a"), "b": lambda: subject("b")}, 3, progress=lambda: rounds.append(len(order))
-    )
+
+    def stage(*of: object) -> nullcontext:
+        return nullcontext(lambda: rounds.append((*of, len(order))))
+
+    monkeypatch.setattr("benchmarks.support.measure.stage", stage)
+    seconds = interleave({"a": lambda: subject("a"), "b": lambda: subject("b")}, 3, "title")
     assert order == ["a", "b"] * 4
-    assert rounds == [2, 4, 6, 8]
+    assert rounds == [("title", 4, done) for done in (2, 4, 6, 8)]
     assert seconds["a"].tolist() == [2.0, 4.0, 6.0]
     assert seconds["b"].tolist() == [3.0, 5.0, 7.0]
 
