@@ -1,6 +1,7 @@
 """The robots that a run trains: native batches side by side, one a scenario, and the account of what they do."""
 
 import dataclasses
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,32 +27,20 @@ NEVER = np.iinfo(np.int64).max
 
 @dataclasses.dataclass
 class Statistics:
-    """Sums over the steps since the last look, for the progress display."""
+    """Sums over steps and over finished episodes since the last look, by name, for the progress display."""
 
     steps: int = 0
-    velocity_error: float = 0.0
-    """Planar velocity error in the heading frame, m/s, summed over steps."""
-    yaw_rate_error: float = 0.0
-    """Yaw-rate error, rad/s, summed over steps."""
-    reward_terms: dict[str, float] = dataclasses.field(default_factory=dict)
-    """Reward of each term, summed over steps."""
     episodes: int = 0
-    falls: int = 0
-    episode_return: float = 0.0
-    """Return, summed over finished episodes."""
+    over_steps: defaultdict[str, float] = dataclasses.field(default_factory=lambda: defaultdict(float))
+    over_episodes: dict[str, float] = dataclasses.field(default_factory=lambda: {"return": 0.0, "falls": 0.0})
 
     def means(self) -> dict[str, float]:
-        """Means a step (errors, reward terms) and a finished episode (return, falls), NaN where there was none; their
-        count."""
+        """Means a step (velocity error, m/s, yaw-rate error, rad/s, reward terms) and a finished episode (return,
+        falls), NaN where there was none; their count."""
         step, episode = max(self.steps, 1), self.episodes or float("nan")
-        return {
-            "velocity_error": self.velocity_error / step,
-            "yaw_rate_error": self.yaw_rate_error / step,
-            "episodes": self.episodes,
-            "falls": self.falls / episode,
-            "return": self.episode_return / episode,
-            **{f"reward/{name}": total / step for name, total in self.reward_terms.items()},
-        }
+        means = {name: total / step for name, total in self.over_steps.items()}
+        means |= {name: total / episode for name, total in self.over_episodes.items()}
+        return {"episodes": self.episodes, **means}
 
 
 class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
@@ -133,21 +122,17 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             batch.close()
 
     def _count_step(self, infos: Infos) -> None:
-        statistics = self._statistics
         error = infos["command"] - infos["heading_velocity"]
-        statistics.steps += len(error)
-        statistics.velocity_error += float(np.hypot(error[:, 0], error[:, 1]).sum())
-        statistics.yaw_rate_error += float(np.abs(error[:, 2]).sum())
-        for key, values in infos.items():
-            if key.startswith(REWARD):
-                name = key.removeprefix(REWARD)
-                statistics.reward_terms[name] = statistics.reward_terms.get(name, 0.0) + float(values.sum())
+        counted = {"velocity_error": np.hypot(error[:, 0], error[:, 1]), "yaw_rate_error": np.abs(error[:, 2])}
+        counted |= {f"reward/{key.removeprefix(REWARD)}": infos[key] for key in infos if key.startswith(REWARD)}
+        self._statistics.steps += len(error)
+        for name, values in counted.items():
+            self._statistics.over_steps[name] += float(values.sum())
 
     def _count_episodes(self, finished: BoolArray) -> None:
-        statistics = self._statistics
-        statistics.episodes += int(finished.sum())
-        statistics.falls += int((finished & self._fell).sum())
-        statistics.episode_return += float(self._returns[finished].sum())
+        self._statistics.episodes += int(finished.sum())
+        self._statistics.over_episodes["return"] += float(self._returns[finished].sum())
+        self._statistics.over_episodes["falls"] += int((finished & self._fell).sum())
 
 
 def _joined(infos: Sequence[Infos]) -> Infos:

@@ -6,12 +6,24 @@ from train.display import summary
 from train.robots import Statistics
 
 
+def counted(episodes=0, falls=0, returned=0.0):
+    """Of 100 steps with fixed errors."""
+    errors = {"velocity_error": 12.0, "yaw_rate_error": 30.0}
+    return Statistics(100, episodes, errors, {"return": returned, "falls": falls})
+
+
 @pytest.mark.parametrize(
     ("statistics", "said"),
     [
-        (Statistics(100, 12.0, 30.0), "no episode ended  velocity error 0.120 m/s  yaw-rate error 0.300 rad/s"),
-        (Statistics(100, 12.0, 30.0, {}, 3, 3, 12.0), "return    4.00  3 of 3 episodes fell  velocity error 0.120 m/s"),
-        (Statistics(100, 12.0, 30.0, {}, 160, 8, 1600.0), "return   10.00  8 of 160 episodes fell  velocity error"),
+        (counted(), "no episode ended  velocity error 0.120 m/s  yaw-rate error 0.300 rad/s"),
+        (
+            counted(3, 3, 12.0),
+            "return    4.00  3 of 3 episodes fell  velocity error 0.120 m/s",
+        ),
+        (
+            counted(160, 8, 1600.0),
+            "return   10.00  8 of 160 episodes fell  velocity error",
+        ),
     ],
 )
 def test_falls_are_counted_among_the_episodes_that_ended(statistics, said) -> None:

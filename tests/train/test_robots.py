@@ -62,8 +62,8 @@ def test_an_episode_is_worth_the_sum_of_its_rewards():
     np.testing.assert_allclose(infos["episode"]["r"], total)
     robots.reset(options={"reset_mask": np.array([True, False])})
     statistics = robots.take_statistics()
-    assert (statistics.episodes, statistics.falls) == (1, 0)
-    assert statistics.episode_return == pytest.approx(total[0])
+    assert (statistics.episodes, statistics.over_episodes["falls"]) == (1, 0)
+    assert statistics.over_episodes["return"] == pytest.approx(total[0])
     assert statistics.steps == 8
     assert robots.take_statistics().steps == 0
     _, rewards, _, _, infos = robots.step(lunges(4, 2))

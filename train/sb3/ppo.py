@@ -1,7 +1,8 @@
 """The learner: Stable-Baselines3's PPO, started so that the first policy is the base, and its actor as our network."""
 
 import dataclasses
-from typing import Any
+import operator
+from functools import partial
 
 import numpy as np
 import torch
@@ -37,23 +38,12 @@ class AdaptiveRate:
             self.rate = min(self.rate * 1.5, self.highest)
 
 
-@dataclasses.dataclass(frozen=True)
-class LinearRate:
-    """Learning rate that falls to zero at the last step; an SB3 schedule."""
-
-    rate: float
-
-    def __call__(self, progress_remaining: float) -> float:
-        """The rate where this share of the run, 1 … 0, remains."""
-        return self.rate * progress_remaining
-
-
-def learning_rate(config: PpoConfig) -> AdaptiveRate | LinearRate | float:
+def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     """The schedule that the settings name."""
     if config.learning_rate_schedule == "adaptive":
         return AdaptiveRate(config.learning_rate, config.target_kl)
     if config.learning_rate_schedule == "linear":
-        return LinearRate(config.learning_rate)
+        return partial(operator.mul, config.learning_rate)  # by the share of the run that remains, 1 … 0
     return config.learning_rate
 
 
@@ -99,13 +89,10 @@ def lower_noise(model: PPO, config: PpoConfig, progress: float) -> None:
 
 def actor_network(model: PPO, activation: str) -> Network:
     """The mean of the policy as the NumPy network that a bundle holds."""
-    layers = [layer for layer in _actor_layers(model) if isinstance(layer, nn.Linear)]
+    actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
+    layers = [layer for layer in actor if isinstance(layer, nn.Linear)]
     weights = tuple(_array(layer.weight.T) for layer in layers)
     return Network(weights, tuple(_array(layer.bias) for layer in layers), activation)
-
-
-def _actor_layers(model: PPO) -> list[Any]:
-    return [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:

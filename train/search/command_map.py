@@ -9,6 +9,10 @@ from policies.base import Floats
 from policies.gaits.parameters import GaitParameters
 from policies.trot.open_loop import TrotParameters
 
+WEAKEST_RESPONSE = 0.7
+"""Achieved per commanded velocity below which a candidate is billed; standing still must not pay."""
+WEAKNESS_WEIGHT = 10.0
+
 G = TypeVar("G", TrotParameters, GaitParameters)
 
 
@@ -16,6 +20,11 @@ def response(command: Floats, velocity: Floats) -> Floats:
     """Least-squares map (4, 3) from commands (n, 3) and 1 to achieved velocities (n, 3)."""
     inputs = np.column_stack((command, np.ones(len(command))))
     return np.linalg.lstsq(inputs, velocity, rcond=None)[0].astype(np.float64)
+
+
+def weakness(found: Floats) -> float:
+    """What a response (4, 3) is billed for velocities that are too small beside the commanded ones."""
+    return WEAKNESS_WEIGHT * float(np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0.0, None).sum())
 
 
 def undone(parameters: G, found: Floats) -> G:

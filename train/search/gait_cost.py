@@ -10,7 +10,7 @@ from evaluate.studies.strides import Strides, walked
 from policies.base import Floats
 from policies.gaits.parameters import NO_LIMITS, GaitParameters
 from policies.gaits.policy import Gaits
-from train.search.command_map import response
+from train.search.command_map import response, weakness
 
 TOP_SPEED = {"walk": 0.4}
 """Fastest forward command of the search, m/s, by gait; OTHER_TOP_SPEED for those not named."""
@@ -30,9 +30,6 @@ VELOCITY_SCALES = np.array([0.05, 0.05, 0.1])
 LARGEST_UNITS = 6.0
 """Most that one error of an episode is billed."""
 FALL_COST = 40.0
-WEAKEST_RESPONSE = 0.7
-"""Achieved per commanded velocity below which a candidate is billed; standing still must not pay."""
-WEAKNESS_WEIGHT = 10.0
 FEWEST = 8
 """Episodes without a fall that a response can be fitted to."""
 
@@ -85,5 +82,4 @@ def cost(strides: Strides, command: Floats) -> float:
     velocity = strides.heading_velocity.mean(axis=0)
     found = response(command[upright], velocity[upright])
     beside = np.abs(velocity[upright] - command[upright] @ found[:3] - found[3]).mean(axis=0)
-    weak = np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0.0, None).sum()
-    return total + float((beside / VELOCITY_SCALES).sum() + WEAKNESS_WEIGHT * weak)
+    return total + float((beside / VELOCITY_SCALES).sum() + weakness(found))

@@ -4,9 +4,10 @@ CMA-ES from the present parameters. A generation's candidates start in the same 
 and every generation gets new ones, all of the "search" family of seeds.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,45 +85,39 @@ def judge(candidates: list[RecoveryParameters], seeds: NDArray[np.int64]) -> Flo
     return costs
 
 
-def _is_time(name: str) -> bool:
-    return name.endswith(("_blend", "_time"))
+def _scale(name: str) -> tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]]:
+    """To the search's scale of a parameter, and back: times as logarithms, the turning speed by tens."""
+    if name.endswith(("_blend", "_time")):
+        return np.log, np.exp
+    factor = 10.0 if name == "caught" else 1.0
+    return (lambda values: values / factor), (lambda values: values * factor)
 
 
 def encoded(parameters: RecoveryParameters) -> Floats:
-    """The parameters as one vector: times as logarithms, the turning speed by tens."""
-    parts = []
-    for name, value in asdict(parameters).items():
-        values = np.atleast_1d(np.array(value, dtype=np.float64))
-        parts.append(np.log(values) if _is_time(name) else values / 10.0 if name == "caught" else values)
-    return np.concatenate(parts)
+    """The parameters as one vector, each on its scale of the search."""
+    return np.concatenate([_scale(name)[0](np.atleast_1d(value)) for name, value in asdict(parameters).items()])
 
 
 def decoded(vector: Floats) -> RecoveryParameters:
     """The parameters of a vector of `encoded`."""
-    values: dict[str, object] = {}
+    values: dict[str, Any] = {}
     place = 0
     for name, like in asdict(searched_parameters()).items():
         width = len(like) if isinstance(like, tuple) else 1
-        part = vector[place : place + width]
-        part = np.exp(part) if _is_time(name) else part * 10.0 if name == "caught" else part
-        rounded = tuple(round(float(value), 4) for value in part)
-        values[name] = rounded if width > 1 else rounded[0]
+        rounded = tuple(round(float(value), 4) for value in _scale(name)[1](vector[place : place + width]))
+        values[name] = rounded if isinstance(like, tuple) else rounded[0]
         place += width
-    return RecoveryParameters(**values)  # type: ignore[arg-type]
+    return RecoveryParameters(**values)
 
 
-def bounds() -> tuple[list[float], list[float]]:
+def bounds() -> tuple[Floats, Floats]:
     """Smallest and largest value of every entry of `encoded`."""
-    low, high = [], []
-    for name, like in asdict(searched_parameters()).items():
-        if isinstance(like, tuple):
-            low += [*SIMPLE_QUAD.joint_lower[:3]] * 2
-            high += [*SIMPLE_QUAD.joint_upper[:3]] * 2
-        elif _is_time(name):
-            low.append(float(np.log(TIMES[0])))
-            high.append(float(np.log(TIMES[1])))
-        else:
-            scale = 10.0 if name == "caught" else 1.0
-            low.append(THRESHOLDS[name][0] / scale)
-            high.append(THRESHOLDS[name][1] / scale)
+    legs = [np.tile(ends[:3], 2) for ends in (SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)]
+    ends = {
+        name: legs if isinstance(like, tuple) else THRESHOLDS.get(name, TIMES)
+        for name, like in asdict(searched_parameters()).items()
+    }
+    low, high = (
+        np.concatenate([_scale(name)[0](np.atleast_1d(both[end])) for name, both in ends.items()]) for end in (0, 1)
+    )
     return low, high

@@ -12,7 +12,7 @@ from evaluate.rollouts.rollout import run
 from policies.base import CONTROL_PERIOD, Actions, Floats, Policy
 from policies.trot.open_loop import Trot, TrotParameters
 from train.scenarios import practice
-from train.search.command_map import response, undone
+from train.search.command_map import response, undone, weakness
 from train.search.evolution import EpisodeEffort
 
 SCENARIO_WEIGHTS = {"flat": 0.5, "push": 0.25, "rough": 0.25}
@@ -20,9 +20,6 @@ ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_er
 """What counts as one unit of each error, m/s, m/s, rad/s, and of the share of joint readings above the rated speed.
 
 Without the last the search leaves the robot behind that the motors could move: it stamps at 5 Hz in a deep crouch."""
-WEAKEST_RESPONSE = 0.7
-"""Achieved per commanded velocity below which a candidate is billed; standing still must not pay."""
-WEAKNESS_WEIGHT = 10.0
 WEAKEST_MAPPED = 0.1
 """Achieved per commanded velocity below which a response is not undone: the map would ask for leaps."""
 MINIMUM_INTERVALS = 8
@@ -106,8 +103,7 @@ def judge(candidates: list[TrotParameters], seeds: NDArray[np.int64], steps: int
         interval_response(replace(flat, commands=flat.commands[r], mean_velocities=flat.mean_velocities[r]))
         for r in rows
     ]
-    weak = np.array([np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0, None).sum() for found in maps])
-    total = WEAKNESS_WEIGHT * weak
+    total = np.array([weakness(found) for found in maps])
     for name, weight in SCENARIO_WEIGHTS.items():
         target = np.concatenate([runs[name].command[:, r] @ m[:3] + m[3] for r, m in zip(rows, maps, strict=True)], 1)
         total += weight * cost(measure(replace(runs[name], command=target)), members)

@@ -17,7 +17,7 @@ from train.config import PpoConfig, TrainConfig
 from train.robots import make_robots, training_seeds
 from train.run import make_env
 from train.sb3.callbacks import CallbackState, Schedules
-from train.sb3.ppo import AdaptiveRate, LinearRate, actor_network, build
+from train.sb3.ppo import AdaptiveRate, actor_network, build, learning_rate
 from train.scenarios import practice
 
 SCALE = observation_table(SIMPLE_QUAD).scale
@@ -100,7 +100,7 @@ def test_a_bundle_of_a_run_acts_as_the_learner_does(tmp_path):
 
 
 def test_the_linear_rate_ends_at_zero():
-    rate = LinearRate(2e-3)
+    rate = learning_rate(PpoConfig(learning_rate=2e-3))
     assert [rate(1.0), rate(0.5), rate(0.0)] == [2e-3, 1e-3, 0.0]
 
 

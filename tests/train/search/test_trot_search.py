@@ -14,13 +14,12 @@ from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
 from train.search import trot as search_trot
-from train.search.command_map import undone
+from train.search.command_map import WEAKNESS_WEIGHT, undone
 from train.search.evolution import decode, encode
 from train.search.outcome import check
 from train.search.trot import Options
 from train.search.trot_cost import (
     ERROR_SCALES,
-    WEAKNESS_WEIGHT,
     Panel,
     cost,
     interval_response,
