@@ -8,17 +8,14 @@ action = policy.act(observation)  # (n, k) -> (n, 12) rad
 from collections.abc import Callable
 from pathlib import Path
 
-from policies.article import Document, DocumentRepaired
-from policies.base import CONTROL_PERIOD, GaitedPolicy, Policy, PolicyError
+from policies.base import CONTROL_PERIOD, Policy, PolicyError
 from policies.bases import BASES
 from policies.behaviour import Behaviour
 from policies.bundle import load
-from policies.gaits.policy import Gaits
 from policies.residual import ResidualPolicy
 from policies.safety import Safe, SafetyLimits
 from policies.stand import Stand
-from policies.trot.feedback import TrotFeedback
-from policies.trot.open_loop import Trot, TrotParameters
+from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -99,18 +96,12 @@ def resolve(
 
 __all__ = [
     "Behaviour",
-    "Document",
-    "DocumentRepaired",
-    "GaitedPolicy",
-    "Gaits",
     "Policy",
     "PolicyError",
     "ResidualPolicy",
     "Safe",
     "Stand",
     "Trot",
-    "TrotFeedback",
-    "TrotParameters",
     "load",
     "make",
     "names",

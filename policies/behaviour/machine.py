@@ -1,12 +1,13 @@
 """The state machine: which behaviour each of n robots is in, by the transition table and nothing else."""
 
+from collections import deque
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Mask, chosen
-from policies.behaviour.event_log import Ring
 from policies.behaviour.guards import conditions
 from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, valid_requests
 from quad_env.robots.robot import Robot
@@ -14,8 +15,6 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LOG_CAPACITY = 4096
 """Entries of each log; older ones are dropped."""
-STARTED = len(TRANSITIONS)
-"""Number that stands in the log for a (re)start."""
 
 _SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
 for _number, _row in enumerate(TRANSITIONS):
@@ -79,11 +78,13 @@ class BehaviourMachine:
         """Control steps that each robot has been in its state, (n,)."""
         self._changed = np.ones(num_envs, np.bool_)
         self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
-        self._log, self._refusals = Ring(5, self._capacity), Ring(4, self._capacity)
+        self._log, self._refusals = deque[Change](maxlen=self._capacity), deque[Refusal](maxlen=self._capacity)
 
     def restart(self, mask: Mask) -> None:
         """Start those robots anew; logged."""
-        self._log.write(self.step, np.flatnonzero(mask), self._state[mask], self._start, STARTED)
+        for robot in np.flatnonzero(mask)[-self._capacity :]:
+            source = State(self._state[robot])
+            self._log.append(Change(self.step, int(robot), source, self._start, "started anew"))
         self._enter(mask, self._start)
         for holds in self._conditions.values():
             holds[mask] = False
@@ -110,10 +111,12 @@ class BehaviourMachine:
         rows = self._rows(name, asked)
         refused: Mask = asked & (rows < 0)
         if refused.any():
-            self._refusals.write(self.step, np.flatnonzero(refused), self._state[refused], REQUESTS.index(name))
+            robots = np.flatnonzero(refused)
+            for robot in robots[-self._capacity :]:
+                state = State(self._state[robot])
+                self._refusals.append(Refusal(self.step, int(robot), state, name, refusal_reason(state, name)))
             if mask is None:
-                robot = int(np.flatnonzero(refused)[0])
-                raise RequestRefused(f"robot {robot}: {refusal_reason(State(self._state[robot]), name)}")
+                raise RequestRefused(f"robot {robots[0]}: {refusal_reason(State(self._state[robots[0]]), name)}")
         self._apply(rows)
         return refused
 
@@ -126,15 +129,11 @@ class BehaviourMachine:
 
     def changes(self) -> list[Change]:
         """The latest transitions, oldest first."""
-        reasons = (*(row.reason for row in TRANSITIONS), "started anew")
-        return [Change(step, robot, State(a), State(b), reasons[row]) for step, robot, a, b, row in self._log.read()]
+        return list(self._log)
 
     def refusals(self) -> list[Refusal]:
         """The latest refused requests, oldest first."""
-        return [
-            Refusal(step, robot, State(state), REQUESTS[name], refusal_reason(State(state), REQUESTS[name]))
-            for step, robot, state, name in self._refusals.read()
-        ]
+        return list(self._refusals)
 
     def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
         """Number of the row that each robot asked takes, (n,); -1 for none."""
@@ -152,10 +151,10 @@ class BehaviourMachine:
         moving = rows >= 0
         if not moving.any():
             return
-        numbers = rows[moving]
-        targets = _TARGET[numbers]
-        self._log.write(self.step, np.flatnonzero(moving), self._state[moving], targets, numbers)
-        self._enter(moving, targets)
+        for robot in np.flatnonzero(moving)[-self._capacity :]:
+            row = TRANSITIONS[rows[robot]]
+            self._log.append(Change(self.step, int(robot), State(self._state[robot]), row.target, row.reason))
+        self._enter(moving, _TARGET[rows[moving]])
 
     def _enter(self, mask: Mask, targets: NDArray[np.int8] | State) -> None:
         self._state[mask] = targets
@@ -166,6 +165,7 @@ class BehaviourMachine:
 _TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
 
 
+@cache
 def refusal_reason(state: State, request: str) -> str:
     """Why the request is refused in that state, with what may be asked instead."""
     guards = [row.guard for row in TRANSITIONS if row.request == request and state in row.sources]

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
-from policies.behaviour.event_log import Ring
 from policies.behaviour.motion import Damp, Motion
 from policies.safety.brace import Brace
 from policies.safety.fall_prediction import fitted_threshold, next_recent, next_reference, velocity_deviation
@@ -33,18 +32,15 @@ class Mode(IntEnum):
     """Joints damped: too far over, or stopped at once by request."""
 
 
-REASONS = (
-    "policy raised an exception",
-    "policy returned targets of a wrong shape or type",
-    "policy returned non-finite targets",
-    "fall predicted",
-    "at rest again",
-    "emergency stop requested",
-    "command timed out",
-    "too far over",
-    "started anew",
-)
-RAISED, MISSHAPEN, NOT_FINITE, PREDICTED, RESTED, REQUESTED, STALE, TOO_FAR_OVER, STARTED = range(len(REASONS))
+RAISED = "policy raised an exception"
+MISSHAPEN = "policy returned targets of a wrong shape or type"
+NOT_FINITE = "policy returned non-finite targets"
+PREDICTED = "fall predicted"
+RESTED = "at rest again"
+REQUESTED = "emergency stop requested"
+STALE = "command timed out"
+TOO_FAR_OVER = "too far over"
+STARTED = "started anew"
 
 TOO_FAR = np.deg2rad(65.0)
 """Tilt past which no fall is caught and no stop is under control any more: 5° before the fall rule, `FallRule.tilt`."""
@@ -109,7 +105,7 @@ class Safe(Policy):
 
     def events(self) -> list[Event]:
         """The latest changes of mode and time-outs, oldest first."""
-        return [Event(step, robot, Mode(mode), REASONS[reason]) for step, robot, mode, reason in self._log.read()]
+        return list(self._log)
 
     def failures(self) -> list[str]:
         """The latest exceptions of the policy in words, oldest first."""
@@ -136,7 +132,7 @@ class Safe(Policy):
         self._entered = np.zeros(num_envs, np.bool_)
         self._targets, self._silence = np.tile(self.robot.home_pose, (num_envs, 1)), np.zeros(num_envs, np.int64)
         self._reference, self._recent = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
-        self._log, self._failures = Ring(4, LOG_CAPACITY), deque[str](maxlen=64)
+        self._log, self._failures = deque[Event](maxlen=LOG_CAPACITY), deque[str](maxlen=64)
         self._brace.reset(num_envs)
         for motion in self._motions.values():
             motion.reset(num_envs)
@@ -231,15 +227,16 @@ class Safe(Policy):
         self._silence += 1
         stale = self._silence > self._timeout
         new = self._silence == np.floor(self._timeout) + 1
-        if new.any():
-            self._log.write(self._step, np.flatnonzero(new), self._mode[new], STALE)
+        self._note(new, STALE)
         observation = observation.copy()
         observation[stale, OBSERVATION["command"]] = 0.0
         return observation
 
-    def _enter(self, mask: Mask, mode: Mode, reason: int) -> None:
-        if not mask.any():
-            return
-        self._log.write(self._step, np.flatnonzero(mask), int(mode), reason)
+    def _enter(self, mask: Mask, mode: Mode, reason: str) -> None:
         self._mode[mask] = mode
         self._entered |= mask
+        self._note(mask, reason)
+
+    def _note(self, mask: Mask, reason: str) -> None:
+        for robot in np.flatnonzero(mask)[-LOG_CAPACITY:]:
+            self._log.append(Event(self._step, int(robot), Mode(self._mode[robot]), reason))

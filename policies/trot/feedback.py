@@ -72,12 +72,13 @@ class TrotFeedback(GaitedPolicy):
         self._acceleration = np.array([[p.linear_acceleration], [p.linear_acceleration], [p.yaw_acceleration]])
         self._integral = np.array([[p.integral_gain], [p.integral_gain], [p.yaw_integral_gain]])
         self.ground = GroundSense(robot, control_period, p.plane_filter)
-        ahead, aside = self._neutral[0][:, 0], self._neutral[1][:, 0]
-        robots = dict.fromkeys(("error_x", "error_y", "brace", "hold", "disturbed"), 0.0)
-        legs = dict.fromkeys(("swinging", "speed_x", "speed_y", "lift"), np.zeros(4))
-        feet = {"foot_x": ahead, "foot_y": aside, "start_x": ahead, "start_y": aside}
-        velocities = {"reference": np.zeros(3), "followed": np.zeros(2), "correction": np.zeros(3)}
-        self._memory = Memory(**robots, **legs, **feet, **velocities)
+        robots = dict.fromkeys(("brace", "hold", "disturbed"), 0.0)
+        legs = dict.fromkeys(("swinging", "lift"), np.zeros(4))
+        feet = np.stack(self._neutral)[..., 0]
+        places = {"feet": feet, "start": feet, "speed": np.zeros_like(feet)}
+        velocities = dict.fromkeys(("reference", "correction"), np.zeros(3))
+        planar = dict.fromkeys(("followed", "error"), np.zeros(2))
+        self._memory = Memory(**robots, **legs, **places, **velocities, **planar)
         super().__init__(robot=robot, control_period=control_period)
 
     def _allocate(self, num_envs: int) -> None:
@@ -172,9 +173,8 @@ class TrotFeedback(GaitedPolicy):
         """Where the swinging feet are to land, by velocity errors smoothed over the sway of a stride."""
         p, memory = self.parameters, self._memory
         share = self.control_period / (self.control_period + p.velocity_filter)
-        memory["error_x"] = memory["error_x"] + share * (errors[0] - memory["error_x"])
-        memory["error_y"] = memory["error_y"] + share * (errors[1] - memory["error_y"])
-        error_x, error_y = memory["error_x"], memory["error_y"]
+        memory["error"] = memory["error"] + share * (np.stack(errors[:2]) - memory["error"])
+        error_x, error_y = memory["error"]
         stance_time = p.neutral_share * p.duty / p.frequency
         gains = (p.raibert_gain, p.raibert_lateral, p.yaw_step)
         x, y = raibert(neutral, gait, stance_time, (error_x, error_y, errors[2]), gains)
@@ -185,34 +185,24 @@ class TrotFeedback(GaitedPolicy):
         """Move the planned feet: the standing ones with the ground, the swinging ones towards their footholds."""
         p, memory = self.parameters, self._memory
         neutral = self._uphill(_under(frame, self._neutral))
-        foothold = self._footholds(neutral, gait, errors)
-        x, y = memory["foot_x"], memory["foot_y"]
+        foothold = np.stack(self._footholds(neutral, gait, errors))
+        feet, error = memory["feet"], np.stack(errors[:2])[:, None]
         lifted = cycle.swing & (memory["swinging"] == 0.0)
         memory["swinging"] = cycle.swing.astype(np.float64)
-        memory["start_x"] = np.where(lifted, x, memory["start_x"])
-        memory["start_y"] = np.where(lifted, y, memory["start_y"])
-        drift_x, drift_y = passing(x, y, gait)
-        stood = within_reach(
-            x + self.control_period * (drift_x - p.stance_yield * errors[0]),
-            y + self.control_period * (drift_y - p.stance_yield * errors[1]),
-            neutral,
-        )
+        memory["start"] = np.where(lifted, feet, memory["start"])
+        drift = np.stack(passing(feet[0], feet[1], gait))
+        stood_x, stood_y = feet + self.control_period * (drift - p.stance_yield * error)
+        stood = within_reach(stood_x, stood_y, neutral)
         swing_time = (1.0 - p.duty) / p.frequency
-        new_x = np.where(
-            cycle.swing, swung(memory["start_x"], foothold[0], drift_x * swing_time, cycle.progress), stood[0]
-        )
-        new_y = np.where(
-            cycle.swing, swung(memory["start_y"], foothold[1], drift_y * swing_time, cycle.progress), stood[1]
-        )
+        planned = np.where(cycle.swing, swung(memory["start"], foothold, drift * swing_time, cycle.progress), stood)
         wide_x, wide_y = (
             wide + memory["hold"] * (held - wide) for wide, held in zip(self._wide, self._hold, strict=True)
         )
-        wide_x, wide_y = self._uphill(_under(frame, (wide_x, wide_y)))
-        wide_x = wide_x + np.clip(p.brace_lead * errors[0], -LARGEST_LEAD, LARGEST_LEAD)
-        wide_y = wide_y + np.clip(p.brace_lead * errors[1], -LARGEST_LEAD, LARGEST_LEAD)
-        new_x, new_y = new_x + brace * (wide_x - new_x), new_y + brace * (wide_y - new_y)
-        memory["speed_x"], memory["speed_y"] = (new_x - x) / self.control_period, (new_y - y) / self.control_period
-        memory["foot_x"], memory["foot_y"] = new_x, new_y
+        wide = np.stack(self._uphill(_under(frame, (wide_x, wide_y))))
+        wide = wide + np.clip(p.brace_lead * error, -LARGEST_LEAD, LARGEST_LEAD)
+        planned = planned + brace * (wide - planned)
+        memory["speed"] = (planned - feet) / self.control_period
+        memory["feet"] = planned
 
     def _uphill(self, places: Planar) -> Planar:
         """Level-frame points (4, n) shifted against the fall of the ground."""
@@ -223,7 +213,7 @@ class TrotFeedback(GaitedPolicy):
     def _foot_targets(self, senses: Senses, cycle: LegCycle, errors: Vector, brace: Floats) -> Vector:
         """Feet in the base frame, m: the plan, the lead of the servos, and the standing legs' push against errors."""
         p, memory, ground = self.parameters, self._memory, self.ground
-        x, y = memory["foot_x"], memory["foot_y"]
+        x, y = memory["feet"]
         weight = np.maximum(load(cycle), brace)
         low = p.brace_height + memory["hold"] * (p.hold_height - p.brace_height)
         tall = p.body_height + brace * (low - p.body_height)
@@ -234,7 +224,7 @@ class TrotFeedback(GaitedPolicy):
         memory["lift"] = lifted
         shortening = p.terrain_compliance * ground.unevenness - lengthening
         z = ground.slope[0] * x + ground.slope[1] * y - tall + weight * shortening
-        x, y = x + p.servo_lead * memory["speed_x"], y + p.servo_lead * memory["speed_y"]
+        x, y = memory["feet"] + p.servo_lead * memory["speed"]
         # Standing feet are pushed along with the error, so that the trunk is pushed against it.
         # Harder than up to the error that a step is to catch, they would kick it off the ground.
         push = weight * (1.0 - brace)

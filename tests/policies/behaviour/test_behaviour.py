@@ -10,7 +10,6 @@ import policies
 from policies.base import CONTROL_PERIOD
 from policies.behaviour import REQUESTS, TRANSITIONS, Behaviour, BehaviourMachine, RequestRefused, State
 from policies.behaviour import diagram as behaviour_diagram
-from policies.behaviour.event_log import Ring
 from policies.behaviour.guards import conditions, leg_height
 from policies.behaviour.machine import refusal_reason
 from policies.behaviour.transitions import GUARDS, TIME_LIMIT, valid_requests
@@ -229,14 +228,14 @@ def test_logs_are_bounded_and_keep_the_latest():
     assert machine.changes()[-1].target == State.STAND
 
 
-def test_ring_keeps_order_over_its_end_and_takes_more_than_it_holds():
-    ring = Ring(2, 4)
-    ring.write([1, 2, 3], 7)
-    ring.write([4, 5, 6], 8)
-    assert ring.read().tolist() == [[3, 7], [4, 8], [5, 8], [6, 8]]
-    ring.write(np.arange(9), 0)
-    assert ring.read()[:, 0].tolist() == [5, 6, 7, 8]
-    assert ring.total == 15
+def test_a_log_holds_the_latest_of_more_robots_than_it_has_room_for():
+    machine = BehaviourMachine(9, start=State.STAND, capacity=4)
+    machine.request("walk")
+    assert [change.robot for change in machine.changes()] == [5, 6, 7, 8]
+    machine.restart(np.arange(9) < 2)
+    assert [change.robot for change in machine.changes()] == [7, 8, 0, 1]
+    machine.request("passive", np.ones(9, bool))
+    assert [refusal.robot for refusal in machine.refusals()] == [5, 6, 7, 8]
 
 
 def test_leg_height_of_the_home_pose_is_that_of_the_robot():
