@@ -8,10 +8,11 @@ from evaluate.terminal import launcher
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from evaluate.commands.options import PROGRAM as NAME
-from evaluate.commands.options import Options, asks_to_resume
+from evaluate.commands.options import Options
 from evaluate.terminal.command_line import parse
 from evaluate.terminal.program import Command, Program
 
@@ -46,16 +47,11 @@ def compare(words: list[str]) -> int:
 
 def _plan(words: list[str]) -> "Plan":
     """What the words ask for; the defaults of --resume are the options of the run."""
-    default = None
-    if folder := asks_to_resume(words):
-        from evaluate.commands.plan import begun_with
+    read = partial(parse, Options, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
+    options = read()
+    from evaluate.commands.plan import begun_with, check  # after --help, which is to be quick
 
-        default = begun_with(folder)
-    description = f"{__doc__}{PROGRAM.listing()}"
-    options = parse(Options, words, program=NAME, description=description, default=default)
-    from evaluate.commands.plan import check  # after --help, which is to be quick
-
-    return check(options)
+    return check(read(default=begun_with(options.out)) if options.resume else options)
 
 
 PROGRAM = Program(NAME, COMMANDS, compare)

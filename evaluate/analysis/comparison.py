@@ -90,32 +90,24 @@ def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
     """Every metric of two cells with the same episodes."""
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
-    fell_a, fell_b = a.measures.fell, b.measures.fell
-    only_a, only_b = int((fell_a & ~fell_b).sum()), int((fell_b & ~fell_a).sum())
-    falls = fell_a.astype(np.float64), fell_b.astype(np.float64)
-    interval = share_difference_interval(only_a, only_b, a.episodes)
-    yield _comparison(a, b, FALL_RATE, *falls, interval, mcnemar(fell_a, fell_b), "exact McNemar")
-    for metric in ERRORS:
-        values_a, values_b = getattr(a.measures, metric), getattr(b.measures, metric)
-        interval = difference_interval(values_a - values_b)
-        p_value = sign_flip_test(values_a - values_b)
-        yield _comparison(a, b, metric, values_a, values_b, interval, p_value, "paired sign-flip permutation")
+    for metric in METRICS:
+        x, y = by_episode(a, metric), by_episode(b, metric)
+        difference, ci, p_value, test = paired_difference(metric, x, y)
+        improved = improvement_by_episode(y, x)
+        names = a.scenario.name, a.policy, b.policy, metric
+        yield Comparison(*names, difference, ci, p_value, test, *improved, p_value_holm=p_value)
 
 
-def _comparison(
-    a: Cell, b: Cell, metric: str, values_a: Floats, values_b: Floats, ci: Interval, p_value: float, test: str
-) -> Comparison:
-    improvement, improvement_ci = improvement_by_episode(values_b, values_a)
-    return Comparison(
-        scenario=a.scenario.name,
-        a=a.policy,
-        b=b.policy,
-        metric=metric,
-        difference=float((values_a - values_b).mean()),
-        ci=ci,
-        p_value=p_value,
-        test=test,
-        improvement=improvement,
-        improvement_ci=improvement_ci,
-        p_value_holm=p_value,
-    )
+def by_episode(cell: Cell, metric: str) -> Floats:
+    """A metric of each episode, (n,); of the fall rate, 1 or 0."""
+    values: Floats = getattr(cell.measures, "fell" if metric == FALL_RATE else metric).astype(np.float64)
+    return values
+
+
+def paired_difference(metric: str, a: Floats, b: Floats) -> tuple[float, Interval, float, str]:
+    """Mean of a − b over the same episodes, (n,) each, its 95 % interval, its p-value and the name of the test."""
+    difference = float((a - b).mean())
+    if metric == FALL_RATE:
+        only_a, only_b = int((a > b).sum()), int((a < b).sum())
+        return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), "exact McNemar"
+    return difference, difference_interval(a - b), sign_flip_test(a - b), "paired sign-flip permutation"

@@ -17,11 +17,7 @@ MANY = 4
 """Axes of no shown difference that are counted instead of named, if others are named."""
 PHRASES = {
     FALL_RATE: {BETTER: "fewer falls", WORSE: "more falls", UNSHOWN: "no difference in falls shown"},
-    BREAKING_POINT: {
-        BETTER: "breaks later",
-        WORSE: "breaks earlier",
-        UNSHOWN: "no difference in breaking point shown",
-    },
+    BREAKING_POINT: {BETTER: "breaks later", WORSE: "breaks earlier", UNSHOWN: "no difference in breaking point shown"},
     VELOCITY_ERROR: {
         BETTER: "smaller velocity error",
         WORSE: "larger velocity error",

@@ -7,7 +7,6 @@ from evaluate.analysis.comparison import FALL_RATE, Comparison
 from evaluate.analysis.gates import Gate, Rule, check, places
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
-from evaluate.statistics.intervals import Interval
 from evaluate.terminal.format import number, p_value, percent
 
 
@@ -17,7 +16,6 @@ class Verdict:
 
     gate: str
     """The rule in the user's words."""
-    policy: str
     scenario: str
     passed: bool
     reason: str
@@ -28,7 +26,7 @@ def judge(gates: Sequence[Gate], results: Results) -> list[Verdict]:
     axes = {cell.scenario.name: cell.scenario.axis for cell in results.cells}
     scenarios = [(name, axes[name]) for name in results.scenarios]
     check(gates, results.policies, scenarios)
-    rules = dict.fromkeys(rule for gate in gates for rule in gate.rules)
+    rules = dict.fromkeys(rule for gate in gates for rule in gate)
     return [_judge(rule, scenario, results) for rule in rules for scenario in _judged_on(rule, scenarios, results)]
 
 
@@ -57,22 +55,19 @@ def _missing(rule: Rule, scenario: str, results: Results) -> list[str]:
 
 def _judge(rule: Rule, scenario: str, results: Results) -> Verdict:
     if missing := _missing(rule, scenario, results):
-        return Verdict(rule.text, rule.policy, scenario, False, f"{' and '.join(missing)} did not run on {scenario}")
+        return Verdict(rule.text, scenario, False, f"{' and '.join(missing)} did not run on {scenario}")
     summary = results.summaries[scenario, rule.policy]
     if isinstance(rule.bound, float):
-        return Verdict(rule.text, rule.policy, scenario, *_against_number(rule, summary, rule.bound))
+        return Verdict(rule.text, scenario, *_against_number(rule, summary, rule.bound))
     of_metric = (c for c in results.comparisons if (c.scenario, c.metric) == (scenario, rule.metric))
     comparison = next(c for c in of_metric if {c.a, c.b} == {rule.policy, rule.bound})
     other = results.summaries[scenario, rule.bound]
-    return Verdict(rule.text, rule.policy, scenario, *_against_policy(rule, summary, other, comparison))
+    return Verdict(rule.text, scenario, *_against_policy(rule, summary, other, comparison))
 
 
 def _against_number(rule: Rule, summary: Summary, bound: float) -> tuple[bool, str]:
     value = float(getattr(summary, rule.metric))
-    intervals: dict[str, Interval] = {
-        name: end for name, end in vars(summary).items() if isinstance(end, tuple) and len(end) == 2
-    }
-    low, high = intervals.get(f"{rule.metric}_ci", (value, value)) if rule.strictly else (value, value)
+    low, high = getattr(summary, f"{rule.metric}_ci", (value, value)) if rule.strictly else (value, value)
     deciding = high if rule.relation.startswith("<") else low
     end = f", deciding end of its interval {_figure(rule, deciding)}" if deciding != value else ""
     return _holds(deciding, rule.relation, bound), f"{_figure(rule, value)}{end}; bound {_figure(rule, bound)}"

@@ -10,7 +10,7 @@ stands for DEFAULT.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import get_type_hints
 
@@ -34,8 +34,8 @@ class Rule:
 
     text: str
     policy: str
-    measure: str
-    """`falls`, or a field of Summary."""
+    metric: str
+    """A field of Summary."""
     relation: str
     bound: float | str
     """A number, or the policy to compare with."""
@@ -43,18 +43,9 @@ class Rule:
     """Scenarios, or an axis with `:all`; empty for every scenario."""
     strictly: bool
 
-    @property
-    def metric(self) -> str:
-        """The measure's field of Summary."""
-        return FALL_RATE if self.measure == FALLS else self.measure
 
-
-@dataclass(frozen=True)
-class Gate:
-    """What the user wrote, and the rules that it stands for."""
-
-    text: str
-    rules: tuple[Rule, ...]
+Gate = tuple[Rule, ...]
+"""The rules that what the user wrote stands for."""
 
 
 def measures() -> tuple[str, ...]:
@@ -67,13 +58,13 @@ def measures() -> tuple[str, ...]:
 def parse(text: str) -> Gate:
     """The gate of a sentence; ValueError, in one line, says what is valid instead."""
     if text.strip() == "default":
-        return Gate("default", tuple(map(_rule, DEFAULT)))
-    return Gate(text, (_rule(text),))
+        return tuple(map(_rule, DEFAULT))
+    return (_rule(text),)
 
 
 def check(gates: Sequence[Gate], policies: Sequence[str], scenarios: Sequence[tuple[str, str]]) -> None:
     """ValueError where a gate names a policy or scenario that is not among those; a scenario is (name, axis)."""
-    for rule in (rule for gate in gates for rule in gate.rules):
+    for rule in (rule for gate in gates for rule in gate):
         for policy in (rule.policy, rule.bound):
             if isinstance(policy, str) and policy not in policies:
                 raise ValueError(f"gate '{rule.text}': {policy} is not among the policies {', '.join(policies)}")
@@ -87,11 +78,7 @@ def check(gates: Sequence[Gate], policies: Sequence[str], scenarios: Sequence[tu
 
 def places(wanted: Sequence[str], scenarios: Sequence[tuple[str, str]]) -> list[str]:
     """Names of the scenarios, given as (name, axis), that a rule holds on; all of them where it names none."""
-    return [name for name, axis in scenarios if not wanted or any(_meets(place, name, axis) for place in wanted)]
-
-
-def _meets(place: str, name: str, axis: str) -> bool:
-    return place == name or (place.endswith(ALL_LEVELS) and place.removesuffix(ALL_LEVELS) == axis)
+    return [name for name, axis in scenarios if not wanted or {name, f"{axis}{ALL_LEVELS}"} & set(wanted)]
 
 
 def _rule(text: str) -> Rule:
@@ -104,7 +91,9 @@ def _rule(text: str) -> Rule:
     if measure not in measures():
         raise ValueError(f"gate '{text}': unknown measure {measure}; valid: {', '.join(measures())}")
     bound = _bound(text, measure, right, bool(percent))
-    return Rule(text, policy, measure, relation, bound, tuple(_names(on or "")), bool(strictly))
+    named = tuple(name for name in re.split(r"[,\s]+", on or "") if name not in ("", "and"))
+    metric = FALL_RATE if measure == FALLS else measure
+    return Rule(text, policy, metric, relation, bound, named, bool(strictly))
 
 
 def _bound(text: str, measure: str, right: str, percent: bool) -> float | str:
@@ -121,7 +110,3 @@ def _bound(text: str, measure: str, right: str, percent: bool) -> float | str:
     if number != number or (measure == FALLS and not percent and number > 1.0):
         raise ValueError(f"gate '{text}': {right} is no share of episodes; write 0.05 or 5 %")
     return number / 100.0 if percent else number
-
-
-def _names(text: str) -> Iterator[str]:
-    return (name for name in re.split(r"[,\s]+", text) if name not in ("", "and"))

@@ -6,17 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE
-from evaluate.statistics.intervals import (
-    Bools,
-    Floats,
-    Interval,
-    difference_interval,
-    newcombe_interval,
-    share_difference_interval,
-    two_sample_interval,
-)
-from evaluate.statistics.significance import fall_rates_test, mcnemar, relabelling_test, sign_flip_test
+from evaluate.analysis.comparison import FALL_RATE, METRICS, paired_difference
+from evaluate.statistics.intervals import Bools, Floats, Interval, newcombe_interval, two_sample_interval
+from evaluate.statistics.significance import fall_rates_test, relabelling_test
 
 
 @dataclass(frozen=True)
@@ -45,23 +37,18 @@ class MetricDifference:
 
 def compare_samples(a: Sample, b: Sample, *, paired: bool) -> Iterator[MetricDifference]:
     """Falls, and every error that both have."""
-    shares = float(a.fell.mean()), float(b.fell.mean())
-    interval = _paired_shares(a.fell, b.fell) if paired else newcombe_interval(a.fell, b.fell)
-    test, p_value = ("exact McNemar", mcnemar) if paired else ("Barnard", fall_rates_test)
-    yield MetricDifference(FALL_RATE, *shares, shares[1] - shares[0], interval, p_value(a.fell, b.fell), test)
-    for metric in ERRORS:
-        if metric in a.errors and metric in b.errors:
-            yield _of_means(metric, a.errors[metric], b.errors[metric], paired=paired)
+    values_a, values_b = ({FALL_RATE: each.fell.astype(np.float64)} | each.errors for each in (a, b))
+    for metric in METRICS:
+        if metric in values_a and metric in values_b:
+            yield _compare(metric, values_a[metric], values_b[metric], paired=paired)
 
 
-def _of_means(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDifference:
-    means = float(a.mean()), float(b.mean())
+def _compare(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDifference:
+    mean_a, mean_b = float(a.mean()), float(b.mean())
     if paired:
-        interval, p_value, test = difference_interval(b - a), sign_flip_test(b - a), "paired sign-flip permutation"
-        return MetricDifference(metric, *means, float((b - a).mean()), interval, p_value, test)
-    p_value = relabelling_test(b, a)
-    return MetricDifference(metric, *means, means[1] - means[0], two_sample_interval(a, b), p_value, "permutation")
-
-
-def _paired_shares(a: Bools, b: Bools) -> Interval:
-    return share_difference_interval(int((b & ~a).sum()), int((a & ~b).sum()), len(a))
+        return MetricDifference(metric, mean_a, mean_b, *paired_difference(metric, b, a))
+    if metric == FALL_RATE:
+        found = newcombe_interval(a > 0, b > 0), fall_rates_test(a > 0, b > 0), "Barnard"
+    else:
+        found = two_sample_interval(a, b), relabelling_test(b, a), "permutation"
+    return MetricDifference(metric, mean_a, mean_b, mean_b - mean_a, *found)

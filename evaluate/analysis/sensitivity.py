@@ -9,11 +9,11 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from evaluate.analysis.comparison import SIGNIFICANT
+from evaluate.analysis.comparison import FALL_RATE, SIGNIFICANT, by_episode, paired_difference
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.intervals import Interval, difference_interval, share_difference_interval
-from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
+from evaluate.statistics.intervals import Interval
+from evaluate.statistics.significance import holm
 from evaluate.terminal.format import NO_BREAK, signed
 from quad_env.scenarios.axes import AXES, Axis
 from quad_env.scenarios.named import SCENARIOS, Scenario
@@ -100,9 +100,10 @@ def _sensitivity(cell: Cell, undisturbed: Cell) -> Sensitivity:
         raise ValueError(
             f"{cell.scenario.name} and {undisturbed.scenario.name} ran different episodes: nothing to pair"
         )
-    fell, fell_undisturbed = cell.measures.fell, undisturbed.measures.fell
-    more, less = int((fell & ~fell_undisturbed).sum()), int((fell_undisturbed & ~fell).sum())
-    differences = cell.measures.velocity_error - undisturbed.measures.velocity_error
+    falls, error = (
+        paired_difference(metric, by_episode(cell, metric), by_episode(undisturbed, metric))
+        for metric in (FALL_RATE, "velocity_error")
+    )
     return Sensitivity(
         axis=cell.scenario.axis,
         scenario=cell.scenario.name,
@@ -110,13 +111,13 @@ def _sensitivity(cell: Cell, undisturbed: Cell) -> Sensitivity:
         unit=cell.scenario.severity_unit,
         policy=cell.policy,
         felt=not _same(cell, undisturbed),
-        undisturbed_fall_rate=float(fell_undisturbed.mean()),
-        falls=(more - less) / cell.episodes,
-        falls_ci=share_difference_interval(more, less, cell.episodes),
-        falls_p_value=mcnemar(fell, fell_undisturbed),
-        velocity_error=float(differences.mean()),
-        velocity_error_ci=difference_interval(differences),
-        velocity_error_p_value=sign_flip_test(differences),
+        undisturbed_fall_rate=float(undisturbed.measures.fell.mean()),
+        falls=falls[0],
+        falls_ci=falls[1],
+        falls_p_value=falls[2],
+        velocity_error=error[0],
+        velocity_error_ci=error[1],
+        velocity_error_p_value=error[2],
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.analysis.comparison import FALL_RATE, METRICS
+from evaluate.analysis.comparison import FALL_RATE, METRICS, by_episode
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import CONFIDENCE, Floats, Interval
 
@@ -91,11 +91,8 @@ def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
     if any(not np.array_equal(cell.seeds, cells[0].seeds) for cell in cells):
         raise ValueError(f"the training seeds of {run} ran different episodes on {cells[0].scenario.name}")
     for metric in METRICS:
-        mean, lowest, highest, deviation, (low, high) = spread_over_seeds(np.array([_value(c, metric) for c in cells]))
+        mean, lowest, highest, deviation, (low, high) = spread_over_seeds(
+            np.array([by_episode(c, metric).mean() for c in cells])
+        )
         ci = (max(low, 0.0), min(high, 1.0)) if metric == FALL_RATE and len(cells) > 1 else (low, high)
         yield SeedSpread(run, cells[0].scenario.name, metric, len(cells), mean, lowest, highest, deviation, ci)
-
-
-def _value(cell: Cell, metric: str) -> float:
-    """Value of one seed: its mean over the episodes."""
-    return float(np.mean(cell.measures.fell if metric == FALL_RATE else getattr(cell.measures, metric)))

@@ -41,28 +41,19 @@ def main(options: Options) -> int:
     if unknown := [name for name in options.axes if name not in AXES]:
         raise UsageError(f"there is no axis {', '.join(unknown)}; the axes are {', '.join(AXES)}")
     scenarios = tuple(f"{name}:all" for name in dict.fromkeys(options.axes or AXES))
-    asked = Comparison(
-        policies=options.policies,
-        scenarios=scenarios,
-        episodes=options.episodes,
-        seed=options.seed,
-        out=options.out,
-        resume=options.resume,
-        film=False,
-        threads=options.threads,
-    )
-    plan = check(asked)
+    others = {name: value for name, value in vars(options).items() if name != "axes"}
+    plan = check(Comparison(scenarios=scenarios, film=False, **others))
     from evaluate.commands.execution import execute
     from evaluate.commands.outputs import analysed
     from evaluate.records.store import read_run
-    from evaluate.report.plots.fall_curves import write_picture
+    from evaluate.report.plots.curves import write_falls
     from evaluate.report.table import print_falls
 
     if code := execute(plan, show=print_falls):
         return code
     picture = options.out / PICTURE
     try:
-        write_picture(analysed(read_run(options.out)), picture)
+        write_falls(analysed(read_run(options.out)), picture)
     except OSError as error:
         raise UsageError(f"cannot write {picture} ({error.strerror or error})") from error
     print(picture)

@@ -1,6 +1,5 @@
 """Options of `python -m evaluate`."""
 
-import argparse
 import os
 import shlex
 from collections.abc import Mapping
@@ -111,20 +110,6 @@ def command(chosen: Mapping[str, Any]) -> str:
             values = [] if value is True else value if isinstance(value, list) else [value]
             words += [f"--{name}", *map(str, values)]
     return shlex.join(words)
-
-
-def asks_to_resume(arguments: list[str]) -> Path | None:
-    """The folder whose run the arguments ask to carry on, if they do; the rest of them is not looked at."""
-    if "--help" in arguments or "-h" in arguments:
-        return None
-    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
-    scout.add_argument("--out", type=Path, default=Options.out)
-    scout.add_argument("--resume", action="store_true")
-    try:
-        found, _ = scout.parse_known_args(arguments)
-    except (argparse.ArgumentError, SystemExit):
-        return None  # the real parser, which reads the same words next, says what is wrong with them
-    return found.out if found.resume else None
 
 
 def _words(value: Any) -> str:

@@ -1,9 +1,8 @@
 """What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from evaluate.analysis import gates
 from evaluate.analysis.gates import Gate
@@ -39,7 +38,7 @@ def begun_with(folder: Path) -> Options:
         _check_unused(folder)
     if not (folder / manifests.NAME).is_file():
         raise UsageError(f"--resume: {folder} holds no run that was begun; leave --resume out to begin one")
-    return replace(Options(out=folder), **_restored(_manifest(folder)))
+    return _begun(folder)[1]
 
 
 def check(options: Options) -> Plan:
@@ -110,23 +109,18 @@ def _check_unused(out: Path) -> None:
 
 def _carried_on(now: Manifest, options: Options) -> Manifest:
     """The manifest that the run was begun with. Raises UsageError unless it can go on as if it had never stopped."""
-    then = _manifest(options.out)
-    if differing := changed(replace(options, **_restored(then)), options) or manifests.differences(then, now):
+    then, asked = _begun(options.out)
+    if differing := changed(asked, options) or manifests.differences(then, now):
         raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(differing)}")
     if now.fingerprint != then.fingerprint:
         raise UsageError(f"{options.out / manifests.NAME} has been changed by hand; leave --resume out to begin anew")
     return then
 
 
-def _manifest(folder: Path) -> Manifest:
+def _begun(folder: Path) -> tuple[Manifest, Options]:
+    """What the run in a folder was begun with. Raises UsageError."""
     try:
-        return manifests.read(folder)
-    except (OSError, UsageError) as error:
-        raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error
-
-
-def _restored(manifest: Manifest) -> Mapping[str, Any]:
-    try:
-        return restored(manifest.options)
-    except ValueError as error:
+        manifest = manifests.read(folder)
+        return manifest, replace(Options(out=folder), **restored(manifest.options))
+    except (OSError, UsageError, ValueError) as error:
         raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error

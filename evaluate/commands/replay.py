@@ -4,17 +4,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import numpy as np
 import tyro
+from rich.console import Console
+from rich.progress import Progress
 
+import policies
+from evaluate.records import manifest as manifests
+from evaluate.records.episode_table import table
+from evaluate.records.manifest import Manifest
+from evaluate.records.store import Run, read_run
+from evaluate.report import film
+from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, run_cell
 from evaluate.terminal.command_line import UsageError, make_folder_of
-
-if TYPE_CHECKING:
-    from evaluate.records.manifest import Manifest
-    from evaluate.records.store import Run
-    from evaluate.report.film import Progress
-    from evaluate.rollouts.experiment import Cell, LabelledPolicy
 
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""
@@ -40,7 +44,7 @@ class Options:
 class Found:
     """An episode of a cell."""
 
-    cell: "Cell"
+    cell: Cell
     number: int
 
     @property
@@ -51,14 +55,11 @@ class Found:
 
 def main(options: Options) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
-    from evaluate.records.store import read_run
-    from evaluate.report.film import check_kind
-
     run = read_run(options.results)
     found = find(run, options)
     policy = _policy(found.cell.policy, run.manifest)
     if options.video is not None:
-        check_kind(options.video)
+        film.check_kind(options.video)
         make_folder_of(options.video, "--video")
     differing = differences(run.manifest, found, policy)
     if not differing:
@@ -71,7 +72,7 @@ def main(options: Options) -> int:
     return DIFFERS if differing else 0
 
 
-def find(run: "Run", options: Options) -> Found:
+def find(run: Run, options: Options) -> Found:
     """The episode that the options mean. Raises UsageError."""
     cells = run.cells
     for name, wanted, names in (
@@ -95,7 +96,7 @@ def find(run: "Run", options: Options) -> Found:
     return Found(chosen[0], options.episode)
 
 
-def _row(cells: "tuple[Cell, ...]", row: int) -> Found:
+def _row(cells: tuple[Cell, ...], row: int) -> Found:
     """By the row of episodes.parquet, in which the cells follow each other."""
     left = row
     for cell in cells:
@@ -105,13 +106,8 @@ def _row(cells: "tuple[Cell, ...]", row: int) -> Found:
     raise UsageError(f"there are rows 0 to {sum(cell.episodes for cell in cells) - 1}, not {row}")
 
 
-def differences(manifest: "Manifest", found: Found, policy: "LabelledPolicy") -> list[str]:
+def differences(manifest: Manifest, found: Found, policy: LabelledPolicy) -> list[str]:
     """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
-    import numpy as np
-
-    from evaluate.records.episode_table import table
-    from evaluate.rollouts.experiment import Settings, run_cell
-
     seeds = found.cell.seeds[[found.number]]
     with _progress("simulating") as progress:
         settings = Settings(1, lambda _, __, share: progress(share), steps=manifest.steps, hardware=manifest.hardware)
@@ -123,29 +119,22 @@ def differences(manifest: "Manifest", found: Found, policy: "LabelledPolicy") ->
     return [f"{name}: {then[name]} then, {now[name]} now" for name in then if repr(then[name]) != repr(now[name])]
 
 
-def _causes(then: "Manifest", found: Found) -> list[str]:
+def _causes(then: Manifest, found: Found) -> list[str]:
     """What is known to be different now; of a policy that has not walked yet."""
-    from evaluate.records import manifest as manifests
-
     policies_now, scenarios = [_policy(found.cell.policy, then)], [found.cell.scenario]
     numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
     now = manifests.manifest(policies_now, scenarios, then.options, **numbers, hardware=then.hardware)
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
-def _policy(label: str, manifest: "Manifest") -> "LabelledPolicy":
-    import policies
-    from evaluate.rollouts.experiment import LabelledPolicy
-
+def _policy(label: str, manifest: Manifest) -> LabelledPolicy:
     try:
         return LabelledPolicy(label, manifest.hardware.policy(label))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
 
 
-def _film(video: Path, manifest: "Manifest", found: Found, policy: "LabelledPolicy") -> None:
-    from evaluate.report import film
-
+def _film(video: Path, manifest: Manifest, found: Found, policy: LabelledPolicy) -> None:
     take = film.Take(
         policy.policy,
         found.cell.scenario,
@@ -163,11 +152,8 @@ def _film(video: Path, manifest: "Manifest", found: Found, policy: "LabelledPoli
 
 
 @contextmanager
-def _progress(what: str) -> "Iterator[Progress]":
+def _progress(what: str) -> Iterator[film.Progress]:
     """A bar on a terminal, nothing elsewhere."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(what, total=1.0)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Recorded = NDArray[np.float32]
 Numbers = NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
 Entry = TypeVar("Entry", bound=np.generic)
 

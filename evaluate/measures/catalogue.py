@@ -1,9 +1,4 @@
-"""The table of measures: what each means, in which unit and frame, by which formula; headings are taken from here.
-
-Formulas: e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the joints; dt: control
-step; <x>: mean over the judged steps, those after the first second; [x]: share in which x holds. "While upright" means:
-of the steps and pushes before a fall alone, which can flatter a robot that falls; nothing else improves by falling.
-"""
+"""The table of measures: what each means, in which unit and frame, by which formula; headings are taken from here."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -32,6 +27,12 @@ class Measure:
     scope: Scope
 
 
+KEY = (
+    "e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the joints; dt: control step; "
+    "<x>: mean over the judged steps, those after the first second; [x]: share in which x holds. While upright: of the "
+    "steps and pushes before a fall alone, which can flatter a robot that falls."
+)
+"""How to read the formulas and scopes; only what is measured while upright can improve by falling."""
 WHOLE: Scope = "whole episode"
 UPRIGHT: Scope = "while upright"
 CAP, YAW_CAP = f"{tracking.VELOCITY_CAP:g} m/s", f"{tracking.YAW_RATE_CAP:g} rad/s"
@@ -127,9 +128,3 @@ OUTCOMES = ("fell", "diverged")
 """Measures that are true or false."""
 FIGURES = tuple(measure.name for measure in MEASURES if measure.name not in (*LISTS, *OUTCOMES))
 """Measures with one number an episode."""
-
-
-def heading(name: str) -> str:
-    """Title of a measure with its unit, as in "velocity error, m/s"."""
-    measure = BY_NAME[name]
-    return f"{measure.title}, {measure.unit}" if measure.unit else measure.title

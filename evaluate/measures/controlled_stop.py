@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from evaluate.measures.averages import Floats
 
 LOOK_BACK = 1.0
 """Time that counts as the end of an episode, s."""

@@ -1,11 +1,8 @@
 """What the motors do: pure functions over (steps, n, 12) joint signals, upright steps alone, NaN without one."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evaluate.measures.averages import Bools, Floats, total, upright_mean, upright_share
-
-Recorded = NDArray[np.float32]
+from evaluate.measures.averages import Bools, Floats, Recorded, total, upright_mean, upright_share
 
 SHORTEST_DISTANCE = 1.0
 """Below this distance an episode has no cost of transport, m: it would be a quotient by nearly nothing."""

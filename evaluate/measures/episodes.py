@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.measures.averages import Bools, Recorded
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
-
-Recorded = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 
 OF_POLICY = ("phase", "correction", "base_action")
 """Signals that only some policies have; all others are in the environment's infos."""

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.episodes import Bools, Episodes
+from evaluate.measures.averages import Bools
+from evaluate.measures.episodes import Episodes
 from quad_env.config import FALL_RULE, FallRule
 
 Holds = Callable[[Episodes], Bools]
@@ -48,12 +49,7 @@ RULES: dict[str, FallCriterion] = {
             "Gymnasium Ant-v5, in proportion; does not see a robot that lies on its side",
             lambda it: it.height < LOW * it.robot.home_height,
         ),
-        FallCriterion(
-            "tilt-70",
-            "the trunk tilts over 70°",
-            "mjlab, flat ground",
-            lambda it: it.tilt > np.deg2rad(70),
-        ),
+        FallCriterion("tilt-70", "the trunk tilts over 70°", "mjlab, flat ground", lambda it: it.tilt > np.deg2rad(70)),
         FallCriterion(
             "tilt-90",
             "the trunk tilts over 90°",

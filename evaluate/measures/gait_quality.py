@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.averages import Bools, Floats, count, over_steps, quotient, total, upright_rms
+from evaluate.measures.averages import Bools, Floats, Recorded, count, over_steps, quotient, total, upright_rms
 from evaluate.measures.footfalls import LONGEST_STRIDE, Footfalls
 from quad_env.config import GRAVITY
 
-Recorded = NDArray[np.float32]
 Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Episodes and their steps."""
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from evaluate.measures import effort, gait_quality, residual_use, tracking
-from evaluate.measures import pushes as push
 from evaluate.measures.averages import Bools, Floats, upright_steps
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import footfalls
-from evaluate.measures.tracking import SETTLING_TIME as SETTLING_TIME
+from evaluate.measures.pushes import pushes
+from evaluate.measures.tracking import SETTLING_TIME
 
 
 @dataclass(frozen=True)
@@ -82,19 +82,17 @@ def measure(episodes: Episodes) -> Measures:
         **_effort(episodes, upright, distance),
         **_gait(episodes, upright, distance),
         **_residual(episodes, upright),
-        **_pushes(episodes),
+        **pushes(episodes),
     )
 
 
 def summarise(episodes: Episodes) -> dict[str, float]:
     """Plain means over a set of episodes, name -> value: what training validates with."""
-    measures = measure(episodes)
+    measures, errors = measure(episodes), ("velocity_error", "yaw_rate_error", "mean_velocity_error")
     return {
         "fall_rate": float(measures.fell.mean()),
         "diverged_rate": float(measures.diverged.mean()),
-        "velocity_error": float(measures.velocity_error.mean()),
-        "yaw_rate_error": float(measures.yaw_rate_error.mean()),
-        "mean_velocity_error": float(measures.mean_velocity_error.mean()),
+        **{name: float(getattr(measures, name).mean()) for name in errors},
     }
 
 
@@ -189,19 +187,4 @@ def _residual(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
         "against_base": residual_use.against_base(
             episodes.correction[before], episodes.base_action[before], upright[before], episodes.dt
         ),
-    }
-
-
-def _pushes(episodes: Episodes) -> dict[str, Floats]:
-    """What came of pushes; of all of them, those in the first second too."""
-    pushed = push.pushes(episodes)
-    return {
-        "fall_after_push": push.fall_after_push(pushed.fell),
-        "not_recovered": push.not_recovered(pushed.recovery),
-        "recovery_time": push.recovery_time(pushed.recovery),
-        "push_time": pushed.time,
-        "push_impulse": pushed.impulse,
-        "push_phase": pushed.phase,
-        "push_fell": pushed.fell,
-        "push_recovery": pushed.recovery,
     }

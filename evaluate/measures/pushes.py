@@ -3,8 +3,6 @@
 Arrays (n, k): the k pushes of each of n episodes; NaN for a push that a fall forestalled.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,44 +22,31 @@ LONGEST_RECOVERY = 2.0
 """s from a push's onset; what takes longer is no recovery."""
 
 
-@dataclass(frozen=True)
-class Pushes:
-    """What was measured of each push, (n, k)."""
+def pushes(episodes: Episodes) -> dict[str, Floats]:
+    """Every measure of pushes, of all of them, those in the first second too; the impulse is (n, k, 2) N·s.
 
-    time: Floats
-    """s from the episode's start."""
-    impulse: Floats
-    """Forward and left, in the heading frame of the step before the push, (n, k, 2) N·s."""
-    phase: Floats
-    """Phase of the policy's clock at the onset, rad; NaN without a clock."""
-    fell: Floats
-    """1 if a fall followed within FALL_WITHIN and before the next push, else 0."""
-    recovery: Floats
-    """s from the onset to the start of the first gait cycle, after the push, whose mean velocity error is no more than
-    RECOVERED_MARGIN above that of the cycle before; inf if none, or a fall, within LONGEST_RECOVERY;
-    NaN where a new command, the next push or the time limit comes too near to say."""
-
-
-def pushes(episodes: Episodes) -> Pushes:
-    """Every push of the episodes."""
+    A recovery is the time from the onset to the start of the first gait cycle, after the push, whose mean velocity
+    error is no more than RECOVERED_MARGIN above that of the cycle before; inf if none, or a fall, within
+    LONGEST_RECOVERY; NaN where a new command, the next push or the time limit comes too near to say.
+    """
     onset = episodes.push_step
     pushed = (onset <= episodes.fall_step[:, None]) & (onset < episodes.steps)
     phase = np.full(onset.shape, np.nan)
     if episodes.phase is not None:
         phase = _at(episodes.phase.astype(np.float64), onset)
     deadline = np.minimum(onset + round(FALL_WITHIN / episodes.dt), _next(onset, episodes.steps))
-    return Pushes(
-        time=np.where(pushed, onset * episodes.dt, np.nan),
-        impulse=np.where(pushed[..., None], _in_heading(episodes), np.nan),
-        phase=np.where(pushed, phase, np.nan),
-        fell=np.where(pushed, episodes.fall_step[:, None] < deadline, np.nan),
-        recovery=np.where(pushed & _can_be_judged(episodes), _recovery(episodes), np.nan),
-    )
-
-
-def fall_after_push(fell: Floats) -> Floats:
-    """Share of an episode's pushes that a fall followed, (n,); NaN without a push."""
-    return _known_mean(fell)
+    fell = np.where(pushed, episodes.fall_step[:, None] < deadline, np.nan)
+    recovery = np.where(pushed & _can_be_judged(episodes), _recovery(episodes), np.nan)
+    return {
+        "fall_after_push": _known_mean(fell),
+        "not_recovered": not_recovered(recovery),
+        "recovery_time": recovery_time(recovery),
+        "push_time": np.where(pushed, onset * episodes.dt, np.nan),
+        "push_impulse": np.where(pushed[..., None], _in_heading(episodes), np.nan),
+        "push_phase": np.where(pushed, phase, np.nan),
+        "push_fell": fell,
+        "push_recovery": recovery,
+    }
 
 
 def recovery_time(recovery: Floats) -> Floats:

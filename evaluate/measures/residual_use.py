@@ -4,11 +4,8 @@ All over (steps, n, 12), upright steps alone, NaN without one.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evaluate.measures.averages import Bools, Floats, count, over_steps, quotient, upright_mean, upright_share
-
-Recorded = NDArray[np.float32]
+from evaluate.measures.averages import Bools, Floats, Recorded, count, over_steps, quotient, upright_mean, upright_share
 
 SATURATED = 0.99
 """Share of the authority from which a correction counts as saturated."""

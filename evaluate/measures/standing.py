@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.episodes import Bools
+from evaluate.measures.averages import Bools
 from quad_env import OBSERVATION
 
 LARGEST_TILT = np.deg2rad(10.0)

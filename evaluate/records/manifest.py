@@ -76,19 +76,8 @@ class Manifest:
 
     def provenance(self) -> dict[str, Any]:
         """All but the options, the date and the fingerprint, as JSON values."""
-        return {
-            "seed": self.seed,
-            "episodes": self.episodes,
-            "steps": self.steps,
-            "hardware": asdict(self.hardware),
-            "policies": dict(self.policies),
-            "only_on": {label: list(names) for label, names in self.only_on.items()},
-            "scenarios": to_plain(self.scenarios),
-            "versions": dict(self.versions),
-            "code": self.code,
-            "cpu": self.cpu,
-            "threads": self.threads,
-        }
+        kept = {name: value for name, value in vars(self).items() if name not in ("options", "date", "fingerprint")}
+        return kept | {"hardware": asdict(self.hardware), "scenarios": to_plain(self.scenarios)}
 
     def write(self, folder: Path) -> None:
         """Write the file."""

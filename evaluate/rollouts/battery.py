@@ -26,28 +26,14 @@ ALL = "all"
 _FILE = ".py:"
 
 
-def quick() -> tuple[Scenario, ...]:
-    """For a first look."""
-    return _battery(lambda axis: QUICK_LEVELS.get(axis, ()))
-
-
-def default() -> tuple[Scenario, ...]:
-    """Every axis: at three severities where breaking points are looked for, at one elsewhere."""
-    return _battery(lambda axis: DEFAULT_LEVELS.get(axis, USUAL_LEVELS))
-
-
-def full() -> tuple[Scenario, ...]:
-    """Every axis at every level."""
-    return _battery(lambda axis: tuple(range(1, len(AXES[axis].levels) + 1)))
-
-
 BATTERIES: dict[str, Callable[[], tuple[Scenario, ...]]] = {
-    "quick": quick,
-    "default": default,
-    "full": full,
+    "quick": lambda: _battery(lambda axis: QUICK_LEVELS.get(axis, ())),
+    "default": lambda: _battery(lambda axis: DEFAULT_LEVELS.get(axis, USUAL_LEVELS)),
+    "full": lambda: _battery(lambda axis: tuple(range(1, len(AXES[axis].levels) + 1))),
     ALL: lambda: tuple(SCENARIOS.values()),
 }
-"""Names that stand for several scenarios; `all` is every axis at its nominal severity."""
+"""Names that stand for several scenarios: a first look; every axis at three severities where breaking points are
+looked for and at one elsewhere; every axis at every level; every axis at its nominal severity."""
 
 
 def resolve(names: tuple[str, ...]) -> tuple[Scenario, ...]:

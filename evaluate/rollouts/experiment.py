@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL, Hardware
@@ -68,17 +69,9 @@ class Store(Protocol):
         ...
 
 
-class _NoStore:
-    def load(self, policy: str, scenario: Scenario) -> Sequence[Chunk]:
-        return ()
-
-    def save(self, chunk: Chunk) -> None:
-        return
-
-
 CellProgress = Callable[[str, str, float], None]
 """Progress callback: policy, scenario and the share of their cell that is done; 1 exactly once."""
-TraceWriter = Callable[[str, Scenario, int, rollout.Episodes], None]
+TraceWriter = Callable[[str, Scenario, int, Episodes], None]
 """Writes the record of a chunk: its policy's label, its scenario, the number of its first episode, the episodes."""
 
 
@@ -111,7 +104,7 @@ class Settings:
     progress: CellProgress
     chunk_size: int = 256
     """Most episodes of a chunk, simulated side by side, which bounds the memory of a run."""
-    store: Store = dataclasses.field(default_factory=_NoStore)
+    store: Store | None = None
     trace: TraceWriter | None = None
     steps: int = dataclasses.field(default_factory=lambda: rollout.STEPS)
     """Control steps of an episode."""
@@ -146,7 +139,8 @@ def run_cells(
     execute = settings.executor or sequential(settings.nthread)
     with closing(execute([task for _, task in owned], progress)) as outcomes:
         for place, chunk in outcomes:
-            settings.store.save(chunk)
+            if settings.store is not None:
+                settings.store.save(chunk)
             cell = owned[place][0]
             cell.add(chunk)
             if cell.done:
@@ -194,7 +188,7 @@ class _PendingCell:
     ) -> None:
         self.policy, self.scenario, self.seeds = policy, scenario, seeds
         self.progress = settings.progress
-        self.chunks = list(settings.store.load(policy.label, scenario))
+        self.chunks = list(settings.store.load(policy.label, scenario)) if settings.store else []
         self.shares: dict[int, float] = {}
         """Episodes done of each task under way, by its first number."""
 

@@ -1,6 +1,7 @@
 """Live progress on stderr with the time left: a bar on a terminal, one line a finished cell elsewhere."""
 
 import contextlib
+import itertools
 import sys
 import time
 from collections import Counter, defaultdict
@@ -55,7 +56,7 @@ def show_progress(policies: Sequence[str]) -> "Iterator[CellProgress]":
     console = Console(stderr=True)
     forecast, total = Forecast(policies, time.perf_counter()), len(policies)
     if not console.is_terminal:
-        yield _Lines(total, forecast)
+        yield _lines(total, forecast)
         return
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
@@ -83,25 +84,19 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
-class _Lines:
+def _lines(total: int, forecast: Forecast) -> "CellProgress":
     """One line a finished cell, for logs."""
+    start, finished = time.perf_counter(), itertools.count(1)
 
-    def __init__(self, total_cells: int, forecast: Forecast) -> None:
-        self.total_cells = total_cells
-        self.finished = 0
-        self.start = time.perf_counter()
-        self.forecast = forecast
-
-    def __call__(self, policy: str, scenario: str, share: float) -> None:
+    def show(policy: str, scenario: str, share: float) -> None:
         now = time.perf_counter()
-        self.forecast.update(policy, scenario, share, now)
+        forecast.update(policy, scenario, share, now)
         if share < 1.0:
             return
-        self.finished += 1
-        line = f"[{self.finished}/{self.total_cells}] {scenario}: {policy} ({duration(now - self.start)}{self._left()})"
+        number, seconds = next(finished), forecast.seconds
+        left = "" if seconds is None or number == total else f", about {duration(seconds)} left"
         with contextlib.suppress(OSError):  # a log that cannot be written is no reason to lose the run
+            line = f"[{number}/{total}] {scenario}: {policy} ({duration(now - start)}{left})"
             print(line, file=sys.stderr, flush=True)
 
-    def _left(self) -> str:
-        seconds = self.forecast.seconds
-        return "" if seconds is None or self.finished == self.total_cells else f", about {duration(seconds)} left"
+    return show

@@ -16,12 +16,7 @@ from evaluate.statistics import checks
 from evaluate.statistics.checks import Check
 from evaluate.terminal.command_line import UsageError, check_numbers
 
-LIMITS = {
-    "sets": (2, 10_000_000),
-    "episodes": (2, 1_000_000),
-    "fall_probabilities": (0.001, 0.999),
-    "seed": (0, 2**31),
-}
+LIMITS = {"sets": (2, 10_000_000), "episodes": (2, 1_000_000), "fall_probabilities": (0.001, 0.999), "seed": (0, 2**31)}
 """Smallest and largest value of each number of the options."""
 
 
@@ -48,7 +43,8 @@ def main(options: Options) -> int:
     rows = [check for check in _checks(options) if options.only in check.name]
     if not rows:
         raise UsageError(f"--only: no row is named like {options.only}")
-    return _run(rows, options)
+    _run(rows, options)
+    return 0
 
 
 def _checks(options: Options) -> Iterator[Check]:
@@ -78,9 +74,10 @@ def _real(path: Path) -> Iterator[Check]:
         yield from checks.split_checks(label, np.array(fell), np.array(errors))
 
 
-def _run(rows: list[Check], options: Options) -> int:
+def _run(rows: list[Check], options: Options) -> None:
     """A line a row, as it is done; on stderr how long the rest will take."""
-    print(f"share of {options.sets} data sets, %; its standard error is {_standard_error(options.sets):.1f}")
+    standard_error = 100.0 * np.sqrt(0.05 * 0.95 / options.sets)
+    print(f"share of {options.sets} data sets, %; its standard error is {standard_error:.1f}")
     print(
         f"{'interval holds the truth, or test claims a difference':54} {'n':>4} {'falls':>6} {'share':>6} {'meant':>6}"
     )
@@ -89,7 +86,8 @@ def _run(rows: list[Check], options: Options) -> int:
         share = checks.share_of_yes(check, options.sets, options.seed)
         low, high = check.bounds
         outside += not low <= share <= high
-        figures = " ".join(_percent(value) for value in (check.fall_probability, share, check.expected))
+        values = (check.fall_probability, share, check.expected)
+        figures = " ".join(f"{'' if np.isnan(value) else f'{100 * value:.1f}':>6}" for value in values)
         verdict = "" if low <= share <= high else f"  not in {100 * low:g} to {100 * high:g}"
         print(f"{check.name:54} {check.count:4} {figures}{verdict}", flush=True)
         elapsed = time.perf_counter() - start
@@ -97,15 +95,6 @@ def _run(rows: list[Check], options: Options) -> int:
         print(f"[{number}/{len(rows)}] {elapsed:.0f} s, about {left:.0f} s left", file=sys.stderr, flush=True)
     by_chance = sum(_outside_by_chance(check, options.sets) for check in rows)
     print(f"{outside} of {len(rows)} rows out of bounds; {by_chance:.1f} are expected by chance if all is as meant")
-    return 0
-
-
-def _percent(value: float) -> str:
-    return f"{'' if np.isnan(value) else f'{100 * value:.1f}':>6}"
-
-
-def _standard_error(sets: int) -> float:
-    return 100.0 * float(np.sqrt(0.05 * 0.95 / sets))
 
 
 def _outside_by_chance(check: Check, sets: int) -> float:

@@ -15,11 +15,7 @@ from evaluate.statistics.exact_size import (
     discordance,
     mcnemar_p_value,
 )
-from evaluate.statistics.improvement import (
-    improvement_by_episode,
-    interquartile_mean,
-    interquartile_mean_interval,
-)
+from evaluate.statistics.improvement import improvement_by_episode, interquartile_mean, interquartile_mean_interval
 from evaluate.statistics.intervals import (
     Bools,
     Floats,

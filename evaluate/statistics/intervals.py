@@ -96,7 +96,7 @@ def bootstrap_interval(values: Floats, seed: int = 0) -> Interval:
 
     if (certain := _without_spread(values)) is not None:
         return certain
-    sums = _resampled_sums(values, seed)
+    sums = _resampled_sums(values, RESAMPLES, seed)
     below, not_above = (sums < values.sum()).mean(), (sums <= values.sum()).mean()
     bias = ndtri((below + not_above) / 2)
     deviation = values - values.mean()
@@ -120,7 +120,7 @@ def difference_interval(differences: Floats, seed: int = 0) -> Interval:
         return certain
     pairs = len(differences)
     tail = ndtr(-np.sqrt(pairs / (pairs - 1)) * stdtrit(pairs - 1, 0.5 + CONFIDENCE / 2))
-    low, high = np.quantile(_resampled_sums(differences, seed), [tail, 1.0 - tail]) / pairs
+    low, high = np.quantile(_resampled_sums(differences, RESAMPLES, seed), [tail, 1.0 - tail]) / pairs
     return (float(low), float(high))
 
 
@@ -128,12 +128,8 @@ def two_sample_interval(a: Floats, b: Floats) -> Interval:
     """Percentile bootstrap of mean(b) − mean(a), each resampled by itself; (NaN, NaN) for fewer than two values."""
     if min(len(a), len(b)) < 2:
         return (np.nan, np.nan)
-    return percentile_interval(_resampled_means(b, 0) - _resampled_means(a, 1))
-
-
-def _resampled_means(values: Floats, seed: int) -> Floats:
-    blocks = resamples(len(values), FEWER_RESAMPLES, seed)
-    return np.concatenate([counts @ values for counts in blocks]) / len(values)
+    means = [_resampled_sums(x, FEWER_RESAMPLES, seed) / len(x) for seed, x in enumerate((b, a))]
+    return percentile_interval(means[0] - means[1])
 
 
 def _without_spread(values: Floats) -> Interval | None:
@@ -145,8 +141,8 @@ def _without_spread(values: Floats) -> Interval | None:
     return None
 
 
-def _resampled_sums(values: Floats, seed: int) -> Floats:
-    return np.concatenate([counts @ values for counts in resamples(len(values), RESAMPLES, seed)])
+def _resampled_sums(values: Floats, count: int, seed: int) -> Floats:
+    return np.concatenate([counts @ values for counts in resamples(len(values), count, seed)])
 
 
 def percentile_interval(resampled: Floats) -> Interval:

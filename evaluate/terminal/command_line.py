@@ -19,12 +19,7 @@ class UsageError(Exception):
 
 
 def parse(
-    kind: type[Options],
-    arguments: list[str] | None,
-    *,
-    program: str,
-    description: str,
-    default: Options | None = None,
+    kind: type[Options], arguments: list[str] | None, *, program: str, description: str, default: Options | None = None
 ) -> Options:
     """Options of that dataclass from the command line; UsageError for what does not fit, SystemExit(0) after --help.
 

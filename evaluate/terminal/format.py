@@ -26,12 +26,8 @@ def signed(value: float, digits: int = 3) -> str:
 
 def interval(ends: tuple[float, float], digits: int = 3) -> str:
     """`low … high`; a dash if it does not exist."""
-    low, high = ends
-    return (
-        f"{number(low, digits)}{NO_BREAK}… {number(high, digits)}"
-        if math.isfinite(low) and math.isfinite(high)
-        else ABSENT
-    )
+    low, high = (number(end, digits) for end in ends)
+    return ABSENT if ABSENT in (low, high) else f"{low}{NO_BREAK}… {high}"
 
 
 def percent(share: float) -> str:
@@ -45,8 +41,7 @@ def percent(share: float) -> str:
 
 def percent_interval(ends: tuple[float, float]) -> str:
     """`low … high %`, one decimal."""
-    low, high = ends
-    ends_in_percent = interval((100.0 * low, 100.0 * high), 1)
+    ends_in_percent = points_interval(ends)
     return ends_in_percent if ends_in_percent == ABSENT else f"{ends_in_percent}{NO_BREAK}%"
 
 

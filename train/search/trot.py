@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from evaluate.measures.metrics import SETTLING_TIME, measure
+from evaluate.measures.metrics import measure
+from evaluate.measures.tracking import SETTLING_TIME
 from evaluate.rollouts.rollout import run
 from policies.base import CONTROL_PERIOD, Floats
 from policies.parameters import number

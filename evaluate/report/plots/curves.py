@@ -1,17 +1,20 @@
 """Curves against severity, one line a policy; bars where there is one severity only; episode against episode."""
 
+import io
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import SeverityAxis
+from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.report.plots.drawing import Margins, figure, same_ticks, short_name, style, svg, text_width
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS
 from evaluate.statistics.intervals import Floats
 from evaluate.statistics.psychometric import fall_probability, fit
+from policies.files import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +22,8 @@ if TYPE_CHECKING:
 HEIGHT = 2.7
 """in"""
 CURVE_POINTS = 60
+PANELS = 4
+"""Panels side by side."""
 SHOWN = 300
 """Episodes of a scatter at most: the first of the run, the same for every policy."""
 
@@ -26,6 +31,37 @@ SHOWN = 300
 def falls(results: Results, axis: SeverityAxis) -> bytes:
     """Fall shares with Wilson bands, the curve fitted through them, and where it crosses one half."""
     drawn, axes = figure(HEIGHT)
+    _draw_falls(axes, results, axis)
+    axes.set(ylabel="episodes with a fall, %")
+    return svg(drawn)
+
+
+def write_falls(results: Results, path: Path) -> None:
+    """Draw the same of every axis of a run, a panel each, as SVG or PNG by the file's name."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    found = severity_axes(results)
+    rows, columns = -(-len(found) // PANELS), min(PANELS, len(found))
+    drawn = Figure(figsize=(3.2 * columns, 2.6 * rows + 0.4), layout="constrained")
+    FigureCanvasAgg(drawn)
+    panels = drawn.subplots(rows, columns, squeeze=False).ravel()
+    for panel, axis in zip(panels, found, strict=False):
+        _draw_falls(panel, results, axis)
+        panel.set_title(axis.name.replace("_", " "), fontsize=9, loc="left")
+        panel.tick_params(labelsize=7)
+        panel.xaxis.label.set_size(8)
+    for panel in panels[len(found) :]:
+        panel.set_visible(False)
+    drawn.supylabel("episodes with a fall, %", fontsize=9)
+    shown = {label: line for panel in panels for line, label in zip(*panel.get_legend_handles_labels(), strict=True)}
+    drawn.legend(shown.values(), shown.keys(), loc="outside upper left", ncols=4, fontsize=8)
+    buffer, kind = io.BytesIO(), path.suffix[1:]
+    drawn.savefig(buffer, format=kind, dpi=120, metadata={"Date": None} if kind == "svg" else None)
+    write_atomically(path, buffer.getvalue())
+
+
+def _draw_falls(axes: "Axes", results: Results, axis: SeverityAxis) -> None:
     axes.axhline(50.0, color="#888888", linewidth=0.8, linestyle=(0, (4, 3)))
     for policy in results.policies:
         severities, values, low, high = _points(results, axis, policy, "fall_rate", 100.0)
@@ -33,7 +69,8 @@ def falls(results: Results, axis: SeverityAxis) -> bytes:
             colour, mark = style(results, policy)
             fitted = len(severities) >= LEAST_LEVELS
             _band(axes, severities, low, high, colour)
-            axes.plot(severities, values, mark, color=colour, markersize=4, linestyle="none" if fitted else "-")
+            line = "none" if fitted else "-"
+            axes.plot(severities, values, mark, color=colour, markersize=4, linestyle=line, label=policy)
             if fitted:
                 axes.plot(*_fitted(results, axis, policy), color=colour, linewidth=1.4)
     for point in results.breaking_points:
@@ -42,9 +79,8 @@ def falls(results: Results, axis: SeverityAxis) -> bytes:
             colour = style(results, point.policy)[0]
             axes.plot(ends, (50.0, 50.0), color=colour, linewidth=3.0, solid_capstyle="butt")
             axes.plot([point.severity50], [50.0], "|", color=colour, markersize=11, markeredgewidth=2)
-    axes.set(ylim=(-3, 103), yticks=(0, 25, 50, 75, 100), ylabel="episodes with a fall, %")
+    axes.set(ylim=(-3, 103), yticks=(0, 25, 50, 75, 100))
     _finish(axes, axis)
-    return svg(drawn)
 
 
 def errors(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:

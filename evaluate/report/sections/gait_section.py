@@ -29,14 +29,14 @@ def gaits(results: Results) -> str:
     images, left_out = [], []
     for policy in results.policies:
         try:
-            contact, dt = footfalls(policy, int(evaluation_seeds(results.seed, 1)[0]), results.hardware)
+            contact = footfalls(policy, int(evaluation_seeds(results.seed, 1)[0]), results.hardware)
         except (policies.PolicyError, OSError):
             left_out.append(f"{policy} (not to be found any more)")
             continue
         if not len(contact):
             left_out.append(f"{policy} (fallen by then)")
             continue
-        drawn = gait_diagram(results.hardware.robot, contact, START, dt, style(results, policy)[0], policy)
+        drawn = gait_diagram(results.hardware.robot, contact, START, CONTROL_PERIOD, style(results, policy)[0], policy)
         images.append(image(drawn, f"When each foot of {policy} is on the ground"))
     lead = note(
         f"Feet on the ground from {START:g} to {END:g} s of an episode on level ground, commanded {SPEED:g} m/s ahead. "
@@ -46,11 +46,9 @@ def gaits(results: Results) -> str:
     return section("Gait", lead, grid(images, 2), missing) if images else ""
 
 
-def footfalls(policy: str, seed: int, hardware: Hardware) -> tuple[NDArray[np.bool_], float]:
-    """Feet on the ground, (steps, 4), from START on, and the control step, s; none of a robot that fell before END."""
-    resolved = hardware.policy(policy)
+def footfalls(policy: str, seed: int, hardware: Hardware) -> NDArray[np.bool_]:
+    """Feet on the ground, (steps, 4), from START on; none of a robot that fell before END."""
     steps = round(END / CONTROL_PERIOD)
-    probe = rollout.run(resolved, SCENARIO, np.array([seed]), nthread=1, steps=steps, hardware=hardware)
-    if probe.fall_step[0] < probe.steps:
-        return probe.foot_contact[:0, 0], probe.dt
-    return probe.foot_contact[round(START / probe.dt) :, 0], probe.dt
+    probe = rollout.run(hardware.policy(policy), SCENARIO, np.array([seed]), steps=steps, hardware=hardware)
+    first = round(START / CONTROL_PERIOD) if probe.fall_step[0] == steps else steps
+    return probe.foot_contact[first:, 0]

@@ -3,16 +3,10 @@
 from html import escape
 
 from evaluate.analysis.results import Results
-from evaluate.measures.catalogue import BY_NAME, FIGURES, MEASURES
+from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
 from evaluate.report.html import heading, note, table
 from evaluate.report.sections.figures import policy_label
 from evaluate.terminal.format import ABSENT
-
-DEFINITIONS = (
-    "e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the joints; dt: control step; "
-    "<x>: mean over the judged steps, those after the first second; [x]: share in which x holds. While upright: of the "
-    "steps and pushes before a fall alone, which can flatter a robot that falls."
-)
 
 
 def figures_table(results: Results, scenario: str) -> str:
@@ -44,7 +38,7 @@ def definitions() -> str:
         for m in MEASURES
     )
     heads = ("measure", "unit", "frame", "formula", "source", "over")
-    return note(DEFINITIONS) + table(heads, rows, "text")
+    return note(KEY) + table(heads, rows, "text")
 
 
 def _title(name: str) -> str:

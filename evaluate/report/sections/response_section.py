@@ -1,16 +1,25 @@
-"""The section on speed response: curves, and the dead zones in a table."""
+"""Speed response: what a policy does of the speed it is told, as curves, and its dead zones in a table."""
 
 import math
 from html import escape
 
+import numpy as np
+
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
-from evaluate.measures.response import AXES, RESPONDS, Response
+from evaluate.measures.response import AXES, RESPONDS, Response, known
 from evaluate.report.html import grid, heading, image, note, section, table
-from evaluate.report.plots.response_plot import COMPONENTS, intervals, response
+from evaluate.report.plots.drawing import Margins, cell_of, figure, same_ticks, style, svg
 from evaluate.report.sections.figures import policy_label
+from evaluate.statistics.intervals import Floats
 from evaluate.terminal.format import ABSENT, number
 
+COMPONENTS = tuple((axis.replace("_", " "), unit) for axis, unit in AXES.items())
+"""Component of a command, and its unit."""
+BINS = 9
+"""Bins of a component's commands."""
+FEWEST = 3
+"""Command intervals that a bin needs to be shown."""
 LEVEL = "flat"
 """Axis of level ground without a disturbance, on which a response is looked at where it was run."""
 
@@ -19,10 +28,10 @@ def responses(results: Results) -> str:
     """Achieved against commanded speed on level ground; empty where no robot ended a command interval upright."""
     every = severity_axes(results)
     scenario = next((axis for axis in every if axis.name == LEVEL), every[0]).nominal.name
-    if not any(len(intervals(results, scenario, policy, 0)[0]) for policy in results.policies):
+    if not any(len(_intervals(results, scenario, policy, 0)[0]) for policy in results.policies):
         return ""
     images = [
-        image(response(results, scenario, component), f"Mean against commanded {name} of each policy on {scenario}")
+        image(_response(results, scenario, component), f"Mean against commanded {name} of each policy on {scenario}")
         for component, (name, _) in enumerate(COMPONENTS)
     ]
     lead = note(
@@ -35,6 +44,49 @@ def responses(results: Results) -> str:
     )
     title = f"Speed response on {escape(scenario)}"
     return section(title, lead, grid(images, 3), dead, _dead_zones(results, scenario))
+
+
+def _response(results: Results, scenario: str, component: int) -> bytes:
+    """Mean speed against commanded speed, a line a policy; the band holds the middle half of the intervals."""
+    name, unit = COMPONENTS[component]
+    drawn, axes = figure(3.0, 3.2, Margins(left=0.75))
+    limit = _largest(results, scenario, component)
+    axes.plot((-limit, limit), (-limit, limit), color="#888888", linewidth=1)
+    for policy in results.policies:
+        colour, mark = style(results, policy)
+        centre, low, middle, high = _quartiles(*_intervals(results, scenario, policy, component), limit)
+        if len(centre):
+            axes.fill_between(centre, low, high, color=colour, alpha=0.15, linewidth=0)
+            axes.plot(centre, middle, color=colour, marker=mark, markersize=4, linewidth=1.4)
+    axes.set(xlim=(-1.05 * limit, 1.05 * limit), xlabel=f"commanded {name}, {unit}", ylabel=f"mean, {unit}")
+    same_ticks(axes)
+    return svg(drawn)
+
+
+def _intervals(results: Results, scenario: str, policy: str, component: int) -> tuple[Floats, Floats]:
+    """Commanded and mean speed of the command intervals that the robot ended upright, both (k,)."""
+    cell = cell_of(results, scenario, policy)
+    if cell is None:
+        return np.empty(0), np.empty(0)
+    return known(cell.measures.commands, cell.measures.mean_velocities, component)
+
+
+def _largest(results: Results, scenario: str, component: int) -> float:
+    speeds = [_intervals(results, scenario, policy, component)[0] for policy in results.policies]
+    return float(max(np.abs(np.concatenate(speeds)).max(initial=0.0), 0.1))
+
+
+def _quartiles(commanded: Floats, achieved: Floats, limit: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Mean command of each bin, and the quartiles of what came of it."""
+    inner = np.linspace(-limit, limit, BINS + 1)[1:-1]
+    where = np.digitize(commanded, inner)
+    rows = [
+        (commanded[where == k].mean(), *np.quantile(achieved[where == k], (0.25, 0.5, 0.75)))
+        for k in range(BINS)
+        if (where == k).sum() >= FEWEST
+    ]
+    centre, low, middle, high = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+    return centre, low, middle, high
 
 
 def _dead_zones(results: Results, scenario: str) -> str:

@@ -103,7 +103,7 @@ def test_what_took_no_part_is_refused(made, text, words) -> None:
 
 
 def test_the_default_is_its_rules() -> None:
-    assert [rule.text for rule in parse("default").rules] == list(DEFAULT)
+    assert [rule.text for rule in parse("default")] == list(DEFAULT)
     check([parse("default")], ("trot", "residual"), [("flat", "flat")])
 
 

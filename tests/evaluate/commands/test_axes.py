@@ -15,7 +15,7 @@ from evaluate.__main__ import main
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.commands.outputs import analysed
 from evaluate.records.store import read_run
-from evaluate.report.plots import fall_curves
+from evaluate.report.plots import curves
 from evaluate.report.table import print_falls, print_spread
 from evaluate.rollouts.progress import Forecast, duration
 from policies import bundle
@@ -65,7 +65,7 @@ def test_the_picture_is_there_and_the_same_each_time(folder, tmp_path) -> None:
     drawn = (folder / "out" / "fall_rates.svg").read_bytes()
     assert b"push" in drawn or b"<svg" in drawn
     for name in ("curves.svg", "curves.png"):
-        fall_curves.write_picture(analysed(read_run(folder / "out")), tmp_path / name)
+        curves.write_falls(analysed(read_run(folder / "out")), tmp_path / name)
     assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
     assert b"<svg" in (tmp_path / "curves.svg").read_bytes()
 

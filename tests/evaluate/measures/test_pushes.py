@@ -161,5 +161,5 @@ def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_every_measure_of_pushes_is_checked_and_has_a_fault() -> None:
-    names = set(metrics._pushes(uneventful(SIMPLE_QUAD, STEPS)))
+    names = set(pushes.pushes(uneventful(SIMPLE_QUAD, STEPS)))
     assert {check.__name__ for check in CHECKS} == {check.__name__ for check, _ in FAULTS.values()} == names

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from evaluate.commands.outputs import analysed
 from evaluate.records.store import read_run
 from evaluate.report.page import render
-from evaluate.report.plots import curves, drawing, fall_curves
+from evaluate.report.plots import curves, drawing
 from evaluate.report.plots.gait_diagram import gait_diagram, stances
 from evaluate.report.plots.push_plot import DIRECTIONS, fall_shares, push_plot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -89,7 +89,7 @@ def test_no_label_of_the_page_is_clipped(run, clipped) -> None:
 
 def test_no_label_of_made_up_curves_is_clipped(made, clipped, tmp_path) -> None:
     render(made, Path())
-    fall_curves.write_picture(made, tmp_path / "curves.svg")
+    curves.write_falls(made, tmp_path / "curves.svg")
     assert len(clipped) == 1
     assert int(clipped[0]) > 8
 

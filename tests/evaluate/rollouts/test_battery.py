@@ -54,12 +54,12 @@ def test_a_battery_begins_with_the_nominal_three_and_has_no_scenario_twice(name)
 
 
 def test_the_full_battery_has_every_severity_of_every_axis() -> None:
-    there = {(scenario.axis, scenario.severity) for scenario in battery.full()}
+    there = {(scenario.axis, scenario.severity) for scenario in battery.BATTERIES["full"]()}
     assert there >= {(axis.name, level) for axis in AXES.values() for level in axis.levels}
 
 
 def test_the_default_battery_has_every_axis() -> None:
-    assert {scenario.axis for scenario in battery.default()} == set(AXES)
+    assert {scenario.axis for scenario in battery.BATTERIES["default"]()} == set(AXES)
 
 
 def test_levels_that_a_battery_names_exist() -> None:
@@ -131,7 +131,7 @@ def test_a_file_that_is_not_there_is_said(tmp_path) -> None:
         battery.resolve((f"{tmp_path / 'nowhere.py'}:GUST",))
 
 
-@pytest.mark.parametrize("scenario", battery.full(), ids=lambda scenario: scenario.name)
+@pytest.mark.parametrize("scenario", battery.BATTERIES["full"](), ids=lambda scenario: scenario.name)
 def test_every_scenario_is_written_down_and_read_back(scenario) -> None:
     assert from_plain(to_plain(scenario)) == scenario
 

@@ -7,7 +7,7 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.measures.episodes import OF_POLICY, shapes
+from evaluate.measures.episodes import OF_POLICY, Episodes, shapes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import battery, rollout
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
@@ -36,7 +36,7 @@ class Watcher(Policy):
         return np.tile(SIMPLE_QUAD.home_pose.astype(np.float32), (len(observation), 1))
 
 
-def run(policy: str = "stand", scenario=PUSHED, count: int = 12, **options) -> rollout.Episodes:
+def run(policy: str = "stand", scenario=PUSHED, count: int = 12, **options) -> Episodes:
     return rollout.run(policies.make(policy), scenario, evaluation_seeds(0, count), steps=STEPS, **options)
 
 
@@ -169,7 +169,7 @@ def test_the_battery_lists_its_scenarios_when_asked_for_another() -> None:
     with pytest.raises(ValueError, match="twice"):
         battery.resolve(("flat", "flat"))
     assert [s.name for s in battery.resolve(("all",))] == list(quad_env.SCENARIOS)
-    assert [s.name for s in battery.quick()[:3]] == list(battery.NOMINAL)
+    assert [s.name for s in battery.BATTERIES["quick"]()[:3]] == list(battery.NOMINAL)
 
 
 def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy() -> None:
