@@ -101,23 +101,14 @@ def _sensitivity(cell: Cell, undisturbed: Cell) -> Sensitivity:
             f"{cell.scenario.name} and {undisturbed.scenario.name} ran different episodes: nothing to pair"
         )
     falls, error = (
-        paired_difference(metric, by_episode(cell, metric), by_episode(undisturbed, metric))
+        paired_difference(metric, by_episode(cell, metric), by_episode(undisturbed, metric))[:3]
         for metric in (FALL_RATE, "velocity_error")
     )
+    differences = (*falls, *error)
+    where, felt = cell.scenario, not _same(cell, undisturbed)
+    without = float(undisturbed.measures.fell.mean())
     return Sensitivity(
-        axis=cell.scenario.axis,
-        scenario=cell.scenario.name,
-        severity=cell.scenario.severity,
-        unit=cell.scenario.severity_unit,
-        policy=cell.policy,
-        felt=not _same(cell, undisturbed),
-        undisturbed_fall_rate=float(undisturbed.measures.fell.mean()),
-        falls=falls[0],
-        falls_ci=falls[1],
-        falls_p_value=falls[2],
-        velocity_error=error[0],
-        velocity_error_ci=error[1],
-        velocity_error_p_value=error[2],
+        where.axis, where.name, where.severity, where.severity_unit, cell.policy, felt, without, *differences
     )
 
 

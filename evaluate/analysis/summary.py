@@ -1,9 +1,11 @@
 """The figures of one cell: rates and means with their 95 % intervals."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from evaluate.analysis.comparison import ERRORS
 from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_transport
 from evaluate.measures.episodes import weight
@@ -13,6 +15,9 @@ from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.improvement import interquartile_mean, interquartile_mean_interval
 from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, wilson_interval
 from quad_env.robots.robot import Robot
+
+_MEANS = (*ERRORS, "velocity_error_upright", "overspeed", "energy", "distance")
+"""Means over the episodes."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,8 @@ def summarise(cell: Cell, robot: Robot) -> Summary:
     measures = cell.measures
     falls = int(measures.fell.sum())
     transport = total_cost_of_transport(measures, weight(robot, cell.scenario))
+    means: dict[str, Any] = {name: _mean(getattr(measures, name)) for name in _MEANS}
+    means |= {f"{name}_ci": bootstrap_interval(getattr(measures, name)) for name in ERRORS}
     return Summary(
         episodes=cell.episodes,
         severity=cell.scenario.severity,
@@ -73,19 +80,10 @@ def summarise(cell: Cell, robot: Robot) -> Summary:
         fall_rate_ci=wilson_interval(falls, cell.episodes),
         diverged=int(measures.diverged.sum()),
         time_to_fall=_mean(measures.fall_time),
-        velocity_error=_mean(measures.velocity_error),
-        velocity_error_ci=bootstrap_interval(measures.velocity_error),
         velocity_error_iqm=interquartile_mean(measures.velocity_error),
         velocity_error_iqm_ci=interquartile_mean_interval(measures.velocity_error),
-        velocity_error_upright=_mean(measures.velocity_error_upright),
-        mean_velocity_error=_mean(measures.mean_velocity_error),
-        mean_velocity_error_ci=bootstrap_interval(measures.mean_velocity_error),
-        yaw_rate_error=_mean(measures.yaw_rate_error),
-        yaw_rate_error_ci=bootstrap_interval(measures.yaw_rate_error),
         cost_of_transport=transport,
-        overspeed=_mean(measures.overspeed),
-        energy=_mean(measures.energy),
-        distance=_mean(measures.distance),
+        **means,
         figures={name: _mean(getattr(measures, name)) for name in FIGURES} | {"cost_of_transport": transport},
         duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
         response=responses(measures.commands, measures.mean_velocities),

@@ -13,8 +13,7 @@ import tyro
 from evaluate.analysis.results import with_nan
 from evaluate.commands.options import command
 from evaluate.commands.policy_options import words as policy_words
-from evaluate.report.readme_table import newcomers_table
-from evaluate.report.results_page import every_figure, scenarios_of
+from evaluate.report.results_page import every_figure, newcomers_table, scenarios_of
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically

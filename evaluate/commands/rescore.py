@@ -123,13 +123,11 @@ def table(scores: list[Score], rules: tuple[FallCriterion, ...]) -> Table:
     out = console_table("falls, with Wilson 95 % intervals")
     for rule in rules:
         out.add_column(rule.name.replace("-", "-\n"), justify="right", no_wrap=True)
-    rows: dict[str, dict[str, dict[str, Score]]] = {}
-    for score in scores:
-        rows.setdefault(score.scenario, {}).setdefault(score.policy, {})[score.rule] = score
-    for scenario, policies in rows.items():
+    for scenario in dict.fromkeys(score.scenario for score in scores):
         out.add_row(f"[bold]{escape(scenario)}[/bold]")
-        for policy, row in policies.items():
-            out.add_row(f" {escape(policy)}", *(_shown(row[rule.name]) for rule in rules))
+        there = {(score.policy, score.rule): score for score in scores if score.scenario == scenario}
+        for policy in dict.fromkeys(policy for policy, _ in there):
+            out.add_row(f" {escape(policy)}", *(_shown(there[policy, rule.name]) for rule in rules))
     return out
 
 

@@ -14,6 +14,8 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from evaluate.measures.episodes import OF_POLICY, TRUTHS, Episodes, blank, shapes
@@ -71,9 +73,6 @@ def keep_only(folder: Path, names: Container[str]) -> None:
 
 def write(episodes: Episodes, header: Header, path: Path) -> None:
     """Write a trace; ValueError if the episodes stopped at their falls, which leaves nothing to judge again."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     if not episodes.after_falls:
         raise ValueError("these episodes were not recorded beyond their falls; run them with after_falls=True")
     wanted = shapes(episodes.robot) if header.kind == "full" else COMPACT
@@ -102,8 +101,6 @@ def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
 
     ValueError for a file that is no trace, or a compact one where a full one is wanted.
     """
-    import pyarrow.parquet as pq
-
     table = pq.read_table(path)
     about = json.loads((table.schema.metadata or {}).get(KEY, b"null"))
     if about is None or about["schema"] != 1:

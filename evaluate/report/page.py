@@ -80,17 +80,14 @@ def _head(results: Results, made_by: Origin) -> str:
     command, date = map(escape, made_by)
     begun = f", begun on {date}" if date else ""
     made = f'<p class="soft">Made by <code>{command}</code>{begun}.</p>' if command else ""
-    legend = "".join(f"<li>{policy_label(results, policy)}{_role(results, policy)}</li>" for policy in results.policies)
+    roles = {results.baseline: " <small>(baseline)</small>"} if len(results.policies) > 1 else {}
+    legend = "".join(f"<li>{policy_label(results, name)}{roles.get(name, '')}</li>" for name in results.policies)
     return (
         f"<h1>{escape(listed(results.policies))}</h1>"
         f'<p class="soft">{escape(extent(results))}: {axes}. Seed {results.seed}.'
         f"{words_of(results.hardware)}</p>{made}{warning}"
         f'<ul class="legend">{legend}</ul>'
     )
-
-
-def _role(results: Results, policy: str) -> str:
-    return " <small>(baseline)</small>" if policy == results.baseline and len(results.policies) > 1 else ""
 
 
 def _outcome(results: Results) -> str:

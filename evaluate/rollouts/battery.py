@@ -1,6 +1,6 @@
 """The batteries: the scenarios that every policy is judged on, and what a name on the command line stands for."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import chain
 
@@ -55,7 +55,7 @@ def _named(name: str) -> tuple[Scenario, ...]:
     axis, colon, level = name.partition(":")
     if colon and axis in AXES:
         if level == ALL:
-            return tuple(_levels(axis))
+            return tuple(map(AXES[axis].level, range(1, len(AXES[axis].levels) + 1)))
         if level.isdecimal():
             return (AXES[axis].level(int(level)),)
         raise ValueError(
@@ -69,10 +69,6 @@ def _named(name: str) -> tuple[Scenario, ...]:
 def _valid() -> str:
     levels = "a level of an axis such as push:3 or push:all, a file of yours such as my_file.py:NAME"
     return f"{', '.join((*SCENARIOS, *BATTERIES))}, {levels}"
-
-
-def _levels(axis: str) -> Iterator[Scenario]:
-    return map(AXES[axis].level, range(1, len(AXES[axis].levels) + 1))
 
 
 def _battery(levels: Callable[[str], tuple[int, ...]]) -> tuple[Scenario, ...]:

@@ -55,7 +55,9 @@ class Program:
         for name, command in self.commands.items():
             called = name.split()
             if words[: len(called)] == called:
-                return self._call(name, command, words[len(called) :])
+                module: Any = import_module(command.module)
+                program, rest = f"{self.name} {name}", words[len(called) :]
+                return int(module.main(parse(module.Options, rest, program=program, description=module.__doc__)))
         family = [name for name in self.commands if words and name.split()[0] == words[0]]
         if family and HELP & set(words):
             print(f"{self.name} COMMAND, each with its own --help:\n{self.listing(family)}")
@@ -68,12 +70,6 @@ class Program:
             if meant := difflib.get_close_matches(words[0], self.commands, 1, 0.7) if words else []:
                 raise UsageError(f"{mistake}; did you mean the command {meant[0]}?") from mistake
             raise
-
-    def _call(self, name: str, command: Command, words: list[str]) -> int:
-        module: Any = import_module(command.module)
-        options = parse(module.Options, words, program=f"{self.name} {name}", description=module.__doc__)
-        code: int = module.main(options)
-        return code
 
 
 def exit_code(run: Callable[[], int]) -> int:

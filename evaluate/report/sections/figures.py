@@ -43,7 +43,11 @@ def falls_table(results: Results, axis: SeverityAxis) -> str:
     found = {
         policy: [results.summaries.get((level.name, policy)) for level in axis.levels] for policy in results.policies
     }
-    rows = ([policy_label(results, policy), *map(_share, levels)] for policy, levels in found.items() if any(levels))
+    rows = (
+        [policy_label(results, policy), *(number(100.0 * s.fall_rate, 0) if s else ABSENT for s in levels)]
+        for policy, levels in found.items()
+        if any(levels)
+    )
     return table(heads, rows, "levels")
 
 
@@ -70,10 +74,6 @@ def _summary_cells(summary: Summary, best: dict[str, float]) -> Iterator[str]:
         yield f"{BEST}{text}" if value == best[metric] else text
     yield number(summary.cost_of_transport, 2)
     yield str(summary.diverged)
-
-
-def _share(summary: Summary | None) -> str:
-    return ABSENT if summary is None else number(100.0 * summary.fall_rate, 0)
 
 
 def _difference(comparison: Comparison) -> str:

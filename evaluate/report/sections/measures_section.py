@@ -13,7 +13,10 @@ def figures_table(results: Results, scenario: str) -> str:
     """Every measure of the catalogue: a measure a row, a policy a column."""
     found = {policy: summary for (name, policy), summary in results.summaries.items() if name == scenario}
     rows = [
-        [_title(name), *(_figure(summary.figures[name]) for summary in found.values())]
+        [
+            heading(escape(BY_NAME[name].title), escape(BY_NAME[name].unit)),
+            *(_figure(summary.figures[name]) for summary in found.values()),
+        ]
         for name in FIGURES
         if any(summary.figures[name] == summary.figures[name] for summary in found.values())
     ]
@@ -39,10 +42,6 @@ def definitions() -> str:
     )
     heads = ("measure", "unit", "frame", "formula", "source", "over")
     return note(KEY) + table(heads, rows, "text")
-
-
-def _title(name: str) -> str:
-    return heading(escape(BY_NAME[name].title), escape(BY_NAME[name].unit))
 
 
 def _figure(value: float) -> str:

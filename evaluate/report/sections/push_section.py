@@ -6,9 +6,18 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis
 from evaluate.measures.pushes import FALL_WITHIN
 from evaluate.report.html import grid, image, note
-from evaluate.report.plots.drawing import cell_of
-from evaluate.report.plots.push_plot import COLOURS, push_plot
+from evaluate.report.plots.drawing import Margins, cell_of, figure, short_name, svg
 from evaluate.statistics.intervals import Floats
+
+DIRECTIONS = 8
+"""Sectors, the first about straight ahead."""
+MOST_RINGS = 8
+FEW_RINGS = 5
+"""Whose impulses are all named."""
+FEWEST = 3
+"""Pushes that a cell needs to be shown."""
+COLOURS = "YlOrBr"
+"""Darker is more falls, to colour-blind readers and in grey print too."""
 
 
 def pushes(results: Results, axis: SeverityAxis) -> str:
@@ -23,10 +32,10 @@ def pushes(results: Results, axis: SeverityAxis) -> str:
         f"Share of the pushes that a fall followed within {FALL_WITHIN:g} s, by the direction in which the robot, seen "
         "from above, was pushed and by the impulse. White: too few pushes to tell."
     )
-    return lead + scale() + grid(images, 4) if images else ""
+    return lead + _scale() + grid(images, 4) if images else ""
 
 
-def scale() -> str:
+def _scale() -> str:
     """What the colours mean."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
@@ -45,3 +54,50 @@ def _pushes(results: Results, axis: SeverityAxis, policy: str) -> tuple[Floats, 
         return np.empty((0, 2)), np.empty(0)
     happened = np.isfinite(np.concatenate(fell))
     return np.concatenate(impulses)[happened], np.concatenate(fell)[happened]
+
+
+def push_plot(impulses: Floats, fell: Floats, title: str) -> bytes:
+    """Robot seen from above, nose up: pushed towards an angle, (m, 2) N·s forward and left; `fell` (m,) is 1 or 0."""
+    from matplotlib import colormaps
+
+    drawn, axes = figure(2.7, 2.7, Margins(0.45, 0.45, 0.5, 0.5), "polar")
+    edges, shares = fall_shares(impulses, fell)
+    colours = colormaps[COLOURS]
+    width = 2.0 * np.pi / DIRECTIONS
+    for sector, ring in np.argwhere(np.isfinite(shares)):
+        height, shade = edges[ring + 1] - edges[ring], colours(shares[sector, ring])
+        axes.bar(sector * width, height, width, edges[ring], color=shade, edgecolor="#ffffff", linewidth=0.6)
+    axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
+    axes.set_xticks(np.arange(4) * np.pi / 2, ["front", "left", "back", "right"])
+    axes.set_yticks([])
+    axes.set_ylim(0.0, edges[-1])
+    axes.grid(False)
+    levels = [f"{level:g}" for level in levels_of(impulses)]
+    rings = ", ".join(levels) if len(levels) <= FEW_RINGS else f"{', '.join(levels[:2])} … {levels[-1]}"
+    axes.set_xlabel(f"rings: {rings} N·s", fontsize=8)
+    axes.set_title(short_name(title))
+    return svg(drawn)
+
+
+def levels_of(impulses: Floats) -> Floats:
+    """The impulses that occur, in whole N·s, rising; of many, MOST_RINGS from the least to the largest."""
+    levels: Floats = np.unique(np.round(np.hypot(*impulses.T))).astype(np.float64)
+    if len(levels) <= MOST_RINGS:
+        return levels
+    fewer: Floats = np.round(np.linspace(levels[0], levels[-1], MOST_RINGS)).astype(np.float64)
+    return fewer
+
+
+def fall_shares(impulses: Floats, fell: Floats) -> tuple[Floats, Floats]:
+    """Edges between the rings, and the share of falls in each direction and ring; NaN where few pushes tell."""
+    levels = levels_of(impulses)
+    middles = (levels[1:] + levels[:-1]) / 2.0
+    outer = levels[-1] + (levels[-1] - levels[-2] if len(levels) > 1 else levels[-1]) / 2.0
+    edges = np.concatenate(([0.0], middles, [outer]))
+    ring = np.searchsorted(middles, np.hypot(*impulses.T))
+    turn = np.arctan2(impulses[:, 1], impulses[:, 0]) / (2.0 * np.pi)
+    cell = (np.round(turn * DIRECTIONS).astype(np.intp) % DIRECTIONS) * len(levels) + ring
+    count = np.bincount(cell, minlength=DIRECTIONS * len(levels))
+    falls = np.bincount(cell, weights=fell, minlength=DIRECTIONS * len(levels))
+    shares = np.where(count >= FEWEST, falls / np.maximum(count, 1), np.nan)
+    return edges, shares.reshape(DIRECTIONS, len(levels))

@@ -8,8 +8,7 @@ from evaluate.__main__ import main
 from evaluate.analysis.results import with_nan
 from evaluate.commands.options import DEFAULT_POLICIES
 from evaluate.commands.readme import insert
-from evaluate.report.readme_table import newcomers_table
-from evaluate.report.results_page import every_figure
+from evaluate.report.results_page import every_figure, newcomers_table
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
 

@@ -13,7 +13,7 @@ from evaluate.records.store import read_run
 from evaluate.report.page import render
 from evaluate.report.plots import curves, drawing
 from evaluate.report.plots.gait_diagram import gait_diagram, stances
-from evaluate.report.plots.push_plot import DIRECTIONS, fall_shares, push_plot
+from evaluate.report.sections.push_section import DIRECTIONS, fall_shares, push_plot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
