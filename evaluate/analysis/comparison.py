@@ -100,8 +100,7 @@ def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
 
 def by_episode(cell: Cell, metric: str) -> Floats:
     """A metric of each episode, (n,); of the fall rate, 1 or 0."""
-    values: Floats = getattr(cell.measures, "fell" if metric == FALL_RATE else metric).astype(np.float64)
-    return values
+    return np.asarray(getattr(cell.measures, "fell" if metric == FALL_RATE else metric), np.float64)
 
 
 def paired_difference(metric: str, a: Floats, b: Floats) -> tuple[float, Interval, float, str]:

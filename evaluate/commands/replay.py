@@ -48,6 +48,11 @@ class Found:
     number: int
 
     @property
+    def seed(self) -> int:
+        """Seed that starts it again."""
+        return int(self.cell.seeds[self.number])
+
+    @property
     def title(self) -> str:
         """How to call it."""
         return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}"
@@ -63,9 +68,9 @@ def main(options: Options) -> int:
         make_folder_of(options.video, "--video")
     differing = differences(run.manifest, found, policy)
     if not differing:
-        print(f"{found.title}, seed {found.cell.seeds[found.number]}: identical to the bit")
+        print(f"{found.title}, seed {found.seed}: identical to the bit")
     else:
-        print(f"{found.title}, seed {found.cell.seeds[found.number]}, is not as stored:", *differing, sep="\n  ")
+        print(f"{found.title}, seed {found.seed}, is not as stored:", *differing, sep="\n  ")
         print(f"because {'; '.join(_causes(run.manifest, found)) or 'of something that leaves no trace'}")
     if options.video is not None:
         _film(options.video, run.manifest, found, policy)
@@ -135,14 +140,8 @@ def _policy(label: str, manifest: Manifest) -> LabelledPolicy:
 
 
 def _film(video: Path, manifest: Manifest, found: Found, policy: LabelledPolicy) -> None:
-    take = film.Take(
-        policy.policy,
-        found.cell.scenario,
-        int(found.cell.seeds[found.number]),
-        manifest.steps,
-        found.title,
-        manifest.hardware,
-    )
+    what = policy.policy, found.cell.scenario, found.seed
+    take = film.Take(*what, manifest.steps, found.title, manifest.hardware)
     with _progress("filming") as progress:
         try:
             film.write(take, video, progress)

@@ -14,20 +14,17 @@ Entry = TypeVar("Entry", bound=np.generic)
 
 def upright_steps(fall_step: NDArray[np.int64], steps: int) -> Bools:
     """Whether each step's reading was taken before the fall, (steps, n)."""
-    upright: Bools = np.arange(steps)[:, None] < fall_step
-    return upright
+    return np.asarray(np.arange(steps)[:, None] < fall_step)
 
 
 def total(values: Floats) -> Floats:
     """Sum over the steps of (steps, n, …), each episode's laid out in a row."""
-    rows: Floats = np.ascontiguousarray(np.moveaxis(values, 0, -1)).sum(axis=-1)
-    return rows
+    return np.asarray(np.ascontiguousarray(np.moveaxis(values, 0, -1)).sum(axis=-1))
 
 
 def count(truth: Bools) -> NDArray[np.int64]:
     """How many of the steps of (steps, n, …) are true, for each episode."""
-    found: NDArray[np.int64] = np.count_nonzero(truth, axis=0)
-    return found
+    return np.asarray(np.count_nonzero(truth, axis=0))
 
 
 def upright_mean(values: Floats, upright: Bools) -> Floats:
@@ -54,8 +51,7 @@ def quotient(sums: Numbers, counts: Numbers) -> Floats:
 
 def planar(vectors: Floats) -> Floats:
     """Length of the first two entries of (…, k)."""
-    norm: Floats = np.hypot(vectors[..., 0], vectors[..., 1])
-    return norm
+    return np.asarray(np.hypot(vectors[..., 0], vectors[..., 1]))
 
 
 def over_steps(mask: NDArray[Entry], values: NDArray[Any]) -> NDArray[Entry]:

@@ -14,8 +14,7 @@ SATURATED = 0.999
 
 def mechanical_power(torque: Recorded, speed: Recorded) -> Floats:
     """Σ |torque · joint speed|, (steps, n), W."""
-    power: Floats = np.abs(torque * speed.astype(np.float64)).sum(axis=-1)
-    return power
+    return np.asarray(np.abs(torque * speed.astype(np.float64)).sum(axis=-1))
 
 
 def energy(power: Floats, upright: Bools, dt: float) -> Floats:

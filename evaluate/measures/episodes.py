@@ -112,8 +112,7 @@ class Episodes:
     @property
     def diverged(self) -> Bools:
         """Whether a divergence, rather than the fall rule, ended the episode, (n,)."""
-        ended: Bools = (self.divergence_step <= self.fall_step) & (self.divergence_step < self.steps)
-        return ended
+        return np.asarray((self.divergence_step <= self.fall_step) & (self.divergence_step < self.steps))
 
 
 def weight(robot: Robot, scenario: Scenario) -> float:

@@ -6,7 +6,7 @@ Arrays (n, k): the k pushes of each of n episodes; NaN for a push that a fall fo
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient
+from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, upright_steps
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.tracking import SETTLING_TIME
 
@@ -66,8 +66,7 @@ def _can_be_judged(episodes: Episodes) -> Bools:
     end = onset + round((LONGEST_RECOVERY + GAIT_CYCLE) / dt)
     since = onset % episodes.command_steps
     same_command = (since >= round(SETTLING_TIME / dt)) & (since + end - onset <= episodes.command_steps)
-    judged: Bools = same_command & (end <= _next(onset, episodes.steps))
-    return judged
+    return np.asarray(same_command & (end <= _next(onset, episodes.steps)))
 
 
 def _recovery(episodes: Episodes) -> Floats:
@@ -88,7 +87,7 @@ def _recovery(episodes: Episodes) -> Floats:
 def cycle_errors(episodes: Episodes, cycle: int) -> Floats:
     """‖mean of command − planar velocity‖ over the gait cycle from each step on, (steps − cycle + 1, n) m/s."""
     error = episodes.command[..., :2].astype(np.float64) - episodes.heading_velocity[..., :2]
-    upright = np.arange(episodes.steps)[:, None] < episodes.fall_step
+    upright = upright_steps(episodes.fall_step, episodes.steps)
     sums = np.cumsum(np.where(over_steps(upright, error), error, 0.0), axis=0)
     sums = np.concatenate((np.zeros((1, *sums.shape[1:])), sums))
     return planar(sums[cycle:] - sums[:-cycle]) / cycle

@@ -72,8 +72,7 @@ def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]
 def distance_covered(velocity: Floats, upright: Bools, stretches: tuple[slice, ...], dt: float) -> Floats:
     """Distance along the mean heading velocity of each stretch, upright steps, (n,) m."""
     covered = [planar(total(np.where(upright[stretch, :, None], velocity[stretch], 0.0))) * dt for stretch in stretches]
-    distance: Floats = np.add.reduce(covered)
-    return distance
+    return np.asarray(np.add.reduce(covered))
 
 
 def drift(position: Floats, still: Bools, upright: Bools, windows: tuple[slice, ...], dt: float) -> Floats:

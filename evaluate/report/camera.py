@@ -10,7 +10,12 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from PIL import Image
+
+from evaluate.rollouts.frames import Frames
 from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.rollout import roll_out
 from quad_env.scenarios.named import Scenario
 
 WIDTH, HEIGHT = 240, 180
@@ -35,12 +40,6 @@ class Shot:
 
 def film(shot: Shot) -> bytes:
     """The frames one below the other, as WebP; a fallen robot is shown where it lies."""
-    import numpy as np
-    from PIL import Image
-
-    from evaluate.rollouts.frames import Frames
-    from evaluate.rollouts.rollout import roll_out
-
     policy, seeds = shot.hardware.policy(shot.policy), np.array([shot.seed])
     steps = shot.first_step + FRAMES * STEPS_PER_FRAME
     with closing(Frames(STEPS_PER_FRAME, shot.first_step + 1, width=WIDTH, height=HEIGHT)) as frames:

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 
 from evaluate.rollouts.frames import HEIGHT, WIDTH, Frame, Frames
 from evaluate.rollouts.hardware import IDEAL, Hardware
@@ -20,9 +20,6 @@ from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Policy
 from policies.files import write_atomically
 from quad_env.scenarios.named import Scenario
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 KINDS = (".mp4", ".webp", ".gif", ".png")
 FRAMES_A_SECOND = 25
@@ -72,7 +69,7 @@ def write(take: Take, path: Path, progress: Progress) -> None:
         with _encoder(path) as keep:
             shoot(take, progress, FRAMES_A_SECOND, keep)
         return
-    images: list[Image] = []
+    images: list[Image.Image] = []
     shoot(take, progress, STRIP_FRAMES_A_SECOND if kind == ".png" else FRAMES_A_SECOND, images.append)
     if kind == ".png":
         buffer = io.BytesIO()
@@ -82,33 +79,26 @@ def write(take: Take, path: Path, progress: Progress) -> None:
         write_atomically(path, moving_picture(images, kind[1:], 1 / FRAMES_A_SECOND))
 
 
-def moving_picture(images: "list[Image]", kind: str, period: float, quality: int = 80) -> bytes:
+def moving_picture(images: list[Image.Image], kind: str, period: float, quality: int = 80) -> bytes:
     """A WebP, of that quality out of 100, or a GIF, which shows each image for `period` s, over and over."""
     buffer, lasting = io.BytesIO(), round(1000 * period)
     images[0].save(buffer, kind, save_all=True, append_images=images[1:], duration=lasting, loop=0, quality=quality)
     return buffer.getvalue()
 
 
-def shoot(take: Take, progress: Progress, frames_a_second: int, keep: "Callable[[Image], None]") -> None:
+def shoot(take: Take, progress: Progress, frames_a_second: int, keep: Callable[[Image.Image], None]) -> None:
     """Keep the frames of an episode, until shortly after a fall."""
     with closing(Frames(round(1 / (CONTROL_PERIOD * frames_a_second)))) as frames:
         film = _Film(take, frames, progress, keep)
-        roll_out(
-            take.policy,
-            take.scenario,
-            np.array([take.seed]),
-            film,
-            steps=take.steps,
-            terminate_on_fall=False,
-            hardware=take.hardware,
-        )
+        how = take.policy, take.scenario, np.array([take.seed])
+        roll_out(*how, film, steps=take.steps, terminate_on_fall=False, hardware=take.hardware)
     progress(1.0)
 
 
 class _Film:
     """Observer that captions the frames, and ends the rollout shortly after a fall."""
 
-    def __init__(self, take: Take, frames: Frames, progress: Progress, keep: "Callable[[Image], None]") -> None:
+    def __init__(self, take: Take, frames: Frames, progress: Progress, keep: Callable[[Image.Image], None]) -> None:
         self._title, self._last = take.title, take.steps
         self._frames, self._progress, self._keep = frames, progress, keep
         self._falls, self._push_shown = Falls(1, take.steps), 0
@@ -138,9 +128,7 @@ def _drawn(frames: Frames, step: Step) -> Frame:
         raise UsageError(f"--video: nothing can be drawn here ({type(error).__name__}: {error})") from error
 
 
-def _captioned(frame: Frame, title: str, time: float, command: NDArray[np.float64], alarms: list[str]) -> "Image":
-    from PIL import Image, ImageDraw
-
+def _captioned(frame: Frame, title: str, time: float, command: NDArray[np.float64], alarms: list[str]) -> Image.Image:
     image = Image.fromarray(frame)
     draw = ImageDraw.Draw(image)
     asked = f"command {command[0]:+.2f} m/s forward, {command[1]:+.2f} m/s left, {command[2]:+.2f} rad/s"
@@ -152,10 +140,8 @@ def _captioned(frame: Frame, title: str, time: float, command: NDArray[np.float6
     return image
 
 
-def _strip(frames: "list[Image]") -> "Image":
+def _strip(frames: list[Image.Image]) -> Image.Image:
     """So many frames, evenly over the film, in rows."""
-    from PIL import Image
-
     chosen = [frames[i] for i in np.linspace(0, len(frames) - 1, min(STRIP, len(frames))).round().astype(int)]
     columns = -(-len(chosen) // STRIP_ROWS)
     width, height = chosen[0].size
@@ -166,7 +152,7 @@ def _strip(frames: "list[Image]") -> "Image":
 
 
 @contextmanager
-def _encoder(path: Path) -> "Iterator[Callable[[Image], None]]":
+def _encoder(path: Path) -> Iterator[Callable[[Image.Image], None]]:
     """Takes the frames of an MP4, which is there once all is done."""
     import imageio_ffmpeg
 

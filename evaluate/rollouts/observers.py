@@ -63,5 +63,4 @@ class Falls:
     @property
     def fell(self) -> NDArray[np.bool_]:
         """Whether each robot has fallen or diverged by now, (n,)."""
-        found: NDArray[np.bool_] = self.step < self._steps
-        return found
+        return np.asarray(self.step < self._steps)

@@ -101,13 +101,11 @@ def _separated(rates: Floats) -> Bools:
     Any curve that is steep enough explains them (Albert and Anderson 1984, Biometrika 71): they tell no more than
     between which two levels the breaking point lies.
     """
-    separated: Bools = ((rates > 0.0) & (rates < 1.0)).sum(axis=1) < 2
-    return separated
+    return np.asarray(((rates > 0.0) & (rates < 1.0)).sum(axis=1) < 2)
 
 
 def _ends(hardness: Floats, rates: Floats, coins: NDArray[np.int64]) -> Floats:
     """One of the two levels between which half fall, as the coin has it, so that an interval spans both; (r,)."""
     levels = np.concatenate([[-np.inf], hardness, [np.inf]])
     milder = np.where((rates >= 0.5).any(axis=1), (rates >= 0.5).argmax(axis=1), len(hardness))
-    ends: Floats = levels[milder + coins]
-    return ends
+    return np.asarray(levels[milder + coins])

@@ -40,8 +40,7 @@ def _trimmed_means(counts: Floats, values: Floats) -> Floats:
     high = len(values) - low
     reached = np.cumsum(counts[:, order], axis=1).clip(low, high)
     within = np.diff(reached, axis=1, prepend=float(low))
-    means: Floats = within @ values[order] / (high - low)
-    return means
+    return np.asarray(within @ values[order] / (high - low))
 
 
 def improvement_by_episode(a: Floats, b: Floats) -> tuple[float, Interval]:

@@ -56,8 +56,7 @@ def fit(hardness: Floats, fall_rates: Floats, episodes: int, start: Floats | Non
 def median_hardness(curves: Floats) -> Floats:
     """Hardness at which half of the episodes fall, (r,), floor and lapse counted."""
     m, steepness, floor, lapse = curves[:, 0], np.exp(curves[:, 1]), curves[:, 2], curves[:, 3]
-    falls: Floats = m + np.log((0.5 - floor) / (0.5 - lapse)) / steepness
-    return falls
+    return np.asarray(m + np.log((0.5 - floor) / (0.5 - lapse)) / steepness)
 
 
 def fall_probability(curves: Floats, hardness: Floats) -> Floats:
@@ -86,8 +85,7 @@ def _log_posterior(curves: Floats, hardness: Floats, fall_rates: Floats, episode
     likelihood = fall_rates * np.log(probability) + (1.0 - fall_rates) * np.log1p(-probability)
     prior = -0.5 * (PRIOR_PRECISION * (curves[:, :2] - PRIOR_MEAN) ** 2).sum(axis=1)
     undisturbed = UNDISTURBED * np.log1p(-curves[:, 2:]).sum(axis=1)
-    total: Floats = episodes * likelihood.sum(axis=1) + prior + undisturbed
-    return total
+    return np.asarray(episodes * likelihood.sum(axis=1) + prior + undisturbed)
 
 
 def _derivatives(curves: Floats, hardness: Floats, fall_rates: Floats, episodes: int) -> tuple[Floats, Floats]:

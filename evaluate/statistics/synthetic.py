@@ -78,5 +78,4 @@ class Axis:
         probability = self.floor + (1.0 - self.floor) * curve
         shape = (len(severities), count)
         luck = np.sqrt(shared) * generator.normal(size=count) + np.sqrt(1.0 - shared) * generator.normal(size=shape)
-        fell: Bools = ndtr(luck) < probability[:, None]
-        return fell
+        return np.asarray(ndtr(luck) < probability[:, None])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluate.report.plots.gait_diagram import stances
+from evaluate.measures.footfalls import stances
 from evaluate.rollouts.observers import Step
 from evaluate.studies.strides import Strides, walked
 from evaluate.terminal.command_line import UsageError, check_numbers, make_folder_of

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from PIL import Image, ImageDraw
 
 import policies
 import quad_env
@@ -102,8 +103,6 @@ def _check(options: Options) -> None:
 
 def draw(options: Options) -> None:
     """Write the picture."""
-    from PIL import Image
-
     walks = np.array([[walk(policy, name, options) for policy in options.policies] for name in options.scenarios])
     scenarios, shown, count = walks.shape[:3]
     if options.moving:  # (scenario, policy, time, y, x, colour)
@@ -119,15 +118,8 @@ def walk(policy: str, scenario: str, options: Options) -> list[Frame]:
     """Frames of one episode, with its name on the first, or on all that are to move; a fallen robot lies there."""
     first, every = 1 + round(options.start / CONTROL_PERIOD), round(options.period / CONTROL_PERIOD)
     with closing(Frames(every, first, width=SAMPLES * WIDTH, height=SAMPLES * HEIGHT, camera=options.camera)) as frames:
-        roll_out(
-            policies.resolve(policy),
-            scenario,
-            np.array([options.seed]),
-            frames,
-            steps=first + (options.count - 1) * every,
-            command=options.command,
-            terminate_on_fall=False,
-        )
+        steps, how = first + (options.count - 1) * every, (policies.resolve(policy), scenario, np.array([options.seed]))
+        roll_out(*how, frames, steps=steps, command=options.command, terminate_on_fall=False)
     taken = frames.taken + frames.taken[-1:] * (options.count - len(frames.taken))
     label = f"{policy}, {scenario}"
     return [_tile(frame, label if options.moving or not i else "") for i, frame in enumerate(taken)]
@@ -135,8 +127,6 @@ def walk(policy: str, scenario: str, options: Options) -> list[Frame]:
 
 def _tile(frame: Frame, label: str) -> Frame:
     """A frame in its size, with smooth edges and the label."""
-    from PIL import Image, ImageDraw
-
     image = Image.fromarray(frame).reduce(SAMPLES)
     ImageDraw.Draw(image).text((8, 6), label, fill="white", font_size=17, stroke_width=1, stroke_fill="black")
     return np.asarray(image)

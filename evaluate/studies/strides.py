@@ -1,6 +1,6 @@
 """What gaits do on flat ground, step by step: contacts, velocity, targets, and the figures that follow from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -44,13 +44,11 @@ class Strides:
     @property
     def target_rate(self) -> Floats:
         """Fastest that any joint target of each robot moved, rad/s, (n,)."""
-        rate: Floats = np.abs(np.diff(self.targets, axis=0)).max(axis=(0, 2)) / CONTROL_PERIOD
-        return rate
+        return np.asarray(np.abs(np.diff(self.targets, axis=0)).max(axis=(0, 2)) / CONTROL_PERIOD)
 
     def since(self, step: int) -> "Strides":
         """The same from that step on."""
-        later = {name: value[step:] for name, value in vars(self).items() if name != "fell"}
-        return Strides(**later, fell=self.fell)
+        return replace(self, **{name: value[step:] for name, value in vars(self).items() if name != "fell"})
 
     def of(self, robots: NDArray[np.bool_]) -> "Strides":
         """The same of those robots, (n,) bool."""
@@ -59,8 +57,7 @@ class Strides:
 
     def duty_errors(self) -> Floats:
         """Measured minus commanded duty factor of each foot, (n, 4)."""
-        errors: Floats = duty_factors(self.measured) - self.duty.mean(axis=0)[:, None]
-        return errors
+        return np.asarray(duty_factors(self.measured) - self.duty.mean(axis=0)[:, None])
 
     def offset_errors(self) -> Floats:
         """Measured minus commanded phase ahead of the first foot's, cycles, (n, 4); nan if a foot never landed."""
@@ -84,9 +81,7 @@ class _StrideRecorder:
 
     def __init__(self, policy: Gaits, falls: Falls) -> None:
         self._policy, self._falls = policy, falls
-        self._record: dict[str, list[NDArray[Any]]] = {
-            name: [] for name in Strides.__dataclass_fields__ if name != "fell"
-        }
+        self._record: list[dict[str, NDArray[Any]]] = []
 
     def __call__(self, step: Step) -> None:
         if not step.number:
@@ -105,10 +100,9 @@ class _StrideRecorder:
             "overspeed": step.infos["overspeed"],
             "targets": step.action.astype(np.float64),
         }
-        for name, value in entries.items():
-            self._record[name].append(value)
+        self._record.append(entries)
 
     def strides(self) -> Strides:
         """The finished record."""
-        arrays: dict[str, Any] = {name: np.array(values) for name, values in self._record.items()}
+        arrays: dict[str, Any] = {name: np.array([each[name] for each in self._record]) for name in self._record[0]}
         return Strides(**arrays, fell=self._falls.fell)

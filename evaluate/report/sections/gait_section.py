@@ -5,14 +5,15 @@ from numpy.typing import NDArray
 
 import policies
 from evaluate.analysis.results import Results
+from evaluate.measures.footfalls import stances
 from evaluate.report.html import grid, image, note, section
-from evaluate.report.plots.drawing import style
-from evaluate.report.plots.gait_diagram import gait_diagram
+from evaluate.report.plots.drawing import Margins, figure, short_name, style, svg, text_width
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import evaluation_seeds
 from evaluate.rollouts.hardware import Hardware
 from policies.base import CONTROL_PERIOD
 from quad_env.config import CommandRanges
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.named import Scenario
 
 SPEED = 0.7
@@ -52,3 +53,20 @@ def footfalls(policy: str, seed: int, hardware: Hardware) -> NDArray[np.bool_]:
     probe = rollout.run(hardware.policy(policy), SCENARIO, np.array([seed]), steps=steps, hardware=hardware)
     first = round(START / CONTROL_PERIOD) if probe.fall_step[0] == steps else steps
     return probe.foot_contact[first:, 0]
+
+
+def gait_diagram(robot: Robot, contact: NDArray[np.bool_], start: float, dt: float, colour: str, title: str) -> bytes:
+    """A bar wherever a foot is on the ground; contact (steps, 4) in the order of the robot's legs, from `start` on, s.
+
+    Diagonal pairs stand together: in a trot their bars agree.
+    """
+    order = [leg for pair in robot.diagonals for leg in pair]
+    names = [robot.leg_names[leg].upper() for leg in order]
+    drawn, axes = figure(1.5, margins=Margins(left=0.22 + max(map(text_width, names)), right=0.25, top=0.28))
+    for row, leg in enumerate(order):
+        bars = [(start + first * dt, count * dt) for first, count in stances(contact[:, leg])]
+        axes.broken_barh(bars, (row - 0.36, 0.72), facecolors=colour)
+    axes.set_yticks(range(len(order)), names)
+    axes.set(ylim=(len(order) - 0.5, -0.5), xlim=(start, start + len(contact) * dt))
+    axes.set(xlabel="s", title=short_name(title))
+    return svg(drawn)

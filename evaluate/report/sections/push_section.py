@@ -84,8 +84,7 @@ def levels_of(impulses: Floats) -> Floats:
     levels: Floats = np.unique(np.round(np.hypot(*impulses.T))).astype(np.float64)
     if len(levels) <= MOST_RINGS:
         return levels
-    fewer: Floats = np.round(np.linspace(levels[0], levels[-1], MOST_RINGS)).astype(np.float64)
-    return fewer
+    return np.asarray(np.round(np.linspace(levels[0], levels[-1], MOST_RINGS)).astype(np.float64))
 
 
 def fall_shares(impulses: Floats, fell: Floats) -> tuple[Floats, Floats]:

@@ -9,10 +9,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from evaluate.commands.outputs import analysed
+from evaluate.measures.footfalls import stances
 from evaluate.records.store import read_run
 from evaluate.report.page import render
 from evaluate.report.plots import curves, drawing
-from evaluate.report.plots.gait_diagram import gait_diagram, stances
+from evaluate.report.sections.gait_section import gait_diagram
 from evaluate.report.sections.push_section import DIRECTIONS, fall_shares, push_plot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
