@@ -173,7 +173,7 @@ def to_dict(config: TrainConfig) -> dict[str, Any]:
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
     """The inverse of `to_dict`. Raises UsageError on what is no configuration."""
     try:
-        return typing.cast(TrainConfig, _decode(TrainConfig, settings))
+        return typing.cast(TrainConfig, decode(TrainConfig, settings))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UsageError(f"not a training configuration: {error}") from None
 
@@ -191,22 +191,26 @@ def load_config(folder: Path) -> TrainConfig:
     return from_dict(settings)
 
 
-def _decode(kind: Any, value: Any) -> Any:
+def decode(kind: Any, value: Any) -> Any:
+    """A value of that type, dataclasses among them, from JSON types. Raises an error of Python's for what is none."""
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
         unknown = set(value) - set(hints)
         if unknown:
             raise ValueError(f"unknown settings {sorted(unknown)}")
-        decoded = {name: _decode(hints[name], entry) for name, entry in value.items()}
+        decoded = {name: decode(hints[name], entry) for name, entry in value.items()}
         return typing.cast(type[Any], kind)(**decoded)
+    parts = typing.get_args(kind)
     if typing.get_origin(kind) is tuple:
-        item, *rest = typing.get_args(kind)
+        item, *rest = parts
         kinds = [item] * len(value) if rest == [Ellipsis] else [item, *rest]
-        return tuple(_decode(k, v) for k, v in zip(kinds, value, strict=True))
-    if typing.get_origin(kind) is Literal and value not in typing.get_args(kind):
-        raise ValueError(f"{value!r} is none of {', '.join(typing.get_args(kind))}")
-    if typing.get_origin(kind) in (Literal, types.UnionType):
+        return tuple(decode(k, v) for k, v in zip(kinds, value, strict=True))
+    if typing.get_origin(kind) is Literal:
+        if value not in parts:
+            raise ValueError(f"{value!r} is none of {', '.join(parts)}")
         return value
+    if typing.get_origin(kind) is types.UnionType:  # with None
+        return None if value is None else decode(parts[0], value)
     return kind(value)
 
 

@@ -55,6 +55,7 @@ def test_differences_name_the_option_and_both_values():
         {"mixture": [["flat"]]},
         {"policy": "waltz"},
         {"steps": 1e400},
+        {"ppo": {"log_std_final": "low"}},
     ],
 )
 def test_what_is_no_configuration_is_refused(settings):

@@ -17,7 +17,7 @@ from evaluate.records.provenance import REPOSITORY, git_revision
 from evaluate.terminal.command_line import UsageError
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
-from train.config import TrainConfig, to_dict
+from train.config import TrainConfig, decode, to_dict
 from train.display import Display
 from train.interrupt import Interrupt
 from train.residual_env import ResidualVectorEnv
@@ -53,15 +53,7 @@ class CallbackState:
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
         """The state that a checkpoint holds. Raises UsageError on what is none."""
         try:
-            state = cls(**remembered)
-            return cls(
-                resumed=int(state.resumed),
-                seconds=float(state.seconds),
-                best_score=None if state.best_score is None else float(state.best_score),
-                validated=int(state.validated),
-                rate=None if state.rate is None else float(state.rate),
-                validations=list(state.validations),
-            )
+            return cast(CallbackState, decode(cls, remembered))
         except (TypeError, ValueError, OverflowError) as error:
             raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
