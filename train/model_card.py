@@ -10,6 +10,11 @@ from evaluate.terminal.format import interval, number, p_value, percent, percent
 from policies.base import CONTROL_PERIOD
 from train.config import DEFAULTS, TrainConfig, differences
 
+HEADER = (
+    "| scenario | policy | seed | falls | velocity error m/s | yaw-rate error rad/s | mean velocity error m/s |",
+    "|---|---|---|---|---|---|---|",
+)
+
 
 @dataclass(frozen=True)
 class TrainedRun:
@@ -71,10 +76,7 @@ def mixture(config: TrainConfig) -> str:
 
 def table(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
     """A block for each scenario, a row for each policy, in Markdown."""
-    lines = [
-        "| scenario | policy | seed | falls | velocity error m/s | yaw-rate error rad/s | mean velocity error m/s |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    lines = [*HEADER]
     seeds = {run.label: seed(run, shipped) for run in runs}
     names = {run.label: run.config.policy for run in runs}
     for (scenario, policy), summary in results.summaries.items():
@@ -100,8 +102,7 @@ def against_base(runs: list[TrainedRun], shipped: TrainedRun, results: Results) 
         f"Minus `{base}`, paired by episode; below zero is better; falls in percentage points; p in brackets, "
         f"corrected by Holm's method over the {len(runs) * len(results.scenarios)} comparisons of a column:",
         "",
-        "| scenario | policy | seed | falls | velocity error m/s | yaw-rate error rad/s | mean velocity error m/s |",
-        "|---|---|---|---|---|---|---|",
+        *HEADER,
     ]
     found = {(each.scenario, each.a, each.metric): each for each in results.comparisons if each.b == base}
     for scenario in results.scenarios:

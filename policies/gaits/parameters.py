@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from policies.gait import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
-from policies.parameters import Parameters, from_json, limits_of, number, read
+from policies.parameters import Parameters, from_json, number, read
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
@@ -79,7 +79,6 @@ class GaitParameters(Parameters):
     """Fastest yaw rate command, rad/s."""
 
 
-LIMITS = limits_of(GaitParameters)
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), BEYOND)
 """Limits of the commands, by field name: ahead, back, sideways and turning, in that order."""
 SLOWEST, FASTEST = 0.3, 15.0

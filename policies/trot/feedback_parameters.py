@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from policies.parameters import Parameters, from_json, limits_of, number, read, search_ranges_of
+from policies.parameters import Parameters, from_json, number, read, search_ranges_of
 
 PARAMETERS_FILE = Path(__file__).with_name("trot_feedback.json")
 """The parameters in force, written by `python -m train search feedback`; TROT_FEEDBACK.md is its account."""
@@ -135,7 +135,6 @@ class FeedbackParameters(Parameters):
     """From there back to the trot, s."""
 
 
-LIMITS = limits_of(FeedbackParameters)
 SEARCH_RANGES = search_ranges_of(FeedbackParameters)
 
 

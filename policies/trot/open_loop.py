@@ -16,7 +16,7 @@ from policies.gait import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import leg_angles
 from policies.legs.stance_load import held_up
-from policies.parameters import Parameters, from_json, limits_of, number, read, search_ranges_of
+from policies.parameters import Parameters, from_json, number, read, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -65,7 +65,6 @@ class TrotParameters(Parameters):
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
 
-LIMITS = limits_of(TrotParameters)
 SEARCH_RANGES = search_ranges_of(TrotParameters)
 
 

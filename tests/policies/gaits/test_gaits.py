@@ -11,7 +11,6 @@ from evaluate.studies.strides import Strides, walked
 from policies.gaits.change import CHANGE_TIME
 from policies.gaits.parameters import (
     GAITS,
-    LIMITS,
     OFFSETS,
     GaitParameters,
     froude,
@@ -22,6 +21,7 @@ from policies.gaits.parameters import (
 )
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
 from policies.legs.kinematics import foot_positions
+from policies.parameters import limits_of
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -245,7 +245,7 @@ def test_the_file_holds_every_gait_within_the_limits_and_a_walk_of_at_least_thre
     found = searched_parameters()
     assert set(found) == set(OFFSETS)
     assert found["walk"].duty - found["walk"].duty_fall >= 0.75
-    assert set(LIMITS) == set(json.loads(json.dumps(vars(BARE))))
+    assert set(limits_of(GaitParameters)) == set(json.loads(json.dumps(vars(BARE))))
 
 
 def test_beyond_its_limits_a_gait_goes_the_same_way_on_the_ellipsoid():

@@ -13,8 +13,8 @@ from evaluate.rollouts import rollout
 from policies.gait import TROT_OFFSETS, Gait
 from policies.legs.foot_path import lift
 from policies.legs.kinematics import foot_positions
+from policies.parameters import limits_of
 from policies.trot.open_loop import (
-    LIMITS,
     SEARCH_RANGES,
     Trot,
     TrotParameters,
@@ -25,6 +25,7 @@ from quad_env import OBSERVATION, OBSERVATION_SIZE, SCENARIOS, CommandRanges
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 
+LIMITS = limits_of(TrotParameters)
 # The bare path: nothing made up for, an identity for the command map, and no waiting for the command.
 BARE = TrotParameters(
     frequency=2.5,

@@ -13,9 +13,9 @@ from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from policies.base import CONTROL_PERIOD
 from policies.legs.kinematics import foot_positions, joint_angles
+from policies.parameters import limits_of
 from policies.trot.feedback import BRACE_RANGE, BRACE_TIME, LARGEST_CORRECTION, TrotFeedback
 from policies.trot.feedback_parameters import (
-    LIMITS,
     PARAMETERS_FILE,
     SEARCH_RANGES,
     FeedbackParameters,
@@ -30,6 +30,7 @@ from quad_env.seeding import episode_seeds
 from quad_env.task.observations import observation_table
 from train.scenarios import practice
 
+LIMITS = limits_of(FeedbackParameters)
 FRONT, HIND = slice(0, 2), slice(2, 4)
 LEFT, RIGHT = slice(0, None, 2), slice(1, None, 2)
 OFF = {

@@ -6,7 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from policies.trot.feedback_parameters import LIMITS, PARAMETERS_FILE, FeedbackParameters, searched_parameters
+from policies.parameters import limits_of
+from policies.trot.feedback_parameters import PARAMETERS_FILE, FeedbackParameters, searched_parameters
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
@@ -43,7 +44,7 @@ def test_nobody_searches_on_the_ground_of_the_exam(exercise):
 def told(text):
     """The start and the outcome that an account tells of."""
     cells = [[cell.strip() for cell in line.split("|")] for line in text.splitlines()]
-    rows = {row[1]: row for row in cells if len(row) == 6 and row[1] in LIMITS}
+    rows = {row[1]: row for row in cells if len(row) == 6 and row[1] in limits_of(FeedbackParameters)}
     return tuple(FeedbackParameters(**{name: float(row[column]) for name, row in rows.items()}) for column in (3, 4))
 
 

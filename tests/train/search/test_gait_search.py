@@ -6,7 +6,8 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from policies.gaits.parameters import LIMITS, OFFSETS, GaitParameters, searched_parameters
+from policies.gaits.parameters import OFFSETS, GaitParameters, searched_parameters
+from policies.parameters import limits_of
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
 from train.search.command_map import response, undone
@@ -19,7 +20,7 @@ def test_ranges_are_of_the_parameters_and_within_their_limits():
     assert set(RANGES) == set(OFFSETS)
     for ranges in RANGES.values():
         for name, (low, high) in ranges.items():
-            assert LIMITS[name][0] <= low < high <= LIMITS[name][1], name
+            assert limits_of(GaitParameters)[name][0] <= low < high <= limits_of(GaitParameters)[name][1], name
     assert RANGES["walk"]["duty"][0] - RANGES["walk"]["duty_fall"][1] >= 0.75
 
 
