@@ -11,7 +11,7 @@ from rich.progress import track
 from evaluate.measures.metrics import Measures
 from evaluate.terminal.launcher import raise_on_interrupt
 from policies.base import Floats
-from policies.parameters import Parameters
+from policies.parameters import Parameters, number
 from quad_env.seeding import episode_seeds
 
 Ranges = Mapping[str, tuple[float, float]]
@@ -23,21 +23,24 @@ MARGIN = 0.02
 P = TypeVar("P", bound=Parameters)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How thoroughly a search is done: rounds, parameter sets tried in each, and the seed of these."""
+    """How thoroughly a search is done: rounds, and parameter sets tried in each."""
 
     generations: int
     candidates: int
-    seed: int
+    seed: int = number(0, limits=(0, 2**31))
+    """Seed of the search."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EpisodeEffort(Effort):
     """That of a search on drawn episodes: how many, new in each round, and how many control steps long."""
 
     episodes: int
     steps: int
+    threads: int = number(2, limits=(1, 256))
+    """Threads of the simulation."""
 
 
 def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -> P:

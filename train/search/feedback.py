@@ -55,10 +55,6 @@ class Options(EpisodeEffort):
     """First standard deviation of a parameter, as a share of its range."""
     check_episodes: int = number(64, limits=(1, 10_000))
     """Full episodes an exercise, of validation seeds, on which the outcome is judged beside the start."""
-    seed: int = number(0, limits=(0, 2**31))
-    """Seed of the search."""
-    threads: int = number(2, limits=(1, 256))
-    """Threads of the simulation."""
     start: Path | None = None
     """Parameters to start from, JSON; by default the defaults in the code."""
     out: Path = PARAMETERS_FILE

@@ -69,8 +69,6 @@ class Options(EpisodeEffort):
     """Episodes a candidate."""
     steps: int = number(400, limits=(SETTLING + 100, 100_000))
     """Length of an episode, control steps of 10 ms."""
-    seed: int = number(0, limits=(0, 2**31))
-    """Seed of the search."""
     threads: int = number(1, limits=(1, 256))
     """Threads of the simulation."""
     out: Path = PARAMETERS_FILE

@@ -49,8 +49,6 @@ class Options(Effort):
     """Random starts of each candidate in a round."""
     step: float = number(0.07, limits=(1e-6, 1.0))
     """First step size, rad and likewise in the other units."""
-    seed: int = number(0, limits=(0, 2**31))
-    """Seed of the search."""
     out: Path = PARAMETERS_FILE
     """JSON to write."""
 

@@ -48,10 +48,6 @@ class Options(EpisodeEffort):
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = number(108, limits=(MINIMUM_INTERVALS // 2, 10_000))  # of two command intervals each
     """Fresh episodes a scenario on which the outcome is judged beside the parameters before the search."""
-    seed: int = number(0, limits=(0, 2**31))
-    """Seed of the search."""
-    threads: int = number(2, limits=(1, 256))
-    """Threads of the simulation."""
     out: Path = PARAMETERS_FILE
     """Where the parameters go, JSON; the account of the search goes beside it, TROT.md."""
 
