@@ -1,6 +1,6 @@
-"""Paired comparisons of policies, episode by episode."""
+"""Comparisons of policies, and of two runs of one: episode by episode where they ran the same, else two samples."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -8,8 +8,15 @@ import numpy as np
 
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.improvement import improvement_by_episode
-from evaluate.statistics.intervals import Floats, Interval, difference_interval, share_difference_interval
-from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
+from evaluate.statistics.intervals import (
+    Floats,
+    Interval,
+    difference_interval,
+    newcombe_interval,
+    share_difference_interval,
+    two_sample_interval,
+)
+from evaluate.statistics.significance import fall_rates_test, holm, mcnemar, relabelling_test, sign_flip_test
 
 BASELINE = "trot"
 FALL_RATE = "fall_rate"
@@ -110,3 +117,35 @@ def paired_difference(metric: str, a: Floats, b: Floats) -> tuple[float, Interva
         only_a, only_b = int((a > b).sum()), int((a < b).sum())
         return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), "exact McNemar"
     return difference, difference_interval(a - b), sign_flip_test(a - b), "paired sign-flip permutation"
+
+
+@dataclass(frozen=True)
+class MetricDifference:
+    """One metric of b minus that of a; below zero b is better. The fields are keys of the JSON file."""
+
+    metric: str
+    a: float
+    b: float
+    difference: float
+    ci: Interval
+    """95 %"""
+    p_value: float
+    test: str
+
+
+def compare_samples(a: Mapping[str, Floats], b: Mapping[str, Floats], *, paired: bool) -> Iterator[MetricDifference]:
+    """Every metric that both runs have, from metric -> value of each episode, (n,), as of `by_episode`."""
+    for metric in METRICS:
+        if metric in a and metric in b:
+            yield _compare(metric, a[metric], b[metric], paired=paired)
+
+
+def _compare(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDifference:
+    mean_a, mean_b = float(a.mean()), float(b.mean())
+    if paired:
+        return MetricDifference(metric, mean_a, mean_b, *paired_difference(metric, b, a))
+    if metric == FALL_RATE:
+        found = newcombe_interval(a > 0, b > 0), fall_rates_test(a > 0, b > 0), "Barnard"
+    else:
+        found = two_sample_interval(a, b), relabelling_test(b, a), "permutation"
+    return MetricDifference(metric, mean_a, mean_b, mean_b - mean_a, *found)

@@ -12,12 +12,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS
+from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS, MetricDifference, compare_samples
 from evaluate.analysis.results import without_nan
-from evaluate.analysis.run_comparison import MetricDifference, Sample, compare_samples
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows, rows_of
 from evaluate.report.table import DIFFERENCES, console_table
+from evaluate.statistics.intervals import Floats
 from evaluate.terminal.command_line import UsageError, make_folder_of
 from evaluate.terminal.format import ABSENT, interval, number, p_value, points, points_interval
 from policies.files import write_atomically
@@ -108,22 +108,23 @@ def _match(
     rows = [rows_of(table, policy, scenario) for (_, table), policy in zip((a, b), pair, strict=True)]
     if not all(each.num_rows for each in rows):
         return None
-    first, second = map(_sample, rows)
+    seeds = [each.column("seed").to_numpy() for each in rows]
     definitions = [next(s for s in m.scenarios if s.name == scenario) for m, _ in (a, b)]
     why_not = ""
     if definitions[0] != definitions[1]:
         why_not = f"{scenario} is not the same scenario in both"
     elif a[0].steps != b[0].steps:
         why_not = "their episodes are not of the same length"
-    elif not np.array_equal(first.seeds, second.seeds):
+    elif not np.array_equal(*seeds):
         why_not = "their episodes have different seeds"
-    found = tuple(compare_samples(first, second, paired=not why_not))
+    found = tuple(compare_samples(*map(_values, rows), paired=not why_not))
     return Match(*pair, scenario, not why_not, why_not, not why_not and _identical(*rows), found)
 
 
-def _sample(rows: "pa.Table") -> Sample:
+def _values(rows: "pa.Table") -> dict[str, Floats]:
+    """Metric -> value of each episode, of those that the run has."""
     errors = {name: rows.column(name).to_numpy() for name in ERRORS if name in rows.column_names}
-    return Sample(rows.column("seed").to_numpy(), rows.column("fell").to_numpy(), errors)
+    return {FALL_RATE: rows.column("fell").to_numpy().astype(np.float64)} | errors
 
 
 def _identical(a: "pa.Table", b: "pa.Table") -> bool:

@@ -66,14 +66,8 @@ def _lines(path: Path) -> tuple[list[str], list[str]]:
 
 
 def _made_by(found: dict[str, Any]) -> str:
-    """The command that makes these figures, and with which versions."""
-    versions = found["versions"]
-    return f"`{_command(found, scenarios_of(found))}`; MuJoCo {versions['mujoco']}, Python {versions['python']}."
-
-
-def _command(found: dict[str, Any], scenarios: list[str]) -> str:
-    """What was run, without what is as usual."""
-    provenance = found.get("provenance", {})
+    """The command that makes these figures, without what is as usual, and with which versions."""
+    provenance, versions, scenarios = found.get("provenance", {}), found["versions"], scenarios_of(found)
     battery = next((name for name, each in BATTERIES.items() if [one.name for one in each()] == scenarios), None)
     chosen = {
         "policies": list(policy_words(found["policies"], provenance.get("only_on", {}))),
@@ -81,7 +75,8 @@ def _command(found: dict[str, Any], scenarios: list[str]) -> str:
         "episodes": found["episodes"],
         "seed": found["seed"],
     }
-    return command(chosen | provenance.get("hardware", {}))
+    words = command(chosen | provenance.get("hardware", {}))
+    return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}."
 
 
 def insert(text: str, lines: list[str], place: str = RESULTS) -> str:

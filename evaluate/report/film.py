@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from evaluate.rollouts.frames import HEIGHT, WIDTH, Frame, Frames
 from evaluate.rollouts.hardware import IDEAL, Hardware
-from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.observers import HEIGHT, WIDTH, Falls, Frame, Frames, Step
 from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Policy

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 
 from evaluate.analysis.findings import PHRASES, UNSHOWN, Finding, findings_by_policy, headline, summary
-from evaluate.analysis.gate_verdicts import Verdict
+from evaluate.analysis.gate_verdicts import Verdict, by_gate
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.footage import footage
@@ -16,14 +16,13 @@ from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.figures import policy_label
 from evaluate.report.sections.gait_section import gaits
-from evaluate.report.sections.gate_section import gates
 from evaluate.report.sections.measures_section import definitions
 from evaluate.report.sections.overview import overview, sensitivity
 from evaluate.report.sections.response_section import responses
 from evaluate.report.sections.training_section import training
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
-from evaluate.terminal.format import listed
+from evaluate.terminal.format import counted, listed
 from policies.files import write_atomically
 
 FILM_PLACE = 5
@@ -52,7 +51,7 @@ def render(
         shown = beside.submit(footage, results) if film else None
         sections = [
             _outcome(results),
-            gates(verdicts),
+            _gates(verdicts),
             overview(results),
             sensitivity(results),
             disturbances(results),
@@ -104,6 +103,25 @@ def _findings(results: Results, policy: str, found: list[Finding]) -> str:
     title = f"{policy_label(results, policy)} against {escape(results.baseline)}"
     body = f"<ul>{''.join(summaries)}</ul>" + (f"<ul>{''.join(claims)}</ul>" if claims else "")
     return fold(title, body, opened=len(severity_axes(results)) <= FEW_AXES, printed=True) if found else ""
+
+
+def _gates(verdicts: Sequence[Verdict]) -> str:
+    """A line a gate, with what failed; empty without gates."""
+    return section("Gates", *(_gate(gate, mine) for gate, mine in by_gate(verdicts).items()))
+
+
+def _gate(name: str, verdicts: Sequence[Verdict]) -> str:
+    failed = [verdict for verdict in verdicts if not verdict.passed]
+    among = f"failed on {len(failed)} of {counted(len(verdicts), 'scenario')}" if failed else "passed"
+    lines = _list(failed) if failed else ""
+    every = fold("Every scenario", _list(verdicts)) if len(verdicts) > len(failed) else ""
+    return f"<h3><code>{escape(name)}</code> {among}</h3>{lines}{every}"
+
+
+def _list(verdicts: Sequence[Verdict]) -> str:
+    kinds = {True: "better", False: "worse"}
+    lines = (f'<li class="{kinds[v.passed]}">{escape(v.scenario)}: {escape(v.reason)}</li>' for v in verdicts)
+    return f"<ul>{''.join(lines)}</ul>"
 
 
 def _notes(results: Results) -> str:

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 import policies
 import quad_env
 from evaluate.report.film import moving_picture
-from evaluate.rollouts.frames import Frame, Frames
+from evaluate.rollouts.observers import Frame, Frames
 from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD

@@ -3,18 +3,14 @@
 import numpy as np
 import pytest
 
-from evaluate.analysis.comparison import ERRORS, compare
-from evaluate.analysis.run_comparison import Sample, compare_samples
+from evaluate.analysis.comparison import METRICS, by_episode, compare, compare_samples
 
 
 def test_two_runs_of_the_same_episodes_are_compared_as_two_policies_of_one_run_are(made_up_cell) -> None:
     """The same difference, interval and p-value, to the bit: a purpose has one interval."""
     generator = np.random.default_rng(0)
     cells = [made_up_cell(name, generator.random(64) < 0.1, generator.gamma(2.0, 0.1, 64)) for name in ("trot", "new")]
-    a, b = (
-        Sample(cell.seeds, cell.measures.fell, {name: getattr(cell.measures, name) for name in ERRORS})
-        for cell in cells
-    )
+    a, b = ({metric: by_episode(cell, metric) for metric in METRICS} for cell in cells)
     policies = {each.metric: each for each in compare(cells)}
     for run in compare_samples(a, b, paired=True):
         expected = policies[run.metric]
@@ -23,8 +19,8 @@ def test_two_runs_of_the_same_episodes_are_compared_as_two_policies_of_one_run_a
 
 
 def test_unpaired_samples_may_differ_in_size() -> None:
-    a = Sample(np.arange(4), np.array([True] * 4), {"velocity_error": np.ones(4)})
-    b = Sample(np.arange(9), np.array([False] * 9), {"velocity_error": np.zeros(9)})
+    a = {"fall_rate": np.ones(4), "velocity_error": np.ones(4)}
+    b = {"fall_rate": np.zeros(9), "velocity_error": np.zeros(9)}
     falls, velocity = compare_samples(a, b, paired=False)
     assert (falls.difference, velocity.difference) == (-1.0, -1.0)
     assert falls.p_value < 0.01
