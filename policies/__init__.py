@@ -8,13 +8,12 @@ action = policy.act(observation)  # (n, k) -> (n, 12) rad
 from collections.abc import Callable
 from pathlib import Path
 
-from policies.base import CONTROL_PERIOD, Policy, PolicyError
+from policies.base import CONTROL_PERIOD, Policy, PolicyError, Stand
 from policies.bases import BASES
 from policies.behaviour import Behaviour
 from policies.bundle import load
 from policies.residual import ResidualPolicy
 from policies.safety import Safe, SafetyLimits
-from policies.stand import Stand
 from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
 from quad_env.robots.robot import Robot

@@ -6,9 +6,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.easing import smoothstep
 from policies.gait import Floats as Floats
-from policies.gait import advance
+from policies.gait import advance, smoothstep
 from quad_env.config import TaskConfig
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -99,6 +98,15 @@ class Policy(ABC):
     def _restart(self, mask: Mask) -> None:
         """Put the state of the masked robots back to its start."""
         return
+
+
+class Stand(Policy):
+    """Home pose, always; also the base of a learner that is to have none."""
+
+    name = "stand"
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        return np.tile(to_actions(self.robot, self.robot.home_pose), (self.num_envs, 1))
 
 
 class GaitedPolicy(Policy):

@@ -8,11 +8,10 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from policies.article import Document, DocumentRepaired, PrintedGait
-from policies.base import Policy
+from policies.base import Policy, Stand
 from policies.gaits.parameters import GAITS, GaitParameters
 from policies.gaits.policy import Gaits
 from policies.parameters import Parameters, from_json
-from policies.stand import Stand
 from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters
 from policies.trot.open_loop import Trot, TrotParameters

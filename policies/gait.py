@@ -51,6 +51,11 @@ class Gait:
         return LegCycle(swing, progress)
 
 
+def smoothstep(progress: Floats) -> Floats:
+    """Share of the way, 0 to 1, at a progress of 0 to 1, elementwise: the cubic that begins and ends level."""
+    return progress * progress * (3.0 - 2.0 * progress)
+
+
 def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
     """Phase of each leg, in [0, 2π) rad; shape (..., 4) for a global phase of shape (...)."""
     return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN

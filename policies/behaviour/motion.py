@@ -39,12 +39,12 @@ def approach(current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLi
     return nearer
 
 
-class Hold(Motion):
-    """The home pose, approached within `duration` s."""
+HOLD_TIME = 0.4
+"""From the joints' pose to the home pose, s."""
 
-    def __init__(self, robot: Robot, control_period: float, duration: float = 0.4) -> None:
-        super().__init__(robot, control_period)
-        self._duration = duration
+
+class Hold(Motion):
+    """The home pose, approached within `HOLD_TIME`."""
 
     def reset(self, num_envs: int) -> None:
         """Make room for that many robots."""
@@ -59,7 +59,7 @@ class Hold(Motion):
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Targets of those robots."""
         home = np.broadcast_to(self._robot.home_pose, joints.shape)
-        target = approach(self._target[rows], home, self._elapsed[rows], self._duration, self._period)
+        target = approach(self._target[rows], home, self._elapsed[rows], HOLD_TIME, self._period)
         self._target[rows] = target
         self._elapsed[rows] += self._period
         return target

@@ -30,8 +30,7 @@ from policies.gaits.parameters import (
     stepping,
 )
 from policies.legs.foot_path import SWING_PATHS, hip_height, load, swing_path
-from policies.legs.kinematics import leg_angles
-from policies.legs.stance_load import held_up
+from policies.legs.kinematics import held_up, leg_angles
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot

@@ -1,4 +1,4 @@
-"""Exact kinematics of one leg: joint angles to foot position and back.
+"""Exact kinematics of one leg, joint angles to foot position and back, and the give of its servos under a load.
 
 Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up). The hip turns the leg
 about +x; the thigh joint sits D = `hip_offset` outboard of it; thigh and calf, L1 and L2 long, turn about +y in the
@@ -60,3 +60,16 @@ def joint_targets(robot: Robot, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Flo
     joint limits."""
     angles = flat_joints(joint_angles(robot, np.stack(np.broadcast_arrays(x, y, z), axis=-1)))
     return np.clip(angles, robot.joint_lower, robot.joint_upper)
+
+
+def held_up(
+    robot: Robot, hip: Floats, thigh: Floats, calf: Floats, x: Floats, y: Floats, force: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Targets whose joints rest at the given angles under an upward force, N, on a foot at x, y in its hip frame.
+
+    A servo of stiffness k holds its target up to torque/k, and the torque is the force times ∂z/∂(joint), which is
+    y for the hip, -x cos(hip) for the thigh and L2 sin(thigh + calf) cos(hip) for the calf.
+    """
+    give = force / robot.servo_stiffness
+    give_in_plane = give * np.cos(hip)
+    return hip - give * y, thigh + give_in_plane * x, calf - give_in_plane * robot.calf_length * np.sin(thigh + calf)

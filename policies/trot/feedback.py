@@ -14,11 +14,10 @@ from policies.gait import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
 from policies.legs.foot_path import lift, load
 from policies.legs.footholds import Planar, captured, passing, raibert, swung, within_reach
 from policies.legs.ground import GroundSense
-from policies.legs.kinematics import leg_angles
+from policies.legs.kinematics import held_up, leg_angles
 from policies.legs.level_frame import LevelFrame, Vector
 from policies.legs.memory import Memory
 from policies.legs.proprioception import Senses, hips, length, sense
-from policies.legs.stance_load import held_up
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
-from policies.legs.kinematics import leg_angles
-from policies.legs.stance_load import held_up
+from policies.legs.kinematics import held_up, leg_angles
 from policies.parameters import Parameters, from_json, number, read, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
