@@ -57,7 +57,9 @@ def cpu_model() -> str:
 def code_digest() -> str:
     """SHA-256 of the packages that the figures depend on, names and contents: a commit may change nothing of them."""
     digest = hashlib.sha256()
-    for path in _sources():
+    for path in (path for package in SOURCES for path in sorted((REPOSITORY / package).rglob("*"))):
+        if path.suffix not in _KINDS:
+            continue
         content = path.read_bytes()
         digest.update(f"{path.relative_to(REPOSITORY).as_posix()} {len(content)}\n".encode() + content)
     return digest.hexdigest()
@@ -102,11 +104,6 @@ def _contents(value: Any) -> list[tuple[Any, Any]]:
         return sorted((field.name, getattr(value, field.name)) for field in fields(value))
     slots = {name: getattr(value, name) for name in getattr(type(value), "__slots__", ()) if hasattr(value, name)}
     return sorted((slots | getattr(value, "__dict__", {})).items())
-
-
-def _sources() -> Iterator[Path]:
-    for package in SOURCES:
-        yield from sorted(path for path in (REPOSITORY / package).rglob("*") if path.suffix in _KINDS)
 
 
 def _git(folder: Path, *arguments: str) -> str | None:

@@ -33,7 +33,12 @@ COMPACT = (
     *("foot_contact", "leg_contact", "trunk_contact"),
 )
 """Signals that fall rules, gait diagrams and velocity curves look at."""
-PER_EPISODE = ("seeds", "fall_step", "fall_reason", "divergence_step", "push_step", "push_impulse")
+PER_EPISODE: dict[str, type[np.generic]] = {
+    **dict.fromkeys(("seeds", "fall_step", "divergence_step", "push_step"), np.int64),
+    "fall_reason": np.object_,
+    "push_impulse": np.float64,
+}
+"""What is kept of each episode as a whole, and its type."""
 Kind = Literal["compact", "full"]
 """What to keep: the COMPACT signals, or every one, so that every measure can be taken again."""
 
@@ -110,22 +115,9 @@ def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
         raise ValueError(f"{path} is a compact trace: it lacks signals that measures need")
     robot = IDEAL.robot
     signals = {name: _signal(table, robot, name, steps, count) for name in shapes(robot)}
-    pushes = len(table["push_step"][0])
-    return header, Episodes(
-        robot=robot,
-        **signals,  # type: ignore[arg-type]
-        **about["numbers"],
-        seeds=_column(table, "seeds", np.int64),
-        fall_step=_column(table, "fall_step", np.int64),
-        fall_reason=_column(table, "fall_reason", np.object_),
-        divergence_step=_column(table, "divergence_step", np.int64),
-        push_step=_column(table, "push_step", np.int64).reshape(count, pushes),
-        push_impulse=_column(table, "push_impulse", np.float64).reshape(count, pushes, 2),
-    )
-
-
-def _column(table: Any, name: str, kind: type[np.generic]) -> NDArray[Any]:
-    return np.array(table[name].to_pylist(), dtype=kind)
+    whole = {name: np.array(table[name].to_pylist(), dtype=kind) for name, kind in PER_EPISODE.items()}
+    whole["push_impulse"] = whole["push_impulse"].reshape(*whole["push_step"].shape, 2)
+    return header, Episodes(robot=robot, **signals, **whole, **about["numbers"])  # type: ignore[arg-type]
 
 
 def _signal(table: Any, robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic] | None:

@@ -21,6 +21,8 @@ FEW = 10
 """Flips that reach the observed mean, the observed one not counted, below which more are drawn."""
 NUISANCE_RATES = 511
 """Fall rates, evenly spaced, among which Barnard's test looks for the one that makes the data likeliest."""
+BYTE_SIGNS = np.array(list(itertools.product((1.0, -1.0), repeat=8)))
+"""Signs of eight pairs for every byte, (256, 8)."""
 
 Counts = NDArray[np.int64]
 
@@ -60,18 +62,12 @@ def sign_flip_test(differences: Floats, seed: int = 0) -> float:
 def _flips_as_large(differences: Floats, observed: float, flips: int, generator: np.random.Generator) -> int:
     """How many random flips have a sum of at least the observed size; a random byte flips eight pairs."""
     padded = np.pad(differences, (0, -len(differences) % 8)).reshape(-1, 8)
-    tables = padded @ _byte_signs().T  # (bytes, 256)
+    tables = padded @ BYTE_SIGNS.T  # (bytes, 256)
     bytes_, as_large = np.arange(len(padded)), 0
     for block in np.array_split(np.arange(flips), max(1, flips // 10_000)):
         drawn = generator.integers(0, 256, (len(block), len(padded)), dtype=np.uint8)
         as_large += int((np.abs(tables[bytes_, drawn].sum(axis=1)) >= observed).sum())
     return as_large
-
-
-@lru_cache(maxsize=1)
-def _byte_signs() -> Floats:
-    """Signs of eight pairs for every byte, (256, 8)."""
-    return np.array(list(itertools.product((1.0, -1.0), repeat=8)))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

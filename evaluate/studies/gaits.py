@@ -53,11 +53,6 @@ class Options:
     """Threads of the simulation (count)."""
 
 
-def steady(gait: str, seeds: NDArray[np.int64], *, steps: int, threads: int = 2) -> Strides:
-    """The gait at its speed on each episode."""
-    return walked(Gaits(gait), np.array([SPEEDS[gait], 0.0, 0.0]), seeds, steps=steps, nthread=threads)
-
-
 def changes(first: str, others: tuple[str, ...], seeds: NDArray[np.int64], *, threads: int = 2) -> list[Strides]:
     """Each episode with `first` and then another gait, for each of the others; the speed is the slower gait's.
 
@@ -103,7 +98,8 @@ def _steady_table(options: Options) -> Table:
         table.add_column(head, justify="left" if head == "gait" else "right")
     seeds = episode_seeds("evaluation", options.seed, options.robots)
     for gait in options.gaits:
-        found = steady(gait, seeds, steps=round(options.seconds / CONTROL_PERIOD), threads=options.threads)
+        command, steps = np.array([SPEEDS[gait], 0.0, 0.0]), round(options.seconds / CONTROL_PERIOD)
+        found = walked(Gaits(gait), command, seeds, steps=steps, nthread=options.threads)
         late = found.of(~found.fell).since(SETTLING)
         standing = gait not in OFFSETS
         errors = ("-", "-", "-", "-") if standing else (
