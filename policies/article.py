@@ -98,10 +98,8 @@ class Document(GaitedPolicy):
         feet = self.parameters.feet(self.robot, phase, stance_start=0.0)
         if not self._warned and (missed := unreachable(self.robot, feet)).any():
             self._warned = True
-            x, y, z = feet[missed][0]
-            message = (
-                f"a foot at ({x:.3g}, {y:.3g}, {z:.3g}) m from its hip is out of reach; its joints are sent to zero"
-            )
+            place = ", ".join(f"{coordinate:.3g}" for coordinate in feet[missed][0])
+            message = f"a foot at ({place}) m from its hip is out of reach; its joints are sent to zero"
             warnings.warn(message, UnreachableFootWarning, stacklevel=2)
         return flat_joints(printed_joint_angles(self.robot, feet))
 

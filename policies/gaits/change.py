@@ -15,19 +15,15 @@ class GaitChange:
 
     def __init__(self, values: Floats, offsets: Floats, control_period: float) -> None:
         self._step = control_period / CHANGE_TIME
-        self._old = self._new = values
+        self._old = self.goal = values
+        """The values that the robots are sent to, (n, k)."""
         self._old_offsets = self._new_offsets = offsets
         self._share: Floats = np.ones(len(values))
 
     @property
     def values(self) -> Floats:
         """The values now, (n, k)."""
-        return self._between(self._old, self._new)
-
-    @property
-    def goal(self) -> Floats:
-        """The values that the robots are sent to, (n, k)."""
-        return self._new
+        return self._between(self._old, self.goal)
 
     @property
     def offsets(self) -> Floats:
@@ -49,7 +45,7 @@ class GaitChange:
         old, old_offsets = self.values, self.offsets
         # The shorter way round; half a cycle always backward, so that all legs that shift by it go together.
         ahead = (offsets - old_offsets + np.pi + _ROUNDING) % TURN - np.pi - _ROUNDING
-        self._old, self._new = np.where(rows, old, self._old), np.where(rows, values, self._new)
+        self._old, self.goal = np.where(rows, old, self._old), np.where(rows, values, self.goal)
         self._old_offsets = np.where(rows, old_offsets, self._old_offsets)
         self._new_offsets = np.where(rows, old_offsets + ahead, self._new_offsets)
         self._share = np.where(mask, 0.0, self._share)
@@ -57,7 +53,7 @@ class GaitChange:
     def place(self, mask: NDArray[np.bool_], values: Floats, offsets: Floats) -> None:
         """Put the masked robots (n,) at these values and offsets, settled; of shapes to broadcast."""
         rows = mask[:, None]
-        self._old, self._new = np.where(rows, values, self._old), np.where(rows, values, self._new)
+        self._old, self.goal = np.where(rows, values, self._old), np.where(rows, values, self.goal)
         self._old_offsets = np.where(rows, offsets, self._old_offsets)
         self._new_offsets = np.where(rows, offsets, self._new_offsets)
         self._share = np.where(mask, 1.0, self._share)

@@ -56,13 +56,10 @@ class TrainingVecEnv(VecEnv):
         """Close the environment."""
         self.env.close()
 
-    def _robots(self, indices: VecEnvIndices) -> Sequence[int]:
-        return range(self.num_envs) if indices is None else list(self._get_indices(indices))
-
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """One value a robot; the robots share all attributes."""
         value = None if attr_name == "render_mode" else getattr(self, attr_name)
-        return [value for _ in self._robots(indices)]
+        return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Refused: robots of a batch have no attributes of their own."""
@@ -74,4 +71,4 @@ class TrainingVecEnv(VecEnv):
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
         """Never wrapped: single environments there are none."""
-        return [False for _ in self._robots(indices)]
+        return [False for _ in self._get_indices(indices)]
