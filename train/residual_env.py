@@ -123,8 +123,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
 
 def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:
     """Infos with the rows where the mask is true taken from `fresh`, as far as that has them."""
-    return {key: _rows(mask, fresh[key], value) if key in fresh else value for key, value in infos.items()}
-
-
-def _rows(mask: BoolArray, fresh: NDArray[Any], value: NDArray[Any]) -> NDArray[Any]:
-    return np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), fresh, value)
+    return {
+        key: np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), fresh[key], value) if key in fresh else value
+        for key, value in infos.items()
+    }

@@ -24,7 +24,7 @@ from train.residual_env import ResidualVectorEnv
 from train.robots import TrainingRobots
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.sb3 import checkpoint
-from train.sb3.ppo import AdaptiveRate, actor_network, lower_noise
+from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
 from train.validation import score, validate
 
@@ -97,7 +97,10 @@ class Schedules(BetweenRollouts):
             rate.rate = self._state.rate
 
     def _on_rollout_start(self) -> None:
-        lower_noise(self._learner, self._config.ppo, self.num_timesteps / self._config.steps)
+        ppo = self._config.ppo
+        if ppo.log_std_final is not None:
+            fall = (ppo.log_std_final - ppo.log_std_init) * min(self.num_timesteps / self._config.steps, 1.0)
+            self._learner.policy.log_std.data.fill_(ppo.log_std_init + fall)
         if isinstance(rate := self._learner.learning_rate, AdaptiveRate):
             # What the last update logged; absent before the first.
             kl = self.logger.name_to_value.get("train/approx_kl")

@@ -80,13 +80,6 @@ def build(config: TrainConfig, env: VecEnv) -> PPO:
     return model
 
 
-def lower_noise(model: PPO, config: PpoConfig, progress: float) -> None:
-    """Set the exploration noise to what its schedule, if there is one, gives at this share of the run, 0 … 1."""
-    if config.log_std_final is not None:
-        fall = (config.log_std_final - config.log_std_init) * min(progress, 1.0)
-        model.policy.log_std.data.fill_(config.log_std_init + fall)
-
-
 def actor_network(model: PPO, activation: str) -> Network:
     """The mean of the policy as the NumPy network that a bundle holds."""
     actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
