@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE, Comparison
+from evaluate.analysis.comparison import METRICS, RATES, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
 from evaluate.terminal.format import interval, number, p_value, percent, percent_interval, points
@@ -11,8 +11,9 @@ from policies.base import CONTROL_PERIOD
 from train.config import DEFAULTS, TrainConfig, differences
 
 HEADER = (
-    "| scenario | policy | seed | falls | velocity error m/s | yaw-rate error rad/s | mean velocity error m/s |",
-    "|---|---|---|---|---|---|---|",
+    "| scenario | policy | seed | success | falls | velocity error m/s | yaw-rate error rad/s "
+    "| mean velocity error m/s |",
+    "|---|---|---|---|---|---|---|---|",
 )
 
 
@@ -86,8 +87,9 @@ def table(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
 
 
 def figures(summary: Summary) -> tuple[str, ...]:
-    """Falls and errors of one cell, each with its interval."""
+    """Successes, falls and errors of one cell, each with its interval."""
     return (
+        f"{summary.successes}, {percent(summary.success_rate)} ({percent_interval(summary.success_rate_ci)})",
         f"{summary.falls}, {percent(summary.fall_rate)} ({percent_interval(summary.fall_rate_ci)})",
         f"{number(summary.velocity_error)} ({interval(summary.velocity_error_ci)})",
         f"{number(summary.yaw_rate_error)} ({interval(summary.yaw_rate_error_ci)})",
@@ -99,7 +101,7 @@ def against_base(runs: list[TrainedRun], shipped: TrainedRun, results: Results) 
     """Each run's paired differences from the shipped policy's base, in Markdown, a row for each run and scenario."""
     base = shipped.config.base
     lines = [
-        f"Minus `{base}`, paired by episode; below zero is better; falls in percentage points; p in brackets, "
+        f"Minus `{base}`, paired by episode; success and falls in percentage points; p in brackets, "
         f"corrected by Holm's method over the {len(runs) * len(results.scenarios)} comparisons of a column:",
         "",
         *HEADER,
@@ -107,14 +109,14 @@ def against_base(runs: list[TrainedRun], shipped: TrainedRun, results: Results) 
     found = {(each.scenario, each.a, each.metric): each for each in results.comparisons if each.b == base}
     for scenario in results.scenarios:
         for run in runs:
-            cells = [difference(found[scenario, run.label, metric]) for metric in (FALL_RATE, *ERRORS)]
+            cells = [difference(found[scenario, run.label, metric]) for metric in METRICS]
             lines.append(f"| {scenario} | {run.config.policy} | {seed(run, shipped)} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
 def difference(comparison: Comparison) -> str:
     """A difference and its p-value, corrected for the number of comparisons."""
-    digits = points if comparison.metric == FALL_RATE else number
+    digits = points if comparison.metric in RATES else number
     return f"{digits(comparison.difference)} ({p_value(comparison.p_value_holm)})"
 
 

@@ -19,17 +19,19 @@ from evaluate.statistics.intervals import (
 from evaluate.statistics.significance import fall_rates_test, holm, mcnemar, relabelling_test, sign_flip_test
 
 BASELINE = "trot"
-FALL_RATE = "fall_rate"
+SUCCESS_RATE, FALL_RATE = "success_rate", "fall_rate"
+RATES = (SUCCESS_RATE, FALL_RATE)
+"""Shares of the episodes; of successes more is better, of all other metrics less."""
 ERRORS = ("velocity_error", "yaw_rate_error", "mean_velocity_error")
-METRICS = (FALL_RATE, *ERRORS)
-"""What is compared."""
+METRICS = (*RATES, *ERRORS)
+"""What is compared, in the order in which it is shown."""
 SIGNIFICANT = 0.05
 """Level at which the report's words claim a difference, of the corrected p-value."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Policy a minus policy b in one metric on one scenario; negative is better for a."""
+    """Policy a minus policy b in one metric on one scenario."""
 
     scenario: str
     a: str
@@ -47,6 +49,11 @@ class Comparison:
     """95 %, score interval of paired shares."""
     p_value_holm: float
     """Corrected for its family (see `compare`)."""
+
+    @property
+    def gain(self) -> float:
+        """The difference, positive where a does better."""
+        return self.difference if self.metric == SUCCESS_RATE else -self.difference
 
     @property
     def significant(self) -> bool:
@@ -100,20 +107,21 @@ def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
     for metric in METRICS:
         x, y = by_episode(a, metric), by_episode(b, metric)
         difference, ci, p_value, test = paired_difference(metric, x, y)
-        improved = improvement_by_episode(y, x)
+        improved = improvement_by_episode(*((x, y) if metric == SUCCESS_RATE else (y, x)))
         names = a.scenario.name, a.policy, b.policy, metric
         yield Comparison(*names, difference, ci, p_value, test, *improved, p_value_holm=p_value)
 
 
 def by_episode(cell: Cell, metric: str) -> Floats:
-    """A metric of each episode, (n,); of the fall rate, 1 or 0."""
-    return np.asarray(getattr(cell.measures, "fell" if metric == FALL_RATE else metric), np.float64)
+    """A metric of each episode, (n,); of a rate, 1 or 0."""
+    counted = {SUCCESS_RATE: "succeeded", FALL_RATE: "fell"}
+    return np.asarray(getattr(cell.measures, counted.get(metric, metric)), np.float64)
 
 
 def paired_difference(metric: str, a: Floats, b: Floats) -> tuple[float, Interval, float, str]:
     """Mean of a − b over the same episodes, (n,) each, its 95 % interval, its p-value and the name of the test."""
     difference = float((a - b).mean())
-    if metric == FALL_RATE:
+    if metric in RATES:
         only_a, only_b = int((a > b).sum()), int((a < b).sum())
         return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), "exact McNemar"
     return difference, difference_interval(a - b), sign_flip_test(a - b), "paired sign-flip permutation"
@@ -144,7 +152,7 @@ def _compare(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDiffer
     mean_a, mean_b = float(a.mean()), float(b.mean())
     if paired:
         return MetricDifference(metric, mean_a, mean_b, *paired_difference(metric, b, a))
-    if metric == FALL_RATE:
+    if metric in RATES:
         found = newcombe_interval(a > 0, b > 0), fall_rates_test(a > 0, b > 0), "Barnard"
     else:
         found = two_sample_interval(a, b), relabelling_test(b, a), "permutation"

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from evaluate.analysis.breaking_point_text import breaking_point_text, ratio_text
-from evaluate.analysis.comparison import FALL_RATE, Comparison
+from evaluate.analysis.comparison import FALL_RATE, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
 from evaluate.terminal.format import listed, number, share
@@ -16,6 +16,11 @@ VELOCITY_ERROR = "velocity_error"
 MANY = 4
 """Axes of no shown difference that are counted instead of named, if others are named."""
 PHRASES = {
+    SUCCESS_RATE: {
+        BETTER: "succeeds more often",
+        WORSE: "succeeds less often",
+        UNSHOWN: "no difference in success shown",
+    },
     FALL_RATE: {BETTER: "fewer falls", WORSE: "more falls", UNSHOWN: "no difference in falls shown"},
     BREAKING_POINT: {BETTER: "breaks later", WORSE: "breaks earlier", UNSHOWN: "no difference in breaking point shown"},
     VELOCITY_ERROR: {
@@ -50,12 +55,12 @@ def headline(results: Results) -> list[list[str]]:
 
 
 def findings_by_policy(results: Results) -> list[tuple[str, list[Finding]]]:
-    """(policy, what is to be said of it against the baseline), the smallest velocity error first."""
+    """(policy, what is to be said of it against the baseline), in the order of the headline."""
     return [(policy, findings(results, policy)) for policy in _others(results)]
 
 
 def findings(results: Results, policy: str) -> list[Finding]:
-    """Every finding on a policy, falls before errors."""
+    """Every finding on a policy, success first."""
     comparisons = [c for c in results.against_baseline if c.a == policy]
     found = [
         finding
@@ -80,21 +85,23 @@ def _named(kind: str, axes: Sequence[str], count: int) -> str:
 
 
 def _others(results: Results) -> list[str]:
-    """Policies but the baseline, by the mean of their velocity errors over the scenarios."""
-    errors: dict[str, list[float]] = {policy: [] for policy in results.policies if policy != results.baseline}
+    """Policies but the baseline, the highest mean success over the scenarios first, then the smallest error."""
+    found: dict[str, list[tuple[float, float]]] = {policy: [] for policy in results.policies}
     for (_, policy), figures in results.summaries.items():
-        if policy in errors:
-            errors[policy].append(figures.velocity_error)
-    return sorted(errors, key=lambda policy: sum(errors[policy]) / len(errors[policy]))
+        found[policy].append((-figures.success_rate, figures.velocity_error))
+    means = {
+        policy: [sum(values) / len(values) for values in zip(*each, strict=True)] for policy, each in found.items()
+    }
+    return sorted((policy for policy in means if policy != results.baseline), key=means.__getitem__)
 
 
 def _lead(results: Results, policy: str) -> Iterator[str]:
     found = findings(results, policy)
     if not found:
         return
-    errors = summary(found, VELOCITY_ERROR)
-    yield f"{policy} against {results.baseline}: {summary(found, FALL_RATE)}. {errors[:1].upper()}{errors[1:]}."
-    for metric in (FALL_RATE, BREAKING_POINT, VELOCITY_ERROR):
+    falls = summary(found, FALL_RATE)
+    yield f"{policy} against {results.baseline}: {summary(found, SUCCESS_RATE)}. {falls[:1].upper()}{falls[1:]}."
+    for metric in (SUCCESS_RATE, BREAKING_POINT, FALL_RATE, VELOCITY_ERROR):
         for kind in (BETTER, WORSE):
             claims = (finding for finding in found if (finding.metric, finding.kind) == (metric, kind))
             if strongest := max(claims, key=lambda finding: finding.size, default=None):
@@ -106,11 +113,11 @@ def _absolute(results: Results, policy: str) -> list[str]:
     found = []
     for axis in severity_axes(results):
         shares = [
-            f"{share(summary.fall_rate, summary.fall_rate_ci)} on {place(level)}"
+            f"{share(summary.success_rate, summary.success_rate_ci)} on {place(level)}"
             for level in dict.fromkeys((axis.levels[0], axis.levels[-1]))
             if (summary := results.summaries.get((level.name, policy)))
         ]
-        found.append(f"{policy} falls in {listed(shares)}.")
+        found.append(f"{policy} succeeds in {listed(shares)}.")
     return found
 
 
@@ -139,8 +146,8 @@ def _on(results: Results, axis: SeverityAxis, comparisons: Sequence[Comparison])
         return
     metric = levels[0].metric
     claims = {
-        BETTER: [c for c in levels if c.significant and c.difference < 0.0],
-        WORSE: [c for c in levels if c.significant and c.difference > 0.0],
+        BETTER: [c for c in levels if c.significant and c.gain > 0.0],
+        WORSE: [c for c in levels if c.significant and c.gain < 0.0],
     }
     for kind, claimed in claims.items():
         if claimed:
@@ -153,11 +160,12 @@ def _on(results: Results, axis: SeverityAxis, comparisons: Sequence[Comparison])
 
 
 def _figures(results: Results, axis: SeverityAxis, c: Comparison) -> str:
-    """`residual falls in 3 % [1, 6] of episodes on push at 50 N·s, where trot falls in 41 % [36, 47]`."""
+    """`residual succeeds in 95 % [87, 98] of episodes on push at 35 N·s, where trot succeeds in 77 % [65, 85]`."""
     a, b = (results.summaries[c.scenario, policy] for policy in (c.a, c.b))
     level = next(level for level in axis.levels if level.name == c.scenario)
-    if c.metric == FALL_RATE:
-        mine, other = share(a.fall_rate, a.fall_rate_ci), share(b.fall_rate, b.fall_rate_ci)
-        return f"{c.a} falls in {mine} of episodes on {place(level)}, where {c.b} falls in {other}"
+    if c.metric in RATES:
+        does = "succeeds" if c.metric == SUCCESS_RATE else "falls"
+        mine, other = (share(getattr(s, c.metric), getattr(s, f"{c.metric}_ci")) for s in (a, b))
+        return f"{c.a} {does} in {mine} of episodes on {place(level)}, where {c.b} {does} in {other}"
     mine, other = number(a.velocity_error), number(b.velocity_error)
     return f"{c.a} is {mine} m/s off its command on {place(level)}, where {c.b} is {other} m/s off"

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from evaluate.analysis.comparison import FALL_RATE, Comparison
+from evaluate.analysis.comparison import RATES, Comparison
 from evaluate.analysis.gates import Gate, Rule, check, places
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
@@ -96,4 +96,4 @@ def _holds(value: float, relation: str, bound: float) -> bool:
 
 
 def _figure(rule: Rule, value: float) -> str:
-    return percent(value) if rule.metric == FALL_RATE else number(value)
+    return percent(value) if rule.metric in RATES else number(value)

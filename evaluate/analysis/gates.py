@@ -14,17 +14,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import get_type_hints
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE
+from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE
 from evaluate.analysis.summary import Summary
 
-FALLS = "falls"
-"""What a gate calls the fall rate."""
-COMPARED = (FALLS, *ERRORS)
+SHARES = {"success": SUCCESS_RATE, "falls": FALL_RATE}
+"""What a gate calls the shares of episodes -> their fields of Summary."""
+COMPARED = (*SHARES, *ERRORS)
 """Measures that may be set against another policy's."""
-DEFAULT = ("residual falls <= trot", "residual velocity_error <= trot", "residual diverged <= 0")
+DEFAULT = (
+    "residual success >= trot",
+    "residual falls <= trot",
+    "residual velocity_error <= trot",
+    "residual diverged <= 0",
+)
 GRAMMAR = "POLICY MEASURE <=|<|>=|> NUMBER|POLICY [on SCENARIO …] [strictly], or default"
 ALL_LEVELS = ":all"
-_NOT_MEASURED = {"episodes", "severity", FALLS}
+_NOT_MEASURED = {"episodes", "severity", "successes", "falls"}
 _SENTENCE = re.compile(r"(\S+)\s+(\S+)\s*(<=|>=|<|>)\s*([^\s%]+)\s*(%?)(?:\s+on\s+(.+?))?(\s+strictly)?\s*")
 
 
@@ -52,7 +57,7 @@ def measures() -> tuple[str, ...]:
     """Every measure that a gate may name."""
     hints = get_type_hints(Summary)
     scalar = [field.name for field in fields(Summary) if hints[field.name] in (int, float)]
-    return (FALLS, *(name for name in scalar if name not in _NOT_MEASURED))
+    return (*SHARES, *(name for name in scalar if name not in _NOT_MEASURED))
 
 
 def parse(text: str) -> Gate:
@@ -92,7 +97,7 @@ def _rule(text: str) -> Rule:
         raise ValueError(f"gate '{text}': unknown measure {measure}; valid: {', '.join(measures())}")
     bound = _bound(text, measure, right, bool(percent))
     named = tuple(name for name in re.split(r"[,\s]+", on or "") if name not in ("", "and"))
-    metric = FALL_RATE if measure == FALLS else measure
+    metric = SHARES.get(measure, measure)
     return Rule(text, policy, metric, relation, bound, named, bool(strictly))
 
 
@@ -107,6 +112,6 @@ def _bound(text: str, measure: str, right: str, percent: bool) -> float | str:
                 f"gate '{text}': {measure} is compared with numbers only; with a policy: {', '.join(COMPARED)}"
             ) from None
         return right
-    if number != number or (measure == FALLS and not percent and number > 1.0):
+    if number != number or (measure in SHARES and not percent and number > 1.0):
         raise ValueError(f"gate '{text}': {right} is no share of episodes; write 0.05 or 5 %")
     return number / 100.0 if percent else number

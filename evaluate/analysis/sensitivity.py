@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from evaluate.analysis.comparison import FALL_RATE, SIGNIFICANT, by_episode, paired_difference
+from evaluate.analysis.comparison import SIGNIFICANT, SUCCESS_RATE, by_episode, paired_difference
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import Interval
@@ -21,11 +21,11 @@ from quad_env.scenarios.named import SCENARIOS, Scenario
 UNDISTURBED = "flat"
 """The undisturbed scenario."""
 UNCHANGED = "the same to the bit"
-FALLS_WITHOUT = "falls without it"
+FAILS_WITHOUT = "fails without it"
 LEAD = (
-    "What the hardest level of each axis in this run adds to the falls, in percentage points of the episodes, and to "
-    "the velocity error of the same episodes undisturbed. In brackets: not significantly worse, p-values corrected by "
-    "Holm's method over both figures of all axes of a policy."
+    "What the hardest level of each axis in this run takes from the successes, in percentage points of the episodes, "
+    "and adds to the velocity error of the same episodes undisturbed. In brackets: not significantly worse, p-values "
+    "corrected by Holm's method over both figures of all axes of a policy."
 )
 
 
@@ -40,12 +40,12 @@ class Sensitivity:
     policy: str
     felt: bool
     """False where every measure of every episode is the same to the bit."""
-    undisturbed_fall_rate: float
-    falls: float
-    """Share of the episodes, difference."""
-    falls_ci: Interval
+    undisturbed_success_rate: float
+    success: float
+    """Share of the episodes that succeed, difference."""
+    success_ci: Interval
     """95 %, Tango's score interval of paired shares."""
-    falls_p_value: float
+    success_p_value: float
     """Exact McNemar, corrected by Holm's method over both figures of all axes of the policy."""
     velocity_error: float
     """Mean difference, m/s."""
@@ -55,9 +55,9 @@ class Sensitivity:
     """Paired sign flips, corrected likewise."""
 
     @property
-    def more_falls(self) -> bool:
-        """Whether the policy falls significantly more often for it."""
-        return self.falls > 0.0 and self.falls_p_value < SIGNIFICANT
+    def less_success(self) -> bool:
+        """Whether the policy succeeds significantly less often for it."""
+        return self.success < 0.0 and self.success_p_value < SIGNIFICANT
 
     @property
     def more_error(self) -> bool:
@@ -78,8 +78,8 @@ def _of_policy(cells: Sequence[Cell]) -> list[Sensitivity]:
     if undisturbed is None:
         return []
     found = [_sensitivity(cell, undisturbed) for cell in _hardest(cells)]
-    corrected = iter(holm([p for each in found for p in (each.falls_p_value, each.velocity_error_p_value)]))
-    return [replace(each, falls_p_value=next(corrected), velocity_error_p_value=next(corrected)) for each in found]
+    corrected = iter(holm([p for each in found for p in (each.success_p_value, each.velocity_error_p_value)]))
+    return [replace(each, success_p_value=next(corrected), velocity_error_p_value=next(corrected)) for each in found]
 
 
 def _hardest(cells: Sequence[Cell]) -> Iterator[Cell]:
@@ -100,33 +100,31 @@ def _sensitivity(cell: Cell, undisturbed: Cell) -> Sensitivity:
         raise ValueError(
             f"{cell.scenario.name} and {undisturbed.scenario.name} ran different episodes: nothing to pair"
         )
-    falls, error = (
+    success, error = (
         paired_difference(metric, by_episode(cell, metric), by_episode(undisturbed, metric))[:3]
-        for metric in (FALL_RATE, "velocity_error")
+        for metric in (SUCCESS_RATE, "velocity_error")
     )
-    differences = (*falls, *error)
+    differences = (*success, *error)
     where, felt = cell.scenario, not _same(cell, undisturbed)
-    without = float(undisturbed.measures.fell.mean())
+    without = float(undisturbed.measures.succeeded.mean())
     return Sensitivity(
         where.axis, where.name, where.severity, where.severity_unit, cell.policy, felt, without, *differences
     )
 
 
 def _same(a: Cell, b: Cell) -> bool:
-    return all(
-        np.array_equal(getattr(a.measures, field.name), getattr(b.measures, field.name), equal_nan=True)
-        for field in fields(Measures)
-    )
+    pairs = ((getattr(a.measures, field.name), getattr(b.measures, field.name)) for field in fields(Measures))
+    return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in pairs)
 
 
 def effect_text(found: Sensitivity) -> str:
-    """`+12 points, +0.31 m/s`: falls, if they differ, and velocity error; in brackets what is not significant."""
-    if found.undisturbed_fall_rate == 1.0:
-        return FALLS_WITHOUT
+    """`−12 points, +0.31 m/s`: success, if it differs, and velocity error; in brackets what is not significant."""
+    if found.undisturbed_success_rate == 0.0:
+        return FAILS_WITHOUT
     if not found.felt:
         return UNCHANGED
-    falls = f"{signed(100.0 * found.falls, 0)}{NO_BREAK}points"
+    success = f"{signed(100.0 * found.success, 0)}{NO_BREAK}points"
     error = f"{signed(found.velocity_error, 2)}{NO_BREAK}m/s"
-    figures = ((falls, found.more_falls), (error, found.more_error))
-    shown = figures if found.falls else figures[1:]
+    figures = ((success, found.less_success), (error, found.more_error))
+    shown = figures if found.success else figures[1:]
     return ", ".join(figure if worse else f"({figure})" for figure, worse in shown)

@@ -10,6 +10,7 @@ from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_transport
 from evaluate.measures.episodes import weight
 from evaluate.measures.metrics import Measures
+from evaluate.measures.outcomes import OUTCOMES
 from evaluate.measures.response import Response, responses
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.improvement import interquartile_mean, interquartile_mean_interval
@@ -27,6 +28,12 @@ class Summary:
     episodes: int
     severity: float
     severity_unit: str
+    successes: int
+    success_rate: float
+    success_rate_ci: Interval
+    """Wilson."""
+    outcomes: dict[str, int]
+    """Episodes of each outcome."""
     falls: int
     """Episodes that ended before the time limit, divergences among them."""
     fall_rate: float
@@ -67,7 +74,7 @@ class Summary:
 def summarise(cell: Cell, robot: Robot) -> Summary:
     """All figures of a cell of that robot."""
     measures = cell.measures
-    falls = int(measures.fell.sum())
+    falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
     transport = total_cost_of_transport(measures, weight(robot, cell.scenario))
     means: dict[str, Any] = {name: _mean(getattr(measures, name)) for name in _MEANS}
     means |= {f"{name}_ci": bootstrap_interval(getattr(measures, name)) for name in ERRORS}
@@ -75,6 +82,10 @@ def summarise(cell: Cell, robot: Robot) -> Summary:
         episodes=cell.episodes,
         severity=cell.scenario.severity,
         severity_unit=cell.scenario.severity_unit,
+        successes=successes,
+        success_rate=successes / cell.episodes,
+        success_rate_ci=wilson_interval(successes, cell.episodes),
+        outcomes={name: int((measures.outcome == name).sum()) for name in OUTCOMES},
         falls=falls,
         fall_rate=falls / cell.episodes,
         fall_rate_ci=wilson_interval(falls, cell.episodes),

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.analysis.comparison import FALL_RATE, METRICS, by_episode
+from evaluate.analysis.comparison import METRICS, RATES, by_episode
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import CONFIDENCE, Floats, Interval
 
@@ -94,5 +94,5 @@ def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
         mean, lowest, highest, deviation, (low, high) = spread_over_seeds(
             np.array([by_episode(c, metric).mean() for c in cells])
         )
-        ci = (max(low, 0.0), min(high, 1.0)) if metric == FALL_RATE and len(cells) > 1 else (low, high)
+        ci = (max(low, 0.0), min(high, 1.0)) if metric in RATES and len(cells) > 1 else (low, high)
         yield SeedSpread(run, cells[0].scenario.name, metric, len(cells), mean, lowest, highest, deviation, ci)

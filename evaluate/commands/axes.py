@@ -47,9 +47,9 @@ def main(options: Options) -> int:
     from evaluate.commands.outputs import analysed
     from evaluate.records.store import read_run
     from evaluate.report.plots.curves import write_falls
-    from evaluate.report.table import print_falls
+    from evaluate.report.table import print_levels
 
-    if code := execute(plan, show=print_falls):
+    if code := execute(plan, show=print_levels):
         return code
     picture = options.out / PICTURE
     try:

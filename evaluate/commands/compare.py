@@ -12,8 +12,17 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS, MetricDifference, compare_samples
+from evaluate.analysis.comparison import (
+    ERRORS,
+    FALL_RATE,
+    METRICS,
+    RATES,
+    SUCCESS_RATE,
+    MetricDifference,
+    compare_samples,
+)
 from evaluate.analysis.results import without_nan
+from evaluate.measures.outcomes import SUCCEEDED
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows, rows_of
 from evaluate.report.table import DIFFERENCES, console_table
@@ -124,7 +133,10 @@ def _match(
 def _values(rows: "pa.Table") -> dict[str, Floats]:
     """Metric -> value of each episode, of those that the run has."""
     errors = {name: rows.column(name).to_numpy() for name in ERRORS if name in rows.column_names}
-    return {FALL_RATE: rows.column("fell").to_numpy().astype(np.float64)} | errors
+    rates = {FALL_RATE: rows.column("fell").to_numpy()}
+    if "outcome" in rows.column_names:
+        rates[SUCCESS_RATE] = rows.column("outcome").to_numpy() == SUCCEEDED
+    return {name: held.astype(np.float64) for name, held in rates.items()} | errors
 
 
 def _identical(a: "pa.Table", b: "pa.Table") -> bool:
@@ -134,7 +146,7 @@ def _identical(a: "pa.Table", b: "pa.Table") -> bool:
 
 
 def _table(options: Options, matches: list[Match]) -> Table:
-    title = f"B minus A, 95 % interval, uncorrected p; below zero B is better\nA: {options.a}\nB: {options.b}"
+    title = f"B minus A, 95 % interval, uncorrected p\nA: {options.a}\nB: {options.b}"
     table = console_table(escape(title), "policy", *DIFFERENCES)
     for scenario in dict.fromkeys(match.scenario for match in matches):
         table.add_row(f"[bold]{escape(scenario)}[/bold]")
@@ -147,7 +159,7 @@ def _table(options: Options, matches: list[Match]) -> Table:
 
 
 def _shown(found: MetricDifference) -> str:
-    value, ends = (points, points_interval) if found.metric == FALL_RATE else (number, interval)
+    value, ends = (points, points_interval) if found.metric in RATES else (number, interval)
     return f"{value(found.difference)}\n{ends(found.ci)}\n{p_value(found.p_value)}"
 
 

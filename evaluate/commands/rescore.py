@@ -1,7 +1,8 @@
-"""`python -m evaluate rescore`: judge the falls of a traced evaluation again, under other projects' rules."""
+"""`python -m evaluate rescore`: judge a traced evaluation again, under other rules of falls and of success."""
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -13,8 +14,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.measures import fall_rules
+from evaluate.measures import fall_rules, outcomes
 from evaluate.measures.fall_rules import FallCriterion
+from evaluate.measures.metrics import outcome
+from evaluate.measures.outcomes import SuccessRule
 from evaluate.records import trace
 from evaluate.records.manifest import check_folder
 from evaluate.report.table import console_table
@@ -29,12 +32,14 @@ RESULTS, FILE = "results.json", "rescored.json"
 
 @dataclass(frozen=True)
 class Options:
-    """Judge the falls of an evaluation that was run with --trace again; nothing is simulated."""
+    """Judge an evaluation that was run with --trace again; nothing is simulated."""
 
     results: Annotated[Path, tyro.conf.Positional]
     """Folder of the results."""
     rules: tuple[str, ...] = ("all",)
     """Names of fall rules: simple-quad/1, height-only, tilt-70, tilt-90, trunk-contact, non-foot-contact; or all."""
+    success: tuple[str, ...] = ("all",)
+    """Names of rules of success: success/1, success-half, success-double, survival; or all."""
 
 
 @dataclass(frozen=True)
@@ -53,25 +58,46 @@ class Score:
     """Mean over the episodes that fell, s."""
 
 
+@dataclass(frozen=True)
+class SuccessScore:
+    """Successes of one policy on one scenario under one rule; falls are those of the run."""
+
+    policy: str
+    scenario: str
+    rule: str
+    episodes: int
+    successes: int
+    success_rate: float
+    success_rate_ci: Interval
+    """Wilson, 95 %."""
+    outcomes: dict[str, int]
+    """Episodes of each outcome."""
+
+
 def main(options: Options) -> int:
     """Judge again, print and write; the exit code."""
     try:
-        rules = fall_rules.find(options.rules)
+        rules, of_success = fall_rules.find(options.rules), outcomes.find(options.success)
     except ValueError as error:
-        raise UsageError(f"--rules: {error}") from error
-    scores = rescore(options.results, rules)
-    Console(file=sys.stdout).print(table(scores, rules))
-    write(scores, rules, options.results / FILE)
+        raise UsageError(str(error)) from error
+    falls, successes = rescore(options.results, rules, of_success)
+    console = Console(file=sys.stdout)
+    console.print(table("success", [rule.name for rule in of_success], successes))
+    console.print(table("falls", [rule.name for rule in rules], falls))
+    write(falls, rules, successes, of_success, options.results / FILE)
     return 0
 
 
-def rescore(results: Path, rules: tuple[FallCriterion, ...]) -> list[Score]:
-    """Falls of every traced cell under every rule; UsageError where there is no trace."""
+def rescore(
+    results: Path, rules: tuple[FallCriterion, ...], of_success: tuple[SuccessRule, ...]
+) -> tuple[list[Score], list[SuccessScore]]:
+    """Falls and successes of every traced cell under every rule; UsageError where there is no trace."""
     paths = sorted((results / trace.FOLDER).glob("*.parquet"))
     if not paths:
         check_folder(results)
         raise UsageError(f"no traces in {results / trace.FOLDER}; run the evaluation with --trace")
     steps: dict[tuple[str, str, str], list[NDArray[np.float64]]] = {}
+    found: dict[tuple[str, str, str], list[NDArray[np.object_]]] = {}
     for path in paths:
         try:
             header, episodes = trace.read(path, "compact")
@@ -81,10 +107,14 @@ def rescore(results: Path, rules: tuple[FallCriterion, ...]) -> list[Score]:
             step = fall_rules.fall_step(rule, episodes)
             time = np.where(step < episodes.steps, (step + 1) * episodes.dt, np.nan)
             steps.setdefault((header.scenario, header.policy, rule.name), []).append(time)
+        for rule_of_success in of_success:
+            key = (header.scenario, header.policy, rule_of_success.name)
+            found.setdefault(key, []).append(outcome(episodes, rule_of_success))
     scores = [_score(*key, np.concatenate(times)) for key, times in steps.items()]
     _check_belongs(scores, results / RESULTS)
     wanted = {rule.name for rule in rules}
-    return [score for score in scores if score.rule in wanted]
+    successes = [_success(*key, np.concatenate(parts)) for key, parts in found.items()]
+    return [score for score in scores if score.rule in wanted], successes
 
 
 def _check_belongs(scores: list[Score], path: Path) -> None:
@@ -118,32 +148,67 @@ def _score(scenario: str, policy: str, rule: str, time: NDArray[np.float64]) -> 
     )
 
 
-def table(scores: list[Score], rules: tuple[FallCriterion, ...]) -> Table:
+def _success(scenario: str, policy: str, rule: str, found: NDArray[np.object_]) -> SuccessScore:
+    successes = int((found == outcomes.SUCCEEDED).sum())
+    return SuccessScore(
+        policy=policy,
+        scenario=scenario,
+        rule=rule,
+        episodes=len(found),
+        successes=successes,
+        success_rate=successes / len(found),
+        success_rate_ci=wilson_interval(successes, len(found)),
+        outcomes={name: int((found == name).sum()) for name in outcomes.OUTCOMES},
+    )
+
+
+def table(what: str, rules: Sequence[str], scores: Sequence[Score | SuccessScore]) -> Table:
     """A row for each policy on each scenario, a column for each rule; 80 columns are enough."""
-    out = console_table("falls, with Wilson 95 % intervals")
+    out = console_table(f"{what}, with Wilson 95 % intervals")
     for rule in rules:
-        out.add_column(rule.name.replace("-", "-\n"), justify="right", no_wrap=True)
+        out.add_column(rule.replace("-", "-\n"), justify="right", no_wrap=True)
     for scenario in dict.fromkeys(score.scenario for score in scores):
         out.add_row(f"[bold]{escape(scenario)}[/bold]")
         there = {(score.policy, score.rule): score for score in scores if score.scenario == scenario}
         for policy in dict.fromkeys(policy for policy, _ in there):
-            out.add_row(f" {escape(policy)}", *(_shown(there[policy, rule.name]) for rule in rules))
+            out.add_row(f" {escape(policy)}", *(_shown(there[policy, rule]) for rule in rules))
     return out
 
 
-def write(scores: list[Score], rules: tuple[FallCriterion, ...], path: Path) -> None:
+def write(
+    falls: Sequence[Score],
+    rules: Sequence[FallCriterion],
+    successes: Sequence[SuccessScore],
+    of_success: Sequence[SuccessRule],
+    path: Path,
+) -> None:
     """Write the scores and what the rules mean."""
+    contents = {
+        "schema": 1,
+        "rules": {rule.name: {"words": rule.words, "source": rule.source} for rule in rules},
+        "policies": _by_policy(falls),
+        "success": {
+            "rules": {rule.name: {"words": rule.words} for rule in of_success},
+            "policies": _by_policy(successes),
+        },
+    }
+    write_atomically(path, (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
+
+
+def _by_policy(scores: Sequence[Score | SuccessScore]) -> dict[str, dict[str, dict[str, dict[str, object]]]]:
+    """Policy -> "scenarios" -> scenario -> rule -> figures."""
     policies: dict[str, dict[str, dict[str, dict[str, object]]]] = {}
     for score in scores:
         scenarios = policies.setdefault(score.policy, {"scenarios": {}})["scenarios"]
         scenarios.setdefault(score.scenario, {})[score.rule] = {
             name: value for name, value in vars(score).items() if name not in ("policy", "scenario", "rule")
         }
-    meanings = {rule.name: {"words": rule.words, "source": rule.source} for rule in rules}
-    contents = {"schema": 1, "rules": meanings, "policies": policies}
-    write_atomically(path, (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
+    return policies
 
 
-def _shown(score: Score) -> str:
-    low, high = score.fall_rate_ci
-    return f"{percent(score.fall_rate)}\n{escape(f'[{100 * low:.0f}, {100 * high:.0f}]')}"
+def _shown(score: Score | SuccessScore) -> str:
+    if isinstance(score, Score):
+        rate, (low, high) = score.fall_rate, score.fall_rate_ci
+    else:
+        rate, (low, high) = score.success_rate, score.success_rate_ci
+    return f"{percent(rate)}\n{escape(f'[{100 * low:.0f}, {100 * high:.0f}]')}"

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from evaluate.measures import effort, footfalls, pushes, residual_use, tracking
+from evaluate.measures import effort, footfalls, outcomes, pushes, residual_use, tracking
 
 Direction = Literal["less", "more", "neither"]
 Scope = Literal["whole episode", "while upright"]
@@ -39,6 +39,10 @@ CAP, YAW_CAP = f"{tracking.VELOCITY_CAP:g} m/s", f"{tracking.YAW_RATE_CAP:g} rad
 FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.SHORTEST_SWING:g} s"
 
 MEASURES = (
+    Measure("outcome", "outcome", "", "heading",
+            f"succeeded: {outcomes.RULES[outcomes.SUCCESS_RULE].words}; refused: upright, and less than "
+            f"{100 * outcomes.REFUSING:g} % of the commanded way (of the turn where none was commanded), or stopped by "
+            "a safety layer; else off_command, fell or diverged", f"rule {outcomes.SUCCESS_RULE}", "neither", WHOLE),
     Measure("fell", "falls", "", "", "the fall rule held, or the simulation diverged, before the time limit",
             "rule simple-quad/1", "less", WHOLE),
     Measure("diverged", "diverged", "", "", "MuJoCo warned of a bad state, or a state is not finite",
@@ -124,7 +128,7 @@ BY_NAME = {measure.name: measure for measure in MEASURES}
 _PUSHES = tuple(measure.name for measure in MEASURES if measure.name.startswith("push_"))
 LISTS = ("duty_factor", "commands", "mean_velocities", *_PUSHES)
 """Measures with several values an episode."""
-OUTCOMES = ("fell", "diverged")
-"""Measures that are true or false."""
-FIGURES = tuple(measure.name for measure in MEASURES if measure.name not in (*LISTS, *OUTCOMES))
+VERDICTS = ("outcome", "fell", "diverged")
+"""Measures that are no numbers."""
+FIGURES = tuple(measure.name for measure in MEASURES if measure.name not in (*LISTS, *VERDICTS))
 """Measures with one number an episode."""

@@ -11,9 +11,9 @@ from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
-OF_POLICY = ("phase", "correction", "base_action")
+OF_POLICY = ("phase", "correction", "base_action", "stopped")
 """Signals that only some policies have; all others are in the environment's infos."""
-TRUTHS = ("foot_contact", "leg_contact", "trunk_contact")
+TRUTHS = ("foot_contact", "leg_contact", "trunk_contact", "stopped")
 """Signals of truth values; all others are single-precision numbers."""
 
 
@@ -41,6 +41,7 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
         "phase": (),
         "correction": (joints,),
         "base_action": (joints,),
+        "stopped": (),
     }
 
 
@@ -76,6 +77,8 @@ class Episodes:
     """Correction of a residual, in shares of its authority, -1 … 1, (steps, n, 12); None of other policies."""
     base_action: Recorded | None
     """Joint targets of a residual's base, rad, (steps, n, 12); None of other policies."""
+    stopped: Bools | None
+    """Whether a safety layer was stopping the robot, (steps, n); None without such a layer."""
     push_step: NDArray[np.int64]
     """Control step with which each push begins, in order, (n, k)."""
     push_impulse: NDArray[np.float64]

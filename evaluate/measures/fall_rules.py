@@ -77,7 +77,7 @@ def find(names: tuple[str, ...]) -> tuple[FallCriterion, ...]:
     if names == ("all",):
         return tuple(RULES.values())
     if unknown := [name for name in names if name not in RULES]:
-        raise ValueError(f"unknown rule {unknown[0]!r}; valid: {', '.join(RULES)}, or all")
+        raise ValueError(f"--rules: unknown rule {unknown[0]!r}; valid: {', '.join(RULES)}, or all")
     return tuple(RULES[name] for name in names)
 
 

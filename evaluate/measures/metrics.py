@@ -8,11 +8,14 @@ what was recorded in single precision.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate.measures import effort, gait_quality, residual_use, tracking
+from evaluate.measures.at_rest import controlled_stops, motion_of
 from evaluate.measures.averages import Bools, Floats, upright_steps
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import footfalls
+from evaluate.measures.outcomes import RULES, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
 from evaluate.measures.pushes import pushes
 from evaluate.measures.tracking import SETTLING_TIME
 
@@ -21,6 +24,7 @@ from evaluate.measures.tracking import SETTLING_TIME
 class Measures:
     """What n episodes measured; one entry an episode, NaN where it does not exist; see `catalogue`."""
 
+    outcome: NDArray[np.object_]
     fell: Bools
     diverged: Bools
     fall_time: Floats
@@ -67,6 +71,11 @@ class Measures:
     push_fell: Floats
     push_recovery: Floats
 
+    @property
+    def succeeded(self) -> Bools:
+        """Which episodes succeeded, (n,)."""
+        return np.asarray(self.outcome == SUCCEEDED)
+
 
 def measure(episodes: Episodes) -> Measures:
     """Every measure of a set of episodes."""
@@ -74,6 +83,7 @@ def measure(episodes: Episodes) -> Measures:
     fell = episodes.fall_step < episodes.steps
     following, distance = _tracking(episodes, upright)
     return Measures(
+        outcome=outcome(episodes),
         fell=fell,
         diverged=episodes.diverged,
         fall_time=np.where(fell, (episodes.fall_step + 1) * episodes.dt, np.nan),
@@ -86,10 +96,36 @@ def measure(episodes: Episodes) -> Measures:
     )
 
 
+def outcome(episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE]) -> NDArray[np.object_]:
+    """What came of each episode under a rule of success, one of `outcomes.OUTCOMES`, (n,)."""
+    upright = upright_steps(episodes.fall_step, episodes.steps)
+    command, velocity = (signal.astype(np.float64) for signal in (episodes.command, episodes.heading_velocity))
+    windows = _windows(episodes)
+    fell = episodes.fall_step < episodes.steps
+    return outcomes(
+        fell=fell,
+        diverged=episodes.diverged,
+        stopped=_stopped(episodes, upright, fell),
+        commands=np.stack([command[window.start] for window in windows], axis=1),
+        velocities=tracking.mean_velocities(velocity, upright, windows),
+        durations=np.array([window.stop - window.start for window in windows], np.float64),
+        rule=rule,
+    )
+
+
+def _stopped(episodes: Episodes, upright: Bools, fell: Bools) -> Bools:
+    """Which robots a safety layer stopped, (n,); of those that fell, in a controlled stop."""
+    if episodes.stopped is None:
+        return np.zeros(episodes.count, np.bool_)
+    controlled = controlled_stops(motion_of(episodes), episodes.fall_step, episodes.dt)
+    return (episodes.stopped & upright).any(axis=0) & (~fell | controlled)
+
+
 def summarise(episodes: Episodes) -> dict[str, float]:
     """Plain means over a set of episodes, name -> value: what training validates with."""
     measures, errors = measure(episodes), ("velocity_error", "yaw_rate_error", "mean_velocity_error")
     return {
+        "success_rate": float(measures.succeeded.mean()),
         "fall_rate": float(measures.fell.mean()),
         "diverged_rate": float(measures.diverged.mean()),
         **{name: float(getattr(measures, name).mean()) for name in errors},

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures
+from evaluate.measures.outcomes import outcomes
 from evaluate.rollouts.experiment import Cell
 from policies.files import write_atomically
 from quad_env.scenarios.named import Scenario
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 MEASURES = tuple(field.name for field in fields(Measures))
-FIRST = ("fell", "fall_reason", "fall_time", "diverged")
+FIRST = ("outcome", "fell", "fall_reason", "fall_time", "diverged")
 """Columns that stand before the other measures."""
 RUN = b"run"
 """Key of the table's metadata: the fingerprint of the run that its rows belong to."""
@@ -95,7 +96,20 @@ def read_table(path: Path, run: str | None = None) -> "pa.Table":
         raise ValueError(f"{path} is damaged ({str(error).splitlines()[0]})") from error
     if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
         raise ValueError(f"{path} is of another run")
-    return rows
+    return rows if "outcome" in rows.column_names else _with_outcome(rows)
+
+
+def _with_outcome(rows: "pa.Table") -> "pa.Table":
+    """Rows that were written before episodes had an outcome, with it; nothing is known of safety layers in them."""
+    import pyarrow as pa
+
+    if not {"fell", "diverged", "commands", "mean_velocities"} <= set(rows.column_names):
+        return rows
+    fell, diverged = (_values(rows, name) for name in ("fell", "diverged"))
+    commands, velocities = (_values(rows, name) for name in ("commands", "mean_velocities"))
+    stopped = np.zeros(len(fell), np.bool_)
+    found = outcomes(fell=fell, diverged=diverged, stopped=stopped, commands=commands, velocities=velocities)
+    return rows.add_column(rows.column_names.index("fell"), "outcome", pa.array(found.tolist(), pa.string()))
 
 
 def _array(values: NDArray[Any]) -> "pa.Array":

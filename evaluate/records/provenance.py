@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from evaluate.measures.outcomes import SUCCESS_RULE
 from policies.base import Policy
 from quad_env.config import FallRule
 
@@ -31,6 +32,7 @@ def versions() -> dict[str, str | None]:
         **{name: metadata.version(name) for name in ("mujoco", "numpy", "scipy", "gymnasium", "pyarrow")},
         "quad_env": _version_of("simple-quad"),
         "fall_rule": FallRule().name,
+        "success_rule": SUCCESS_RULE,
         "git_revision": git_revision(REPOSITORY),
     }
 

@@ -30,7 +30,7 @@ FOLDER = "traces"
 KEY = b"simple_quad_trace"
 COMPACT = (
     *("command", "heading_velocity", "position", "height", "tilt", "phase"),
-    *("foot_contact", "leg_contact", "trunk_contact"),
+    *("foot_contact", "leg_contact", "trunk_contact", "stopped"),
 )
 """Signals that fall rules, gait diagrams and velocity curves look at."""
 PER_EPISODE: dict[str, type[np.generic]] = {

@@ -70,13 +70,14 @@ def _folded(results: Results, axis: SeverityAxis) -> str:
         for policy in results.policies
         if (level.name, policy) in results.summaries
     ]
-    heads = (axis.name, "policy", "falls", "velocity error, m/s", "yaw-rate error, rad/s")
+    heads = (axis.name, "policy", "success", "falls", "velocity error, m/s", "yaw-rate error, rad/s")
     return _details(f"{axis.name}: figures", table(heads, rows))
 
 
-def _figures(results: Results, scenario: str, policy: str) -> tuple[str, str, str]:
+def _figures(results: Results, scenario: str, policy: str) -> tuple[str, ...]:
     s = results.summaries[scenario, policy]
     return (
+        share(s.success_rate, s.success_rate_ci),
         share(s.fall_rate, s.fall_rate_ci),
         f"{number(s.velocity_error)} [{interval(s.velocity_error_ci)}]",
         f"{number(s.yaw_rate_error)} [{interval(s.yaw_rate_error_ci)}]",

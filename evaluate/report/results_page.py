@@ -1,6 +1,5 @@
 """A results.json, with NaN for null, as Markdown: the README's table, and every figure for its page of results."""
 
-import math
 from typing import Any
 
 from evaluate.analysis.breaking_point_text import CAVEAT, breaking_point_text
@@ -22,8 +21,8 @@ def newcomers_table(found: dict[str, Any]) -> list[str]:
     lines = [
         _headline(found, names),
         "",
-        "In each cell: share of the episodes in which the robot falls, and velocity error in m/s (0 is perfect; a step"
-        " after a fall counts 2).",
+        "In each cell: share of the episodes in which the robot does what it is asked to do; in brackets that in which"
+        " it falls.",
         "",
         f"| condition | {' | '.join(f'`{name}`' for name in names)} |",
         f"|---|{'---|' * len(names)}",
@@ -40,26 +39,26 @@ def newcomers_table(found: dict[str, Any]) -> list[str]:
 
 
 def _headline(found: dict[str, Any], names: list[str]) -> str:
-    """On how many of the scenarios that all of these policies walked each of them has the smallest velocity error."""
+    """On how many of the scenarios that all of these policies walked each of them succeeds most often."""
     ran = {name: found["policies"][name]["scenarios"] for name in names}
     common = set.intersection(*map(set, ran.values()))
     counts = dict.fromkeys(names, 0)
     for scenario in common:
-        errors = {name: cells[scenario]["velocity_error"] for name, cells in ran.items()}
-        if any(map(math.isfinite, errors.values())):
-            counts[min(errors, key=lambda name: (math.isnan(errors[name]), errors[name]))] += 1
+        rates = {name: cells[scenario]["success_rate"] for name, cells in ran.items()}
+        for name, rate in rates.items():
+            counts[name] += 0.0 < rate == max(rates.values())
     first, *rest = sorted(counts, key=lambda name: -counts[name])
     others = [f"`{name}` on {counts[name]}" for name in rest if counts[name]]
     also = f", {listed(others)}" if others else ""
     return (
         f"**On {counted(len(common), 'scenario')} of {counted(found['episodes'], 'episode')} each, the same for all, "
-        f"`{first}` has the smallest velocity error on {counts[first]}{also}.**"
+        f"`{first}` succeeds most often, or as often as the best, on {counts[first]}{also}.**"
     )
 
 
 def _short(found: dict[str, Any], policy: str, scenario: str) -> str:
     figures = found["policies"][policy]["scenarios"][scenario]
-    return f"{percent(figures['fall_rate'])}, {number(figures['velocity_error'], 2)}"
+    return f"{percent(figures['success_rate'])} ({percent(figures['fall_rate'])})"
 
 
 def every_figure(found: dict[str, Any]) -> list[str]:
@@ -69,7 +68,7 @@ def every_figure(found: dict[str, Any]) -> list[str]:
     lines = [
         "In brackets 95 % intervals.",
         "",
-        "| scenario | policy | falls | velocity error, m/s | yaw-rate error, rad/s | mean velocity error, m/s |",
+        "| scenario | policy | success | falls | velocity error, m/s | yaw-rate error, rad/s |",
         "|---|---|---|---|---|---|",
     ]
     for scenario in run:
@@ -115,9 +114,9 @@ def _row(cell: dict[str, Any]) -> str:
     """The figures of one policy on one scenario."""
     return " | ".join(
         (
+            f"{percent(cell['success_rate'])} [{percent_interval(cell['success_rate_ci'])}]",
             f"{percent(cell['fall_rate'])} [{percent_interval(cell['fall_rate_ci'])}]",
             f"{number(cell['velocity_error'])} [{interval(cell['velocity_error_ci'])}]",
             f"{number(cell['yaw_rate_error'])} [{interval(cell['yaw_rate_error_ci'])}]",
-            number(cell["mean_velocity_error"]),
         )
     )

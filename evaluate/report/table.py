@@ -8,29 +8,30 @@ from rich.markup import escape
 from rich.table import Table
 
 from evaluate.analysis.breaking_point_text import breaking_point_text
-from evaluate.analysis.comparison import FALL_RATE, METRICS, Comparison
+from evaluate.analysis.comparison import METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
 from evaluate.terminal.format import counted, number, p_value, percent, points, share
 
+SHOWN = "success % (falls %)"
 MOST_SCENARIOS = 6
 """Scenarios of which every figure is printed."""
 _ERRORS = ("velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s")
-FALLS_AND_ERRORS = ("falls", *_ERRORS)
+FIGURES = ("success", "falls", *_ERRORS)
 """Headings of the METRICS."""
-DIFFERENCES = ("falls\n% points", *_ERRORS)
+DIFFERENCES = ("success\n% points", "falls\n% points", *_ERRORS)
 """Headings of their differences."""
 
 
 def print_results(results: Results, console: Console) -> None:
     """Print every cell, every policy's difference from the baseline and the training seeds; 80 columns are enough.
 
-    Of more scenarios than a screen holds, the share of falls on each and the breaking points.
+    Of more scenarios than a screen holds, the shares of successes and of falls on each and the breaking points.
     """
     if len(results.scenarios) > MOST_SCENARIOS:
-        print_falls(results, console)
+        print_levels(results, console)
     else:
         console.print(summary_table(results))
         if results.against_baseline:
@@ -40,55 +41,57 @@ def print_results(results: Results, console: Console) -> None:
     print_spread(results, console)
 
 
-def print_falls(results: Results, console: Console) -> None:
-    """Print the falls at each level of each axis, and the breaking points; 80 columns are enough."""
+def print_levels(results: Results, console: Console) -> None:
+    """Print successes and falls at each level of each axis, and the breaking points; 80 columns are enough."""
     axes = severity_axes(results)
     for axis in (axis for axis in axes if len(axis.levels) > 1):
-        console.print(falls_table(results, axis))
+        console.print(level_table(results, axis))
     if single := [axis for axis in axes if len(axis.levels) == 1]:
         console.print(single_table(results, single))
     console.print(f"\n{_widest(results)}", highlight=False)
 
 
-def falls_table(results: Results, axis: SeverityAxis) -> Table:
-    """Falls in per cent on each level of an axis, and the breaking point."""
+def level_table(results: Results, axis: SeverityAxis) -> Table:
+    """Successes and falls in per cent on each level of an axis, and the breaking point."""
     breaking_points = {point.policy: point for point in results.breaking_points if point.axis == axis.name}
-    table = console_table(f"[bold]{escape(axis.name)}[/bold]: falls in % at {escape(axis.quantity)}")
+    table = console_table(f"[bold]{escape(axis.name)}[/bold]: success in %, and falls, at {escape(axis.quantity)}")
     for level in axis.levels:
         table.add_column(f"{level.severity:g}", justify="right")
     if breaking_points:
         table.add_column("half fall at")
     for policy in results.policies:
         found = [results.summaries.get((level.name, policy)) for level in axis.levels]
-        shares = ["" if summary is None else number(100.0 * summary.fall_rate, 0) for summary in found]
         where = [breaking_point_text(breaking_points[policy])] if policy in breaking_points else []
-        table.add_row(f" {escape(policy)}", *shares, *where)
+        table.add_row(f" {escape(policy)}", *(_percent(s.success_rate) if s else "" for s in found))
+        table.add_row("   falls", *(_percent(s.fall_rate) if s else "" for s in found), *where)
     return table
 
 
 def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
-    """Falls in per cent: a scenario a row, a policy a column."""
-    table = console_table("falls in %", "scenario")
+    """Successes and falls in per cent: a scenario a row, a policy a column."""
+    table = console_table(SHOWN, "scenario")
     for policy in results.policies:
         table.add_column(escape(policy), justify="right", overflow="fold")
     for axis in single:
         found = [results.summaries.get((axis.scenario_names[0], policy)) for policy in results.policies]
-        shares = ["" if summary is None else number(100.0 * summary.fall_rate, 0) for summary in found]
+        shares = map(_shares, found)
         table.add_row(f" {escape(place(axis.scenarios[0]))}", *shares)
     return table
 
 
 def _widest(results: Results) -> str:
     """How far the intervals of all these shares reach."""
-    ends = [(figures.fall_rate, end) for figures in results.summaries.values() for end in figures.fall_rate_ci]
+    found = results.summaries.values()
+    ends = [(s.success_rate, end) for s in found for end in s.success_rate_ci]
+    ends += [(s.fall_rate, end) for s in found for end in s.fall_rate_ci]
     reach = number(100.0 * max(abs(end - rate) for rate, end in ends), 0)
-    return f"95 % intervals of falls (Wilson): at most {reach} points to either side; each is in the report"
+    return f"95 % intervals of these shares (Wilson): at most {reach} points to either side; each is in the report"
 
 
 def summary_table(results: Results) -> Table:
     """A row for each policy on each scenario."""
     title = f"{counted(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
-    table = console_table(title, "policy", *FALLS_AND_ERRORS, "cost of\ntransport")
+    table = console_table(title, "policy", *FIGURES[:-1], "cost of\ntransport")
     for scenario in results.scenarios:
         table.add_row(f"[bold]{escape(scenario)}[/bold]")
         for policy in results.policies:
@@ -100,17 +103,17 @@ def summary_table(results: Results) -> Table:
 def summary_figures(summary: Summary) -> tuple[str, ...]:
     """The figures of one row."""
     return (
+        share(summary.success_rate, summary.success_rate_ci),
         share(summary.fall_rate, summary.fall_rate_ci),
         _spread(summary.velocity_error, summary.velocity_error_ci),
         _spread(summary.yaw_rate_error, summary.yaw_rate_error_ci),
-        number(summary.mean_velocity_error),
         number(summary.cost_of_transport, 2),
     )
 
 
 def difference_table(results: Results) -> Table:
     """A row for each policy on each scenario: its difference from the baseline, with the corrected p-value below."""
-    title = f"minus {results.baseline}, paired by episode; below zero is better\np corrected for their number (Holm)"
+    title = f"minus {results.baseline}, paired by episode\np corrected for their number (Holm)"
     table = console_table(title, "policy", *DIFFERENCES)
     rows: dict[str, dict[str, dict[str, str]]] = {}
     for comparison in results.against_baseline:
@@ -129,9 +132,9 @@ def print_spread(results: Results, console: Console) -> None:
     for spread in seed_spreads(results.cells):
         runs.setdefault(spread.run, {}).setdefault(spread.scenario, {})[spread.metric] = spread
     for run, scenarios in runs.items():
-        count = next(iter(scenarios.values()))[FALL_RATE].seeds
+        count = next(iter(scenarios.values()))[SUCCESS_RATE].seeds
         title = f"{escape(run)}, {count} training seeds: mean ± standard deviation, lowest … highest"
-        table = console_table(title, "scenario", *FALLS_AND_ERRORS)
+        table = console_table(title, "scenario", *FIGURES)
         for scenario, metrics in scenarios.items():
             table.add_row(escape(scenario), *(_over_seeds(metrics[name]) for name in METRICS))
         console.print(table)
@@ -139,7 +142,7 @@ def print_spread(results: Results, console: Console) -> None:
 
 
 def _over_seeds(spread: SeedSpread) -> str:
-    form = percent if spread.metric == FALL_RATE else number
+    form = percent if spread.metric in RATES else number
     middle = f"{form(spread.mean)} ± {form(spread.standard_deviation)}"
     return f"{middle}\n{form(spread.lowest)} … {form(spread.highest)}"
 
@@ -157,9 +160,18 @@ def console_table(title: str, first: str = "policy", *others: str) -> Table:
 
 def _difference(comparison: Comparison) -> str:
     value = comparison.difference
-    shown = points(value) if comparison.metric == FALL_RATE else number(value)
+    shown = points(value) if comparison.metric in RATES else number(value)
     return f"{shown}\n{p_value(comparison.p_value_holm)}"
 
 
 def _spread(mean: float, ci: tuple[float, float]) -> str:
     return f"{number(mean)} ± {number((ci[1] - ci[0]) / 2)}"
+
+
+def _shares(summary: Summary | None) -> str:
+    """Successes, and in brackets falls, in per cent."""
+    return f"{_percent(summary.success_rate)} ({_percent(summary.fall_rate)})" if summary else ""
+
+
+def _percent(share: float) -> str:
+    return number(100.0 * share, 0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.standing import standing
+from evaluate.measures.at_rest import standing
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import check_numbers
@@ -39,7 +39,7 @@ class Outcome:
     rise: Floats
     """m, (n,)."""
     stands: NDArray[np.bool_]
-    """Whether it stands at the end, by the rule of `evaluate.measures.standing`, (n,)."""
+    """Whether it stands at the end, by the rule of `evaluate.measures.at_rest`, (n,)."""
     peak_torque: float
     """Largest joint torque at the end of any control step, N·m."""
     rated_torque: float

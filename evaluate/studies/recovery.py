@@ -2,7 +2,7 @@
 
 A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
 (`quad_env.AnyPose`). A robot stands from the moment after which, to the end, it meets the rule of
-`evaluate.measures.standing`.
+`evaluate.measures.at_rest`.
 """
 
 import itertools
@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.standing import standing
+from evaluate.measures.at_rest import standing
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from evaluate.statistics.intervals import wilson_interval

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
-from evaluate.measures.controlled_stop import Motion, controlled_stops
+from evaluate.measures.at_rest import Motion, controlled_stops
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
 from evaluate.statistics.intervals import wilson_interval

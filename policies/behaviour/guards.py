@@ -18,7 +18,7 @@ TOPPLING_TILT = np.deg2rad(60.0)
 COLLAPSED_HEIGHT = FallRule().height
 """Height of the trunk's centre above its lowest foot, m: that of the fall rule above level ground, felt by the legs."""
 HOME_TILT = np.deg2rad(10.0)
-"""Tilt up to which a robot may be in its home pose; whether it stands is for `evaluate.measures.standing` to say."""
+"""Tilt up to which a robot may be in its home pose; whether it stands is for `evaluate.measures.at_rest` to say."""
 POSE_TOLERANCE = 0.15
 """Distance of each joint from the home pose, rad; a servo under the robot's weight gives 0.02."""
 STILL_LINEAR, STILL_ANGULAR = 0.3, 0.5

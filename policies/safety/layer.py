@@ -103,6 +103,11 @@ class Safe(Policy):
         """`Mode` of each robot, (n,), a copy."""
         return self._mode.copy()
 
+    @property
+    def stopped(self) -> NDArray[np.bool_]:
+        """Which robots it has taken from the policy to stop them, (n,)."""
+        return np.isin(self._mode, (Mode.STOP, Mode.DAMP))
+
     def events(self) -> list[Event]:
         """The latest changes of mode and time-outs, oldest first."""
         return list(self._log)

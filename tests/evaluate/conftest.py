@@ -51,11 +51,15 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 def outcomes(policy: str, fell, error=None, scenario: Scenario = NOMINAL["flat"], first_seed: int = 0) -> Cell:
-    """Episodes that fell or not, with an error in every error metric; all other figures do not exist."""
+    """Episodes that fell or succeeded, with an error in every error metric; all other figures do not exist."""
     fell = np.asarray(fell, bool)
     errors = np.zeros(len(fell)) if error is None else np.asarray(error, float)
     known = {"fell": fell, "velocity_error": errors, "yaw_rate_error": errors, "mean_velocity_error": errors}
-    known |= {"diverged": np.zeros(len(fell), bool), "commands": np.zeros((len(fell), 1, 3))}
+    known |= {
+        "outcome": np.where(fell, "fell", "succeeded").astype(object),
+        "diverged": np.zeros(len(fell), bool),
+        "commands": np.zeros((len(fell), 1, 3)),
+    }
     known["mean_velocities"] = known["commands"]
     nothing = np.full(len(fell), np.nan)
     measures = Measures(**{field.name: known.get(field.name, nothing) for field in dataclasses.fields(Measures)})

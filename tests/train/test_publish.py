@@ -84,7 +84,7 @@ def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, caps
     assert "| flat | residual | 1 |" in card
     # Figures and differences of all runs, the shipped one or not.
     assert card.count("| flat | residual | ") == 4
-    assert card.count("p\u00a0") == 2 * 4
+    assert card.count("p\u00a0") == 2 * 5
     assert "corrected by Holm's method over the 2 comparisons of a column" in card
     assert str(tmp_path) not in card
     assert str(runs) not in card

@@ -8,12 +8,13 @@ from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_a
 from evaluate.report.html import fold, grid, image, note, section
 from evaluate.report.plots import curves
 from evaluate.report.plots.drawing import cell_of
-from evaluate.report.sections.figures import comparison_table, falls_table, summary_table
+from evaluate.report.sections.figures import comparison_table, level_table, summary_table
 from evaluate.report.sections.measures_section import figures_table
 from evaluate.report.sections.push_section import pushes
 from evaluate.statistics.breaking_point import LEAST_LEVELS
 from quad_env.scenarios.named import Scenario
 
+SUCCESS = ("success_rate", "episodes that succeed, %", 100.0)
 FALLS = ("fall_rate", "episodes with a fall, %", 100.0)
 ERROR = ("velocity_error", "velocity error, m/s", 1.0)
 FITTED = (
@@ -45,12 +46,12 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
         lines = FITTED if len(axis.levels) >= LEAST_LEVELS else JOINED
         yield note(f"Bands join the levels' 95 % intervals. {lines} Harder to the right.")
         yield grid(_curves(results, axis), 2)
-        yield falls_table(results, axis)
+        yield level_table(results, axis)
         yield pushes(results, axis)
         yield fold("Every figure", "".join(_figures(results, level) for level in axis.scenarios))
     else:
         scenario = axis.scenarios[0].name
-        yield grid((_bars(results, scenario, *FALLS), _bars(results, scenario, *ERROR)), 2)
+        yield grid((_bars(results, scenario, *figure) for figure in (SUCCESS, FALLS, ERROR)), 2)
         yield summary_table(results, scenario)
         yield pushes(results, axis)
         yield fold("Every measure", figures_table(results, scenario))
@@ -61,7 +62,7 @@ def _differences(results: Results, axis: SeverityAxis) -> Iterator[str]:
     baseline = results.baseline
     shown = [c for c in results.comparisons if c.scenario in axis.scenario_names]
     against = [c for c in shown if c.b == baseline]
-    lead = note("Paired by episode; below zero is better. p-values are corrected for their number (Holm).")
+    lead = note("Paired by episode. p-values are corrected for their number (Holm).")
     yield fold(f"Differences from {escape(baseline)}", lead + comparison_table(results, against) if against else "")
     others = [c for c in shown if c.b != baseline]
     yield fold("Differences of every other pair", lead + comparison_table(results, others) if others else "")

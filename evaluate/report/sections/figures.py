@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from html import escape
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE, Comparison
+from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, place
 from evaluate.analysis.summary import Summary
@@ -12,6 +12,7 @@ from evaluate.report.plots.drawing import MARKS, style
 from evaluate.terminal.format import ABSENT, interval, number, p_value, percent_interval, points, points_interval
 
 HEADINGS = {
+    SUCCESS_RATE: ("success", ""),
     FALL_RATE: ("falls", ""),
     "velocity_error": ("velocity error", "m/s"),
     "mean_velocity_error": ("mean velocity error", "m/s"),
@@ -34,17 +35,17 @@ def summary_table(results: Results, scenario: str) -> str:
     return table(["policy", *(heading(*head) for head in heads)], body)
 
 
-def falls_table(results: Results, axis: SeverityAxis) -> str:
-    """Falls in per cent: a policy a row, a level a column."""
+def level_table(results: Results, axis: SeverityAxis) -> str:
+    """Successes and falls in per cent: a policy a row, a level a column."""
     heads = [
-        heading("falls, %", f"at {escape(axis.unit or axis.name)}"),
+        heading("success (falls), %", f"at {escape(axis.unit or axis.name)}"),
         *(f"{level.severity:g}" for level in axis.levels),
     ]
     found = {
         policy: [results.summaries.get((level.name, policy)) for level in axis.levels] for policy in results.policies
     }
     rows = (
-        [policy_label(results, policy), *(number(100.0 * s.fall_rate, 0) if s else ABSENT for s in levels)]
+        [policy_label(results, policy), *(_shares(s) if s else ABSENT for s in levels)]
         for policy, levels in found.items()
         if any(levels)
     )
@@ -62,13 +63,14 @@ def comparison_table(results: Results, comparisons: Iterable[Comparison]) -> str
         + [cells[metric] for metric in HEADINGS]
         for (name, a, b), cells in rows.items()
     )
-    units = HEADINGS | {FALL_RATE: ("falls", "% points")}
+    units = HEADINGS | {SUCCESS_RATE: ("success", "% points"), FALL_RATE: ("falls", "% points")}
     return table(["difference", *(heading(*head) for head in units.values())], body)
 
 
 def _summary_cells(summary: Summary, best: dict[str, float]) -> Iterator[str]:
-    yield f"{summary.falls}&nbsp;of&nbsp;{summary.episodes}<small>{percent_interval(summary.fall_rate_ci)}</small>"
-    for metric in list(HEADINGS)[1:]:
+    for count, ci in ((summary.successes, summary.success_rate_ci), (summary.falls, summary.fall_rate_ci)):
+        yield f"{count}&nbsp;of&nbsp;{summary.episodes}<small>{percent_interval(ci)}</small>"
+    for metric in ERRORS:
         value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
         text = f"{number(value)}<small>{interval(ci)}</small>"
         yield f"{BEST}{text}" if value == best[metric] else text
@@ -76,8 +78,12 @@ def _summary_cells(summary: Summary, best: dict[str, float]) -> Iterator[str]:
     yield str(summary.diverged)
 
 
+def _shares(summary: Summary) -> str:
+    return f"{number(100.0 * summary.success_rate, 0)}&nbsp;({number(100.0 * summary.fall_rate, 0)})"
+
+
 def _difference(comparison: Comparison) -> str:
-    falls = comparison.metric == FALL_RATE
-    value = points(comparison.difference) if falls else number(comparison.difference)
-    ci = points_interval(comparison.ci) if falls else interval(comparison.ci)
+    rate = comparison.metric in RATES
+    value = points(comparison.difference) if rate else number(comparison.difference)
+    ci = points_interval(comparison.ci) if rate else interval(comparison.ci)
     return f"{value}<small>{ci}</small><small>{escape(p_value(comparison.p_value_holm))}</small>"

@@ -2,7 +2,7 @@
 
 from html import escape
 
-from evaluate.analysis.comparison import FALL_RATE
+from evaluate.analysis.comparison import RATES
 from evaluate.analysis.results import Results
 from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
 from evaluate.report.html import heading, note, section, table
@@ -33,9 +33,9 @@ def _run(run: str, spreads: list[SeedSpread]) -> str:
 
 
 def _cell(spread: SeedSpread) -> str:
-    falls = spread.metric == FALL_RATE
-    mean = percent(spread.mean) if falls else number(spread.mean)
-    ci = percent_interval(spread.ci) if falls else interval(spread.ci)
+    rate = spread.metric in RATES
+    mean = percent(spread.mean) if rate else number(spread.mean)
+    ci = percent_interval(spread.ci) if rate else interval(spread.ci)
     ends = (spread.lowest, spread.highest)
-    span = percent_interval(ends) if falls else interval(ends)
+    span = percent_interval(ends) if rate else interval(ends)
     return f"{mean}<small>{ci}</small><small>{span}</small>"

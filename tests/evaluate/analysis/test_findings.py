@@ -46,11 +46,14 @@ def test_a_claim_has_both_figures_at_the_largest_difference(made) -> None:
 
 
 def test_the_headline_says_what_got_worse_like_what_got_better(made) -> None:
-    ((first, better, worse, later, nearer),) = (map(plain, sentences) for sentences in headline(made))
+    ((first, more, less, later, better, worse, nearer),) = (map(plain, sentences) for sentences in headline(made))
     assert first == (
-        "other against trot: fewer falls on push; more falls on rough; no difference in falls shown on flat. "
-        "Smaller velocity error on flat, push and rough."
+        "other against trot: succeeds more often on push; succeeds less often on rough; "
+        "no difference in success shown on flat. "
+        "Fewer falls on push; more falls on rough; no difference in falls shown on flat."
     )
+    assert more.startswith("other succeeds in 95 % [83, 99] of episodes on push at 50 N·s, where trot succeeds in 50 %")
+    assert less.startswith("other succeeds in 45 %")
     assert better.startswith("other falls in 5 %")
     assert worse.startswith("other falls in 55 %")
     assert later.startswith("other breaks on push at ")

@@ -85,12 +85,14 @@ def test_versions_are_those_in_use(run) -> None:
 def test_every_pair_is_compared_in_every_metric_with_the_baseline_second(run) -> None:
     comparisons = run.results["comparisons"]
     keys = {(c["scenario"], c["a"], c["b"], c["metric"]) for c in comparisons}
-    assert len(keys) == len(comparisons) == 2 * 3 * 4
+    assert len(keys) == len(comparisons) == 2 * 3 * 5
     assert {(a, b) for _, a, b, _ in keys} == {("document", "trot"), ("stand", "trot"), ("stand", "document")}
     for c in comparisons:
         assert 0.0 < c["p_value"] <= 1.0
         assert c["ci"][0] <= c["difference"] <= c["ci"][1]
-        assert c["test"] == ("exact McNemar" if c["metric"] == "fall_rate" else "paired sign-flip permutation")
+        assert c["test"] == (
+            "exact McNemar" if c["metric"] in ("success_rate", "fall_rate") else "paired sign-flip permutation"
+        )
 
 
 def test_differences_are_a_minus_b(run) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import policies
 from evaluate.analysis.results import analyse
-from evaluate.analysis.sensitivity import FALLS_WITHOUT, UNCHANGED, effect_text, sensitivities
+from evaluate.analysis.sensitivity import FAILS_WITHOUT, UNCHANGED, effect_text, sensitivities
 from evaluate.report.sections.overview import sensitivity as section
 from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
@@ -33,13 +33,13 @@ def run(made_up_cell):
 def test_it_is_the_difference_to_the_undisturbed_episodes(run) -> None:
     (found,) = sensitivities(run(flat=(2, 0.0), push_at_4=(12, 0.25)))
     assert (found.axis, found.scenario, found.severity, found.unit) == ("push", "push:4", AXES["push"].levels[3], "N·s")
-    assert found.falls == pytest.approx(10 / COUNT)
+    assert found.success == pytest.approx(-10 / COUNT)
     assert found.velocity_error == pytest.approx(0.25)
-    assert found.falls_p_value == pytest.approx(2 * 0.5**10)  # ten of ten discordant pairs, the only two tests
-    assert found.falls_ci[0] > 0.0
+    assert found.success_p_value == pytest.approx(2 * 0.5**10)  # ten of ten discordant pairs, the only two tests
+    assert found.success_ci[1] < 0.0
     assert found.felt
-    assert (found.more_falls, found.more_error) == (True, True)
-    assert effect_text(found).replace("\u00a0", " ") == "+25 points, +0.25 m/s"
+    assert (found.less_success, found.more_error) == (True, True)
+    assert effect_text(found).replace("\u00a0", " ") == "−25 points, +0.25 m/s"
 
 
 def test_what_changes_no_bit_is_not_felt(run) -> None:
@@ -52,19 +52,19 @@ def test_what_changes_no_bit_is_not_felt(run) -> None:
 
 def test_what_helps_or_is_chance_does_not_matter(run) -> None:
     better, chance = sensitivities(run(flat=(20, 0.0), push=(0, -0.05), rough=(21, 0.0)))
-    assert better.falls_p_value < 0.001
-    assert not any(each.more_falls or each.more_error for each in (better, chance))
-    assert effect_text(chance).replace("\u00a0", " ") == "(+2 points), (+0.00 m/s)"
+    assert better.success_p_value < 0.001
+    assert not any(each.less_success or each.more_error for each in (better, chance))
+    assert effect_text(chance).replace("\u00a0", " ") == "(−2 points), (+0.00 m/s)"
     (both,) = sensitivities(run(flat=(0, 0.0), push=(2, 0.1)))
-    assert effect_text(both).replace("\u00a0", " ") == "(+5 points), +0.10 m/s"
-    assert (both.more_falls, both.more_error) == (False, True)
+    assert effect_text(both).replace("\u00a0", " ") == "(−5 points), +0.10 m/s"
+    assert (both.less_success, both.more_error) == (False, True)
     (slower,) = sensitivities(run(flat=(0, 0.0), slippery=(0, 0.1)))
     assert effect_text(slower).replace("\u00a0", " ") == "+0.10 m/s"
 
 
 def test_a_policy_that_falls_anyway_says_nothing_about_disturbances(run) -> None:
     (found,) = sensitivities(run(flat=(COUNT, 0.0), noise=(COUNT, 0.0)))
-    assert effect_text(found) == FALLS_WITHOUT
+    assert effect_text(found) == FAILS_WITHOUT
 
 
 def test_the_hardest_level_counts_also_where_less_is_harder(run) -> None:
@@ -75,10 +75,10 @@ def test_the_hardest_level_counts_also_where_less_is_harder(run) -> None:
 
 
 def test_p_values_are_corrected_over_the_axes_of_a_policy(run) -> None:
-    alone = sensitivities(run(flat=(0, 0.0), push=(6, 0.0)))[0].falls_p_value
+    alone = sensitivities(run(flat=(0, 0.0), push=(6, 0.0)))[0].success_p_value
     axes = ("push", "rough", "force", "slope", "stairs")
     among = sensitivities(run(flat=(0, 0.0), **{axis: (6 if axis == "push" else 0, 0.0) for axis in axes}))
-    assert alone < among[0].falls_p_value < 1.0
+    assert alone < among[0].success_p_value < 1.0
     assert among[0].axis == "push"
 
 

@@ -43,7 +43,7 @@ def cells(made_up_cell):
 
 def test_a_seed_is_one_value_however_many_episodes_it_ran(cells, made_up_cell) -> None:
     spreads = {spread.metric: spread for spread in seed_spreads(cells)}
-    assert list(spreads) == ["fall_rate", "velocity_error", "yaw_rate_error", "mean_velocity_error"]
+    assert list(spreads) == ["success_rate", "fall_rate", "velocity_error", "yaw_rate_error", "mean_velocity_error"]
     error, expected = spreads["velocity_error"], spread_over_seeds(np.array([0.1, 0.2, 0.3, 0.6]))
     assert (error.run, error.scenario, error.seeds) == ("models/run", "flat", 4)
     assert (error.mean, error.lowest, error.highest, error.standard_deviation, *error.ci) == pytest.approx(
@@ -66,9 +66,9 @@ def test_rates_stay_rates(cells) -> None:
 
 def test_every_scenario_has_its_own_spread(cells, made_up_cell) -> None:
     more = [made_up_cell(policy, np.zeros(50, bool), scenario=SCENARIOS["push"]) for policy in SEEDS]
-    assert [(s.scenario, s.metric) for s in seed_spreads([*cells, *more])][3:5] == [
+    assert [(s.scenario, s.metric) for s in seed_spreads([*cells, *more])][4:6] == [
         ("flat", "mean_velocity_error"),
-        ("push", "fall_rate"),
+        ("push", "success_rate"),
     ]
 
 

@@ -57,8 +57,9 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
     assert "an abacus" in said
     found = json.loads((tmp_path / "found.json").read_text())
     for match in found["comparisons"]:
-        falls, velocity = match["contrasts"][:2]
+        success, falls, velocity = match["contrasts"][:3]
         assert (match["paired"], match["identical"]) == (True, match["a"] != "trot")
+        assert (success["metric"], success["difference"], success["p_value"]) == ("success_rate", 0.0, 1.0)
         assert (falls["metric"], falls["test"], falls["p_value"]) == ("fall_rate", "exact McNemar", 1.0)
         expected = 0.125 if match["a"] == "trot" else 0.0
         assert velocity["difference"] == pytest.approx(velocity["b"] - velocity["a"], abs=1e-12)

@@ -13,6 +13,8 @@ from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
 
 CELL = {
+    "success_rate": 0.5,
+    "success_rate_ci": [0.41, 0.59],
     "fall_rate": 0.25,
     "fall_rate_ci": [0.18, 0.33],
     "velocity_error": 0.1234,
@@ -33,10 +35,10 @@ NOISE = {
     "severity": 0.8,
     "unit": "rad/s",
     "felt": True,
-    "undisturbed_fall_rate": 0.0,
-    "falls": 0.25,
-    "falls_ci": [0.1, 0.4],
-    "falls_p_value": 0.001,
+    "undisturbed_success_rate": 1.0,
+    "success": -0.25,
+    "success_ci": [-0.4, -0.1],
+    "success_p_value": 0.001,
     "velocity_error": 0.5,
     "velocity_error_ci": [0.4, None],
     "velocity_error_p_value": 0.001,
@@ -83,20 +85,20 @@ def test_a_policy_that_walked_on_flat_ground_alone_has_no_other_row() -> None:
     table = newcomers_table(found)
     assert [line for line in table if line.startswith("| ")] == [
         "| condition | `trot` |",
-        "| flat ground | 25\u00a0%, 0.12 |",
-        "| push at 35\u00a0N·s | 25\u00a0%, 0.12 |",
+        "| flat ground | 50\u00a0% (25\u00a0%) |",
+        "| push at 35\u00a0N·s | 50\u00a0% (25\u00a0%) |",
     ]
-    assert table[-1] == "On flat ground alone: `stand` 25\u00a0%, 0.12."
+    assert table[-1] == "On flat ground alone: `stand` 50\u00a0% (25\u00a0%)."
 
 
-def test_the_headline_counts_scenarios_by_the_smallest_error() -> None:
-    better, worse = CELL, CELL | {"velocity_error": 0.2}
+def test_the_headline_counts_scenarios_by_the_most_success() -> None:
+    better, worse = CELL, CELL | {"success_rate": 0.2}
     scenarios = {"trot": [better, worse, worse], "stand": [worse, better, better], "walk": [worse, worse, worse]}
     names = ("flat", "push", "rough")
     policies = {name: {"scenarios": dict(zip(names, cells, strict=True))} for name, cells in scenarios.items()}
     first = newcomers_table(FOUND | {"policies": policies})[0]
     assert "3 scenarios of 128 episodes" in first
-    assert "`stand` has the smallest velocity error on 2, `trot` on 1." in first
+    assert "`stand` succeeds most often, or as often as the best, on 2, `trot` on 1." in first
 
 
 def test_breaking_points_are_a_table_of_axes_and_policies() -> None:
@@ -109,7 +111,7 @@ def test_breaking_points_are_a_table_of_axes_and_policies() -> None:
 def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
     both = [NOISE | {"policy": "trot", "felt": False}, NOISE | {"policy": "stand"}]
     text = "\n".join(every_figure(with_nan(FOUND | {"sensitivities": both}))).replace("\u00a0", " ")
-    assert "| noise, 0.8 rad/s | the same to the bit | +25 points, +0.50 m/s |" in text
+    assert "| noise, 0.8 rad/s | the same to the bit | −25 points, +0.50 m/s |" in text
     assert "| disturbance |" not in "\n".join(every_figure(FOUND))
 
 
@@ -171,11 +173,13 @@ def refused(capsys, tmp_path, content: str) -> str:
 
 def test_figures_that_do_not_exist_are_dashes() -> None:
     """As after a run of a single episode, whose intervals are null."""
-    absent = dict.fromkeys(CELL) | {f"{name}_ci": [None, None] for name in ("fall_rate", "velocity_error")}
+    absent = dict.fromkeys(CELL) | {
+        f"{name}_ci": [None, None] for name in ("success_rate", "fall_rate", "velocity_error")
+    }
     absent["yaw_rate_error_ci"] = [None, None]
     found = with_nan(FOUND | {"policies": {"trot": {"scenarios": {"flat": absent}}}})
-    assert every_figure(found)[4] == "| flat | `trot` | – [–] | – [–] | – [–] | – |"
-    assert "| flat ground | –, – |" in newcomers_table(found)
+    assert every_figure(found)[4] == "| flat | `trot` | – [–] | – [–] | – [–] | – [–] |"
+    assert "| flat ground | – (–) |" in newcomers_table(found)
 
 
 def test_an_interrupted_run_is_refused(capsys, tmp_path) -> None:

@@ -9,6 +9,7 @@ from evaluate.__main__ import main
 from evaluate.commands import rescore
 from evaluate.measures import fall_rules
 from evaluate.measures.episodes import blank, uneventful
+from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.records import trace
 from evaluate.statistics.intervals import wilson_interval
 from quad_env.config import FALL_RULE
@@ -83,6 +84,12 @@ def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys
         for score in scores.values():
             assert score["fall_rate_ci"] == list(wilson_interval(score["falls"], 6))
     assert run["policies"]["document"]["scenarios"]["push"]["falls"] > 0
+    for policy, contents in run["policies"].items():
+        cell, scores = contents["scenarios"]["push"], again["success"]["policies"][policy]["scenarios"]["push"]
+        for name in ("episodes", "successes", "success_rate", "success_rate_ci", "outcomes"):
+            assert scores[SUCCESS_RULE][name] == cell[name], (policy, name)
+        assert scores["survival"]["successes"] == cell["episodes"] - cell["falls"]
+        assert scores["success-half"]["successes"] <= cell["successes"] <= scores["success-double"]["successes"]
     printed = capsys.readouterr().out
     assert all(word in printed for word in ("document", "stand", "push", "contact", "[61, 100]"))
 
@@ -90,11 +97,14 @@ def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys
 def test_rules_can_be_chosen(traced, capsys) -> None:
     assert main(["rescore", str(traced), "--rules", "tilt-90"]) == 0
     assert list(json.loads((traced / rescore.FILE).read_text())["rules"]) == ["tilt-90"]
+    assert main(["rescore", str(traced), "--rules", "tilt-90", "--success", "survival"]) == 0
+    assert list(json.loads((traced / rescore.FILE).read_text())["success"]["rules"]) == ["survival"]
     assert "height" not in capsys.readouterr().out
 
 
 def test_mistakes_are_one_line(traced, run, tmp_path, capsys) -> None:
     assert main(["rescore", str(traced), "--rules", "tilt-91"]) == 2
+    assert main(["rescore", str(traced), "--success", "luck"]) == 2
     assert main(["rescore", str(run.folder)]) == 2
     other = tmp_path / "other"
     (other / trace.FOLDER).mkdir(parents=True)
@@ -105,7 +115,8 @@ def test_mistakes_are_one_line(traced, run, tmp_path, capsys) -> None:
     (other / "results.json").write_text(json.dumps(changed))
     assert main(["rescore", str(other)]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 3
+    assert len(lines) == 4
+    assert "survival" in lines.pop(1)
     assert "tilt-90" in lines[0]
     assert "--trace" in lines[1]
     assert "not of these results" in lines[2]

@@ -8,7 +8,7 @@ import pytest
 
 from evaluate.measures import catalogue as measures
 from evaluate.measures import metrics
-from evaluate.measures.catalogue import BY_NAME, FIGURES, LISTS, MEASURES, OUTCOMES
+from evaluate.measures.catalogue import BY_NAME, FIGURES, LISTS, MEASURES, VERDICTS
 from evaluate.measures.episodes import TRUTHS, Episodes, blank, shapes, uneventful
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -17,7 +17,7 @@ def test_every_measure_is_in_the_table_once() -> None:
     names = [measure.name for measure in MEASURES]
     assert sorted(names) == sorted(field.name for field in fields(metrics.Measures))
     assert len(BY_NAME) == len(names)
-    assert sorted((*FIGURES, *LISTS, *OUTCOMES)) == sorted(names)
+    assert sorted((*FIGURES, *LISTS, *VERDICTS)) == sorted(names)
 
 
 def test_every_measure_says_what_it_is() -> None:

@@ -1,6 +1,7 @@
 """What pushes do: by hand, and with a fault planted into each measure."""
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,11 @@ def not_recovered() -> None:
     assert np.isnan(measured("not_recovered", onset=(450,), fall=480))
 
 
+def without_falls(truth, then, otherwise):
+    """`np.where` that takes every push for one before the fall."""
+    return then if truth.shape == (1, 2) else np.where(truth, then, otherwise)
+
+
 def replaced(name: str, faulty: object) -> Callable[[pytest.MonkeyPatch], None]:
     return lambda patch: patch.setattr(pushes, name, faulty)
 
@@ -118,9 +124,7 @@ CHECKS = (
 FAULTS = {
     "pushes after the fall": (
         push_time,
-        lambda patch, true=np.where: patch.setattr(
-            np, "where", lambda *args: args[1] if args[0].shape == (1, 2) else true(*args)
-        ),
+        replaced("np", SimpleNamespace(**vars(np) | {"where": without_falls})),
     ),
     "world frame for heading frame": (push_impulse, replaced("_in_heading", lambda episodes: episodes.push_impulse)),
     "heading of the pushed robot": (push_impulse, replaced("_at", one_step_late)),

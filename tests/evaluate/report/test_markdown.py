@@ -9,8 +9,8 @@ from evaluate.report.markdown import render
 
 def test_the_outcome_comes_first_and_figures_are_folded(made) -> None:
     text = render(made).replace("\u00a0", " ")
-    assert text.index("fewer falls on push; more falls on rough") < text.index("<details>")
-    assert "| 50 N·s | `trot` | 50 % [35, 65] | 0.139 [" in text
+    assert text.index("succeeds more often on push; succeeds less often on rough") < text.index("<details>")
+    assert "| 50 N·s | `trot` | 50 % [35, 65] | 50 % [35, 65] | 0.139 [" in text
     assert text.count("<details>") == text.count("</details>") == 1 + 3  # a policy in words, three axes
     assert "Gates" not in text
 
@@ -18,7 +18,7 @@ def test_the_outcome_comes_first_and_figures_are_folded(made) -> None:
 def test_every_row_of_a_table_has_as_many_cells_as_its_head(made) -> None:
     rows = [line for line in render(made).splitlines() if line.startswith("|")]
     assert len(rows) == 3 * 2 + 6 * 2
-    assert {row.count("|") for row in rows} == {6}
+    assert {row.count("|") for row in rows} == {7}
 
 
 def test_a_failed_gate_says_where_and_why(made) -> None:

@@ -105,7 +105,7 @@ def test_every_plot_says_what_it_shows(page) -> None:
     images = re.findall(r"<img [^>]*>", page)
     plots = [image for image in images if "image/svg" in image]
     # Bars and pairs of each scenario, pushes and gaits of the two policies that stay upright, responses.
-    assert len(plots) == 2 * (2 + 1) + 2 + 2 + 3
+    assert len(plots) == 2 * (3 + 1) + 2 + 2 + 3
     assert all(re.search(r'alt="[^"]{10,}"', image) for image in images)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluate.measures.standing import standing
+from evaluate.measures.at_rest import standing
 from evaluate.studies.recovery import recover, report
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD

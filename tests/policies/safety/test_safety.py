@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import policies
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check
-from evaluate.measures.controlled_stop import Motion, controlled_stops
+from evaluate.measures.at_rest import Motion, controlled_stops
 from policies.base import CONTROL_PERIOD, Policy
 from policies.safety import DeadlineMissed, Mode, PolicyProcessError, Safe, SafetyLimits, Watched
 from policies.safety.target_limits import limited

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluate.measures.controlled_stop import Motion, controlled_stops
+from evaluate.measures.at_rest import Motion, controlled_stops
 
 
 def traced(height, upright=1.0, vertical=0.0, speed=0.0, steps=200):

@@ -1,0 +1,146 @@
+"""Outcomes: the rule by hand, and five policies that do wrong, each in its own way, on the real robot."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.measures.metrics import measure, outcome
+from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE, outcomes, share_of_way
+from evaluate.rollouts.rollout import run
+from policies.base import Policy
+from policies.safety import Safe
+from quad_env import OBSERVATION, SCENARIOS, CommandRanges
+from quad_env.seeding import episode_seeds
+
+SEEDS = episode_seeds("search", 12, 2)
+
+
+def judged(commands, velocities, **changes):
+    """The outcome of one upright episode with these commands and mean velocities, an interval a row."""
+    no = np.zeros(1, np.bool_)
+    arrays = {"commands": np.array([commands], float), "velocities": np.array([velocities], float)}
+    return outcomes(**{"fell": no, "diverged": no, "stopped": no} | arrays | changes)[0]
+
+
+@pytest.mark.parametrize(
+    ("command", "velocity", "expected"),
+    [
+        ((1.0, 0.0, 0.0), (0.66, 0.0, 0.0), "succeeded"),  # 0.34 off; 0.15 + 0.2 allowed
+        ((1.0, 0.0, 0.0), (0.64, 0.0, 0.0), "off_command"),
+        ((1.0, 0.0, 0.0), (0.75, 0.25, 0.0), "off_command"),  # 0.354 off, in both directions together
+        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.66), "succeeded"),
+        ((0.0, 0.0, 1.0), (0.0, 0.0, 1.36), "off_command"),
+        ((0.0, 0.0, 1.0), (0.16, 0.0, 1.0), "off_command"),
+        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.24), "refused"),  # the turn stands in for the way
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), "succeeded"),
+        ((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), "off_command"),  # nothing was asked that could be refused
+        ((1.0, 0.0, 0.0), (0.26, 0.0, 0.0), "off_command"),
+        ((1.0, 0.0, 0.0), (0.24, 0.9, 0.0), "refused"),  # the way counts along the command
+    ],
+)
+def test_the_rule_by_hand(command, velocity, expected):
+    assert judged([command], [velocity]) == expected
+
+
+def test_every_interval_has_to_be_followed_and_the_way_is_that_of_all():
+    forward, still = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    assert judged([forward, still], [forward, still]) == "succeeded"
+    assert judged([forward, forward], [forward, still]) == "off_command"  # half of the way
+    assert judged([forward] * 5, [forward, *[still] * 4]) == "refused"  # a fifth of it
+    long_first = np.array([4.0, 1.0])
+    assert judged([forward] * 2, [still, forward], durations=long_first) == "refused"
+    assert share_of_way(np.array([[forward] * 2]), np.array([[still, forward]]), long_first) == pytest.approx([0.2])
+
+
+def test_falls_divergences_and_stops_come_before_everything_else():
+    yes, well = np.ones(1, np.bool_), ([(1.0, 0.0, 0.0)], [(1.0, 0.0, 0.0)])
+    lost = ([(1.0, 0.0, 0.0)], [(np.nan,) * 3])
+    assert judged(*well, fell=yes) == "fell"
+    assert judged(*lost, fell=yes) == "fell"
+    assert judged(*lost, fell=yes, diverged=yes) == "diverged"
+    assert judged(*lost, fell=yes, stopped=yes) == "refused"
+    assert judged([(1.0, 0.0, 0.0)], [(0.5, 0.0, 0.0)], stopped=yes) == "refused"
+
+
+def test_an_outcome_is_one_of_five_whatever_happened():
+    generator = np.random.default_rng(0)
+    truths = dict(zip(("fell", "diverged", "stopped"), generator.random((3, 500)) < 0.3, strict=True))
+    truths["fell"] |= truths["diverged"]
+    commands = generator.normal(size=(500, 2, 3))
+    velocities = commands * generator.uniform(0.0, 1.2, (500, 1, 1))
+    found = outcomes(
+        **truths, commands=commands, velocities=np.where(truths["fell"][:, None, None], np.nan, velocities)
+    )
+    assert set(found) == set(OUTCOMES)
+    assert (np.isin(found, ("fell", "diverged")) | ~truths["fell"] | truths["stopped"]).all()
+
+
+class Told(Policy):
+    """The trot, told another command than it is given; from a step on it lets itself fall."""
+
+    def __init__(self, share=1.0, sideways=0.0, until=10_000):
+        super().__init__()
+        self.name, self._inner = "told", policies.make("trot")
+        self._share, self._sideways, self._until = share, sideways, until
+
+    def _allocate(self, num_envs):
+        self._inner.reset(num_envs)
+        self._steps = 0
+
+    def _act(self, observation):
+        observation, self._steps = observation.copy(), self._steps + 1
+        observation[:, OBSERVATION["command"]] *= self._share
+        observation[:, OBSERVATION["command"].start + 1] += self._sideways
+        action = self._inner.act(observation)
+        if self._steps > self._until:
+            action[:, 1::3] = self.robot.joint_lower[1::3]
+        return action
+
+
+def asked(forward):
+    """Flat ground on which every command is that forward velocity, m/s."""
+    ranges = CommandRanges(forward=(forward, forward), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0), zero_fraction=0.0)
+    return replace(SCENARIOS["flat"], commands=ranges)
+
+
+class Stopped(Safe):
+    """The trot under a safety layer that is told to stop it after half of the episode."""
+
+    def _act(self, observation):
+        if self._step == 500:
+            self.emergency_stop()
+        return super()._act(observation)
+
+
+@pytest.mark.parametrize(
+    ("policy", "forward", "expected"),
+    [
+        (lambda: policies.make("trot"), 1.0, "succeeded"),
+        (lambda: policies.make("stand"), 1.0, "refused"),
+        (lambda: Told(share=0.7), 2.4, "off_command"),
+        (lambda: Told(sideways=0.25), 0.0, "off_command"),
+        (lambda: Told(sideways=0.25), 0.4, "off_command"),
+        (lambda: Told(until=920), 0.5, "fell"),
+        (lambda: Stopped(policies.make("trot")), 0.5, "refused"),
+    ],
+    ids=("trot", "stands still", "30 % too slow", "drifts on the spot", "drifts", "falls late", "stopped"),
+)
+def test_planted_policies_get_their_outcome(policy, forward, expected):
+    episodes = run(policy(), asked(forward), SEEDS)
+    found = measure(episodes)
+    assert found.outcome.tolist() == [expected] * len(SEEDS)
+    if expected == "fell":
+        assert ((found.fall_time > 9.8) & (found.fall_time < 10.0)).all()
+        survived = outcome(episodes, RULES["survival"])
+        assert (survived == "fell").all()
+    if expected == "refused":
+        np.testing.assert_array_equal(outcome(episodes, RULES["survival"]) == "succeeded", ~found.fell)
+
+
+def test_rules_differ_in_how_far_off_is_off():
+    episodes = run(Told(share=0.7), asked(1.0), SEEDS)
+    by_rule = {name: set(outcome(episodes, rule)) for name, rule in RULES.items()}
+    assert by_rule["success-half"] == {"off_command"}
+    assert by_rule[SUCCESS_RULE] == by_rule["success-double"] == by_rule["survival"] == {"succeeded"}
