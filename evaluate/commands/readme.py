@@ -4,6 +4,7 @@ The README gets a short table, `docs/results.md` every figure.
 """
 
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +13,6 @@ import tyro
 
 from evaluate.analysis.results import with_nan
 from evaluate.commands.options import command
-from evaluate.commands.policy_options import words as policy_words
 from evaluate.report.results_page import every_figure, newcomers_table, scenarios_of
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
@@ -70,13 +70,18 @@ def _made_by(found: dict[str, Any]) -> str:
     provenance, versions, scenarios = found.get("provenance", {}), found["versions"], scenarios_of(found)
     battery = next((name for name, each in BATTERIES.items() if [one.name for one in each()] == scenarios), None)
     chosen = {
-        "policies": list(policy_words(found["policies"], provenance.get("only_on", {}))),
+        "policies": list(limited(found["policies"], provenance.get("only_on", {}))),
         "scenarios": [battery] if battery else scenarios,
         "episodes": found["episodes"],
         "seed": found["seed"],
     }
     words = command(chosen | provenance.get("hardware", {}))
     return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}."
+
+
+def limited(labels: Iterable[str], only_on: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """What --policies must be given for those policies, of which some are limited to scenarios."""
+    return tuple(f"{label}@{','.join(only_on[label])}" if label in only_on else label for label in labels)
 
 
 def insert(text: str, lines: list[str], place: str = RESULTS) -> str:

@@ -64,10 +64,8 @@ def draw(policy: Gaits, strides: Strides, title: str, out: Path) -> None:
 def main(options: Options) -> int:
     """Draw the diagram; the exit code."""
     _check(options)
-    policy = Gaits(options.gait)
-    draw(
-        policy, _strides(policy, options), f"{options.gait}{f' → {options.then}' if options.then else ''}", options.out
-    )
+    policy, title = Gaits(options.gait), " → ".join(filter(None, (options.gait, options.then)))
+    draw(policy, _strides(policy, options), title, options.out)
     print(options.out)
     return 0
 

@@ -138,15 +138,11 @@ def _change_table(options: Options) -> Table:
     return table
 
 
-def _check(options: Options) -> None:
+def main(options: Options) -> int:
+    """Measure and print; the exit code."""
     if not options.gaits or set(options.gaits) - set(GAITS) or len(set(options.gaits)) < len(options.gaits):
         raise UsageError(f"--gaits: name each once; there are {', '.join(GAITS)}")
     check_numbers(options, LIMITS)
-
-
-def main(options: Options) -> int:
-    """Measure and print; the exit code."""
-    _check(options)
     console = Console(highlight=False, width=100)
     console.print(_steady_table(options))
     if options.changes and len(options.gaits) > 1:

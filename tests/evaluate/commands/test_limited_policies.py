@@ -11,8 +11,8 @@ from evaluate.__main__ import main
 from evaluate.analysis.gate_verdicts import judge
 from evaluate.analysis.gates import parse
 from evaluate.commands.options import DEFAULT_POLICIES, WALKING_POLICIES, Options
-from evaluate.commands.plan import check
-from evaluate.commands.policy_options import policies_asked_for, words
+from evaluate.commands.plan import check, policies_asked_for
+from evaluate.commands.readme import limited
 from evaluate.records.store import FILES, ChunkStore, read_run
 from evaluate.rollouts import rollout
 from evaluate.rollouts.battery import BATTERIES, resolve
@@ -130,7 +130,7 @@ def test_the_words_of_a_run_are_those_it_was_asked_for_with() -> None:
     asked = ("trot", "stand@flat,rough")
     labelled = policies_asked_for(asked, resolve(("flat", "push", "rough")), IDEAL)
     only_on = {each.label: each.only_on for each in labelled if each.only_on}
-    assert words([each.label for each in labelled], only_on) == asked
+    assert limited([each.label for each in labelled], only_on) == asked
 
 
 def test_a_folder_may_have_an_at_sign(tmp_path) -> None:
