@@ -4,9 +4,10 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
+import pyarrow as pa
 import tyro
 from rich.console import Console
 from rich.markup import escape
@@ -30,9 +31,6 @@ from evaluate.statistics.intervals import Floats
 from evaluate.terminal.command_line import UsageError, make_folder_of
 from evaluate.terminal.format import ABSENT, interval, number, p_value, points, points_interval
 from policies.files import write_atomically
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def _read(path: Path) -> "tuple[Manifest, pa.Table]":
+def _read(path: Path) -> tuple[Manifest, pa.Table]:
     folder = path.parent if path.name in ("results.json", "episodes.parquet", "manifest.json") else path
     manifest, rows = read_rows(folder)
     if not rows.num_rows:
@@ -111,7 +109,7 @@ def _pairs(options: Options, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
 
 
 def _match(
-    scenario: str, pair: tuple[str, str], a: "tuple[Manifest, pa.Table]", b: "tuple[Manifest, pa.Table]"
+    scenario: str, pair: tuple[str, str], a: tuple[Manifest, pa.Table], b: tuple[Manifest, pa.Table]
 ) -> Match | None:
     """The pair of policies on that scenario; None where one of them did not run on it."""
     rows = [rows_of(table, policy, scenario) for (_, table), policy in zip((a, b), pair, strict=True)]
@@ -130,7 +128,7 @@ def _match(
     return Match(*pair, scenario, not why_not, why_not, not why_not and _identical(*rows), found)
 
 
-def _values(rows: "pa.Table") -> dict[str, Floats]:
+def _values(rows: pa.Table) -> dict[str, Floats]:
     """Metric -> value of each episode, of those that the run has."""
     errors = {name: rows.column(name).to_numpy() for name in ERRORS if name in rows.column_names}
     rates = {FALL_RATE: rows.column("fell").to_numpy()}
@@ -139,7 +137,7 @@ def _values(rows: "pa.Table") -> dict[str, Floats]:
     return {name: held.astype(np.float64) for name, held in rates.items()} | errors
 
 
-def _identical(a: "pa.Table", b: "pa.Table") -> bool:
+def _identical(a: pa.Table, b: pa.Table) -> bool:
     """Whether all measures that both have are the same, to the bit."""
     names = [name for name in a.column_names if name in b.column_names and name != "policy"]
     return all(repr(a.column(name).to_pylist()) == repr(b.column(name).to_pylist()) for name in names)

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-# Functions import the first four when they need them: here too, so that no interrupt comes in the middle of an import.
+# Functions import the first three when they need them: here too, so that no interrupt comes in the middle of an import.
 import matplotlib.backends.backend_svg
 import matplotlib.figure  # noqa: F401
-import pyarrow.parquet  # noqa: F401
 import scipy.stats  # noqa: F401
 from rich.console import Console
 

@@ -9,8 +9,7 @@ from evaluate.analysis import gates
 from evaluate.analysis.gates import Gate
 from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, Options, changed, restored
 from evaluate.records import manifest as manifests
-from evaluate.records.manifest import Manifest
-from evaluate.records.store import CHUNKS, FILES, JUNIT
+from evaluate.records.manifest import CHUNKS, FILES, JUNIT, Manifest
 from evaluate.rollouts import battery, hardware
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import Hardware

@@ -7,9 +7,11 @@ import io
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures
@@ -17,9 +19,6 @@ from evaluate.measures.outcomes import outcomes
 from evaluate.rollouts.experiment import Cell
 from policies.files import write_atomically
 from quad_env.scenarios.named import Scenario
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 MEASURES = tuple(field.name for field in fields(Measures))
 FIRST = ("outcome", "fell", "fall_reason", "fall_time", "diverged")
@@ -30,13 +29,11 @@ _WIDTH = b"width"
 """Key of a column's metadata: how long the vectors in its lists are."""
 
 
-def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> "pa.Table":
+def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
     """A cell's rows, null where a figure does not exist; `episodes`, (n,), are their numbers, by default 0 … n − 1.
 
     Measures of an interval are lists: `commands` and `mean_velocities` hold forward m/s, lateral m/s, yaw rate rad/s.
     """
-    import pyarrow as pa
-
     count, named = cell.episodes, {name: getattr(cell.measures, name) for name in MEASURES}
     named["fall_reason"] = cell.fall_reason
     columns = {
@@ -53,7 +50,7 @@ def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> "pa.Table":
     return pa.table(list(columns.values()), schema=pa.schema(kinds))
 
 
-def cell_of(rows: "pa.Table", scenario: Scenario) -> Cell:
+def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
     """The cell of a table's rows, which are of one policy and this scenario; ValueError names the columns it lacks."""
     needed = {"policy", "seed", "fall_reason", *MEASURES}
     if missing := sorted(needed - set(rows.column_names)):
@@ -69,25 +66,18 @@ def cell_of(rows: "pa.Table", scenario: Scenario) -> Cell:
 
 def write_parquet(cells: Sequence[Cell], path: Path, run: str = "") -> None:
     """Write every cell's episodes into one file; `run` is the fingerprint of what they are the outcome of."""
-    import pyarrow as pa
-
     write_table(pa.concat_tables([table(cell) for cell in cells]), path, run)
 
 
-def write_table(rows: "pa.Table", path: Path, run: str) -> None:
+def write_table(rows: pa.Table, path: Path, run: str) -> None:
     """Write rows into a file, whole or not at all."""
-    import pyarrow.parquet as pq
-
     buffer = io.BytesIO()
     pq.write_table(rows.replace_schema_metadata({RUN: run.encode()}), buffer, write_page_checksum=True)
     write_atomically(path, buffer.getvalue())
 
 
-def read_table(path: Path, run: str | None = None) -> "pa.Table":
+def read_table(path: Path, run: str | None = None) -> pa.Table:
     """A file's rows; ValueError if it is damaged or of another run than the given one, OSError if it is not there."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     try:
         rows = pq.ParquetFile(pa.py_buffer(path.read_bytes()), page_checksum_verification=True).read()
     except (pa.ArrowException, OSError) as error:
@@ -112,10 +102,8 @@ def _with_outcome(rows: "pa.Table") -> "pa.Table":
     return rows.add_column(rows.column_names.index("fell"), "outcome", pa.array(found.tolist(), pa.string()))
 
 
-def _array(values: NDArray[Any]) -> "pa.Array":
+def _array(values: NDArray[Any]) -> pa.Array:
     """A measure of n episodes: (n,) numbers, truth values or texts, (n, k) or (n, k, m) numbers."""
-    import pyarrow as pa
-
     if values.dtype == object:
         return pa.array(values.tolist(), pa.string())
     if values.ndim == 1:
@@ -133,10 +121,8 @@ def _nullable(values: NDArray[Any]) -> Any:
     return [None if np.isnan(value) else float(value) for value in values]
 
 
-def _values(rows: "pa.Table", name: str) -> NDArray[Any]:
+def _values(rows: pa.Table, name: str) -> NDArray[Any]:
     """What `_array` was given."""
-    import pyarrow as pa
-
     column, field = rows.column(name), rows.schema.field(name)
     if not pa.types.is_list(field.type):
         return np.asarray(column.to_numpy())

@@ -18,6 +18,12 @@ from quad_env.scenarios.named import Scenario
 from quad_env.serialisation import from_plain, to_plain
 
 NAME = "manifest.json"
+FILES = ("results.json", "episodes.parquet", "report.html", "report.md", NAME)
+"""What a comparison leaves in its folder."""
+JUNIT = "junit.xml"
+"""Another file, if there are gates."""
+CHUNKS = "parts"
+"""Folder of the chunks of cells, while a run is going on."""
 SCHEMA = 1
 _NOT_COMPARED = {"git_revision"}
 """Versions that may change without a figure changing: the code's digest says whether one could."""

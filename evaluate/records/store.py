@@ -4,26 +4,18 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
-from evaluate.records.manifest import Manifest
+from evaluate.records.manifest import CHUNKS, FILES, JUNIT, Manifest
 from evaluate.rollouts.experiment import Cell, Chunk, evaluation_seeds, join
 from evaluate.terminal.command_line import UsageError
 from quad_env.scenarios.named import Scenario
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-FILES = ("results.json", "episodes.parquet", "report.html", "report.md", manifests.NAME)
-"""What a comparison leaves in its folder."""
-JUNIT = "junit.xml"
-"""Another file, if there are gates."""
-CHUNKS = "parts"
-"""Folder of the chunks of cells, while a run is going on."""
 EPISODES = "episodes.parquet"
 _CHUNK = re.compile(r"\d{5}-\d{7}\.parquet")
 _TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, (*FILES, JUNIT)))}|{_CHUNK.pattern})\..{{8}}")
@@ -102,10 +94,8 @@ def read_run(folder: Path) -> Run:
         raise _unreadable(folder, error) from error
 
 
-def read_rows(folder: Path) -> "tuple[Manifest, pa.Table]":
+def read_rows(folder: Path) -> tuple[Manifest, pa.Table]:
     """The rows of the finished cells, with the columns that they were written with; errors as of `read_run`."""
-    import pyarrow as pa
-
     manifest = manifests.read(folder)
     if is_unfinished(folder):
         store = ChunkStore(folder, manifest, resumed=True)
@@ -118,10 +108,8 @@ def read_rows(folder: Path) -> "tuple[Manifest, pa.Table]":
         raise _unreadable(folder, error) from error
 
 
-def rows_of(rows: "pa.Table", policy: str, scenario: str) -> "pa.Table":
+def rows_of(rows: pa.Table, policy: str, scenario: str) -> pa.Table:
     """The rows of one cell."""
-    import pyarrow.compute as pc
-
     return rows.filter((pc.field("policy") == policy) & (pc.field("scenario") == scenario))
 
 
@@ -155,7 +143,7 @@ def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
             yield join(chunks)
 
 
-def _cells(manifest: Manifest, rows: "pa.Table") -> Iterator[Cell]:
+def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[Cell]:
     for scenario, policy in manifest.cells if rows.num_rows else ():
         mine = rows_of(rows, policy, scenario.name)
         if mine.num_rows == manifest.episodes:
