@@ -89,10 +89,8 @@ def read_table(path: Path, run: str | None = None) -> pa.Table:
     return rows if "outcome" in rows.column_names else _with_outcome(rows)
 
 
-def _with_outcome(rows: "pa.Table") -> "pa.Table":
+def _with_outcome(rows: pa.Table) -> pa.Table:
     """Rows that were written before episodes had an outcome, with it; nothing is known of safety layers in them."""
-    import pyarrow as pa
-
     if not {"fell", "diverged", "commands", "mean_velocities"} <= set(rows.column_names):
         return rows
     fell, diverged = (_values(rows, name) for name in ("fell", "diverged"))
