@@ -65,7 +65,7 @@ def findings(results: Results, policy: str) -> list[Finding]:
     found = [
         finding
         for metric in PHRASES
-        for axis in severity_axes(results)
+        for axis in severity_axes(results.cells)
         for finding in _on(results, axis, [c for c in comparisons if c.metric == metric])
     ]
     return [*found, *_breaking(results, policy)]
@@ -111,7 +111,7 @@ def _lead(results: Results, policy: str) -> Iterator[str]:
 def _absolute(results: Results, policy: str) -> list[str]:
     """What a policy did, without comparing it."""
     found = []
-    for axis in severity_axes(results):
+    for axis in severity_axes(results.cells):
         shares = [
             f"{share(summary.success_rate, summary.success_rate_ci)} on {place(level)}"
             for level in dict.fromkeys((axis.levels[0], axis.levels[-1]))

@@ -9,6 +9,7 @@ from typing import Any
 
 from evaluate.analysis.breaking_points import AxisBreakingPoint, BreakingPointRatio, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, usual_baseline
+from evaluate.analysis.score import Score, scores
 from evaluate.analysis.sensitivity import Sensitivity, sensitivities
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.analysis.training_seeds import spreads_as_json
@@ -38,6 +39,8 @@ class Results:
     breaking_points: tuple[AxisBreakingPoint, ...]
     breaking_point_ratios: tuple[BreakingPointRatio, ...]
     sensitivities: tuple[Sensitivity, ...]
+    scores: tuple[Score, ...]
+    """The highest first; none of a run of a single axis."""
     versions: Mapping[str, str | None]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """What else the figures were made with, as JSON values: processor, threads, hashes of policies and code."""
@@ -87,6 +90,7 @@ def analyse(
         breaking_points=tuple(points),
         breaking_point_ratios=tuple(ratios),
         sensitivities=tuple(sensitivities(cells)),
+        scores=tuple(scores(cells, against)),
         versions=made_with.pop("versions"),
         provenance=made_with,
     )
@@ -109,6 +113,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "versions": dict(results.versions),
         "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
         "baseline": results.baseline,
+        "scores": [asdict(each) for each in results.scores],
         "policies": policies,
         "training_seeds": spreads_as_json(results.cells),
         "comparisons": [asdict(comparison) for comparison in results.comparisons],

@@ -1,9 +1,10 @@
 """The axes of a run: its scenarios, grouped by what they are levels of."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from evaluate.analysis.breaking_points import mildest_first
-from evaluate.analysis.results import Results
+from evaluate.rollouts.experiment import Cell
 from evaluate.terminal.format import NO_BREAK
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.named import Scenario
@@ -45,10 +46,10 @@ class SeverityAxis:
         return self.scenarios[0].severity > self.scenarios[-1].severity
 
 
-def severity_axes(results: Results) -> tuple[SeverityAxis, ...]:
-    """Every axis of the run, in its order."""
+def severity_axes(cells: Sequence[Cell]) -> tuple[SeverityAxis, ...]:
+    """Every axis of a run's cells, in their order."""
     groups: dict[str, list[Scenario]] = {}
-    scenarios = {cell.scenario.name: cell.scenario for cell in results.cells}
+    scenarios = {cell.scenario.name: cell.scenario for cell in cells}
     for scenario in scenarios.values():
         groups.setdefault(scenario.axis or scenario.name, []).append(scenario)
     return tuple(

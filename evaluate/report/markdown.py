@@ -23,7 +23,7 @@ def render(results: Results, verdicts: Sequence[Verdict] = ()) -> str:
     """The whole text."""
     parts = [_head(results), *_gates(verdicts), *_findings(results)]
     parts += [CAVEAT] if results.breaking_points else []
-    parts += [_folded(results, axis) for axis in severity_axes(results)]
+    parts += [_folded(results, axis) for axis in severity_axes(results.cells)]
     return "\n\n".join(parts) + "\n"
 
 

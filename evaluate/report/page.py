@@ -19,13 +19,14 @@ from evaluate.report.sections.gait_section import gaits
 from evaluate.report.sections.measures_section import definitions
 from evaluate.report.sections.overview import overview, sensitivity
 from evaluate.report.sections.response_section import responses
+from evaluate.report.sections.success_section import success
 from evaluate.report.sections.training_section import training
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from evaluate.terminal.format import counted, listed
 from policies.files import write_atomically
 
-FILM_PLACE = 5
+FILM_PLACE = 6
 """Place of the film among the sections; it is made in another process meanwhile."""
 FEW_AXES = 4
 """Up to so many axes the findings are unfolded."""
@@ -51,6 +52,7 @@ def render(
         shown = beside.submit(footage, results) if film else None
         sections = [
             _outcome(results),
+            success(results),
             _gates(verdicts),
             overview(results),
             sensitivity(results),
@@ -75,7 +77,7 @@ def render(
 def _head(results: Results, made_by: Origin) -> str:
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
-    axes = listed([escape(axis.name) for axis in severity_axes(results)])
+    axes = listed([escape(axis.name) for axis in severity_axes(results.cells)])
     command, date = map(escape, made_by)
     begun = f", begun on {date}" if date else ""
     made = f'<p class="soft">Made by <code>{command}</code>{begun}.</p>' if command else ""
@@ -102,7 +104,7 @@ def _findings(results: Results, policy: str, found: list[Finding]) -> str:
     claims = [f'<li class="{f.kind}">{escape(f.text)}.</li>' for f in found if f.kind != UNSHOWN]
     title = f"{policy_label(results, policy)} against {escape(results.baseline)}"
     body = f"<ul>{''.join(summaries)}</ul>" + (f"<ul>{''.join(claims)}</ul>" if claims else "")
-    return fold(title, body, opened=len(severity_axes(results)) <= FEW_AXES, printed=True) if found else ""
+    return fold(title, body, opened=len(severity_axes(results.cells)) <= FEW_AXES, printed=True) if found else ""
 
 
 def _gates(verdicts: Sequence[Verdict]) -> str:

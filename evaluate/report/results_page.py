@@ -9,7 +9,7 @@ from evaluate.analysis.severity_levels import amount, place
 from evaluate.rollouts.battery import resolve
 from evaluate.terminal.format import ABSENT, counted, interval, listed, number, percent, percent_interval
 
-ROWS = ("flat", "push", "push:4", "rough", "rough:4", "slope:3", "payload:4", "latency:4")
+ROWS = ("flat", "push", "push:4", "rough", "rough:4", "slope", "payload:4", "latency:4")
 """Conditions of the table, of those that the run has."""
 _ON_EVERY_ROW = "flat"
 

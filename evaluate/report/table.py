@@ -43,7 +43,7 @@ def print_results(results: Results, console: Console) -> None:
 
 def print_levels(results: Results, console: Console) -> None:
     """Print successes and falls at each level of each axis, and the breaking points; 80 columns are enough."""
-    axes = severity_axes(results)
+    axes = severity_axes(results.cells)
     for axis in (axis for axis in axes if len(axis.levels) > 1):
         console.print(level_table(results, axis))
     if single := [axis for axis in axes if len(axis.levels) == 1]:
@@ -61,6 +61,8 @@ def level_table(results: Results, axis: SeverityAxis) -> Table:
         table.add_column("half fall at")
     for policy in results.policies:
         found = [results.summaries.get((level.name, policy)) for level in axis.levels]
+        if not any(found):
+            continue
         where = [breaking_point_text(breaking_points[policy])] if policy in breaking_points else []
         table.add_row(f" {escape(policy)}", *(_percent(s.success_rate) if s else "" for s in found))
         table.add_row("   falls", *(_percent(s.fall_rate) if s else "" for s in found), *where)

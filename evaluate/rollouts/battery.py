@@ -9,31 +9,23 @@ from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.named import SCENARIOS, Scenario, scenario
 
 NOMINAL = ("flat", "push", "rough")
-"""What every battery begins with."""
+"""What the quick battery begins with."""
 QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
 """Levels in the quick battery, by axis."""
-DEFAULT_LEVELS: dict[str, tuple[int, ...]] = {
-    "push": (4, 6),
-    "rough": (4, 6),
-    "force": (3, 4, 5),
-    "slope": (3, 6, 7),
-    "surprise": (2, 4, 5),
-}
-"""Levels in the default battery, by axis: three severities with the nominal one, about the trot's breaking point."""
-USUAL_LEVELS = (4,)
-"""Levels of every other axis."""
+HARDER = 2
+"""Levels of each axis that the default battery has beyond the nominal one: hard, and hardest."""
 ALL = "all"
 _FILE = ".py:"
 
 
 BATTERIES: dict[str, Callable[[], tuple[Scenario, ...]]] = {
     "quick": lambda: _battery(lambda axis: QUICK_LEVELS.get(axis, ())),
-    "default": lambda: _battery(lambda axis: DEFAULT_LEVELS.get(axis, USUAL_LEVELS)),
-    "full": lambda: _battery(lambda axis: tuple(range(1, len(AXES[axis].levels) + 1))),
+    "default": lambda: _battery(_nominal_and_harder, tuple(AXES)),
+    "full": lambda: _battery(lambda axis: tuple(range(1, len(AXES[axis].levels) + 1)), tuple(AXES)),
     ALL: lambda: tuple(SCENARIOS.values()),
 }
-"""Names that stand for several scenarios: a first look; every axis at three severities where breaking points are
-looked for and at one elsewhere; every axis at every level; every axis at its nominal severity."""
+"""Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels;
+every axis at every level; every axis at its nominal severity."""
 
 
 def resolve(names: tuple[str, ...]) -> tuple[Scenario, ...]:
@@ -71,9 +63,15 @@ def _valid() -> str:
     return f"{', '.join((*SCENARIOS, *BATTERIES))}, {levels}"
 
 
-def _battery(levels: Callable[[str], tuple[int, ...]]) -> tuple[Scenario, ...]:
-    """The nominal scenarios and those levels of each axis, none twice."""
-    chosen = [SCENARIOS[name] for name in NOMINAL]
+def _nominal_and_harder(axis: str) -> tuple[int, ...]:
+    """Levels of the default battery."""
+    nominal = AXES[axis].levels.index(AXES[axis].nominal) + 1
+    return tuple(range(nominal, nominal + HARDER + 1))
+
+
+def _battery(levels: Callable[[str], tuple[int, ...]], nominal: tuple[str, ...] = NOMINAL) -> tuple[Scenario, ...]:
+    """The nominal scenarios of those axes and those levels of each axis, none twice."""
+    chosen = [SCENARIOS[name] for name in nominal]
     for axis in AXES.values():
         for level in levels(axis.name):
             new = axis.level(min(level, len(axis.levels)))

@@ -41,7 +41,7 @@ def write_falls(results: Results, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    found = severity_axes(results)
+    found = severity_axes(results.cells)
     rows, columns = -(-len(found) // PANELS), min(PANELS, len(found))
     drawn = Figure(figsize=(3.2 * columns, 2.6 * rows + 0.4), layout="constrained")
     FigureCanvasAgg(drawn)

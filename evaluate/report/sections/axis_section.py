@@ -27,7 +27,7 @@ JOINED = f"Lines of falls join the levels: fewer than {LEAST_LEVELS} have no cur
 def disturbances(results: Results) -> str:
     """Every axis, in the order of the run."""
     return "".join(
-        section(_title(axis), *_parts(results, axis), anchor=anchor(axis.name)) for axis in severity_axes(results)
+        section(_title(axis), *_parts(results, axis), anchor=anchor(axis.name)) for axis in severity_axes(results.cells)
     )
 
 

@@ -24,7 +24,7 @@ def overview(results: Results) -> str:
     """Breaking points, an axis a row; empty where no axis has levels enough."""
     cells = {(point.axis, point.policy): _cell(point) for point in results.breaking_points}
     found = {axis for axis, _ in cells}
-    axes = {axis.name: axis.quantity for axis in severity_axes(results) if axis.name in found}
+    axes = {axis.name: axis.quantity for axis in severity_axes(results.cells) if axis.name in found}
     return section("Breaking points", note(LEAD), _by_axis(results, axes, cells)) if axes else ""
 
 

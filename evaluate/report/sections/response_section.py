@@ -26,7 +26,7 @@ LEVEL = "flat"
 
 def responses(results: Results) -> str:
     """Achieved against commanded speed on level ground; empty where no robot ended a command interval upright."""
-    every = severity_axes(results)
+    every = severity_axes(results.cells)
     scenario = next((axis for axis in every if axis.name == LEVEL), every[0]).nominal.name
     if not any(len(_intervals(results, scenario, policy, 0)[0]) for policy in results.policies):
         return ""

@@ -19,7 +19,7 @@ def plain(text: str) -> str:
 
 
 def test_scenarios_of_an_axis_stand_together_from_mild_to_hard(made) -> None:
-    found = severity_axes(made)
+    found = severity_axes(made.cells)
     assert [axis.name for axis in found] == ["flat", "push", "rough"]
     assert found[1].scenario_names == ("push:1", "push:3", "push:5", "push:6")
     assert [plain(severity(scenario)) for scenario in found[1].scenarios] == ["20 N·s", "50 N·s", "80 N·s", "100 N·s"]

@@ -45,7 +45,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_level_is_on_the_curve(folder) -> None:
     results = analysed(read_run(folder / "out"))
-    (push,) = severity_axes(results)
+    (push,) = severity_axes(results.cells)
     assert tuple(level.severity for level in push.levels) == AXES["push"].levels
     assert [results.summaries[level.name, "document"].fall_rate for level in push.levels] == [1.0] * len(push.levels)
 

@@ -85,7 +85,7 @@ def clipped(monkeypatch) -> list[str]:
 
 def test_no_label_of_the_page_is_clipped(run, clipped) -> None:
     render(analysed(read_run(run.folder)), Path())
-    assert clipped == ["15"]
+    assert clipped == ["17"]
 
 
 def test_no_label_of_made_up_curves_is_clipped(made, clipped, tmp_path) -> None:

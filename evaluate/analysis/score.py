@@ -1,0 +1,81 @@
+"""The score of a policy: its mean success over the axes of a run, each axis and each of its severities alike.
+
+An episode has the same start and commands on every scenario, so that the episodes are what chance draws: intervals
+resample them, each with all of its scenarios, and differences are paired by episode.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
+from evaluate.rollouts.experiment import Cell
+from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, difference_interval
+from evaluate.statistics.significance import sign_flip_test
+
+FEWEST_AXES = 2
+"""Axes from which on a mean over them is a score."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Mean success of one policy over all axes of a run."""
+
+    policy: str
+    score: float
+    ci: Interval
+    """95 %, bootstrap over the episodes."""
+    axes: dict[str, tuple[float, ...]]
+    """Axis -> success at each of its severities in the run, the mildest first."""
+    difference: float
+    """From the baseline's score; 0 of the baseline itself."""
+    difference_ci: Interval
+    p_value: float
+    """Of that difference, paired sign-flip permutation; not corrected."""
+
+
+def scores(cells: Sequence[Cell], baseline: str) -> list[Score]:
+    """Scores of the policies that ran every scenario, the highest first; none of a run of one axis."""
+    axes = severity_axes(cells)
+    names = {level.name for axis in axes for level in axis.levels}
+    ran = {policy: {cell.scenario.name: cell for cell in cells if cell.policy == policy} for policy in _policies(cells)}
+    whole = {policy: of for policy, of in ran.items() if names <= set(of)}
+    if len(axes) < FEWEST_AXES or not whole:
+        return []
+    seeds = next(iter(next(iter(whole.values())).values())).seeds
+    if not all(np.array_equal(cell.seeds, seeds) for of in whole.values() for cell in of.values()):
+        return []
+    by_episode = {policy: _by_episode(of, axes) for policy, of in whole.items()}
+    base = by_episode.get(baseline)
+    found = [_score(policy, whole[policy], axes, values, base) for policy, values in by_episode.items()]
+    return sorted(found, key=lambda each: -each.score)
+
+
+def _score(
+    policy: str, ran: dict[str, Cell], axes: Sequence[SeverityAxis], values: Floats, base: Floats | None
+) -> Score:
+    difference = values - (values if base is None else base)
+    return Score(
+        policy=policy,
+        score=float(values.mean()),
+        ci=bootstrap_interval(values),
+        axes={axis.name: tuple(_rate(ran[level.name]) for level in axis.levels) for axis in axes},
+        difference=float(difference.mean()),
+        difference_ci=difference_interval(difference),
+        p_value=sign_flip_test(difference),
+    )
+
+
+def _by_episode(ran: dict[str, Cell], axes: Sequence[SeverityAxis]) -> Floats:
+    """Mean success of each episode over the axes, (n,)."""
+    of_axes = [np.mean([ran[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in axes]
+    return np.asarray(np.mean(of_axes, axis=0), np.float64)
+
+
+def _rate(cell: Cell) -> float:
+    return float(cell.measures.succeeded.mean())
+
+
+def _policies(cells: Sequence[Cell]) -> list[str]:
+    return list(dict.fromkeys(cell.policy for cell in cells))

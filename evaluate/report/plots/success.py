@@ -1,0 +1,106 @@
+"""Success at a glance: a heat map of policies and axes, what came of all episodes, and success against severity."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evaluate.analysis.results import Results
+from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
+from evaluate.measures.outcomes import OUTCOMES
+from evaluate.report.plots.drawing import Margins, figure, short_name, style, text_width
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+ROW, COLUMN, GAP = 0.22, 0.3, 0.12
+"""Height and width of a cell of the heat map, and room between two policies, in."""
+COLOURS = {
+    "succeeded": "#009E73",
+    "off_command": "#F0E442",
+    "refused": "#56B4E9",
+    "fell": "#D55E00",
+    "diverged": "#000000",
+}
+"""Colour of each outcome."""
+NAMES = ("nominal", "hard", "hardest")
+"""Severities of a battery that has three of each axis."""
+
+
+def heat_map(results: Results) -> "Figure":
+    """Success in per cent: an axis a row, a policy a block, in it a column a severity, the mildest to the left.
+
+    Of the policies that have a score.
+    """
+    axes_of_run, scored = severity_axes(results.cells), {score.policy for score in results.scores}
+    policies = [policy for policy in results.policies if policy in scored]
+    columns = max(len(axis.levels) for axis in axes_of_run)
+    width = columns * COLUMN + GAP
+    margins = Margins(left=0.15 + max(text_width(axis.name) for axis in axes_of_run), right=0.05, bottom=0.06, top=0.3)
+    size = len(axes_of_run) * ROW, len(policies) * width
+    drawn, axes = figure(
+        size[0] + margins.top + margins.bottom, max(size[1] + margins.left + margins.right, 3.0), margins
+    )
+    axes.grid(visible=False)
+    for number, policy in enumerate(policies):
+        _block(axes, results, policy, axes_of_run, number * width)
+        centre = number * width + columns * COLUMN / 2
+        axes.text(centre, -0.35, short_name(policy), ha="center", va="bottom", fontsize=8, fontweight="bold")
+    axes.set_xlim(0.0, len(policies) * width)
+    axes.set_ylim(len(axes_of_run), 0.0)
+    axes.set_yticks(np.arange(len(axes_of_run)) + 0.5, [axis.name for axis in axes_of_run])
+    axes.set_xticks([])
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    return drawn
+
+
+def _block(axes: "Axes", results: Results, policy: str, rows: tuple[SeverityAxis, ...], left: float) -> None:
+    """One policy's cells; those that it did not run stay white."""
+    from matplotlib import colormaps
+    from matplotlib.patches import Rectangle
+
+    for row, axis in enumerate(rows):
+        for column, level in enumerate(axis.levels):
+            if summary := results.summaries.get((level.name, policy)):
+                place, rate = (left + column * COLUMN, row), summary.success_rate
+                axes.add_patch(Rectangle(place, COLUMN, 1.0, facecolor=colormaps["cividis"](rate), edgecolor="white"))
+                ink = "black" if rate > 0.5 else "white"
+                middle = place[0] + COLUMN / 2, row + 0.52
+                axes.text(*middle, f"{100.0 * rate:.0f}", ha="center", va="center", color=ink, fontsize=7)
+
+
+def outcomes(results: Results) -> "Figure":
+    """What came of each policy's episodes, all scenarios together: a bar a policy, a piece an outcome, in per cent."""
+    widest = max(text_width(short_name(name)) for name in results.policies)
+    drawn, axes = figure(0.95 + 0.26 * len(results.policies), margins=Margins(left=0.15 + widest, top=0.42))
+    for row, policy in enumerate(results.policies):
+        counts = [summary.outcomes for (_, name), summary in results.summaries.items() if name == policy]
+        totals = np.array([sum(each[outcome] for each in counts) for outcome in OUTCOMES], float)
+        shares = 100.0 * totals / totals.sum()
+        for name, start, share in zip(OUTCOMES, np.cumsum(shares) - shares, shares, strict=True):
+            label = name.replace("_", " ") if row == 0 else None
+            axes.barh(row, share, left=start, color=COLOURS[name], height=0.72, label=label)
+    axes.set_yticks(range(len(results.policies)), [short_name(name) for name in results.policies])
+    axes.set_ylim(len(results.policies) - 0.5, -0.5)
+    axes.set(xlim=(0.0, 100.0), xlabel="episodes of all scenarios, %")
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=5, fontsize=6.5, frameon=False, handlelength=0.8,
+        columnspacing=0.8, handletextpad=0.3,
+    )  # fmt: skip
+    return drawn
+
+
+def profile(results: Results) -> "Figure":
+    """Mean success over the axes at their mildest, … hardest severity in the run: a line a policy."""
+    drawn, axes = figure(2.4)
+    levels = max((len(rates) for score in results.scores for rates in score.axes.values()), default=0)
+    for score in results.scores:
+        graded = [rates for rates in score.axes.values() if len(rates) == levels]
+        colour, mark = style(results, score.policy)
+        axes.plot(
+            range(levels), 100.0 * np.mean(graded, axis=0), color=colour, marker=mark, markersize=4, linewidth=1.4
+        )
+    axes.set(ylim=(-3, 103), ylabel="episodes that succeed, %", xlabel="severity, mean of the axes")
+    axes.set_xticks(range(levels), NAMES if levels == len(NAMES) else [str(number + 1) for number in range(levels)])
+    return drawn

@@ -1,0 +1,42 @@
+"""The first picture of the page: who does what is asked, where, and what becomes of the other episodes."""
+
+from html import escape
+
+from evaluate.analysis.results import Results
+from evaluate.analysis.score import Score
+from evaluate.analysis.severity_levels import severity_axes
+from evaluate.report.html import grid, heading, image, note, section, table
+from evaluate.report.plots import success as plots
+from evaluate.report.plots.drawing import svg
+from evaluate.report.sections.figures import policy_label
+from evaluate.terminal.format import number, p_value, percent_interval, points, points_interval
+
+LEAD = (
+    "Episodes that succeed, in %: in each block the severities of an axis in this run, the mildest to the left. An "
+    "episode succeeds if the robot stays up and keeps to its command in every interval."
+)
+SCORE = (
+    "The score is the mean success over the axes, each axis and each of its severities alike; its interval resamples "
+    "episodes, each with all of its scenarios. p is not corrected."
+)
+
+
+def success(results: Results) -> str:
+    """Heat map, outcomes, profile and scores; outcomes alone of a run of one axis."""
+    pictures = [image(svg(plots.outcomes(results)), "What came of the episodes of each policy")]
+    if not results.scores:
+        return section("Success", grid(pictures, 2))
+    if any(len(axis.levels) > 1 for axis in severity_axes(results.cells)):
+        pictures.append(image(svg(plots.profile(results)), "Mean success of each policy against severity"))
+    heat_map = image(svg(plots.heat_map(results)), "Success of each policy on each axis at each severity, in per cent")
+    heads = ["policy", heading("score", "%"), heading(f"minus {escape(results.baseline)}", "% points")]
+    rows = ([policy_label(results, score.policy), *_cells(score, results.baseline)] for score in results.scores)
+    return section("Success", note(LEAD), heat_map, grid(pictures, 2), note(SCORE), table(heads, rows))
+
+
+def _cells(score: Score, baseline: str) -> tuple[str, str]:
+    figure = f"{number(100.0 * score.score, 1)}<small>{percent_interval(score.ci)}</small>"
+    if score.policy == baseline:
+        return figure, ""
+    ci = f"<small>{points_interval(score.difference_ci)}</small><small>{escape(p_value(score.p_value))}</small>"
+    return figure, f"{points(score.difference)}{ci}"
