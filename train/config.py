@@ -129,7 +129,7 @@ class TrainConfig:
     hip_authority: float = number(0.15, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
-    """Scenarios trained on, each with its share of the robots."""
+    """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""
     pushes: int = number(2, limits=(0, _MOST_PUSHES))
     """Pushes in a training episode of a scenario that has any."""
     hardness: float = number(1.4, limits=(0.01, 100.0))

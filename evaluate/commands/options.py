@@ -33,8 +33,9 @@ class Options:
     """Names of policies, or folders of trained ones such as models/residual; document@flat runs on that scenario alone.
     Folders seed-<number> of one parent count as training seeds of one run, whose spread is reported apart."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
-    """Names of scenarios such as push, levels of severity such as push:3 or push:all, a battery (quick, default, full,
-    all), or a quad_env.Scenario in a file of yours, my_file.py:NAME."""
+    """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
+    such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), or a quad_env.Scenario in
+    a file of yours, my_file.py:NAME."""
     quick: Flag = False
     """The quick battery, for a first look: --scenarios quick."""
     full: Flag = False

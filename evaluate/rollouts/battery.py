@@ -6,6 +6,7 @@ from itertools import chain
 
 from evaluate.rollouts.scenario_file import from_file
 from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.combination import combined, is_combination
 from quad_env.scenarios.named import SCENARIOS, Scenario, scenario
 
 NOMINAL = ("flat", "push", "rough")
@@ -29,7 +30,8 @@ every axis at every level; every axis at its nominal severity."""
 
 
 def resolve(names: tuple[str, ...]) -> tuple[Scenario, ...]:
-    """Scenarios of names as `push`, `push:3`, `push:all`, `full`, `file.py:NAME`; ValueError lists the valid ones."""
+    """Scenarios of names as `push`, `push:3`, `push:all`, `payload=15+slope=10`, `full`, `file.py:NAME`; ValueError
+    lists the valid ones."""
     if not names:
         raise ValueError(f"no scenario given; valid: {_valid()}")
     found = tuple(chain.from_iterable(map(_named, names)))
@@ -44,6 +46,8 @@ def _named(name: str) -> tuple[Scenario, ...]:
         return BATTERIES[name]()
     if _FILE in name:
         return from_file(name)
+    if is_combination(name):
+        return (combined(name),)
     axis, colon, level = name.partition(":")
     if colon and axis in AXES:
         if level == ALL:
@@ -59,7 +63,10 @@ def _named(name: str) -> tuple[Scenario, ...]:
 
 
 def _valid() -> str:
-    levels = "a level of an axis such as push:3 or push:all, a file of yours such as my_file.py:NAME"
+    levels = (
+        "a level of an axis such as push:3 or push:all, severities such as payload=15+slope=10, "
+        "a file of yours such as my_file.py:NAME"
+    )
     return f"{', '.join((*SCENARIOS, *BATTERIES))}, {levels}"
 
 

@@ -4,6 +4,7 @@ import runpy
 from pathlib import Path
 from typing import Any
 
+from quad_env.scenarios.combination import is_combination
 from quad_env.scenarios.named import SCENARIOS, Scenario
 from quad_env.serialisation import from_plain, to_plain
 
@@ -43,7 +44,7 @@ def _check(scenario: Scenario, file: str) -> None:
     """Raise ValueError for a scenario that a result could not hold."""
     if not isinstance(scenario.name, str) or not scenario.name:
         raise ValueError(f"a scenario in {file} needs a name, not {scenario.name!r}")
-    if scenario.name in SCENARIOS or ":" in scenario.name:
+    if scenario.name in SCENARIOS or ":" in scenario.name or is_combination(scenario.name):
         raise ValueError(f"a scenario in {file} is called {scenario.name!r}, as one of quad_env's; call it differently")
     try:
         same = from_plain(to_plain(scenario)) == scenario

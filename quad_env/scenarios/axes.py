@@ -11,7 +11,17 @@ from dataclasses import dataclass, replace
 
 from quad_env.config import CommandRanges
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
+from quad_env.scenarios.disturbances import (
+    Dropouts,
+    Ground,
+    Latency,
+    Motors,
+    Payload,
+    Pushes,
+    SensorNoise,
+    SteadyForce,
+    check_positive,
+)
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
@@ -166,6 +176,7 @@ def _surprise(share: float) -> Scenario:
     Where less is harder it goes geometrically: friction 0.8 · 0.75^share, torque limit 100 N·m · 0.5^share. A servo's
     time constant is in proportion. Latency is in whole control steps.
     """
+    check_positive("the share", share, "")
     return Scenario(
         "surprise",
         terrain=SmoothRandom(peak_to_valley=0.06 * share),

@@ -4,6 +4,7 @@ A scenario is never tuned to a policy. Write one with `dataclasses.replace` or t
 """
 
 from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.combination import combined, is_combination
 from quad_env.scenarios.disturbances import Pushes
 from quad_env.scenarios.scenario import Scenario
 
@@ -13,9 +14,13 @@ SCENARIOS: dict[str, Scenario] = {axis.name: axis.scenario(axis.nominal, axis.na
 
 
 def scenario(which: str | Scenario) -> Scenario:
-    """The scenario of that name, or the scenario itself; ValueError lists the valid names."""
+    """The scenario of that name, or of a combination such as `payload=15+slope=10`, or the scenario itself; ValueError
+    lists the valid names."""
     if isinstance(which, Scenario):
         return which
+    if isinstance(which, str) and is_combination(which):
+        return combined(which)
     if not isinstance(which, str) or which not in SCENARIOS:
-        raise ValueError(f"unknown scenario {which!r}; valid: {', '.join(SCENARIOS)}, or a quad_env.Scenario")
+        valid = f"{', '.join(SCENARIOS)}, severities of axes such as payload=15+slope=10, or a quad_env.Scenario"
+        raise ValueError(f"unknown scenario {which!r}; valid: {valid}")
     return SCENARIOS[which]

@@ -96,6 +96,7 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--ppo.envs 10 --ppo.rollout-steps 3 --ppo.minibatch 20", "must divide"),
         ("--mixture moon 1.0", "unknown scenario 'moon'"),
         ("--validation.scenarios moon", "unknown scenario 'moon'"),
+        ("--mixture rough=0.1+slope=3 1", "--mixture: .*rough and slope set the terrain differently"),
         ("--mixture flat -1.0", "not negative"),
         ("--mixture flat nan", "not negative"),
         ("--mixture flat 0.0", "above zero"),

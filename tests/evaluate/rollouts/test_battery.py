@@ -42,6 +42,12 @@ def test_a_level_and_all_levels_of_an_axis() -> None:
     assert battery.resolve(("push:3",))[0].severity == AXES["push"].levels[2]
 
 
+def test_severities_of_axes_alone_and_together() -> None:
+    alone, together = battery.resolve(("push=42", "payload=15+slope=10"))
+    assert (alone.name, alone.axis, alone.severity) == ("push=42", "push", 42.0)
+    assert (together.name, together.axis, together.payload) == ("payload=15+slope=10", "", quad_env.Payload(15.0))
+
+
 def test_all_is_every_axis_at_its_nominal_severity() -> None:
     assert names("all") == list(quad_env.SCENARIOS)
 
@@ -82,6 +88,8 @@ def test_levels_that_a_battery_names_exist() -> None:
         (("push:hard",), f"push:1 to push:{len(AXES['push'].levels)}, push:all"),
         (("push:all", "push:2"), "twice: push:2"),
         (("quick", "flat"), "twice: flat"),
+        (("push=42", "push=42.0"), "twice: push=42"),
+        (("rough=0.1+slope=3",), "rough and slope set the terrain differently"),
         ((), "no scenario"),
     ],
 )
