@@ -16,6 +16,10 @@ from evaluate.statistics.significance import sign_flip_test
 
 FEWEST_AXES = 2
 """Axes from which on a mean over them is a score."""
+WORDS = (
+    "The score is the mean success over the axes, each axis and each of its severities alike; its interval resamples "
+    "episodes, each with all of its scenarios. p is not corrected."
+)
 
 
 @dataclass(frozen=True)

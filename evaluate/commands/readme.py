@@ -4,6 +4,7 @@ The README gets a short table, `docs/results.md` every figure.
 """
 
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,9 @@ from typing import Annotated, Any
 import tyro
 
 from evaluate.analysis.results import with_nan
+from evaluate.analysis.score import Score
 from evaluate.commands.options import command
+from evaluate.report.plots import drawing, success
 from evaluate.report.results_page import every_figure, newcomers_table, scenarios_of
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
@@ -20,6 +23,8 @@ from policies.files import write_atomically
 
 RESULTS, MORE = "results", "more"
 """Names of the places: between `<!-- results -->` and `<!-- /results -->`."""
+ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
+"""Words for the picture."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,8 @@ class Options:
     """File with the lines `<!-- results -->` and `<!-- /results -->`, between which the short table goes."""
     page: Path = Path("docs/results.md")
     """File with the same lines, between which every figure goes."""
+    picture: Path = Path("docs/success.png")
+    """PNG of the success of every policy on every axis, which the README shows."""
     more: Path | None = None
     """results.json of an evaluation of further policies, for the page's place `<!-- more -->` … `<!-- /more -->`."""
 
@@ -42,21 +49,34 @@ def main(options: Options) -> int:
         readme, page = options.readme.read_text(), options.page.read_text()
     except UnicodeError as error:
         raise UsageError(f"{options.readme} or {options.page} is no text ({error})") from error
-    shown, every = _lines(options.results)
+    found = _read(options.results)
+    shown, every = _lines(options.results, found)
+    if scores := [Score(**each) for each in found.get("scores", ())]:
+        where = os.path.relpath(options.picture, options.readme.parent)
+        shown = [shown[0], "", f"![{ALT}]({Path(where).as_posix()})", *shown[1:]]
+        with drawing.settings():
+            write_atomically(options.picture, success.png(success.heat_map(scores)))
     readme, page = insert(readme, shown), insert(page, every)
     if options.more is not None:
-        page = insert(page, _lines(options.more)[1], MORE)
+        page = insert(page, _lines(options.more, _read(options.more))[1], MORE)
     write_atomically(options.readme, readme.encode())
     write_atomically(options.page, page.encode())
     return 0
 
 
-def _lines(path: Path) -> tuple[list[str], list[str]]:
-    """The short table and every figure of a results.json; UsageError where it is none, or of an interrupted run."""
+def _read(path: Path) -> dict[str, Any]:
+    """A results.json with NaN for null; UsageError where there is none."""
     if not path.exists():
         raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
     try:
-        found: dict[str, Any] = with_nan(json.loads(path.read_bytes()))
+        return dict(with_nan(json.loads(path.read_bytes())))
+    except (AttributeError, TypeError, ValueError) as error:
+        raise UsageError(f"{path} is not a results.json of `python -m evaluate` ({error!r})") from error
+
+
+def _lines(path: Path, found: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """The short table and every figure of a results.json; UsageError where it is none, or of an interrupted run."""
+    try:
         if not found["complete"]:
             raise UsageError(f"the evaluation of {path} was interrupted: carry it on with --resume")
         made_by = ["", _made_by(found)]

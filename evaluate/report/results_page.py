@@ -4,10 +4,23 @@ from typing import Any
 
 from evaluate.analysis.breaking_point_text import CAVEAT, breaking_point_text
 from evaluate.analysis.breaking_points import AxisBreakingPoint
+from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.sensitivity import LEAD, Sensitivity, effect_text
 from evaluate.analysis.severity_levels import amount, place
 from evaluate.rollouts.battery import resolve
-from evaluate.terminal.format import ABSENT, counted, interval, listed, number, percent, percent_interval
+from evaluate.terminal.format import (
+    ABSENT,
+    counted,
+    interval,
+    listed,
+    number,
+    p_value,
+    percent,
+    percent_interval,
+    points,
+    points_interval,
+    share,
+)
 
 ROWS = ("flat", "push", "push:4", "rough", "rough:4", "slope", "payload:4", "latency:4")
 """Conditions of the table, of those that the run has."""
@@ -39,7 +52,11 @@ def newcomers_table(found: dict[str, Any]) -> list[str]:
 
 
 def _headline(found: dict[str, Any], names: list[str]) -> str:
-    """On how many of the scenarios that all of these policies walked each of them succeeds most often."""
+    """The scores; without them, on how many of the scenarios that all walked each policy succeeds most often."""
+    if scores := found.get("scores"):
+        figures = [f"`{each['policy']}` {share(each['score'], tuple(each['ci']))}" for each in scores]
+        count, axes = counted(found["episodes"], "episode"), len(scores[0]["axes"])
+        return f"**Success, mean over {axes} axes of disturbance, {count} at each severity: {listed(figures)}.**"
     ran = {name: found["policies"][name]["scenarios"] for name in names}
     common = set.intersection(*map(set, ran.values()))
     counts = dict.fromkeys(names, 0)
@@ -71,6 +88,8 @@ def every_figure(found: dict[str, Any]) -> list[str]:
         "| scenario | policy | success | falls | velocity error, m/s | yaw-rate error, rad/s |",
         "|---|---|---|---|---|---|",
     ]
+    if scores := found.get("scores"):
+        lines = [*_scores([Score(**each) for each in scores], found["baseline"]), "", *lines]
     for scenario in run:
         cells = {name: found["policies"][name]["scenarios"].get(scenario) for name in names}
         lines += [f"| {scenario} | `{name}` | {_row(cell)} |" for name, cell in cells.items() if cell]
@@ -79,6 +98,20 @@ def every_figure(found: dict[str, Any]) -> list[str]:
     if found["sensitivities"]:
         lines += ["", LEAD, "", *_effects(found["sensitivities"], names)]
     return lines
+
+
+def _scores(scores: list[Score], baseline: str) -> list[str]:
+    """Each policy's score and its difference from the baseline's."""
+    rows = [
+        f"| `{each.policy}` | {number(100.0 * each.score, 1)} [{percent_interval(each.ci)}] | "
+        + (
+            f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)} |"
+            if each.policy != baseline
+            else f"{ABSENT} |"
+        )
+        for each in scores
+    ]
+    return [WORDS, "", f"| policy | score, % | minus `{baseline}`, % points |", "|---|---|---|", *rows]
 
 
 def scenarios_of(found: dict[str, Any]) -> list[str]:

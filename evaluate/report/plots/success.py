@@ -1,11 +1,13 @@
 """Success at a glance: a heat map of policies and axes, what came of all episodes, and success against severity."""
 
+import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
+from evaluate.analysis.score import Score
 from evaluate.measures.outcomes import OUTCOMES
 from evaluate.report.plots.drawing import Margins, figure, short_name, style, text_width
 
@@ -27,47 +29,42 @@ NAMES = ("nominal", "hard", "hardest")
 """Severities of a battery that has three of each axis."""
 
 
-def heat_map(results: Results) -> "Figure":
-    """Success in per cent: an axis a row, a policy a block, in it a column a severity, the mildest to the left.
-
-    Of the policies that have a score.
-    """
-    axes_of_run, scored = severity_axes(results.cells), {score.policy for score in results.scores}
-    policies = [policy for policy in results.policies if policy in scored]
-    columns = max(len(axis.levels) for axis in axes_of_run)
+def heat_map(scores: Sequence[Score]) -> "Figure":
+    """Success in per cent: an axis a row, a policy a block, in it a column a severity, the mildest to the left."""
+    names = list(scores[0].axes)
+    columns = max(map(len, scores[0].axes.values()))
     width = columns * COLUMN + GAP
-    margins = Margins(left=0.15 + max(text_width(axis.name) for axis in axes_of_run), right=0.05, bottom=0.06, top=0.3)
-    size = len(axes_of_run) * ROW, len(policies) * width
-    drawn, axes = figure(
-        size[0] + margins.top + margins.bottom, max(size[1] + margins.left + margins.right, 3.0), margins
-    )
-    axes.grid(visible=False)
-    for number, policy in enumerate(policies):
-        _block(axes, results, policy, axes_of_run, number * width)
+    margins = Margins(left=0.15 + max(map(text_width, names)), right=0.05, bottom=0.06, top=0.3)
+    size = len(scores) * width + margins.left + margins.right, len(names) * ROW + margins.top + margins.bottom
+    drawn, axes = figure(size[1], max(size[0], 3.0), margins)
+    for number, score in enumerate(scores):
+        for row, rates in enumerate(score.axes.values()):
+            for column, rate in enumerate(rates):
+                _cell(axes, number * width + column * COLUMN, row, rate)
         centre = number * width + columns * COLUMN / 2
-        axes.text(centre, -0.35, short_name(policy), ha="center", va="bottom", fontsize=8, fontweight="bold")
-    axes.set_xlim(0.0, len(policies) * width)
-    axes.set_ylim(len(axes_of_run), 0.0)
-    axes.set_yticks(np.arange(len(axes_of_run)) + 0.5, [axis.name for axis in axes_of_run])
-    axes.set_xticks([])
+        axes.text(centre, -0.35, short_name(score.policy), ha="center", va="bottom", fontsize=8, fontweight="bold")
+    axes.set(xlim=(0.0, len(scores) * width), ylim=(len(names), 0.0), xticks=[])
+    axes.set_yticks(np.arange(len(names)) + 0.5, names)
     axes.tick_params(length=0)
+    axes.grid(visible=False)
     axes.spines[:].set_visible(False)
     return drawn
 
 
-def _block(axes: "Axes", results: Results, policy: str, rows: tuple[SeverityAxis, ...], left: float) -> None:
-    """One policy's cells; those that it did not run stay white."""
+def _cell(axes: "Axes", left: float, top: float, rate: float) -> None:
     from matplotlib import colormaps
     from matplotlib.patches import Rectangle
 
-    for row, axis in enumerate(rows):
-        for column, level in enumerate(axis.levels):
-            if summary := results.summaries.get((level.name, policy)):
-                place, rate = (left + column * COLUMN, row), summary.success_rate
-                axes.add_patch(Rectangle(place, COLUMN, 1.0, facecolor=colormaps["cividis"](rate), edgecolor="white"))
-                ink = "black" if rate > 0.5 else "white"
-                middle = place[0] + COLUMN / 2, row + 0.52
-                axes.text(*middle, f"{100.0 * rate:.0f}", ha="center", va="center", color=ink, fontsize=7)
+    colour, ink = colormaps["cividis"](rate), "black" if rate > 0.5 else "white"
+    axes.add_patch(Rectangle((left, top), COLUMN, 1.0, facecolor=colour, edgecolor="white"))
+    axes.text(left + COLUMN / 2, top + 0.52, f"{100.0 * rate:.0f}", ha="center", va="center", color=ink, fontsize=7)
+
+
+def png(drawn: "Figure") -> bytes:
+    """A figure for pages that are not the report's, on white."""
+    buffer = io.BytesIO()
+    drawn.savefig(buffer, format="png", dpi=160, facecolor="white", metadata={"Software": None})
+    return buffer.getvalue()
 
 
 def outcomes(results: Results) -> "Figure":

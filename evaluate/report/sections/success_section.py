@@ -3,7 +3,7 @@
 from html import escape
 
 from evaluate.analysis.results import Results
-from evaluate.analysis.score import Score
+from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.html import grid, heading, image, note, section, table
 from evaluate.report.plots import success as plots
@@ -15,10 +15,6 @@ LEAD = (
     "Episodes that succeed, in %: in each block the severities of an axis in this run, the mildest to the left. An "
     "episode succeeds if the robot stays up and keeps to its command in every interval."
 )
-SCORE = (
-    "The score is the mean success over the axes, each axis and each of its severities alike; its interval resamples "
-    "episodes, each with all of its scenarios. p is not corrected."
-)
 
 
 def success(results: Results) -> str:
@@ -28,10 +24,12 @@ def success(results: Results) -> str:
         return section("Success", grid(pictures, 2))
     if any(len(axis.levels) > 1 for axis in severity_axes(results.cells)):
         pictures.append(image(svg(plots.profile(results)), "Mean success of each policy against severity"))
-    heat_map = image(svg(plots.heat_map(results)), "Success of each policy on each axis at each severity, in per cent")
+    heat_map = image(
+        svg(plots.heat_map(results.scores)), "Success of each policy on each axis at each severity, in per cent"
+    )
     heads = ["policy", heading("score", "%"), heading(f"minus {escape(results.baseline)}", "% points")]
     rows = ([policy_label(results, score.policy), *_cells(score, results.baseline)] for score in results.scores)
-    return section("Success", note(LEAD), heat_map, grid(pictures, 2), note(SCORE), table(heads, rows))
+    return section("Success", note(LEAD), heat_map, grid(pictures, 2), note(WORDS), table(heads, rows))
 
 
 def _cells(score: Score, baseline: str) -> tuple[str, str]:

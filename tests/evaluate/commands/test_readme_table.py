@@ -149,6 +149,24 @@ def test_further_policies_have_a_place_of_their_own(tmp_path) -> None:
     assert "`trot`" not in second
 
 
+def test_a_score_has_a_picture_in_the_readme_and_a_row_on_the_page(tmp_path) -> None:
+    score = {"policy": "trot", "score": 0.5, "ci": [0.4, 0.6], "axes": {"flat": [1.0], "push": [0.8, 0.2]}}
+    score |= {"difference": 0.0, "difference_ci": [0.0, 0.0], "p_value": 1.0}
+    other = score | {"policy": "stand", "score": 0.1, "difference": -0.4, "difference_ci": [-0.5, None]}
+    (tmp_path / "docs").mkdir()
+    for name in ("README.md", "docs/page.md"):
+        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n")
+    (tmp_path / "results.json").write_text(json.dumps(FOUND | {"scores": [score, other], "baseline": "trot"}))
+    files = {"readme": "README.md", "page": "docs/page.md", "picture": "docs/success.png"}
+    words = [word for option, name in files.items() for word in (f"--{option}", str(tmp_path / name))]
+    assert main(["readme", str(tmp_path / "results.json"), *words]) == 0
+    assert "](docs/success.png)" in (tmp_path / "README.md").read_text()
+    assert (tmp_path / "docs/success.png").read_bytes().startswith(b"\x89PNG")
+    page = (tmp_path / "docs/page.md").read_text().replace("\u00a0", " ")
+    assert "| `trot` | 50.0 [40.0 … 60.0 %] | – |" in page
+    assert "| `stand` | 10.0 [40.0 … 60.0 %] | −40.0 [–], p = 1.00 |" in page
+
+
 def test_only_what_is_between_the_markers_changes() -> None:
     text = "head\n<!-- results -->\nold\n<!-- /results -->\ntail\n"
     assert insert(text, ["new"]) == "head\n<!-- results -->\nnew\n<!-- /results -->\ntail\n"
