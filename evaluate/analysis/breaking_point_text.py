@@ -2,14 +2,16 @@
 
 import math
 
-from evaluate.analysis.breaking_points import AxisBreakingPoint
+from evaluate.analysis.breaking_points import AxisBreakingPoint, Of
 from evaluate.analysis.severity_levels import amount
 from evaluate.terminal.format import NO_BREAK
 
 CAVEAT = (
-    "Breaking points and their intervals hold for the levels that were run and for the shape of the curve: other "
-    "levels of the same axis can move one by more than its interval."
+    "An interval of a breaking point reaches from the last level shown to fail less than half the time to the first "
+    "shown to fail more; between levels nothing is assumed but that more is not easier, so levels near it narrow it."
 )
+HALF: dict[Of, str] = {"success": "half of the episodes no longer succeed at", "falls": "half of the episodes fall at"}
+"""Heads of tables, by what breaks, in their order."""
 
 
 def breaking_point_text(point: AxisBreakingPoint) -> str:

@@ -1,16 +1,23 @@
-"""Breaking points of a run's policies on its axes, and their ratios to the baseline's."""
+"""Breaking points of a run's policies on its axes, of falls and of success, and their ratios to the baseline's."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import Literal
 
 import numpy as np
 
 from evaluate.analysis.comparison import pairs, usual_baseline
+from evaluate.measures.outcomes import SUCCEEDED
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS, BreakingPoint, Found, breaking_point, breaking_ratio
-from evaluate.statistics.intervals import Interval
+from evaluate.statistics.intervals import Bools, Interval
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.named import Scenario
+
+Of = Literal["falls", "success"]
+OF: tuple[Of, ...] = ("falls", "success")
+"""What breaks: half of the episodes fall; half of them no longer succeed."""
 
 
 @dataclass(frozen=True)
@@ -21,21 +28,23 @@ class AxisBreakingPoint:
     policy: str
     unit: str
     severity50: float
-    """At which half of the episodes fall; NaN unless crossed."""
+    """At which half of the episodes fail; NaN unless crossed."""
     ci: Interval
-    """95 %; an infinite end lies beyond the severities tried. (NaN, NaN) unless crossed."""
+    """95 %; an infinite end lies beyond the severities tried."""
     found: Found
-    """`crossed`; `never`: less than half fall at the hardest severity; `always`: half or more fall at the mildest."""
+    """`crossed`; `never`: less than half fail at the hardest severity; `always`: half or more fail at the mildest."""
     lowest: float
     highest: float
     """Severities tried."""
     hardest: float
     """Which of the two is the hardest: the lowest of friction, the highest of pushes."""
+    of: Of = "falls"
+    """What counts as a failure: a fall, or no success."""
 
 
 @dataclass(frozen=True)
 class BreakingPointRatio:
-    """Breaking point of policy a over policy b's, where both have one; paired by episode. Keys of results.json."""
+    """Breaking point of policy a over policy b's, where both have one. Keys of results.json."""
 
     axis: str
     a: str
@@ -43,23 +52,28 @@ class BreakingPointRatio:
     ratio: float
     ci: Interval
     """95 %; an infinite end could be anything beyond."""
+    of: Of = "falls"
 
 
 def breaking_points(
     cells: Sequence[Cell], against: str | None = None
 ) -> tuple[list[AxisBreakingPoint], list[BreakingPointRatio]]:
-    """Breaking points on every axis with at least three severities, and ratios of every two policies, as of `pairs`."""
+    """Breaking points on every axis with at least three severities, and ratios of every two policies, as of `pairs`.
+
+    Those of falls stand before those of success.
+    """
     against = against or usual_baseline([cell.policy for cell in cells])
     found: list[AxisBreakingPoint] = []
     ratios: list[BreakingPointRatio] = []
-    for axis in dict.fromkeys(cell.scenario.axis for cell in cells if cell.scenario.axis):
+    axes = dict.fromkeys(cell.scenario.axis for cell in cells if cell.scenario.axis)
+    for of, axis in product(OF, axes):
         series = _series([cell for cell in cells if cell.scenario.axis == axis])
-        points = {levels[0].policy: _breaking_point(levels) for levels in series}
-        found += [_on_axis(levels, points[levels[0].policy]) for levels in series]
+        points = {levels[0].policy: _breaking_point(levels, of) for levels in series}
+        found += [_on_axis(levels, points[levels[0].policy], of) for levels in series]
         for a, b in pairs([levels[0] for levels in series], against):
             ratio, interval = breaking_ratio(points[a.policy], points[b.policy])
             if np.isfinite(ratio):
-                ratios.append(BreakingPointRatio(axis, a.policy, b.policy, ratio, interval))
+                ratios.append(BreakingPointRatio(axis, a.policy, b.policy, ratio, interval, of))
     return found, ratios
 
 
@@ -85,15 +99,20 @@ def mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
     return sorted(scenarios, key=lambda each: each.severity, reverse=levels[0] > levels[-1])
 
 
-def _breaking_point(levels: Sequence[Cell]) -> BreakingPoint:
+def failed(cell: Cell, of: Of) -> Bools:
+    """Which episodes count, (n,)."""
+    return cell.measures.fell if of == "falls" else np.asarray(cell.measures.outcome != SUCCEEDED)
+
+
+def _breaking_point(levels: Sequence[Cell], of: Of) -> BreakingPoint:
     first = levels[0]
     if any(not np.array_equal(cell.seeds, first.seeds) for cell in levels):
         raise ValueError(f"{first.policy} ran different episodes on the levels of {first.scenario.axis}: not paired")
     severities = np.array([cell.scenario.severity for cell in levels])
-    return breaking_point(severities, np.array([cell.measures.fell for cell in levels]))
+    return breaking_point(severities, np.array([failed(cell, of) for cell in levels]))
 
 
-def _on_axis(levels: Sequence[Cell], point: BreakingPoint) -> AxisBreakingPoint:
+def _on_axis(levels: Sequence[Cell], point: BreakingPoint, of: Of) -> AxisBreakingPoint:
     mildest, hardest = levels[0].scenario, levels[-1].scenario
     return AxisBreakingPoint(
         axis=mildest.axis,
@@ -105,4 +124,5 @@ def _on_axis(levels: Sequence[Cell], point: BreakingPoint) -> AxisBreakingPoint:
         lowest=min(mildest.severity, hardest.severity),
         highest=max(mildest.severity, hardest.severity),
         hardest=hardest.severity,
+        of=of,
     )

@@ -11,7 +11,8 @@ from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
 from evaluate.terminal.format import listed, number, share
 
 BETTER, WORSE, UNSHOWN = "better", "worse", "unshown"
-BREAKING_POINT = "breaking_point"
+BREAKING_POINTS = {"success": "breaking_point_of_success", "falls": "breaking_point"}
+"""By what breaks."""
 VELOCITY_ERROR = "velocity_error"
 MANY = 4
 """Axes of no shown difference that are counted instead of named, if others are named."""
@@ -22,7 +23,16 @@ PHRASES = {
         UNSHOWN: "no difference in success shown",
     },
     FALL_RATE: {BETTER: "fewer falls", WORSE: "more falls", UNSHOWN: "no difference in falls shown"},
-    BREAKING_POINT: {BETTER: "breaks later", WORSE: "breaks earlier", UNSHOWN: "no difference in breaking point shown"},
+    BREAKING_POINTS["success"]: {
+        BETTER: "succeeds further",
+        WORSE: "succeeds less far",
+        UNSHOWN: "no difference in how far half of the episodes succeed shown",
+    },
+    BREAKING_POINTS["falls"]: {
+        BETTER: "breaks later",
+        WORSE: "breaks earlier",
+        UNSHOWN: "no difference in breaking point shown",
+    },
     VELOCITY_ERROR: {
         BETTER: "smaller velocity error",
         WORSE: "larger velocity error",
@@ -101,7 +111,7 @@ def _lead(results: Results, policy: str) -> Iterator[str]:
         return
     falls = summary(found, FALL_RATE)
     yield f"{policy} against {results.baseline}: {summary(found, SUCCESS_RATE)}. {falls[:1].upper()}{falls[1:]}."
-    for metric in (SUCCESS_RATE, BREAKING_POINT, FALL_RATE, VELOCITY_ERROR):
+    for metric in (SUCCESS_RATE, *BREAKING_POINTS.values(), FALL_RATE, VELOCITY_ERROR):
         for kind in (BETTER, WORSE):
             claims = (finding for finding in found if (finding.metric, finding.kind) == (metric, kind))
             if strongest := max(claims, key=lambda finding: finding.size, default=None):
@@ -123,19 +133,20 @@ def _absolute(results: Results, policy: str) -> list[str]:
 
 def _breaking(results: Results, policy: str) -> Iterator[Finding]:
     """What is known of the ratios of its breaking points to the baseline's; nothing where either has none."""
-    breaking_points = {(point.axis, point.policy): point for point in results.breaking_points}
+    points = {(point.of, point.axis, point.policy): point for point in results.breaking_points}
     for ratio in results.breaking_point_ratios:
         if (ratio.a, ratio.b) != (policy, results.baseline):
             continue
-        mine, other = breaking_points[ratio.axis, ratio.a], breaking_points[ratio.axis, ratio.b]
+        mine, other = (points[ratio.of, ratio.axis, policy] for policy in (ratio.a, ratio.b))
         rising = mine.hardest == mine.highest
-        larger, smaller = ratio.ci[0] > 1.0, ratio.ci[1] < 1.0
+        larger, smaller = ratio.ci[0] >= 1.0, ratio.ci[1] <= 1.0
         kind = UNSHOWN if not (larger or smaller) else BETTER if larger == rising else WORSE
+        does = "breaks" if ratio.of == "falls" else "no longer succeeds in half of its episodes"
         text = (
-            f"{ratio.a} breaks on {ratio.axis} at {breaking_point_text(mine)}, "
+            f"{ratio.a} {does} on {ratio.axis} at {breaking_point_text(mine)}, "
             f"{ratio.b} at {breaking_point_text(other)}: {ratio_text(ratio.ratio, ratio.ci)}"
         )
-        yield Finding(BREAKING_POINT, kind, ratio.axis, text, abs(math.log(ratio.ratio)))
+        yield Finding(BREAKING_POINTS[ratio.of], kind, ratio.axis, text, abs(math.log(ratio.ratio)))
 
 
 def _on(results: Results, axis: SeverityAxis, comparisons: Sequence[Comparison]) -> Iterator[Finding]:

@@ -3,14 +3,14 @@
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from evaluate.analysis.breaking_point_text import CAVEAT
+from evaluate.analysis.breaking_point_text import CAVEAT, HALF, breaking_point_text
 from evaluate.analysis.findings import PHRASES, UNSHOWN, findings_by_policy, headline, summary
 from evaluate.analysis.gate_verdicts import Verdict, by_gate
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
 from evaluate.report.notes import extent
 from evaluate.rollouts.hardware import words
-from evaluate.terminal.format import interval, number, share
+from evaluate.terminal.format import ABSENT, interval, number, share
 from policies.files import write_atomically
 
 
@@ -22,7 +22,7 @@ def write(results: Results, path: Path, verdicts: Sequence[Verdict] = ()) -> Non
 def render(results: Results, verdicts: Sequence[Verdict] = ()) -> str:
     """The whole text."""
     parts = [_head(results), *_gates(verdicts), *_findings(results)]
-    parts += [CAVEAT] if results.breaking_points else []
+    parts += [*_breaking_points(results), CAVEAT] if results.breaking_points else []
     parts += [_folded(results, axis) for axis in severity_axes(results.cells)]
     return "\n\n".join(parts) + "\n"
 
@@ -61,6 +61,15 @@ def _findings(results: Results) -> Iterator[str]:
             lines = [f"- {text}" for metric in PHRASES if (text := summary(found, metric))]
             lines += [f"- {finding.kind}: {finding.text}" for finding in found if finding.kind != UNSHOWN]
             yield _details(f"{policy} in words", "\n".join(lines))
+
+
+def _breaking_points(results: Results) -> Iterator[str]:
+    """Severities at which half of the episodes fail: an axis a row, a policy a column."""
+    for of, head in HALF.items():
+        found = {(p.axis, p.policy): breaking_point_text(p) for p in results.breaking_points if p.of == of}
+        axes, policies = (list(dict.fromkeys(each)) for each in zip(*found, strict=True))
+        rows = [[axis, *(found.get((axis, policy), ABSENT) for policy in policies)] for axis in axes]
+        yield table([head, *(f"`{policy}`" for policy in policies)], rows)
 
 
 def _folded(results: Results, axis: SeverityAxis) -> str:

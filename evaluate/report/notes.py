@@ -23,10 +23,9 @@ NOTES = (
     "run; those of the other pairs are families of their own. A difference is claimed below 0.05: the chance of any "
     "false claim in a family is then at most 5 %. Where none is claimed there may still be one that so many episodes "
     "cannot show.",
-    "A breaking point is where a logistic curve with a floor and a lapse, fitted to the falls over the logarithm of "
-    "severity, crosses one half; its interval is a bootstrap over episodes, which are the same at every level and for "
-    f"every policy, so that ratios of breaking points are paired too. {CAVEAT} Of made-up falls after pushes of two "
-    "kinds, at three levels, the 95 % intervals hold the truth in 85 % (python -m evaluate calibration).",
+    "A breaking point is where half of the episodes fail, that is fall or do not succeed: where a monotone regression, "
+    "straight over the logarithm of severity between the levels, crosses one half. No shape is assumed. "
+    f"{CAVEAT} What fewer and more are is shown by exact binomial tests.",
     "The intervals speak of episodes, not of training: another training seed gives another policy.",
 )
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from evaluate.analysis.breaking_point_text import CAVEAT, breaking_point_text
+from evaluate.analysis.breaking_point_text import CAVEAT, HALF, breaking_point_text
 from evaluate.analysis.breaking_points import AxisBreakingPoint
 from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.sensitivity import LEAD, Sensitivity, effect_text
@@ -128,11 +128,14 @@ def _effects(found: list[dict[str, Any]], names: list[str]) -> list[str]:
 
 
 def _breaking_points(points: list[dict[str, Any]], names: list[str]) -> list[str]:
-    """Severity at which half of the episodes end in a fall: an axis a row, a policy a column."""
+    """Severities at which half of the episodes fail: an axis a row, a policy a column."""
     each = [AxisBreakingPoint(**point) for point in points]
-    cells = {(one.axis, one.policy): breaking_point_text(one) for one in each}
     axes = {one.axis: ", ".join(filter(None, (one.axis, one.unit))) for one in each}
-    return _by_axis("half of the episodes fall at", axes, cells, names)
+    lines: list[str] = []
+    for of, head in HALF.items():
+        if cells := {(one.axis, one.policy): breaking_point_text(one) for one in each if one.of == of}:
+            lines += ["", *_by_axis(head, axes, cells, names)]
+    return lines[1:]
 
 
 def _by_axis(head: str, axes: dict[str, str], cells: dict[tuple[str, str], str], names: list[str]) -> list[str]:

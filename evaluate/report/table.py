@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.analysis.breaking_point_text import breaking_point_text
+from evaluate.analysis.breaking_point_text import HALF, breaking_point_text
 from evaluate.analysis.comparison import METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
@@ -52,20 +52,24 @@ def print_levels(results: Results, console: Console) -> None:
 
 
 def level_table(results: Results, axis: SeverityAxis) -> Table:
-    """Successes and falls in per cent on each level of an axis, and the breaking point."""
-    breaking_points = {point.policy: point for point in results.breaking_points if point.axis == axis.name}
+    """Successes and falls in per cent on each level of an axis, and where half no longer succeed, and fall."""
+    half = {
+        (point.policy, point.of): breaking_point_text(point)
+        for point in results.breaking_points
+        if point.axis == axis.name
+    }
     table = console_table(f"[bold]{escape(axis.name)}[/bold]: success in %, and falls, at {escape(axis.quantity)}")
     for level in axis.levels:
         table.add_column(f"{level.severity:g}", justify="right")
-    if breaking_points:
-        table.add_column("half fall at")
+    if half:
+        table.add_column("half at")
     for policy in results.policies:
         found = [results.summaries.get((level.name, policy)) for level in axis.levels]
         if not any(found):
             continue
-        where = [breaking_point_text(breaking_points[policy])] if policy in breaking_points else []
-        table.add_row(f" {escape(policy)}", *(_percent(s.success_rate) if s else "" for s in found))
-        table.add_row("   falls", *(_percent(s.fall_rate) if s else "" for s in found), *where)
+        where = [[half[policy, of]] if (policy, of) in half else [] for of in HALF]
+        table.add_row(f" {escape(policy)}", *(_percent(s.success_rate) if s else "" for s in found), *where[0])
+        table.add_row("   falls", *(_percent(s.fall_rate) if s else "" for s in found), *where[1])
     return table
 
 

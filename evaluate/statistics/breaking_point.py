@@ -1,111 +1,116 @@
-"""Breaking points: the severity of an axis at which half of the episodes end in a fall.
+"""Breaking points: the severity of an axis at which half of the episodes fail.
 
-From a psychometric curve over the logarithm of severity, through the levels of the axis. Episodes are paired across
-levels as they are across policies, by seed: every bootstrap resample draws episodes, and takes each at all levels.
+Nothing is assumed of the curve but that more of the disturbance is not easier. The figure is where a monotone
+regression, drawn straight over the logarithm of severity between the levels, crosses one half. The interval reaches
+from the last level at which an exact test still shows that fewer than half fail to the first at which it shows that
+more do: what lies between two levels is not known, and it is all inside. Levels are tested in order, from the mildest
+up to the first that fails its test and from the hardest down likewise, so that many levels cost no correction, and
+each by itself, so that it does not matter what the same episodes do at other levels.
 """
 
-import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evaluate.statistics.intervals import CONFIDENCE, Bools, Floats, Interval, resamples
-from evaluate.statistics.psychometric import fit, median_hardness
+from evaluate.statistics.intervals import CONFIDENCE, Bools, Floats, Interval
 
 LEAST_LEVELS = 3
-"""Severities below which no curve is fitted."""
-CURVES = 999
-"""Bootstrap resamples of the episodes; a curve is fitted to each."""
+"""Severities below which there is no breaking point."""
 
 Found = Literal["crossed", "never", "always"]
 
 
 @dataclass(frozen=True)
 class BreakingPoint:
-    """Where a policy breaks, and where it might: in severities, and in the hardness ± ln(severity) of the fit."""
+    """Where a policy breaks, and where it might."""
 
     found: Found
-    """`crossed`; `never`: less than half fall at the hardest level; `always`: half or more fall at the mildest."""
+    """`crossed`; `never`: less than half fail at the hardest level; `always`: half or more fail at the mildest."""
     severity50: float
     """NaN unless crossed."""
     ci: Interval
-    """95 %, percentile bootstrap; an infinite end lies beyond the levels tried. (NaN, NaN) unless crossed."""
-    resampled: Floats
-    """Hardness of each resample, infinite where it lies beyond the levels tried; none unless crossed."""
-    sign: float
-    """Sign of hardness: −1 where less is harder, as with friction."""
+    """95 %; an infinite end lies beyond the levels tried."""
+    wide: Interval
+    """Of two of these, both hold at 95 %."""
 
 
-def breaking_point(severities: Floats, fell: Bools, seed: int = 0) -> BreakingPoint:
-    """From falls (k, n) at severities (k,), the mildest first; ValueError for too few or for some out of order.
-
-    A severity of 0 is no disturbance, and tells of the curve's floor alone (of its lapse, where less is harder).
-    """
+def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
+    """From failures (k, n) at severities (k,), the mildest first; ValueError for too few or for some out of order."""
     steps = np.diff(severities)
     if len(severities) < LEAST_LEVELS or severities.min() < 0.0 or not ((steps > 0).all() or (steps < 0).all()):
         raise ValueError(f"a breaking point takes {LEAST_LEVELS} or more severities from the mildest to the hardest")
-    sign = 1.0 if steps[0] > 0 else -1.0
-    rates = fell.mean(axis=1)
+    tail = (1.0 - CONFIDENCE) / 2.0
+    ci, wide = (_severities(severities, bracket(failed, each)) for each in (tail, tail / 2.0))
+    x, rates = monotone_curve(severities, failed.mean(axis=1))
     if rates[0] >= 0.5 or rates[-1] < 0.5:
-        found: Found = "always" if rates[0] >= 0.5 else "never"
-        return BreakingPoint(found, np.nan, (np.nan, np.nan), np.empty(0), sign)
-    with np.errstate(divide="ignore"):
-        hardness = sign * np.log(severities)
-    point, resampled = _crossing(hardness, fell, seed)
-    return BreakingPoint("crossed", float(np.exp(sign * point)), _severities(resampled, sign), resampled, sign)
+        return BreakingPoint("always" if rates[0] >= 0.5 else "never", np.nan, ci, wide)
+    point = np.exp(np.interp(0.5, rates, np.log(x)))
+    return BreakingPoint("crossed", float(np.clip(point, *ci)), ci, wide)
 
 
 def breaking_ratio(a: BreakingPoint, b: BreakingPoint) -> tuple[float, Interval]:
-    """Breaking point of a over that of b, and its 95 % interval, on the same axis, levels and episodes, so paired.
-
-    An infinite end could be anything beyond; all is NaN unless both have crossed.
-    """
+    """Breaking point of a over that of b on the same axis, and its 95 % interval; NaN unless both have crossed."""
     if a.found != "crossed" or b.found != "crossed":
         return (np.nan, (np.nan, np.nan))
-    with np.errstate(invalid="ignore"):
-        difference = a.resampled - b.resampled
-    unknown = np.isnan(difference)  # both lie beyond
-    low = _severities(np.where(unknown, -a.sign * np.inf, difference), a.sign)[0]
-    high = _severities(np.where(unknown, a.sign * np.inf, difference), a.sign)[1]
+    low, high = max(a.wide[0], 0.0) / b.wide[1], a.wide[1] / b.wide[0] if b.wide[0] > 0.0 else np.inf
     return (a.severity50 / b.severity50, (low, high))
 
 
-def _severities(hardness: Floats, sign: float) -> Interval:
-    """Interval of severity from resamples of hardness; −inf or inf for an end that lies beyond every number."""
-    ordered = np.sort(sign * hardness)
-    tail = int((0.5 - CONFIDENCE / 2) * len(ordered))
-    low, high = ordered[tail], ordered[-1 - tail]
-    return (float(np.exp(low)) if low > -np.inf else -np.inf, float(np.exp(high)))
+def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
+    """Severities and shares between which the curve of failures is straight over ln(severity), the mildest first.
 
-
-def _crossing(hardness: Floats, fell: Bools, seed: int) -> tuple[float, Floats]:
-    """Hardness at which half fall, and that of every resample."""
-    known = hardness[np.isfinite(hardness)]
-    centre, half, episodes = (known[0] + known[-1]) / 2.0, (known[-1] - known[0]) / 2.0, fell.shape[1]
-    scaled = (hardness - centre) / half
-    curve = fit(scaled, fell.mean(axis=1)[None], episodes)
-    point = float(np.clip(median_hardness(curve)[0] * half + centre, known[0], known[-1]))
-    falls = fell.T.astype(np.float64)
-    rates = np.concatenate([counts @ falls / episodes for counts in resamples(episodes, CURVES, seed)])
-    points = median_hardness(fit(scaled, rates, episodes, start=curve[0])) * half + centre
-    points[points < hardness[0]], points[points > hardness[-1]] = -np.inf, np.inf
-    coins = np.random.default_rng([seed, zlib.crc32(fell.tobytes())]).integers(0, 2, CURVES)
-    return point, np.where(_separated(rates), _ends(hardness, rates, coins), points)
-
-
-def _separated(rates: Floats) -> Bools:
-    """Resamples, (r,), in which fewer than two levels have both falls and none: they tell no steepness.
-
-    Any curve that is steep enough explains them (Albert and Anderson 1984, Biometrika 71): they tell no more than
-    between which two levels the breaking point lies.
+    Centred isotonic regression (Oron and Flournoy 2017, Statistics in Biopharmaceutical Research 9): levels whose order
+    is the wrong way round become one, at their mean. A severity of 0 is no disturbance and has no logarithm.
     """
-    return np.asarray(((rates > 0.0) & (rates < 1.0)).sum(axis=1) < 2)
+    from scipy.optimize import isotonic_regression
+
+    known = severities > 0.0
+    x, fitted = np.log(severities[known]), isotonic_regression(rates[known])
+    points: list[tuple[float, float]] = []
+    for first, end in pairwise(fitted.blocks):
+        share = float(fitted.x[first])
+        middle = [x[first:end].mean()] if 0.0 < share < 1.0 else x[first:end]
+        points += [(float(each), share) for each in middle]
+    logarithms, shares = np.array(points).T
+    return np.exp(logarithms), shares
 
 
-def _ends(hardness: Floats, rates: Floats, coins: NDArray[np.int64]) -> Floats:
-    """One of the two levels between which half fall, as the coin has it, so that an interval spans both; (r,)."""
-    levels = np.concatenate([[-np.inf], hardness, [np.inf]])
-    milder = np.where((rates >= 0.5).any(axis=1), (rates >= 0.5).argmax(axis=1), len(hardness))
-    return np.asarray(levels[milder + coins])
+def bracket(failed: Bools, tail: float = (1.0 - CONFIDENCE) / 2.0) -> tuple[int, int]:
+    """Numbers of the levels, of (k, n), between which half fail; −1 and k lie beyond them.
+
+    `tail` is the chance of an error on either side. The test is the binomial one.
+    """
+    from scipy.stats import binom
+
+    fails, (levels, episodes) = failed.sum(axis=1), failed.shape
+    fewer = binom.cdf(fails, episodes, 0.5) <= tail
+    more = binom.sf(fails - 1, episodes, 0.5) <= tail
+    return int(np.argmin([*fewer, False])) - 1, levels - int(np.argmin([*more[::-1], False]))
+
+
+def next_level(severities: Floats, run: Sequence[int], failed: Bools) -> int | None:
+    """Number of the severity, of all that might be run, to run next; None where one more would tell nothing.
+
+    The middle of the widest gap, over ln(severity), between neighbours of those that were run (their numbers, rising,
+    and failures (k, n)) within the bracket of one half. Nothing where half fail at none or at every one of them.
+    """
+    low, high = bracket(failed)
+    if low < 0 or high == len(run):
+        rates = failed.mean(axis=1)
+        if rates[0] >= 0.5 or rates[-1] < 0.5:
+            return None
+    inside = list(run)[max(low, 0) : high + 1]
+    gaps = [(first, last) for first, last in pairwise(inside) if last > first + 1]
+    widths = [abs(np.log(severities[last] / severities[first])) for first, last in gaps]
+    return sum(gaps[int(np.argmax(widths))]) // 2 if gaps else None
+
+
+def _severities(severities: Floats, levels: tuple[int, int]) -> Interval:
+    """Those of two levels in their order; an infinite end for what lies beyond."""
+    rising = severities[-1] > severities[0]
+    padded = [*(float(each) for each in severities), np.inf if rising else -np.inf, -np.inf if rising else np.inf]
+    low, high = sorted((padded[levels[0]], padded[levels[1]]))
+    return (low, high)

@@ -6,7 +6,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from evaluate.statistics.breaking_point import breaking_point, breaking_ratio
+from evaluate.statistics.breaking_point import breaking_point, breaking_ratio, next_level
 from evaluate.statistics.exact_size import (
     SIGNIFICANT,
     attainable_barnard,
@@ -28,7 +28,7 @@ from evaluate.statistics.intervals import (
     wilson_interval,
 )
 from evaluate.statistics.significance import mcnemar, relabelling_test, sign_flip_test
-from evaluate.statistics.synthetic import LARGE, Axis, Episodes, episodes, mean_error
+from evaluate.statistics.synthetic import LARGE, Axis, Episodes, Kind, episodes, mean_error
 
 COVERS = (0.93, 0.97)
 """Bounds of the share of 95 % intervals that hold the truth."""
@@ -38,13 +38,22 @@ DISCRETE = (0.0, 0.06)
 """The same of tests of a count, whose p-value can jump past 5 %: exact ones stay below it."""
 EASIER = 0.8
 """Fall probability of the second policy, over the first's."""
+AT_LEAST = (0.93, 1.0)
+"""Bounds of the share of 95 % intervals that may hold the truth more often."""
+PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)
+HALF = (Kind(0.495, 25.0, 20.0), Kind(0.01, 49.5, 90.0), Kind(0.495, 60.0, 60.0))
+STRETCH = (Kind(0.45, 30.0, 12.0), Kind(0.55, 75.0, 12.0))
 AXES = {
-    "": Axis((20.0, 35.0, 50.0, 65.0, 80.0, 100.0), median=55.0, steepness=4.0),
-    ", a sixth falls anyway": Axis((20.0, 35.0, 50.0, 65.0, 80.0, 100.0), median=55.0, steepness=6.0, floor=1 / 6),
-    ", less is harder": Axis((1.0, 0.7, 0.5, 0.35, 0.25), median=0.45, steepness=5.0),
-    ", three levels": Axis((35.0, 65.0, 100.0), median=75.0, steepness=6.0),
-    ", three levels, two kinds of pushes": Axis((35.0, 65.0, 100.0), median=75.0, steepness=12.0, apart=0.5),
+    "": Axis(PUSHES, (Kind(1.0, 55.0, 4.0),)),
+    ", a sixth falls anyway": Axis(PUSHES, (Kind(1 / 6, 0.0), Kind(5 / 6, 55.0, 6.0))),
+    ", less is harder": Axis((1.0, 0.7, 0.5, 0.35, 0.25), (Kind(1.0, 0.45, 5.0),)),
+    ", one half at a level": Axis((20.0, 50.0, 65.0, 140.0), HALF),
+    ", flat below one half": Axis(PUSHES, STRETCH),
+    ", flat below one half, three levels": Axis((35.0, 65.0, 100.0), STRETCH),
+    ", an edge": Axis(PUSHES, (Kind(0.1, 0.0), Kind(0.8, 57.0, 100.0), Kind(0.1, np.inf))),
+    ", two fifths never fall": Axis(PUSHES, (Kind(0.6, 45.0, 6.0), Kind(0.4, np.inf))),
 }
+"""Logistic curves, and shapes that no model has."""
 
 Outcome = Callable[[np.random.Generator], bool]
 
@@ -84,8 +93,13 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
 def breaking_checks(count: int) -> Iterator[Check]:
     """Does the interval hold the true breaking point, or ratio of two?"""
     for name, axis in AXES.items():
-        yield Check(f"breaking point{name}", count, np.nan, partial(_breaking_point, count, axis), COVERS)
-    yield Check("ratio of breaking points", count, np.nan, partial(_breaking_ratio, count, AXES[""], 1.2), COVERS)
+        rules: dict[str, Outcome] = {f"breaking point{name}": partial(_breaking_point, count, axis)}
+        if axis.severities == PUSHES:
+            rules[f"placed levels{name}"] = partial(_placed_levels, count, axis.kinds)
+        for words, outcome in rules.items():
+            yield Check(words, count, np.nan, outcome, AT_LEAST, np.nan)
+    ratio = partial(_breaking_ratio, count, AXES[""], 1.2)
+    yield Check("ratio of breaking points", count, np.nan, ratio, AT_LEAST, np.nan)
 
 
 def null_checks(count: int, fall_probability: float) -> Iterator[Check]:
@@ -209,11 +223,19 @@ def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> b
     return _within(point.ci, axis.breaking_point)
 
 
+def _placed_levels(count: int, kinds: tuple[Kind, ...], generator: np.random.Generator) -> bool:
+    """The same where the levels between are placed one after the other, by what those before them showed."""
+    axis = Axis(tuple(np.geomspace(PUSHES[0], PUSHES[-1], 4 * 16 + 1)), kinds)
+    severities, fell, run = np.array(axis.severities), axis.falls(generator, count), [0, 16, 32, 48, 64]
+    while (level := next_level(severities, run, fell[run])) is not None:
+        run = sorted((*run, level))
+    return _within(breaking_point(severities[run], fell[run]).ci, axis.breaking_point)
+
+
 def _breaking_ratio(count: int, axis: Axis, ratio: float, generator: np.random.Generator) -> bool:
     """Whether the interval holds the ratio of a policy that withstands severities larger by it, with the same luck."""
     severities, stronger = np.array(axis.severities), np.array(axis.severities) / ratio
-    both = Axis((*axis.severities, *stronger), axis.median, axis.steepness, axis.floor)
-    fell = both.falls(generator, count)
+    fell = Axis((*axis.severities, *stronger), axis.kinds).falls(generator, count)
     levels = len(severities)
     a, b = breaking_point(severities, fell[levels:]), breaking_point(severities, fell[:levels])
     return _within(breaking_ratio(a, b)[1], ratio)

@@ -49,33 +49,47 @@ def mean_error(fall_probability: float) -> float:
 
 
 @dataclass(frozen=True)
+class Kind:
+    """Episodes that fall by a logistic curve over ln(severity), as a share of all."""
+
+    share: float
+    median: float
+    """Severity at which half of them fall; where more is harder, 0 if they always do and infinite if never."""
+    steepness: float = 1.0
+
+
+@dataclass(frozen=True)
 class Axis:
-    """An axis of severities on which a policy has a true psychometric curve."""
+    """Severities, the mildest first, and the kinds of episodes there: sums of logistic curves make any shape."""
 
     severities: tuple[float, ...]
-    median: float
-    """Severity that half of the robots withstand which do not fall anyway."""
-    steepness: float
-    floor: float = 0.0
-    """Share that falls anyway."""
-    apart: float = 0.0
-    """Between the medians of two kinds of episodes, half each, in ln(severity): the curve is then no logistic one."""
+    kinds: tuple[Kind, ...]
+
+    @property
+    def harder(self) -> float:
+        """1 where more is harder, −1 where less is."""
+        return 1.0 if self.severities[-1] > self.severities[0] else -1.0
 
     @property
     def breaking_point(self) -> float:
         """True severity at which half fall."""
-        harder = 1.0 if self.severities[-1] > self.severities[0] else -1.0
-        return self.median * float(np.exp(harder * np.log((0.5 - self.floor) / 0.5) / self.steepness))
+        from scipy.optimize import brentq
+
+        ends = np.log((min(self.severities) / 10.0, max(self.severities) * 10.0))
+        return float(np.exp(brentq(lambda x: self.probability(np.exp(x)) - 0.5, *ends)))
+
+    def probability(self, severities: Floats) -> Floats:
+        """Of a fall at these severities."""
+        from scipy.special import expit
+
+        with np.errstate(divide="ignore"):
+            curves = [k.share * expit(self.harder * k.steepness * np.log(severities / k.median)) for k in self.kinds]
+        return np.asarray(np.sum(curves, axis=0))
 
     def falls(self, generator: np.random.Generator, count: int, shared: float = 0.5) -> Bools:
         """Falls (levels, n) of episodes whose luck at the levels has a part in common."""
-        from scipy.special import expit, ndtr
+        from scipy.special import ndtr
 
-        severities = np.array(self.severities)
-        harder = 1.0 if severities[-1] > severities[0] else -1.0
-        kinds = np.log(severities / self.median) + self.apart * np.array([[-0.5], [0.5]])
-        curve = expit(self.steepness * harder * kinds).mean(axis=0)
-        probability = self.floor + (1.0 - self.floor) * curve
-        shape = (len(severities), count)
+        shape = (len(self.severities), count)
         luck = np.sqrt(shared) * generator.normal(size=count) + np.sqrt(1.0 - shared) * generator.normal(size=shape)
-        return np.asarray(ndtr(luck) < probability[:, None])
+        return np.asarray(ndtr(luck) < self.probability(np.array(self.severities))[:, None])

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evaluate.analysis.comparison import FALL_RATE
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.report.plots.drawing import Margins, figure, same_ticks, short_name, style, svg, text_width
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.breaking_point import LEAST_LEVELS
+from evaluate.statistics.breaking_point import LEAST_LEVELS, monotone_curve
 from evaluate.statistics.intervals import Floats
-from evaluate.statistics.psychometric import fall_probability, fit
 from policies.files import write_atomically
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ SHOWN = 300
 """Episodes of a scatter at most: the first of the run, the same for every policy."""
 
 
-def falls(results: Results, axis: SeverityAxis) -> bytes:
-    """Fall shares with Wilson bands, the curve fitted through them, and where it crosses one half."""
+def rates(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
+    """Shares of successes or of falls with Wilson bands, the curve through them, and where it crosses one half."""
     drawn, axes = figure(HEIGHT)
-    _draw_falls(axes, results, axis)
-    axes.set(ylabel="episodes with a fall, %")
+    _draw_rates(axes, results, axis, metric)
+    axes.set(ylabel=label)
     return svg(drawn)
 
 
@@ -47,7 +47,7 @@ def write_falls(results: Results, path: Path) -> None:
     FigureCanvasAgg(drawn)
     panels = drawn.subplots(rows, columns, squeeze=False).ravel()
     for panel, axis in zip(panels, found, strict=False):
-        _draw_falls(panel, results, axis)
+        _draw_rates(panel, results, axis, FALL_RATE)
         panel.set_title(axis.name.replace("_", " "), fontsize=9, loc="left")
         panel.tick_params(labelsize=7)
         panel.xaxis.label.set_size(8)
@@ -61,10 +61,11 @@ def write_falls(results: Results, path: Path) -> None:
     write_atomically(path, buffer.getvalue())
 
 
-def _draw_falls(axes: "Axes", results: Results, axis: SeverityAxis) -> None:
+def _draw_rates(axes: "Axes", results: Results, axis: SeverityAxis, metric: str) -> None:
+    of = "falls" if metric == FALL_RATE else "success"
     axes.axhline(50.0, color="#888888", linewidth=0.8, linestyle=(0, (4, 3)))
     for policy in results.policies:
-        severities, values, low, high = _points(results, axis, policy, "fall_rate", 100.0)
+        severities, values, low, high = _points(results, axis, policy, metric, 100.0)
         if len(severities):
             colour, mark = style(results, policy)
             fitted = len(severities) >= LEAST_LEVELS
@@ -72,9 +73,9 @@ def _draw_falls(axes: "Axes", results: Results, axis: SeverityAxis) -> None:
             line = "none" if fitted else "-"
             axes.plot(severities, values, mark, color=colour, markersize=4, linestyle=line, label=policy)
             if fitted:
-                axes.plot(*_fitted(results, axis, policy), color=colour, linewidth=1.4)
+                axes.plot(*_curve(severities, values, of), color=colour, linewidth=1.4)
     for point in results.breaking_points:
-        if point.axis == axis.name and point.found == "crossed":
+        if (point.axis, point.of, point.found) == (axis.name, of, "crossed"):
             ends = np.clip(point.ci, point.lowest, point.highest)
             colour = style(results, point.policy)[0]
             axes.plot(ends, (50.0, 50.0), color=colour, linewidth=3.0, solid_capstyle="butt")
@@ -154,16 +155,14 @@ def _band(axes: "Axes", severities: Floats, low: Floats, high: Floats, colour: s
     axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
 
 
-def _fitted(results: Results, axis: SeverityAxis, policy: str) -> tuple[Floats, Floats]:
-    """Severities and fall shares in per cent along the curve that the breaking point is read from."""
-    levels = [level for level in axis.levels if level.severity > 0.0 and (level.name, policy) in results.summaries]
-    summaries = [results.summaries[level.name, policy] for level in levels]
-    hardness = np.log([level.severity for level in levels])
-    centre, half = (hardness[0] + hardness[-1]) / 2.0, (hardness[-1] - hardness[0]) / 2.0
-    rates = np.array([[summary.fall_rate for summary in summaries]])
-    curve = fit((hardness - centre) / half, rates, summaries[0].episodes)
-    across = np.linspace(-1.0, 1.0, CURVE_POINTS)
-    return np.exp(across * half + centre), 100.0 * fall_probability(curve, across)[0]
+def _curve(severities: Floats, values: Floats, of: str) -> tuple[Floats, Floats]:
+    """Severities and per cent along the curve that the breaking point is read from."""
+    failures = values / 100.0 if of == "falls" else 1.0 - values / 100.0
+    x, shares = monotone_curve(severities, failures)
+    order = np.argsort(x)
+    across = np.geomspace(x.min(), x.max(), CURVE_POINTS)
+    share = np.interp(np.log(across), np.log(x[order]), shares[order])
+    return across, 100.0 * (share if of == "falls" else 1.0 - share)
 
 
 def _finish(axes: "Axes", axis: SeverityAxis) -> None:

@@ -17,11 +17,8 @@ from quad_env.scenarios.named import Scenario
 SUCCESS = ("success_rate", "episodes that succeed, %", 100.0)
 FALLS = ("fall_rate", "episodes with a fall, %", 100.0)
 ERROR = ("velocity_error", "velocity error, m/s", 1.0)
-FITTED = (
-    "Lines of falls: fitted curves, with the breaking point and its interval at one half, which hold for these levels "
-    "and this shape."
-)
-JOINED = f"Lines of falls join the levels: fewer than {LEAST_LEVELS} have no curve and no breaking point."
+FITTED = "Lines of success and falls: monotone curves, with the breaking point and its interval at one half."
+JOINED = f"Lines of success and falls join the levels: fewer than {LEAST_LEVELS} have no breaking point."
 
 
 def disturbances(results: Results) -> str:
@@ -76,7 +73,8 @@ def _figures(results: Results, level: Scenario) -> str:
 
 
 def _curves(results: Results, axis: SeverityAxis) -> Iterator[str]:
-    yield image(curves.falls(results, axis), f"Share of falls of each policy against {axis.quantity}")
+    for metric, label, _ in (SUCCESS, FALLS):
+        yield image(curves.rates(results, axis, metric, label), f"{label} of each policy against {axis.quantity}")
     metric, label, _ = ERROR
     yield image(curves.errors(results, axis, metric, label), f"{label} of each policy against {axis.quantity}")
 

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from html import escape
 
-from evaluate.analysis.breaking_point_text import CAVEAT, figure_and_interval
-from evaluate.analysis.breaking_points import AxisBreakingPoint
+from evaluate.analysis.breaking_point_text import CAVEAT, HALF, figure_and_interval
+from evaluate.analysis.breaking_points import AxisBreakingPoint, Of
 from evaluate.analysis.results import Results
 from evaluate.analysis.sensitivity import LEAD as EFFECTS
 from evaluate.analysis.sensitivity import effect_text
@@ -15,17 +15,23 @@ from evaluate.report.sections.figures import policy_label
 from evaluate.terminal.format import ABSENT, NO_BREAK
 
 LEAD = (
-    "Severity at which half of the episodes end in a fall, from a curve fitted through the levels, with its 95 % "
-    f"interval. {CAVEAT} “None up to” is the hardest level tried; “already at” the mildest."
+    "Severities at which half of the episodes no longer succeed, and fall, with their 95 % intervals. "
+    f"{CAVEAT} “None up to” is the hardest level tried; “already at” the mildest."
 )
 
 
 def overview(results: Results) -> str:
     """Breaking points, an axis a row; empty where no axis has levels enough."""
-    cells = {(point.axis, point.policy): _cell(point) for point in results.breaking_points}
-    found = {axis for axis, _ in cells}
+    found = {point.axis for point in results.breaking_points}
     axes = {axis.name: axis.quantity for axis in severity_axes(results.cells) if axis.name in found}
-    return section("Breaking points", note(LEAD), _by_axis(results, axes, cells)) if axes else ""
+    tables = (_breaking_points(results, axes, of) for of in HALF)
+    return section("Breaking points", note(LEAD), *tables) if axes else ""
+
+
+def _breaking_points(results: Results, axes: Mapping[str, str], of: Of) -> str:
+    """A table, headed by what breaks."""
+    cells = {(point.axis, point.policy): _cell(point) for point in results.breaking_points if point.of == of}
+    return f"<h3>{HALF[of].capitalize()}</h3>{_by_axis(results, axes, cells)}" if cells else ""
 
 
 def sensitivity(results: Results) -> str:

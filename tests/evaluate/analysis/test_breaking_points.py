@@ -34,7 +34,7 @@ def falls_of(cells, policy):
 
 
 def test_breaking_points_of_cells_are_those_of_their_levels(cells) -> None:
-    found = {point.policy: point for point in breaking_points(cells)[0]}
+    found = {point.policy: point for point in breaking_points(cells)[0] if point.of == "falls"}
     assert list(found) == ["trot", "strong", "iron", "paper"]
     assert [point.found for point in found.values()] == ["crossed", "crossed", "never", "always"]
     for point in found.values():
@@ -46,7 +46,8 @@ def test_breaking_points_of_cells_are_those_of_their_levels(cells) -> None:
 
 
 def test_ratios_are_against_the_baseline_where_both_broke(cells) -> None:
-    (ratio,) = breaking_points(cells)[1]
+    (ratio, of_success) = breaking_points(cells)[1]
+    assert (ratio.of, of_success.of) == ("falls", "success")
     assert (ratio.axis, ratio.a, ratio.b) == ("push", "strong", "trot")
     points = [breaking_point(SEVERITIES, falls_of(cells, policy)) for policy in ("strong", "trot")]
     assert (ratio.ratio, ratio.ci) == breaking_ratio(*points)
@@ -69,7 +70,7 @@ def test_where_less_is_harder_levels_are_taken_downwards(made_up_cell, monkeypat
     order = (3, 1, 4, 2) if known else (1, 2, 3, 4)
     chance = np.random.default_rng(0).logistic(0.0, 0.2, 100)
     cells = [made_up_cell("trot", grip.level(k).severity < 0.6 * np.exp(chance), scenario=grip.level(k)) for k in order]
-    (point,) = breaking_points(cells)[0]
+    point, _ = breaking_points(cells)[0]
     assert point.found == "crossed"
     assert point.severity50 == pytest.approx(0.6, rel=0.1)
     assert (point.lowest, point.highest, point.hardest) == (0.35, 1.0, 0.35)
@@ -91,12 +92,26 @@ def test_levels_with_different_episodes_are_never_joined(cells, made_up_cell) ->
 
 def test_results_hold_them(cells) -> None:
     contents = as_json(analyse(cells, seed=0, episodes=100, complete=True))
-    points = {point["policy"]: point for point in contents["breaking_points"]}
+    points = {point["policy"]: point for point in contents["breaking_points"] if point["of"] == "falls"}
     assert set(points["trot"]) == {
-        "axis", "policy", "unit", "severity50", "ci", "found", "lowest", "highest", "hardest"
+        "axis", "policy", "unit", "severity50", "ci", "found", "lowest", "highest", "hardest", "of"
     }  # fmt: skip
     assert points["trot"]["ci"][0] < points["trot"]["severity50"] < points["trot"]["ci"][1]
     assert points["iron"]["severity50"] is None
-    assert points["iron"]["ci"] == [None, None]
-    (ratio,) = contents["breaking_point_ratios"]
-    assert set(ratio) == {"axis", "a", "b", "ratio", "ci"}
+    assert points["iron"]["ci"] == [200.0, None]
+    ratio, _ = contents["breaking_point_ratios"]
+    assert set(ratio) == {"axis", "a", "b", "ratio", "ci", "of"}
+
+
+def test_success_breaks_where_half_no_longer_succeed(cells, made_up_cell) -> None:
+    """Robots that stay upright but leave their command from 40 N·s on: success breaks, and falls never do."""
+    strayed = []
+    for scenario in LEVELS:
+        cell = made_up_cell("trot", np.zeros(100, bool), scenario=scenario)
+        outcome = np.full(100, "off_command" if scenario.severity > 40.0 else "succeeded", dtype=object)
+        strayed.append(replace(cell, measures=replace(cell.measures, outcome=outcome)))
+    of = {point.of: point for point in breaking_points(strayed)[0]}
+    assert of["falls"].found == "never"
+    assert (of["success"].found, of["success"].ci) == ("crossed", (35.0, 50.0))
+    fallen = {(point.policy, point.of): point for point in breaking_points(cells)[0]}
+    assert fallen["trot", "success"].severity50 == fallen["trot", "falls"].severity50  # who falls does not succeed

@@ -17,6 +17,9 @@ def test_the_outcome_comes_first_and_figures_are_folded(made) -> None:
 
 def test_every_row_of_a_table_has_as_many_cells_as_its_head(made) -> None:
     rows = [line for line in render(made).splitlines() if line.startswith("|")]
+    halves, rows = rows[:6], rows[6:]
+    assert [row.count("|") for row in halves] == [4] * 6
+    assert halves[0] == "| half of the episodes no longer succeed at | `trot` | `other` |"
     assert len(rows) == 3 * 2 + 6 * 2
     assert {row.count("|") for row in rows} == {7}
 

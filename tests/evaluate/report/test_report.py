@@ -75,12 +75,12 @@ def test_the_page_names_its_command_and_day(run, page) -> None:
 
 def test_curves_are_promised_where_they_are_fitted(made) -> None:
     """Push has four levels; of two no curve is drawn."""
-    four, fitted = render(made, Path()), "Lines of falls: fitted curves"
+    four, fitted = render(made, Path()), "Lines of success and falls: monotone curves"
     two = dataclasses.replace(made, cells=tuple(c for c in made.cells if c.scenario.name not in ("push:3", "push:5")))
     two = dataclasses.replace(two, breaking_points=(), breaking_point_ratios=())
-    assert (fitted in four, "Lines of falls join the levels" in four) == (True, False)
+    assert (fitted in four, "Lines of success and falls join the levels" in four) == (True, False)
     page = render(two, Path())
-    assert (fitted in page, "Lines of falls join the levels" in page) == (False, True)
+    assert (fitted in page, "Lines of success and falls join the levels" in page) == (False, True)
 
 
 def test_a_policy_stands_only_where_it_ran(made) -> None:

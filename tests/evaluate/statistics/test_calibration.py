@@ -10,7 +10,7 @@ from evaluate.analysis.comparison import compare
 from evaluate.statistics import breaking_point, checks, exact_size, improvement, significance
 from evaluate.statistics import intervals as statistics
 from evaluate.statistics.significance import relabelling_test
-from evaluate.statistics.synthetic import Axis, episodes, mean_error
+from evaluate.statistics.synthetic import episodes, mean_error
 from quad_env.scenarios import axes
 
 FALLS = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -30,7 +30,6 @@ def fewer_resamples(monkeypatch) -> None:
         (significance, "FLIPS", 999),
         (significance, "MORE_FLIPS", 1999),
         (significance, "NUISANCE_RATES", 63),
-        (breaking_point, "CURVES", 199),
         (checks, "LARGE", 200_000),
     ):
         monkeypatch.setattr(module, name, count)
@@ -47,7 +46,6 @@ def share(rules, name: str, sets: int, falls=FALLS) -> float:
 def narrow(monkeypatch) -> None:
     """Every interval a 90 % one."""
     monkeypatch.setattr(statistics, "CONFIDENCE", 0.9)
-    monkeypatch.setattr(breaking_point, "CONFIDENCE", 0.9)
 
 
 @pytest.mark.parametrize("name", COVERAGE)
@@ -69,38 +67,41 @@ def test_bca_for_a_paired_difference_would_be_seen(monkeypatch) -> None:
     assert share(checks.coverage_checks, name, 1500, falls=(0.1,)) < 0.92
 
 
-def covers_breaking_point(sets: int) -> float:
-    check = next(checks.breaking_checks(COUNT))
-    return checks.share_of_yes(check, sets, seed=2)
+BREAKING = {check.name: check for check in checks.breaking_checks(COUNT)}
 
 
-def test_breaking_point_intervals_cover_the_truth() -> None:
-    low, high = checks.COVERS
-    assert low <= covers_breaking_point(400) <= high
+@pytest.mark.parametrize("name", BREAKING)
+def test_breaking_point_intervals_cover_the_truth_whatever_the_shape(name) -> None:
+    low, high = BREAKING[name].bounds
+    assert low <= checks.share_of_yes(BREAKING[name], 60, seed=2) <= high
 
 
-def test_a_90_percent_breaking_point_would_be_seen(narrow) -> None:
-    assert covers_breaking_point(400) < checks.COVERS[0]
+def test_a_60_percent_breaking_point_would_be_seen(monkeypatch) -> None:
+    name = "breaking point, one half at a level"
+    monkeypatch.setattr(breaking_point, "CONFIDENCE", 0.6)
+    assert checks.share_of_yes(BREAKING[name], 300, seed=2) < checks.AT_LEAST[0]
 
 
-def test_levels_resampled_apart_would_be_seen(monkeypatch) -> None:
-    """Episodes that share all their luck, resampled as if each level had its own."""
-    axis = Axis((20.0, 35.0, 50.0, 65.0, 80.0, 100.0), median=55.0, steepness=4.0)
-    severities = np.array(axis.severities)
+def test_a_curve_with_a_shape_would_be_seen(monkeypatch) -> None:
+    """Intervals of a logistic fit through the levels, as wide as they come: the flat stretch is not in its family."""
+    from scipy.optimize import curve_fit
+    from scipy.special import expit
 
-    def covers(shuffle: bool) -> float:
-        held = []
-        for seed in range(120):
-            generator = np.random.default_rng([3, seed])
-            fell = axis.falls(generator, COUNT, shared=0.95)
-            low, high = breaking_point.breaking_point(
-                severities, generator.permuted(fell, axis=1) if shuffle else fell
-            ).ci
-            held.append(low <= axis.breaking_point <= high)
-        return float(np.mean(held))
+    def logistic(severities, failed):
+        def curve(x, middle, steepness):
+            return expit(steepness * (x - middle))
 
-    assert covers(shuffle=False) > 0.9
-    assert covers(shuffle=True) < 0.85
+        (middle, _), covariance = curve_fit(curve, np.log(severities), failed.mean(axis=1), (4.0, 4.0))
+        reach = 1.96 * np.sqrt(covariance[0, 0])
+        ends = (float(np.exp(middle - reach)), float(np.exp(middle + reach)))
+        return breaking_point.BreakingPoint("crossed", float(np.exp(middle)), ends, ends)
+
+    name = "breaking point, an edge"
+    edge = checks.Axis((35.0, 40.0, 65.0, 100.0), checks.AXES[", an edge"].kinds)
+    monkeypatch.setitem(checks.AXES, ", an edge", edge)
+    monkeypatch.setattr(checks, "breaking_point", logistic)
+    (check,) = (check for check in checks.breaking_checks(COUNT) if check.name == name)
+    assert checks.share_of_yes(check, 60, seed=2) < checks.AT_LEAST[0]
 
 
 @pytest.mark.parametrize("name", LEVEL)
