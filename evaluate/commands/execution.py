@@ -12,7 +12,8 @@ from evaluate.commands.plan import Plan
 from evaluate.records import trace
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
-from evaluate.rollouts.experiment import Cell, Settings, TraceWriter, evaluation_seeds, run_cells
+from evaluate.rollouts.cluster import NoCluster, ray_cluster
+from evaluate.rollouts.experiment import Cell, Executor, Settings, TraceWriter, evaluation_seeds, run_cells
 from evaluate.rollouts.progress import show_progress
 from evaluate.rollouts.workers import WorkerLost, process_pool
 from evaluate.terminal import launcher
@@ -65,7 +66,7 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
                 store,
                 _trace_writer(plan, store),
                 plan.manifest.steps,
-                process_pool(plan.options.threads),
+                _engine(plan),
                 plan.manifest.hardware,
             )
             done.extend(run_cells(plan.policies, plan.scenarios, seeds, settings))
@@ -73,6 +74,8 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
         if not store.begun:
             raise
         interrupted = True
+    except NoCluster as error:
+        raise UsageError(str(error)) from error
     except WorkerLost as error:
         raise UsageError(f"{error}; {_then(store)}") from error
     except OSError as error:
@@ -80,6 +83,13 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
         raise UsageError(f"cannot write to {store.folder} ({reason}); make room, then {_then(store)}") from error
     done.sort(key=lambda cell: plan.manifest.cells.index((cell.scenario, cell.policy)))
     return done, interrupted
+
+
+def _engine(plan: Plan) -> Executor:
+    """What simulates the chunks."""
+    if plan.options.engine == "ray":
+        return ray_cluster(plan.options.threads, plan.options.address)
+    return process_pool(plan.options.threads)
 
 
 def _chunk_size(plan: Plan) -> int:

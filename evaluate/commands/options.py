@@ -16,7 +16,7 @@ PROGRAM = "python -m evaluate"
 WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "residual")
 DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
-CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "film")
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "engine", "address", "resume", "gate", "baseline", "film")
 """Options that a run may be carried on with as one likes."""
 
 
@@ -65,6 +65,12 @@ class Options:
     """Whether report.html shows a film of one episode."""
     threads: int = available_cores()
     """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
+    engine: Literal["local", "ray"] = "local"
+    """What simulates: processes of this machine, or the tasks of a Ray cluster (pip install -e ".[cluster]"). No
+    outcome depends on it."""
+    address: str | None = None
+    """Address of the Ray cluster, such as ray://head:10001 or 10.0.0.1:6379; without it one of --threads workers is
+    begun here and ended with the run."""
     at_once: int = 256
     """Episodes that each of them simulates at once, and that are written together (count). No outcome depends on it."""
 

@@ -46,7 +46,7 @@ def process_pool(count: int) -> Executor:
             yield from sequential(count)(tasks, progress)
             return
         context = multiprocessing.get_context("spawn")
-        with _worker_environment():
+        with worker_environment():
             reports, stop = context.SimpleQueue(), context.RawValue("b", 0)  # no lock that a killed worker could hold
             pool = ProcessPoolExecutor(min(count, len(tasks)), context, _initialise, (reports, stop))
         try:
@@ -70,14 +70,14 @@ def process_pool(count: int) -> Executor:
 def _submitted(pool: ProcessPoolExecutor, tasks: Sequence[Task]) -> "dict[Future[Chunk], int]":
     """Future of each task -> the task's place in the list."""
     try:
-        with _worker_environment():
+        with worker_environment():
             return {pool.submit(_run_task, place, task): place for place, task in enumerate(tasks)}
     except OSError as error:
         raise WorkerLost(f"a worker process cannot be started ({error.strerror or error})") from error
 
 
 @contextlib.contextmanager
-def _worker_environment() -> Iterator[None]:
+def worker_environment() -> Iterator[None]:
     """Processes begun now have this ENVIRONMENT and never hear Ctrl-C, which is for the one that began them."""
     before = {name: os.environ.get(name) for name in ENVIRONMENT}
     os.environ.update(ENVIRONMENT)
