@@ -38,7 +38,7 @@ def third_party(repository: Path, packages: tuple[str, ...]) -> dict[str, set[st
     """Import name -> distributions that provide it, for what the packages import from outside and cannot do without."""
     names = {name for package in packages for name in imported(repository / package)}
     providers = packages_distributions()
-    outside = names - set(sys.stdlib_module_names) - set(PACKAGES) - films(repository)
+    outside = names - set(sys.stdlib_module_names) - set(PACKAGES) - optional(repository)
     return {name: {canonicalize_name(provider) for provider in providers[name]} for name in outside}
 
 
@@ -49,8 +49,8 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
 
 
 def films(repository: Path) -> set[str]:
-    """Import names of the extra that films as .mp4 need, which may be missing."""
-    return {name.replace("-", "_") for name in requirements(repository, "video")}
+    """Import names of the extras that evaluation can do without: films as .mp4, clusters."""
+    return {name.replace("-", "_") for extra in ("video", "cluster") for name in requirements(repository, extra)}
 
 
 @pytest.fixture(scope="session")
@@ -169,4 +169,4 @@ def test_every_dependency_is_used(repository: Path) -> None:
     training = set().union(*third_party(repository, PACKAGES).values()) | INDIRECT
     assert requirements(repository) <= base
     assert requirements(repository, "train") <= training
-    assert films(repository) <= set(imported(repository / "evaluate"))
+    assert optional(repository) <= set(imported(repository / "evaluate"))

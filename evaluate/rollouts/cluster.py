@@ -62,9 +62,9 @@ def _connected(count: int, address: str | None) -> Any:
     if address is None:
         settings |= {"num_cpus": count, "object_store_memory": OBJECT_STORE, "include_dashboard": False}
     else:
-        settings |= {
-            "runtime_env": {"py_modules": [str(REPOSITORY / name) for name in NEEDED], "env_vars": ENVIRONMENT}
-        }
+        os.environ.setdefault("RAY_AUTH_MODE", "token")  # as `ray start` has it; a driver goes without by itself
+        sent = [str(REPOSITORY / name) for name in NEEDED]
+        settings |= {"runtime_env": {"py_modules": sent, "env_vars": ENVIRONMENT}}
     try:
         with worker_environment():
             ray.init(address=address or "local", **settings)
