@@ -48,7 +48,7 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
     return {canonicalize_name(Requirement(line).name) for line in listed}
 
 
-def films(repository: Path) -> set[str]:
+def optional(repository: Path) -> set[str]:
     """Import names of the extras that evaluation can do without: films as .mp4, clusters."""
     return {name.replace("-", "_") for extra in ("video", "cluster") for name in requirements(repository, extra)}
 

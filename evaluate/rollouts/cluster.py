@@ -56,13 +56,14 @@ def _connected(count: int, address: str | None) -> Any:
         raise NoCluster('--engine ray wants Ray: pip install -e ".[cluster]"')
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is reported to anybody
     os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
+    if address is not None:
+        os.environ.setdefault("RAY_AUTH_MODE", "token")  # as `ray start` has it; a driver goes without by itself
     import ray
 
     settings: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
     if address is None:
         settings |= {"num_cpus": count, "object_store_memory": OBJECT_STORE, "include_dashboard": False}
     else:
-        os.environ.setdefault("RAY_AUTH_MODE", "token")  # as `ray start` has it; a driver goes without by itself
         sent = [str(REPOSITORY / name) for name in NEEDED]
         settings |= {"runtime_env": {"py_modules": sent, "env_vars": ENVIRONMENT}}
     try:
