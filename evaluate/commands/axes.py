@@ -1,14 +1,16 @@
 """`python -m evaluate axes`: fall rates along the axes of disturbance, as a table and a picture."""
 
+import shlex
+import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
-from evaluate.commands.options import WALKING_POLICIES, Flag, available_cores
+from evaluate.commands.options import PROGRAM, WALKING_POLICIES, Flag, available_cores
 from evaluate.commands.options import Options as Comparison
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, check_numbers
 
 PICTURE = "fall_rates.svg"
 
@@ -31,6 +33,11 @@ class Options:
     """Carry on the interrupted run in the folder --out; give the same options again."""
     threads: int = available_cores()
     """Threads of the simulation (count; default: this machine's cores)."""
+    sequential: Flag = False
+    """After the levels of an axis each policy runs levels of its own, between those that bracket the severity at which
+    half of its episodes no longer succeed, or fall, until they are within 5 % of each other."""
+    budget: int = 2000
+    """Episodes of each policy on each axis that such levels may come to, those of the axis among them (count)."""
 
 
 def main(options: Options) -> int:
@@ -40,17 +47,39 @@ def main(options: Options) -> int:
 
     if unknown := [name for name in options.axes if name not in AXES]:
         raise UsageError(f"there is no axis {', '.join(unknown)}; the axes are {', '.join(AXES)}")
-    scenarios = tuple(f"{name}:all" for name in dict.fromkeys(options.axes or AXES))
-    others = {name: value for name, value in vars(options).items() if name != "axes"}
-    plan = check(Comparison(scenarios=scenarios, film=False, **others))
+    axes = dict.fromkeys(options.axes or AXES)
+    others = {name: value for name, value in vars(options).items() if name not in ("axes", "sequential", "budget")}
+    if options.sequential:
+        return _place_levels(options, tuple(axes), others)
+    plan = check(Comparison(scenarios=tuple(f"{name}:all" for name in axes), film=False, **others))
     from evaluate.commands.execution import execute
+    from evaluate.report.table import print_levels
+
+    return execute(plan, show=print_levels) or _draw(options)
+
+
+def _place_levels(options: Options, axes: tuple[str, ...], others: dict[str, Any]) -> int:
+    from evaluate.commands import placed_levels
+    from evaluate.commands.plan import check
+    from evaluate.records.store import is_unfinished, read_run
+
+    check_numbers(options, {"budget": (1, 10**9)})
+    if options.resume and not is_unfinished(options.out) and read_run(options.out).complete:
+        print(f"{options.out} holds the whole run: nothing is left to simulate", file=sys.stderr)
+        return _draw(options)
+    names = tuple(name for axis in axes for name in placed_levels.scenario_names(axis))
+    plan = check(Comparison(scenarios=names, film=False, **others))
+    words = ["axes", *axes, "--sequential", "--policies", *options.policies, "--episodes", str(options.episodes)]
+    words += ["--seed", str(options.seed), "--budget", str(options.budget), "--out", str(options.out), "--resume"]
+    return placed_levels.execute(plan, options.budget, f"{PROGRAM} {shlex.join(words)}") or _draw(options)
+
+
+def _draw(options: Options) -> int:
+    """The picture, in the folder of the finished run; the exit code."""
     from evaluate.commands.outputs import analysed
     from evaluate.records.store import read_run
     from evaluate.report.plots.curves import write_falls
-    from evaluate.report.table import print_levels
 
-    if code := execute(plan, show=print_levels):
-        return code
     picture = options.out / PICTURE
     try:
         write_falls(analysed(read_run(options.out)), picture)

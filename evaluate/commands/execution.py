@@ -41,7 +41,7 @@ def _execute(plan: Plan, show: Show) -> int:
     if not plan.options.resume and is_unfinished(out):
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
-    done, interrupted = _simulate(plan, store)
+    done, interrupted = simulate(plan, store)
     code = conclude(Run(manifest, tuple(done)), out, ending) if done else 0
     if not interrupted:
         remove_chunks(out)
@@ -51,7 +51,7 @@ def _execute(plan: Plan, show: Show) -> int:
     raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
 
 
-def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
+def simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
     """The cells that were finished, in the order of the run, and whether the user interrupted."""
     done: list[Cell] = []
     interrupted = False

@@ -73,6 +73,23 @@ def level_table(results: Results, axis: SeverityAxis) -> Table:
     return table
 
 
+def print_breaking_points(results: Results, console: Console) -> None:
+    """Print where half of the episodes no longer succeed, and fall: a policy a row, and how many levels it ran."""
+    for axis in severity_axes(results.cells):
+        table = console_table(f"[bold]{escape(axis.name)}[/bold]: {escape(axis.quantity)}")
+        for head in ("levels", *HALF.values()):
+            table.add_column(head, justify="right")
+        for policy in results.policies:
+            half = {
+                p.of: breaking_point_text(p)
+                for p in results.breaking_points
+                if (p.axis, p.policy) == (axis.name, policy)
+            }
+            ran = sum((level.name, policy) in results.summaries for level in axis.levels)
+            table.add_row(f" {escape(policy)}", str(ran), *(half.get(of, "") for of in HALF))
+        console.print(table)
+
+
 def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
     """Successes and falls in per cent: a scenario a row, a policy a column."""
     table = console_table(SHOWN, "scenario")
