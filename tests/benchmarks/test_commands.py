@@ -12,7 +12,7 @@ import pytest
 from benchmarks.support.command import WIDTH
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
-COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "growth", "rendering")
+COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "growth", "rendering", "breaking_points")
 
 
 def run(name: str, *arguments: object) -> int:
@@ -36,6 +36,14 @@ def figures(name: str, path: Path, printed: str) -> dict:
 def test_command_prints_and_keeps_its_figures(name: str, tmp_path: Path, capsys) -> None:
     assert run(name, "--quick", "--json", tmp_path / "kept.json") == 0
     assert figures(name, tmp_path / "kept.json", capsys.readouterr().out)
+
+
+def test_breaking_points_stand_by_sets_of_levels(tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 120)
+    assert run("breaking_points", "--quick", "--json", tmp_path / "kept.json") == 0
+    found = figures("breaking_points", tmp_path / "kept.json", capsys.readouterr().out)["push, stand"]
+    assert list(found) == ["levels", "every other", "middles", "placed", "reference"]
+    assert [point["of"] for point in found["reference"]] == ["falls", "success"]
 
 
 def test_single_env_figures_are_those_of_its_rounds(tmp_path: Path, capsys) -> None:
