@@ -12,6 +12,7 @@ from policies.base import CONTROL_PERIOD, Policy, PolicyError, Stand
 from policies.bases import BASES
 from policies.behaviour import Behaviour
 from policies.bundle import load
+from policies.foreign import Foreign, is_reference
 from policies.residual import ResidualPolicy
 from policies.safety import Safe, SafetyLimits
 from policies.trot.open_loop import Trot
@@ -82,25 +83,35 @@ def resolve(
     robot: Robot = SIMPLE_QUAD,
     control_period: float = CONTROL_PERIOD,
     actuator: str | Actuator = "ideal",
+    trust: bool = False,
 ) -> Policy:
-    """A fresh policy by name, see `make`, else from the bundle in the folder of that path. Raises PolicyError."""
-    if isinstance(name_or_path, str) and name_or_path.removeprefix(SAFE) in _MAKERS:
-        return make(name_or_path, robot=robot, control_period=control_period, actuator=actuator)
+    """A fresh policy by name, see `make`, else from the bundle in the folder of that path, or from outside, see
+    `Foreign`; `trust` lets it load files in which code can be hidden. Raises PolicyError.
+    """
+    text = str(name_or_path)
+    if is_reference(inner := text.removeprefix(SAFE)):
+        policy: Policy = Foreign(inner, robot=robot, control_period=control_period, trust=trust)
+        return Safe(policy, SafetyLimits.of(robot, actuator)) if text.startswith(SAFE) else policy
+    if text.removeprefix(SAFE) in _MAKERS:
+        return make(text, robot=robot, control_period=control_period, actuator=actuator)
     if Path(name_or_path).is_dir():
         return _loaded(name_or_path, robot, control_period)
     raise PolicyError(
-        f"no policy {str(name_or_path)!r}: name one of {', '.join(names())}, or the folder of a trained policy"
+        f"no policy {text!r}: name one of {', '.join(names())}, the folder of a trained policy, or a policy of yours: "
+        "my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3"
     )
 
 
 __all__ = [
     "Behaviour",
+    "Foreign",
     "Policy",
     "PolicyError",
     "ResidualPolicy",
     "Safe",
     "Stand",
     "Trot",
+    "is_reference",
     "load",
     "make",
     "names",

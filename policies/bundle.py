@@ -7,7 +7,7 @@ must be those of this environment, since a network that reads others would only 
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NoReturn
@@ -93,26 +93,35 @@ def load(path: str | Path) -> ResidualPolicy:
 
     Raises PolicyError, one line, if anything is missing, damaged or does not fit.
     """
-    folder = _bundle(Path(path))
-    description = _parse(folder / DESCRIPTION)
-    robot, control_period = _made_for(folder, description)
-    _check_environment(folder, description, robot)
-    weights = _read(folder / WEIGHTS)
-    if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
-        _fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
+    folder = folder_of(Path(path))
+    description = parsed(folder, _read(folder / DESCRIPTION))
+
+    def network(inputs: int, outputs: int) -> Network:
+        weights = _read(folder / WEIGHTS)
+        if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
+            _fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
+        return network_of(folder, description["network"], _parse_weights(folder, weights), inputs, outputs)
+
+    return assembled(folder, description, network)
+
+
+def assembled(place: Path, description: dict[str, Any], network: Callable[[int, int], Network]) -> ResidualPolicy:
+    """The policy of a description, with the network of so many inputs and outputs. Raises PolicyError."""
+    robot, control_period = _made_for(place, description)
+    _check_environment(place, description, robot)
     try:
         base = described(description["base"], robot, control_period)
     except ValueError as error:
-        _fail(folder, str(error))
-    network = _network(folder, description["network"], weights, feature_count(base), robot.num_joints)
+        _fail(place, str(error))
+    corrects = network(feature_count(base), robot.num_joints)
     name = description["name"]
     if not isinstance(name, str) or not name:
-        _fail(folder, "name must be a non-empty text")
-    return ResidualPolicy(base, network, _authority(folder, description["authority"], robot.num_joints), name)
+        _fail(place, "name must be a non-empty text")
+    return ResidualPolicy(base, corrects, _authority(place, description["authority"], robot.num_joints), name)
 
 
-def _bundle(folder: Path) -> Path:
-    """Where the bundle lies that a folder's name stands for."""
+def folder_of(folder: Path) -> Path:
+    """Where the bundle lies that a folder's name stands for. Raises PolicyError."""
     if (folder / DESCRIPTION).exists():
         return folder
     if (folder / BEST).is_dir():
@@ -136,21 +145,20 @@ def _read(file: Path) -> bytes:
         _fail(file.parent, f"{file.name} cannot be read ({error.strerror})")
 
 
-def _parse(file: Path) -> dict[str, Any]:
-    """The description with exactly the fields of its schema; their contents are yet to be checked."""
-    content = _read(file)
+def parsed(place: Path, content: bytes) -> dict[str, Any]:
+    """The description with exactly the fields of its schema, whose contents are yet to be checked; PolicyError."""
     try:
         description = json.loads(content)
     except (ValueError, RecursionError):
-        _fail(file.parent, f"{file.name} is not JSON")
+        _fail(place, f"{DESCRIPTION} is not JSON")
     if not isinstance(description, dict):
-        _fail(file.parent, f"{file.name} must hold an object")
+        _fail(place, f"{DESCRIPTION} must hold an object")
     if description.get("schema_version") != SCHEMA_VERSION:
-        _fail(file.parent, f"schema_version must be {SCHEMA_VERSION}, not {description.get('schema_version')!r}")
+        _fail(place, f"schema_version must be {SCHEMA_VERSION}, not {description.get('schema_version')!r}")
     if missing := sorted(_FIELDS - set(description)):
-        _fail(file.parent, f"{file.name} lacks {', '.join(missing)}")
+        _fail(place, f"{DESCRIPTION} lacks {', '.join(missing)}")
     if unknown := sorted(set(description) - _FIELDS - set(_LATER_FIELDS)):
-        _fail(file.parent, f"{file.name} has unknown fields {', '.join(unknown)}")
+        _fail(place, f"{DESCRIPTION} has unknown fields {', '.join(unknown)}")
     return _LATER_FIELDS | description
 
 
@@ -174,7 +182,8 @@ def _made_for(folder: Path, description: dict[str, Any]) -> tuple[Robot, float]:
     return _ROBOTS[robot], float(control_period)
 
 
-def _network(folder: Path, shape: Any, weights: bytes, inputs: int, outputs: int) -> Network:
+def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], inputs: int, outputs: int) -> Network:
+    """The network of a description and of tensors by name. Raises PolicyError."""
     if not isinstance(shape, dict) or set(shape) != {"sizes", "activation"}:
         _fail(folder, "network must have sizes and activation")
     sizes, activation = shape["sizes"], shape["activation"]
@@ -184,7 +193,6 @@ def _network(folder: Path, shape: Any, weights: bytes, inputs: int, outputs: int
         _fail(folder, f"network sizes must lead from {inputs} inputs to {outputs} outputs")
     if not isinstance(activation, str) or activation not in ACTIVATIONS:
         _fail(folder, f"activation must be one of {', '.join(sorted(ACTIVATIONS))}")
-    tensors = _parse_weights(folder, weights)
     layers = list(enumerate(pairwise(sizes)))
     expected = {f"{i}.weight": pair for i, pair in layers} | {f"{i}.bias": pair[1:] for i, pair in layers}
     if {key: value.shape for key, value in tensors.items()} != expected:

@@ -22,7 +22,9 @@ class Options:
     axes: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
     """Names of axes, such as push; all of them when none is named."""
     policies: tuple[str, ...] = WALKING_POLICIES
-    """Names of policies, or folders of trained ones."""
+    """Names of policies, folders of trained ones, or files, as of python -m evaluate."""
+    trust: Flag = False
+    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
     episodes: int = 64
     """Episodes of 10 s of each policy at each level (count)."""
     seed: int = 0
@@ -70,7 +72,16 @@ def _place_levels(options: Options, axes: tuple[str, ...], others: dict[str, Any
     names = tuple(name for axis in axes for name in placed_levels.scenario_names(axis))
     plan = check(Comparison(scenarios=names, film=False, **others))
     words = ["axes", *axes, "--sequential", "--policies", *options.policies, "--episodes", str(options.episodes)]
-    words += ["--seed", str(options.seed), "--budget", str(options.budget), "--out", str(options.out), "--resume"]
+    words += [
+        "--seed",
+        str(options.seed),
+        "--budget",
+        str(options.budget),
+        "--out",
+        str(options.out),
+        "--resume",
+        *(["--trust"] if options.trust else []),
+    ]
     return placed_levels.execute(plan, options.budget, f"{PROGRAM} {shlex.join(words)}") or _draw(options)
 
 

@@ -16,7 +16,7 @@ PROGRAM = "python -m evaluate"
 WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "residual")
 DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
-CHANGE_NO_FIGURE = ("out", "threads", "at_once", "engine", "address", "resume", "gate", "baseline", "film")
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "engine", "address", "resume", "gate", "baseline", "film", "trust")
 """Options that a run may be carried on with as one likes."""
 
 
@@ -31,7 +31,10 @@ class Options:
 
     policies: tuple[str, ...] = DEFAULT_POLICIES
     """Names of policies, or folders of trained ones such as models/residual; document@flat runs on that scenario alone.
+    Or one of yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3 (with --trust).
     Folders seed-<number> of one parent count as training seeds of one run, whose spread is reported apart."""
+    trust: Flag = False
+    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
     such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), or a quad_env.Scenario in

@@ -4,10 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 # Functions import the first three when they need them: here too, so that no interrupt comes in the middle of an import.
 import matplotlib.backends.backend_svg
 import matplotlib.figure  # noqa: F401
+import numpy as np
 import scipy.stats  # noqa: F401
 from rich.console import Console
 
@@ -20,6 +22,7 @@ from evaluate.records.store import Run
 from evaluate.report import junit, markdown
 from evaluate.report.page import write_report
 from evaluate.report.table import print_results
+from evaluate.rollouts.experiment import Cell, failure_reasons
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import counted
 from evaluate.terminal.launcher import silence_stdout
@@ -63,6 +66,8 @@ class Ending:
     """Policy that the others are measured against; None is the usual one."""
     film: bool = False
     """Whether the report shows one; not of an interrupted run, which is to end soon."""
+    trust: bool = False
+    """Whether the policies that it shows may be loaded from files in which code can be hidden."""
 
 
 def conclude(run: Run, folder: Path, ending: Ending) -> int:
@@ -75,16 +80,18 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     verdicts = judge(ending.gates, results) if run.complete else []
     console = Terminal()
     failures = _tried("the table", partial(_print, results, verdicts, ending, console))
+    failures = failures or _tried("the table", partial(_print_failures, run.cells, console))
     if failures:
         console.on_broken_pipe()
     film = ending.film and run.complete
-    made_by = command(run.manifest.options), run.manifest.date
+    about: dict[str, Any] = {"trust": ending.trust, "verdicts": verdicts}
+    about["made_by"] = command(run.manifest.options), run.manifest.date
     for name, write in (
         ("results.json", partial(write_json, results)),
         ("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)),
         ("report.md", partial(markdown.write, results, verdicts=verdicts)),
         *([("junit.xml", partial(junit.write, verdicts))] if verdicts else []),
-        ("report.html", partial(write_report, results, film=film, verdicts=verdicts, made_by=made_by)),
+        ("report.html", partial(write_report, results, film=film, **about)),
     ):
         path = folder / name
         failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(_print_path, console, path))
@@ -102,6 +109,15 @@ def _print(results: Results, verdicts: Sequence[Verdict], ending: Ending, consol
     if verdicts and passed(verdicts):
         places = counted(len({verdict.scenario for verdict in verdicts}), "scenario")
         console.print(f"every gate holds, on {places}", highlight=False)
+
+
+def _print_failures(cells: Sequence[Cell], console: Console) -> None:
+    """A line for each policy that failed in some episodes."""
+    for policy in dict.fromkeys(cell.policy for cell in cells):
+        reasons = np.concatenate([failure_reasons(cell) for cell in cells if cell.policy == policy])
+        if found := [reason for reason in reasons if reason is not None]:
+            line = f"{policy} failed in {len(found)} of {counted(len(reasons), 'episode')}; in the first it {found[0]}"
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _print_path(console: Console, path: Path) -> None:

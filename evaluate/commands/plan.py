@@ -54,7 +54,7 @@ def check(options: Options) -> Plan:
         hardware.check(options.hardware)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    compared = policies_asked_for(options.policies, scenarios, options.hardware)
+    compared = policies_asked_for(options.policies, scenarios, options.hardware, options.trust)
     labels = [policy.label for policy in compared]
     found = check_gates(options.gate, labels, scenarios)
     check_baseline(options.baseline, labels)
@@ -74,7 +74,7 @@ def check(options: Options) -> Plan:
 
 
 def policies_asked_for(
-    names: tuple[str, ...], scenarios: Sequence[Scenario], hardware: Hardware
+    names: tuple[str, ...], scenarios: Sequence[Scenario], hardware: Hardware, trust: bool = False
 ) -> tuple[LabelledPolicy, ...]:
     """The policies of these names, each with the scenarios that it is limited to. Raises UsageError."""
     if not names:
@@ -88,14 +88,14 @@ def policies_asked_for(
     _check_distinct([label for label, _ in asked])
     _check_scenarios(asked, [scenario.name for scenario in scenarios])
     try:
-        return tuple(LabelledPolicy(label, hardware.policy(label), only) for label, only in asked)
+        return tuple(LabelledPolicy(label, hardware.policy(label, trust), only) for label, only in asked)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error
 
 
 def _parts(name: str) -> tuple[str, tuple[str, ...]]:
     """Label, and the scenarios that it is limited to; a folder's name may have an @ of its own."""
-    label, _, scenarios = (name, "", "") if Path(name).is_dir() else name.partition("@")
+    label, _, scenarios = (name, "", "") if Path(name).is_dir() or policies.is_reference(name) else name.partition("@")
     known = label in policies.names()
     return label if known else label.rstrip("/\\") or label, tuple(filter(None, scenarios.split(",")))
 

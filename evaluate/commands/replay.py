@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 import policies
+from evaluate.commands.options import Flag
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import table
 from evaluate.records.manifest import Manifest
@@ -36,6 +37,8 @@ class Options:
     """Policy whose episode it is; may be left out where there is only one."""
     scenario: str | None = None
     """Scenario whose episode it is; may be left out where there is only one."""
+    trust: Flag = False
+    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
     video: Path | None = None
     """Film to write, in real time: .mp4 (needs imageio-ffmpeg), .webp, .gif, or .png for a strip of frames."""
 
@@ -62,16 +65,17 @@ def main(options: Options) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
     run = read_run(options.results)
     found = find(run, options)
-    policy = _policy(found.cell.policy, run.manifest)
+    policy = _policy(found.cell.policy, run.manifest, options.trust)
     if options.video is not None:
         film.check_kind(options.video)
         make_folder_of(options.video, "--video")
     differing = differences(run.manifest, found, policy)
+    causes = _causes(run.manifest, found, options.trust) if differing else []
     if not differing:
         print(f"{found.title}, seed {found.seed}: identical to the bit")
     else:
         print(f"{found.title}, seed {found.seed}, is not as stored:", *differing, sep="\n  ")
-        print(f"because {'; '.join(_causes(run.manifest, found)) or 'of something that leaves no trace'}")
+        print(f"because {'; '.join(causes) or 'of something that leaves no trace'}")
     if options.video is not None:
         _film(options.video, run.manifest, found, policy)
     return DIFFERS if differing else 0
@@ -124,17 +128,17 @@ def differences(manifest: Manifest, found: Found, policy: LabelledPolicy) -> lis
     return [f"{name}: {then[name]} then, {now[name]} now" for name in then if repr(then[name]) != repr(now[name])]
 
 
-def _causes(then: Manifest, found: Found) -> list[str]:
+def _causes(then: Manifest, found: Found, trust: bool) -> list[str]:
     """What is known to be different now; of a policy that has not walked yet."""
-    policies_now, scenarios = [_policy(found.cell.policy, then)], [found.cell.scenario]
+    policies_now, scenarios = [_policy(found.cell.policy, then, trust)], [found.cell.scenario]
     numbers = {"seed": then.seed, "episodes": then.episodes, "threads": 1}
     now = manifests.manifest(policies_now, scenarios, then.options, **numbers, hardware=then.hardware)
     return manifests.differences(then, replace(now, steps=then.steps))
 
 
-def _policy(label: str, manifest: Manifest) -> LabelledPolicy:
+def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
     try:
-        return LabelledPolicy(label, manifest.hardware.policy(label))
+        return LabelledPolicy(label, manifest.hardware.policy(label, trust))
     except policies.PolicyError as error:
         raise UsageError(f"the policy of that episode is not here: {error}") from error
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from evaluate.commands.options import Flag
 from evaluate.terminal.command_line import UsageError
 
 
@@ -23,6 +24,8 @@ class Options:
     """Policy that the others are measured against; by default trot, or without it the policy named first."""
     film: bool = True
     """Whether report.html shows a film of one episode."""
+    trust: Flag = False
+    """Film policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
 
 
 def main(options: Options) -> int:
@@ -40,7 +43,7 @@ def main(options: Options) -> int:
         raise UsageError(f"--gate: {options.folder} holds an unfinished run; carry it on with --resume")
     gates = check_gates(options.gate, list(run.manifest.policies), run.manifest.scenarios)
     check_baseline(options.baseline, list(run.manifest.policies))
-    ending = Ending(gates=gates, baseline=options.baseline, film=options.film)
+    ending = Ending(gates=gates, baseline=options.baseline, film=options.film, trust=options.trust)
     try:
         with sole_use(options.folder):
             code = conclude(run, options.folder, ending)

@@ -101,6 +101,8 @@ class Episodes:
     """Largest torque of a joint, N·m."""
     after_falls: bool = False
     """Whether robots went on after their fall, and their record with them."""
+    failure: NDArray[np.object_] | None = None
+    """Why the policy failed each robot before any fall, (n,), None where it did not; None of what cannot fail."""
 
     @property
     def steps(self) -> int:
@@ -111,6 +113,12 @@ class Episodes:
     def count(self) -> int:
         """How many episodes."""
         return len(self.seeds)
+
+    @property
+    def failed(self) -> Bools:
+        """Which robots the policy failed before any fall, (n,)."""
+        reasons = [None] * self.count if self.failure is None else self.failure.tolist()
+        return np.array([reason is not None for reason in reasons], np.bool_)
 
     @property
     def diverged(self) -> Bools:

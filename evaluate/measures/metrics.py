@@ -106,6 +106,7 @@ def outcome(episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE]) -> NDAr
         fell=fell,
         diverged=episodes.diverged,
         stopped=_stopped(episodes, upright, fell),
+        failed=episodes.failed,
         commands=np.stack([command[window.start] for window in windows], axis=1),
         velocities=tracking.mean_velocities(velocity, upright, windows),
         durations=np.array([window.stop - window.start for window in windows], np.float64),

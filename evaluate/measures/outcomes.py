@@ -79,6 +79,7 @@ def outcomes(
     fell: Bools,
     diverged: Bools,
     stopped: Bools,
+    failed: Bools | None = None,
     commands: Floats,
     velocities: Floats,
     durations: Floats | None = None,
@@ -90,6 +91,7 @@ def outcomes(
         fell: which ended by the fall rule or a divergence, (n,).
         diverged: which of them diverged, (n,).
         stopped: which a safety layer brought to a controlled stop, (n,); touching the ground then is no fall.
+        failed: which the policy failed before any fall, (n,), such as by an exception; none by default.
         commands: of each command interval, (n, k, 3), forward m/s, lateral m/s, yaw rate rad/s.
         velocities: mean velocities of each interval after its first second, (n, k, 3), heading frame.
         durations: of the intervals, (k,); equal by default.
@@ -102,6 +104,8 @@ def outcomes(
     out[kept] = SUCCEEDED
     out[fell & ~stopped] = FELL
     out[fell & stopped] = REFUSED
+    if failed is not None:
+        out[failed] = REFUSED
     out[diverged] = DIVERGED
     return out
 

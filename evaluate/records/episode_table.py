@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import outcomes
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import Cell, failure_reasons
 from policies.files import write_atomically
 from quad_env.scenarios.named import Scenario
 
 MEASURES = tuple(field.name for field in fields(Measures))
-FIRST = ("outcome", "fell", "fall_reason", "fall_time", "diverged")
+FIRST = ("outcome", "fell", "fall_reason", "failure", "fall_time", "diverged")
 """Columns that stand before the other measures."""
 RUN = b"run"
 """Key of the table's metadata: the fingerprint of the run that its rows belong to."""
@@ -35,7 +35,7 @@ def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
     Measures of an interval are lists: `commands` and `mean_velocities` hold forward m/s, lateral m/s, yaw rate rad/s.
     """
     count, named = cell.episodes, {name: getattr(cell.measures, name) for name in MEASURES}
-    named["fall_reason"] = cell.fall_reason
+    named |= {"fall_reason": cell.fall_reason, "failure": failure_reasons(cell)}
     columns = {
         "policy": pa.array([cell.policy] * count, pa.string()),
         "scenario": pa.array([cell.scenario.name] * count, pa.string()),
@@ -61,6 +61,7 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
         seeds=rows.column("seed").to_numpy(),
         fall_reason=np.array(rows.column("fall_reason").to_pylist(), dtype=object),
         measures=Measures(**{name: _values(rows, name) for name in MEASURES}),
+        failure=np.array(rows.column("failure").to_pylist(), dtype=object) if "failure" in rows.column_names else None,
     )
 
 

@@ -83,6 +83,8 @@ def write(episodes: Episodes, header: Header, path: Path) -> None:
     wanted = shapes(episodes.robot) if header.kind == "full" else COMPACT
     signals = [name for name in wanted if getattr(episodes, name) is not None]
     table: dict[str, Any] = {name: getattr(episodes, name).tolist() for name in PER_EPISODE}
+    if episodes.failure is not None:
+        table["failure"] = pa.array(episodes.failure.tolist(), pa.string())
     for name in signals:
         rows = np.moveaxis(np.moveaxis(getattr(episodes, name), 1, 0), 1, -1)
         table[name] = pa.FixedSizeListArray.from_arrays(pa.array(rows.ravel()), rows[0].size)
@@ -117,6 +119,8 @@ def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
     signals = {name: _signal(table, robot, name, steps, count) for name in shapes(robot)}
     whole = {name: np.array(table[name].to_pylist(), dtype=kind) for name, kind in PER_EPISODE.items()}
     whole["push_impulse"] = whole["push_impulse"].reshape(*whole["push_step"].shape, 2)
+    if "failure" in table.column_names:
+        whole["failure"] = np.array(table["failure"].to_pylist(), dtype=object)
     return header, Episodes(robot=robot, **signals, **whole, **about["numbers"])  # type: ignore[arg-type]
 
 

@@ -36,11 +36,13 @@ class Shot:
     seed: int
     first_step: int
     hardware: Hardware = IDEAL
+    trust: bool = False
+    """Whether its policy may be loaded from a file in which code can be hidden."""
 
 
 def film(shot: Shot) -> bytes:
     """The frames one below the other, as WebP; a fallen robot is shown where it lies."""
-    policy, seeds = shot.hardware.policy(shot.policy), np.array([shot.seed])
+    policy, seeds = shot.hardware.policy(shot.policy, shot.trust), np.array([shot.seed])
     steps = shot.first_step + FRAMES * STEPS_PER_FRAME
     with closing(Frames(STEPS_PER_FRAME, shot.first_step + 1, width=WIDTH, height=HEIGHT)) as frames:
         roll_out(policy, shot.scenario, seeds, frames, steps=steps, terminate_on_fall=False, hardware=shot.hardware)

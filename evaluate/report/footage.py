@@ -46,8 +46,8 @@ class Take:
     """Those that ran it."""
 
 
-def footage(results: Results) -> str:
-    """The section with the film, or with the reason why there is none."""
+def footage(results: Results, trust: bool = False) -> str:
+    """The section with the film, or with the reason why there is none; see `Shot.trust`."""
     take = choose(results)
     if take is None:
         return ""
@@ -57,7 +57,7 @@ def footage(results: Results) -> str:
         "on level ground that splits the policies most evenly into fallen and not, about the last fall."
     )
     try:
-        strips = shoot(take, results.hardware)
+        strips = shoot(take, results.hardware, trust)
     except NoFilm as reason:
         return section("The same episode", note(f"No film: {reason}."))
     tiles = (
@@ -75,9 +75,9 @@ def choose(results: Results) -> Take | None:
     return min(takes, key=lambda take: take[0])[1] if takes else None
 
 
-def shoot(take: Take, hardware: Hardware) -> list[bytes]:
+def shoot(take: Take, hardware: Hardware, trust: bool = False) -> list[bytes]:
     """The strips of frames of its policies; NoFilm says why there are none."""
-    shots = [Shot(name, take.scenario, take.seed, take.first_step, hardware) for name in take.policies]
+    shots = [Shot(name, take.scenario, take.seed, take.first_step, hardware, trust) for name in take.policies]
     paths = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "evaluate.report.camera", folder]

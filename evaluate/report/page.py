@@ -37,19 +37,35 @@ Origin = tuple[str, str]
 
 
 def write_report(
-    results: Results, path: Path, *, film: bool = False, verdicts: Sequence[Verdict] = (), made_by: Origin = ("", "")
+    results: Results,
+    path: Path,
+    *,
+    film: bool = False,
+    trust: bool = False,
+    verdicts: Sequence[Verdict] = (),
+    made_by: Origin = ("", ""),
 ) -> None:
-    """Write report.html; filming takes a few seconds, and the page says why where it is impossible."""
-    write_atomically(path, render(results, path.parent, film=film, verdicts=verdicts, made_by=made_by).encode())
+    """Write report.html; filming takes a few seconds, and the page says why where it is impossible.
+
+    `trust`, of the filmed policies: see `evaluate.report.camera.Shot`.
+    """
+    page = render(results, path.parent, film=film, trust=trust, verdicts=verdicts, made_by=made_by)
+    write_atomically(path, page.encode())
 
 
 def render(
-    results: Results, folder: Path, *, film: bool = False, verdicts: Sequence[Verdict] = (), made_by: Origin = ("", "")
+    results: Results,
+    folder: Path,
+    *,
+    film: bool = False,
+    trust: bool = False,
+    verdicts: Sequence[Verdict] = (),
+    made_by: Origin = ("", ""),
 ) -> str:
     """The whole page; `folder` is where the results are, for the commands that the page names."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings(), ThreadPoolExecutor(1) as beside:
-        shown = beside.submit(footage, results) if film else None
+        shown = beside.submit(footage, results, trust) if film else None
         sections = [
             _outcome(results),
             success(results),

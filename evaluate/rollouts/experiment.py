@@ -42,6 +42,8 @@ class Cell:
     seeds: NDArray[np.int64]
     fall_reason: NDArray[np.object_]
     measures: Measures
+    failure: NDArray[np.object_] | None = None
+    """Why the policy failed in each episode, (n,), None where it did not; None where nothing is known of it."""
 
     @property
     def episodes(self) -> int:
@@ -177,7 +179,8 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
     )
     if task.trace is not None:
         task.trace(label, task.scenario, int(task.numbers[0]), episodes)
-    return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, episodes.fall_reason, measure(episodes)))
+    measured = episodes.fall_reason, measure(episodes), episodes.failure
+    return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, *measured))
 
 
 class _PendingCell:
@@ -241,7 +244,13 @@ def join(chunks: Sequence[Chunk]) -> Cell:
         seeds=np.concatenate([cell.seeds for cell in cells])[order],
         fall_reason=np.concatenate([cell.fall_reason for cell in cells])[order],
         measures=Measures(**joined),
+        failure=np.concatenate([failure_reasons(cell) for cell in cells])[order],
     )
+
+
+def failure_reasons(cell: Cell) -> NDArray[np.object_]:
+    """Why the policy failed in each episode of a cell, (n,); None where it did not."""
+    return np.full(cell.episodes, None, dtype=object) if cell.failure is None else cell.failure
 
 
 def evaluation_seeds(seed: int, count: int) -> NDArray[np.int64]:

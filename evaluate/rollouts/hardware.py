@@ -22,11 +22,11 @@ class Hardware:
 
         return SIMPLE_QUAD
 
-    def policy(self, name_or_path: str) -> "Policy":
-        """A fresh policy for that robot, by name or path; PolicyError if there is none."""
+    def policy(self, name_or_path: str, trust: bool = False) -> "Policy":
+        """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none."""
         import policies
 
-        return policies.resolve(name_or_path, robot=self.robot, actuator=self.actuator)
+        return policies.resolve(name_or_path, robot=self.robot, actuator=self.actuator, trust=trust)
 
 
 IDEAL = Hardware()

@@ -114,6 +114,7 @@ class _Recorder:
     def __init__(self, policy: Policy, seeds: NDArray[np.int64], steps: int) -> None:
         self._policy, self._seeds, self._steps = policy, seeds, steps
         self._falls = Falls(len(seeds), steps)
+        self._failure = np.full(len(seeds), None, dtype=object)
 
     def __call__(self, step: Step) -> None:
         if step.number == 0:
@@ -122,6 +123,8 @@ class _Recorder:
             names = [name for name in shapes(robot) if name not in absent]
             self._signals = {name: blank(robot, name, self._steps, len(self._seeds)) for name in names}
             return
+        if (failure := getattr(self._policy, "failure", None)) is not None:
+            self._failure = np.where(self._falls.fell, self._failure, failure)
         self._falls(step)
         for name, signal in self._signals.items():
             signal[step.number - 1] = getattr(self._policy, name) if name in OF_POLICY else step.infos[name]
@@ -144,4 +147,5 @@ class _Recorder:
             torque_limit=float(env.simulation.model.actuator_forcerange.max()),
             dt=env.dt,
             command_steps=round(env.scenario.commands.interval / env.dt),
+            failure=self._failure,
         )

@@ -7,8 +7,10 @@ picture, in which the policies move side by side.
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 from PIL import Image, ImageDraw
 
 import policies
@@ -36,7 +38,9 @@ class Options:
     """Draw policies walking."""
 
     policies: tuple[str, ...] = ("document_repaired", "trot", "trot_feedback", "residual")
-    """Names or folders of trained policies."""
+    """Names of policies, folders of trained ones, or files, as of python -m evaluate."""
+    trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
     scenarios: tuple[str, ...] = ("flat", "push", "rough")
     """Names of scenarios."""
     out: Path = Path("results/walking.png")
@@ -90,7 +94,7 @@ def _check(options: Options) -> None:
     if not options.policies or not options.scenarios:
         raise UsageError("--policies and --scenarios must each name at least one")
     for policy in options.policies:
-        policies.resolve(policy)
+        policies.resolve(policy, trust=options.trust)
     try:
         for scenario in options.scenarios:
             quad_env.scenario(scenario)
@@ -118,7 +122,8 @@ def walk(policy: str, scenario: str, options: Options) -> list[Frame]:
     """Frames of one episode, with its name on the first, or on all that are to move; a fallen robot lies there."""
     first, every = 1 + round(options.start / CONTROL_PERIOD), round(options.period / CONTROL_PERIOD)
     with closing(Frames(every, first, width=SAMPLES * WIDTH, height=SAMPLES * HEIGHT, camera=options.camera)) as frames:
-        steps, how = first + (options.count - 1) * every, (policies.resolve(policy), scenario, np.array([options.seed]))
+        steps, found = first + (options.count - 1) * every, policies.resolve(policy, trust=options.trust)
+        how = found, scenario, np.array([options.seed])
         roll_out(*how, frames, steps=steps, command=options.command, terminate_on_fall=False)
     taken = frames.taken + frames.taken[-1:] * (options.count - len(frames.taken))
     label = f"{policy}, {scenario}"

@@ -99,6 +99,11 @@ class Safe(Policy):
         self._allocate(1)
 
     @property
+    def failure(self) -> NDArray[np.object_] | None:
+        """Why its policy failed each robot, (n,), see `policies.Foreign`; None of a policy that does not tell."""
+        return getattr(self.policy, "failure", None)
+
+    @property
     def mode(self) -> NDArray[np.int8]:
         """`Mode` of each robot, (n,), a copy."""
         return self._mode.copy()

@@ -1,9 +1,13 @@
 """A policy in a process of its own, watched from outside: whatever it does, an answer is there in time."""
 
+import contextlib
 import multiprocessing
+import os
+import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from multiprocessing import connection as connections
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -55,6 +59,10 @@ class Watched(Policy):
         self._process: Any = None
         self._connection: Connection | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy, such as one for another process, has no process yet."""
+        return vars(self) | {"_process": None, "_connection": None}
+
     def close(self) -> None:
         """End the process."""
         if self._process is not None:
@@ -71,31 +79,37 @@ class Watched(Policy):
         super().reset(num_envs, seed)
         if self._process is None:
             self._launch()
-        self._ask(("reset", num_envs, seed), START_TIMEOUT)
+        self.ask(("reset", num_envs, seed), START_TIMEOUT)
 
     def _launch(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, self._make), daemon=True)
-        self._process.start()
+        with _deaf_to_ctrl_c():
+            self._process.start()
         theirs.close()
-        self._ask(("check_fits", self.robot, self.control_period), START_TIMEOUT)
+        self.ask(("check_fits", self.robot, self.control_period), START_TIMEOUT)
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         if self._process is None:
             self._launch()
-            self._ask(("reset", self.num_envs, None), START_TIMEOUT)
+            self.ask(("reset", self.num_envs, None), START_TIMEOUT)
         else:
-            self._ask(("reset_where", mask), self._deadline)
+            self.ask(("reset_where", mask), self._deadline)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         if self._process is None:
             raise PolicyProcessError("the policy's process is not running; reset starts it")
-        answer: Actions = self._ask(("act", observation), self._deadline)
+        answer: Actions = self.ask(("act", observation), self._deadline)
         return answer
 
-    def _ask(self, question: tuple[object, ...], patience: float) -> Any:
-        """The process's answer; the process is ended unless it comes within `patience` s."""
+    def ask(self, question: tuple[object, ...], patience: float) -> Any:
+        """What a method of the policy, named first, gives for the arguments after it, in a process begun if need be.
+
+        The process is ended unless the answer comes within `patience` s.
+        """
+        if self._process is None:
+            self._launch()
         connection, process = self._connection, self._process
         assert connection is not None
         began = time.perf_counter()
@@ -119,15 +133,43 @@ class Watched(Policy):
         return answer
 
 
-def _serve(connection: Connection, make: Callable[[], Policy]) -> None:
-    """Answer questions until the connection closes; an exception is an answer too."""
+@contextlib.contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Processes begun now never hear Ctrl-C, not even while they load."""
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
     try:
-        policy = make()
+        yield
+    finally:
+        if blocked is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+def _serve(connection: Connection, make: Callable[[], Policy]) -> None:
+    """Answer questions until the connection closes; an exception is an answer too.
+
+    Ctrl-C is for the process that began this one, and this one ends with that, even while its policy hangs.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
+    try:
+        try:
+            policy = make()
+        except Exception as error:
+            connection.recv()
+            connection.send((f"{type(error).__name__}: {error}", None))
+            return
         while True:
             call, *arguments = connection.recv()
             try:
                 connection.send((None, getattr(policy, call)(*arguments)))
             except Exception as error:
                 connection.send((f"{type(error).__name__}: {error}", None))
-    except (EOFError, OSError, KeyboardInterrupt):
+    except (EOFError, OSError):
         return
+
+
+def _exit_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    connections.wait([parent.sentinel])
+    os._exit(1)

@@ -6,8 +6,10 @@ The threshold is what undisturbed walking stays below, by a margin. All episodes
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 from rich.progress import Progress
 
@@ -32,7 +34,9 @@ class Options:
     """Fit the fall predictor."""
 
     policies: tuple[str, ...] = ("trot",)
-    """Names of the policies that must not cause alarms."""
+    """Policies that must not cause alarms: names, or files, as of python -m evaluate."""
+    trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
     hours: float = number(1.0, limits=(0.001, 1000.0))
     """Undisturbed walking of each policy."""
     seed: int = number(0, limits=(0, 2**31))
@@ -52,7 +56,7 @@ def main(options: Options) -> int:
     with Progress() as progress:
         task = progress.add_task("walking", total=len(options.policies) * len(chunks) * STEPS)
         largest = max(
-            undisturbed(policies.resolve(name), chunk, lambda _: progress.advance(task))
+            undisturbed(policies.resolve(name, trust=options.trust), chunk, lambda _: progress.advance(task))
             for name in options.policies
             for chunk in chunks
         )

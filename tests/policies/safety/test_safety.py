@@ -176,7 +176,7 @@ def test_watched_policy_gives_the_bits_of_the_policy_and_its_exceptions_by_name(
                 watched.reset_where(np.array([True, False])), plain.reset_where(np.array([True, False]))
             assert watched.act(row).tobytes() == plain.act(row).tobytes()
         with pytest.raises(PolicyProcessError, match="ValueError: observation must"):
-            watched._ask(("act", np.zeros(3, np.float32)), 30.0)
+            watched.ask(("act", np.zeros(3, np.float32)), 30.0)
     finally:
         watched.close()
 

@@ -1,0 +1,133 @@
+"""A policy from outside, in a watched process of its own: its failures cost its own robots the episode, nobody else."""
+
+import hashlib
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, PolicyError, within_limits
+from policies.foreign.reference import checked
+from policies.foreign.served import PATIENCE_AT_FIRST, ROBOT, Answer, serve
+from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+DEADLINE = 5.0
+"""Longest time that one call may take, s; six times as long for the first."""
+
+
+class Foreign(Policy):
+    """The policy of `my_file.py:NAME`, of an .onnx or of a .zip file; robots that it fails hold the home pose.
+
+    Args:
+        reference: names it.
+        trust: whether a file may be loaded in which code can be hidden.
+        deadline: for one call, s; by default DEADLINE.
+
+    Raises PolicyError, one line, for what is no policy.
+    """
+
+    failure: NDArray[np.object_]
+    """Why the policy failed each robot, (n,); None where it has not."""
+    _signals: dict[str, NDArray[Any]]
+
+    def __init__(
+        self,
+        reference: str | Path,
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+        trust: bool = False,
+        deadline: float | None = None,
+    ) -> None:
+        super().__init__(robot=robot, control_period=control_period)
+        found = checked(reference, trust)
+        self.name = str(reference)
+        self.sha256 = hashlib.sha256(found.file.read_bytes()).hexdigest()
+        self._deadline = DEADLINE if deadline is None else deadline
+        served = partial(serve, found, robot=robot, control_period=control_period, deadline=self._deadline)
+        self._way = _found_way(self._watched(partial(served, "")))
+        self._process = self._watched(partial(served, self._way))
+        self._allocate(1)
+
+    def _watched(self, make: Any) -> Watched:
+        return Watched(make, name=self.name, robot=self.robot, control_period=self.control_period)
+
+    @property
+    def phase(self) -> Floats | None:
+        """Its clock, rad, (n,); None without one."""
+        return self._signals.get("phase")
+
+    @property
+    def correction(self) -> NDArray[np.float32] | None:
+        """Of a residual, in shares of the authority, (n, 12); None of others."""
+        return self._signals.get("correction")
+
+    @property
+    def base_action(self) -> Actions | None:
+        """Of a residual's base, rad, (n, 12); None of others."""
+        return self._signals.get("base_action")
+
+    @property
+    def stopped(self) -> NDArray[np.bool_] | None:
+        """Which robots it has stopped itself, (n,); None if it does not tell."""
+        return self._signals.get("stopped")
+
+    def close(self) -> None:
+        """End its process; `reset` begins another."""
+        self._process.close()
+
+    def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
+        """Start `num_envs` robots anew."""
+        super().reset(num_envs, seed)
+        self._note(self._asked("reset", num_envs, seed) or {})
+        self._signals = self._asked("signals") or {}
+
+    def _allocate(self, num_envs: int) -> None:
+        self.failure = np.full(num_envs, None, dtype=object)
+        self._signals = {}
+
+    def _restart(self, mask: Mask) -> None:
+        self.failure[mask] = None
+        self._note(self._asked("reset_where", mask) or {})
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        answer: Answer | None = None
+        if any(reason is None for reason in self.failure):
+            answer = self._asked("step", observation)
+        home = np.tile(self.robot.home_pose.astype(np.float32), (self.num_envs, 1))
+        if answer is None:
+            return home
+        self._note(answer.failures)
+        self._signals |= {name: value for name, value in answer.signals.items() if name in self._signals}
+        good = np.array([reason is None for reason in self.failure])
+        return within_limits(self.robot, np.where(good[:, None], answer.actions, home))
+
+    def _asked(self, call: str, *arguments: object) -> Any:
+        """What its process answers; None, and no robot has a policy any more, if the process is gone."""
+        calls = self.num_envs if self._way == ROBOT else 1
+        try:
+            return self._process.ask((call, *arguments), START_TIMEOUT + (calls + PATIENCE_AT_FIRST) * self._deadline)
+        except (DeadlineMissed, PolicyProcessError) as error:
+            self._note(dict.fromkeys(range(self.num_envs), f"gave no answer: {error}"))
+            return None
+
+    def _note(self, failures: dict[int, str]) -> None:
+        for robot, reason in failures.items():
+            if self.failure[robot] is None:
+                self.failure[robot] = reason
+
+
+def _found_way(process: Watched) -> str:
+    """How the policy of that process is to be asked. Raises PolicyError."""
+    try:
+        way: str = process.ask(("found_way",), START_TIMEOUT)
+    except (DeadlineMissed, PolicyProcessError) as error:
+        told = str(error).removeprefix("PolicyError: ")
+        raise PolicyError(told if told != str(error) else f"cannot load {process.name}: {told}") from None
+    finally:
+        process.close()
+    return way

@@ -1,0 +1,204 @@
+"""A policy from outside as its process serves it: asked robot by robot or all at once, its failures noted."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import Actions, Mask, Policy, PolicyError
+from policies.foreign import onnx_file, python_file, sb3_file
+from policies.foreign.python_file import Act, Maker
+from policies.foreign.reference import Reference
+from quad_env.robots.robot import Robot
+from quad_env.task.observations import observation_table
+
+POLICY, ROBOT, BATCH = "policy", "robot", "batch"
+"""Ways to ask: a `Policy`; a callable of one robot's observation; a callable of every robot's."""
+SIGNALS = ("phase", "correction", "base_action", "stopped")
+"""What some policies tell of themselves, (n, …)."""
+PATIENCE_AT_FIRST = 6
+"""How many deadlines the first call may last, in which some compile themselves."""
+LONGEST_REASON = 200
+
+
+class _Late(BaseException):
+    """Raised within a call that has lasted too long."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came of a control step of n robots."""
+
+    actions: Actions
+    """Joint targets, rad, (n, 12); nothing of robots that the policy has failed."""
+    failures: dict[int, str]
+    """Robot -> why the policy failed it in this step."""
+    signals: dict[str, NDArray[Any]] = field(default_factory=dict)
+    """Those of SIGNALS that there are."""
+
+
+def serve(reference: Reference, way: str, robot: Robot, control_period: float, deadline: float) -> "Served":
+    """The policy of a reference, loaded; without a way to ask it is found out. Raises PolicyError."""
+    loaded: Policy | Maker
+    if reference.suffix == ".py":
+        loaded = python_file.load(reference, robot, control_period)
+    else:
+        loaded = sb3_file.load(reference) if reference.suffix == ".zip" else onnx_file.load(reference)
+    served = Served(loaded, way, robot, deadline)
+    if isinstance(loaded, Policy) and not loaded.fits(robot, control_period):
+        raise PolicyError(
+            f"{reference} is made for {loaded.robot.name} with a control period of {loaded.control_period:g} s, not "
+            f"for {robot.name} with one of {control_period:g} s"
+        )
+    if not way:
+        served.find_way(reference)
+    return served
+
+
+class Served:
+    """Robots' actions, and what went wrong instead."""
+
+    def __init__(self, loaded: Policy | Maker, way: str, robot: Robot, deadline: float) -> None:
+        self.way = way
+        self._loaded, self._robot = loaded, robot
+        self._deadline, self._called = deadline, False
+        self._acts: list[Act] = []
+        self._failed = np.zeros(0, np.bool_)
+        if hasattr(signal, "SIGALRM"):
+            signal.signal(signal.SIGALRM, _interrupt)
+
+    def find_way(self, reference: Reference) -> None:
+        """Find out how it is to be asked; PolicyError if no way gives actions."""
+        table, joints = observation_table(self._robot), self._robot.num_joints
+        upright = np.zeros((2, table.size), np.float32)
+        upright[:, table.slices["projected_gravity"].stop - 1] = -1.0
+        tried = []
+        for way in (POLICY,) if isinstance(self._loaded, Policy) else (ROBOT, BATCH):
+            shown = upright[0] if way == ROBOT else upright
+            self.way = way
+            failures = self.reset(2, 0)
+            wanted = (*shown.shape[:-1], joints)
+            reason = failures.get(0) or self._ask(self._acts[0], shown, wanted)[1]
+            if reason is None:
+                return
+            tried.append(f"for {shown.shape} it {reason}")
+        one = f"one action ({joints},) for one observation ({table.size},)"
+        raise PolicyError(f"{reference} must give {one}, or (n, {joints}) for (n, {table.size}); {', '.join(tried)}")
+
+    def found_way(self) -> str:
+        """How it is asked."""
+        return self.way
+
+    def check_fits(self, robot: Robot, control_period: float) -> None:
+        """Nothing, for `serve` has checked it."""
+
+    def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
+        """Start so many robots anew; why it failed, robot by robot."""
+        self._failed = np.zeros(num_envs, np.bool_)
+        self._acts = [_nothing] * (num_envs if self.way == ROBOT else 1)
+        return self._begin(np.ones(num_envs, np.bool_), seed)
+
+    def reset_where(self, mask: Mask) -> dict[int, str]:
+        """Start those robots anew; a callable of a batch goes on as it is."""
+        self._failed[mask] = False
+        if self.way == BATCH:
+            return {}
+        if isinstance(self._loaded, Policy):
+            _, reason = self._tried(self._loaded.reset_where, mask)
+            return self._fail(range(len(mask)), reason)
+        return self._begin(mask, None)
+
+    def _begin(self, mask: Mask, seed: int | None) -> dict[int, str]:
+        robots = range(len(mask))
+        if isinstance(self._loaded, Policy):
+            self._acts = [self._loaded.act]
+            _, reason = self._tried(self._loaded.reset, len(mask), seed)
+            return self._fail(robots, reason)
+        failures: dict[int, str] = {}
+        for place in np.flatnonzero(mask).tolist() if self.way == ROBOT else (0,):
+            made, reason = self._tried(self._loaded)
+            self._acts[place] = made
+            failures |= self._fail([place] if self.way == ROBOT else robots, reason)
+        return failures
+
+    def step(self, observation: NDArray[np.float32]) -> Answer:
+        """Actions for the observations (n, k) of all robots."""
+        count, joints = len(observation), self._robot.num_joints
+        actions, failures = np.zeros((count, joints), np.float32), dict[int, str]()
+        if self.way == ROBOT:
+            for robot in np.flatnonzero(~self._failed).tolist():
+                answer, reason = self._ask(self._acts[robot], observation[robot], (joints,))
+                failures |= self._fail([robot], reason)
+                if answer is not None:
+                    actions[robot] = answer
+        elif not self._failed.all():
+            answer, reason = self._ask(self._acts[0], observation, actions.shape)
+            failures |= self._fail(range(count), reason)
+            actions = actions if answer is None else answer
+        self._called = True
+        wild = np.flatnonzero(~np.isfinite(actions).all(axis=1) & ~self._failed).tolist()
+        failures |= self._fail(wild, "gave targets that are not finite")
+        return Answer(actions, failures, self.signals())
+
+    def signals(self) -> dict[str, NDArray[Any]]:
+        """Those of SIGNALS that the policy has, each of n robots."""
+        found = {}
+        for name in SIGNALS if isinstance(self._loaded, Policy) else ():
+            value, _ = self._tried(lambda name=name: np.array(getattr(self._loaded, name)))
+            width = (self._robot.num_joints,) if name in ("correction", "base_action") else ()
+            if value is not None and value.dtype.kind in "fb" and value.shape == (len(self._failed), *width):
+                found[name] = value
+        return found
+
+    def _fail(self, robots: Any, reason: str | None) -> dict[int, str]:
+        """Take note of why robots have no action any more, if there is a reason; those that had none before."""
+        new = [] if reason is None else [robot for robot in robots if not self._failed[robot]]
+        self._failed[new] = True
+        return dict.fromkeys(new, reason or "")
+
+    def _ask(self, act: Act, shown: NDArray[np.float32], wanted: tuple[int, ...]) -> tuple[Actions | None, str | None]:
+        """The action of that shape, or why there is none."""
+        answer, reason = self._tried(lambda: np.asarray(act(shown)))
+        if reason is not None:
+            return None, reason
+        if answer.shape != wanted or answer.dtype.kind not in "fiu":
+            return None, f"gave {answer.dtype} of shape {answer.shape}, not numbers of shape {wanted}"
+        with np.errstate(over="ignore"):
+            return answer.astype(np.float32), None
+
+    def _tried(self, call: Any, *arguments: Any) -> tuple[Any, str | None]:
+        """What a call gives, or why it gave nothing."""
+        patience = self._deadline * (1 if self._called else PATIENCE_AT_FIRST)
+        try:
+            with _within(patience):
+                result = call(*arguments)
+        except _Late:
+            return None, f"gave no answer within {patience:g} s"
+        except BaseException as error:
+            return None, " ".join(f"raised {type(error).__name__}: {error}".split())[:LONGEST_REASON]
+        return result, None
+
+
+def _nothing(_: Any) -> object:
+    raise RuntimeError("not made yet")
+
+
+@contextmanager
+def _within(patience: float) -> Iterator[None]:
+    """Raises _Late in what lasts longer, s; where the system has no such clock, the process is ended from outside."""
+    if not hasattr(signal, "setitimer"):
+        yield
+        return
+    signal.setitimer(signal.ITIMER_REAL, patience, patience)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def _interrupt(*_: object) -> None:
+    raise _Late

@@ -1,0 +1,129 @@
+"""Anyone's policy, at the command line: judged beside ours, its failures its own, found again by replay."""
+
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from evaluate.__main__ import main
+from evaluate.measures.episodes import uneventful
+from evaluate.measures.metrics import measure
+from policies.foreign import policy as foreign
+from quad_env import SIMPLE_QUAD
+
+FILE = """
+import time
+import numpy as np
+import policies
+
+class Walk(policies.Trot):
+    pass
+
+class Stops:
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, observation):
+        self.calls += 1
+        if self.calls == 150 and observation[-3] > FORWARD:
+            FAULT
+        return np.array([0.0, 0.5, -1.0] * 4)
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "my_file.py"
+    path.write_text(FILE.replace("FORWARD", "-9.0").replace("FAULT", "time.sleep(60.0)"))
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _short_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 250)
+
+
+def rows(folder: Path) -> dict[str, list[dict]]:
+    table = pq.read_table(folder / "episodes.parquet").to_pylist()
+    return {policy: [row for row in table if row["policy"] == policy] for policy in {row["policy"] for row in table}}
+
+
+def test_it_is_judged_beside_ours_and_loses_its_own_episodes_alone(capsys, tmp_path, file, monkeypatch) -> None:
+    monkeypatch.setattr(foreign, "DEADLINE", 0.3)
+    walk, stops = f"{file}:Walk", f"{file}:Stops"
+    run = ["--policies", walk, stops, "trot", "--scenarios", "flat", "--episodes", "2", "--no-film"]
+    assert main([*run, "--out", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    assert f"{stops} failed in 2 of 2 episodes; in the first it gave no answer within 0.3 s" in printed
+    found = rows(tmp_path / "out")
+    assert [(row["outcome"], row["failure"]) for row in found[stops]] == [
+        ("refused", "gave no answer within 0.3 s")
+    ] * 2
+    assert [row["failure"] for row in found[walk] + found["trot"]] == [None] * 4
+    for mine, theirs in zip(found[walk], found["trot"], strict=True):
+        assert mine | {"policy": "trot"} == theirs
+    assert main(["replay", str(tmp_path / "out"), "2"]) == 0
+    assert "identical to the bit" in capsys.readouterr().out
+    file.write_text(file.read_text() + "\n# changed\n")
+    monkeypatch.setattr(foreign, "DEADLINE", 0.2)
+    assert main(["replay", str(tmp_path / "out"), "2"]) == 1
+    assert f"because the policy {stops} has changed" in capsys.readouterr().out
+
+
+def test_a_worker_process_asks_it_as_this_one_does(tmp_path, file, monkeypatch) -> None:
+    monkeypatch.setattr("evaluate.rollouts.workers.FEWEST_STEPS", 1)
+    for threads in ("1", "2"):
+        run = ["--policies", f"{file}:Walk", "--scenarios", "flat", "--episodes", "2", "--no-film"]
+        assert main([*run, "--threads", threads, "--out", str(tmp_path / threads)]) == 0
+    assert rows(tmp_path / "1") == rows(tmp_path / "2")
+
+
+@pytest.mark.parametrize(
+    ("policy", "words"),
+    [
+        ("gone.py:Walk", "there is no file gone.py"),
+        ("{}", "name the policy in"),
+        ("model.zip", "give --trust"),
+    ],
+)
+@pytest.mark.parametrize(
+    "command",
+    [["--policies"], ["axes", "push", "--policies"], ["pictures", "--policies"], ["safety", "--policy"]],
+    ids=lambda words: words[0],
+)
+def test_what_is_none_is_one_line(capsys, tmp_path, file, monkeypatch, command, policy, words) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("model.zip").touch()
+    assert main([*command, policy.format(file)]) == 2
+    printed = capsys.readouterr()
+    assert words in printed.err
+    assert len(printed.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("Wlak", "has no 'Wlak'; it has Walk, Stops"), ("np", "must be a policies.Policy or callable")]
+)
+def test_what_its_process_cannot_load_is_one_line_too(capsys, file, name, words) -> None:
+    assert main(["--policies", f"{file}:{name}"]) == 2
+    printed = capsys.readouterr()
+    assert words in printed.err
+    assert len(printed.err.splitlines()) == 1
+
+
+def test_with_trust_a_model_of_stable_baselines3_is_judged(capsys, tmp_path) -> None:
+    import gymnasium as gym
+    from stable_baselines3 import PPO
+
+    PPO("MlpPolicy", gym.make("quad_env:SimpleQuad-v0"), device="cpu").save(tmp_path / "model.zip")
+    run = ["--policies", str(tmp_path / "model.zip"), "--scenarios", "flat", "--episodes", "1", "--no-film", "--trust"]
+    assert main([*run, "--out", str(tmp_path / "out")]) == 0
+    ((row,),) = rows(tmp_path / "out").values()
+    assert row["failure"] is None
+
+
+@pytest.mark.parametrize(("reason", "outcome"), [(None, "succeeded"), ("raised", "refused")])
+def test_an_episode_that_the_policy_failed_is_refused_though_it_kept_to_its_command(reason, outcome) -> None:
+    import numpy as np
+
+    episodes = uneventful(SIMPLE_QUAD, 1000, failure=np.array([reason], dtype=object))
+    assert measure(episodes).outcome.tolist() == [outcome]

@@ -1,0 +1,299 @@
+"""Policies from outside: each loader, how a policy is asked, and that what it does wrong costs its own robots alone."""
+
+import pickle
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+from policies.base import CONTROL_PERIOD, PolicyError
+from policies.foreign import Foreign, is_reference
+from policies.foreign import reference as references
+from policies.foreign.reference import Reference, checked
+from policies.foreign.served import Served, serve
+from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD
+
+FILE = """
+import os, sys, time
+import numpy as np
+import policies
+
+def one(observation):
+    assert observation.shape == (48,)
+    return [0.1] * 12
+
+def many(observation):
+    assert observation.shape[1:] == (48,)
+    return np.full((len(observation), 12), 0.2)
+
+def of_any(observation):
+    return observation[..., 12:24]
+
+def short(observation):
+    return np.zeros(3)
+
+class Counts:
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, observation):
+        assert observation.ndim == 1
+        self.calls += 1
+        return np.full(12, 0.01 * self.calls)
+
+counts = Counts()
+
+class Timed(Counts):
+    def __init__(self, *, control_period, robot):
+        super().__init__()
+        self.told = control_period, robot.name
+
+class Walk(policies.Trot):
+    name = "walk of mine"
+
+walk = policies.Trot()
+
+class Faulty(Counts):
+    # What a robot that is commanded forward gets in its third call.
+    def __call__(self, observation):
+        action = super().__call__(observation)
+        return self.fault() if observation[-3] > 0.0 and self.calls == 3 else action
+
+class Raises(Faulty):
+    def fault(self):
+        raise KeyError("two\\nlines")
+
+class Exits(Faulty):
+    def fault(self):
+        sys.exit(4)
+
+class Hangs(Faulty):
+    def fault(self):
+        time.sleep(60.0)
+
+class Short(Faulty):
+    def fault(self):
+        return np.zeros(3)
+
+class Words(Faulty):
+    def fault(self):
+        return ["left"] * 12
+
+class Nan(Faulty):
+    def fault(self):
+        return np.full(12, np.nan)
+
+class Huge(Faulty):
+    def fault(self):
+        return np.full(12, 1e300)
+
+class Ends(Faulty):
+    def fault(self):
+        os._exit(3)
+
+class AllRaise:
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, observation):
+        assert observation.ndim == 2
+        self.calls += 1
+        if self.calls == 3:
+            raise RuntimeError("all of them")
+        return np.full((len(observation), 12), 0.3)
+
+class OneNan(AllRaise):
+    def __call__(self, observation):
+        action = np.full((len(observation), 12), 0.3)
+        action[observation[:, -3] > 0.0] = np.nan
+        return action if observation.ndim == 2 else 1 / 0
+
+class NeedsMore:
+    def __init__(self, weights):
+        pass
+
+number = 3
+"""
+OBSERVATIONS = np.zeros((3, OBSERVATION_SIZE), np.float32)
+OBSERVATIONS[1, OBSERVATION["command"].start] = 1.0
+OTHERS = [0, 2]
+
+
+@pytest.fixture(autouse=True)
+def _same_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "my_file.py"
+    path.write_text(FILE)
+    return path
+
+
+def served(file: Path, name: str = "", deadline: float = 5.0) -> Served:
+    return serve(Reference(file, name), "", SIMPLE_QUAD, CONTROL_PERIOD, deadline)
+
+
+def third_step(of: Served) -> tuple[np.ndarray, dict[int, str]]:
+    """Actions and failures of the third control step of three robots, of which the second is commanded forward."""
+    assert of.reset(3, 0) == {}
+    for _ in range(2):
+        assert of.step(OBSERVATIONS).failures == {}
+    answer = of.step(OBSERVATIONS)
+    return answer.actions, answer.failures
+
+
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [
+        *(("one", "robot"), ("many", "batch"), ("of_any", "robot"), ("Counts", "robot"), ("counts", "robot")),
+        *(("Timed", "robot"), ("AllRaise", "batch"), ("Walk", "policy"), ("walk", "policy")),
+    ],
+)
+def test_how_it_is_asked_is_found_out(file: Path, name: str, way: str) -> None:
+    assert served(file, name).way == way
+
+
+@pytest.mark.parametrize("name", ["Counts", "counts", "Timed"])
+def test_every_robot_has_an_object_of_its_own_anew_at_each_reset(file: Path, name: str) -> None:
+    of = served(file, name)
+    for _ in range(2):
+        np.testing.assert_allclose(third_step(of)[0], 0.03)
+    of.reset_where(np.array([False, True, False]))
+    np.testing.assert_allclose(of.step(OBSERVATIONS).actions[:, 0], [0.04, 0.01, 0.04])
+
+
+def test_a_policy_of_ours_in_a_file_acts_as_it_does_here(file: Path) -> None:
+    of, trot = served(file, "Walk"), policies.make("trot")
+    trot.reset(3)
+    of.reset(3, 0)
+    for _ in range(5):
+        expected, answer = trot.act(OBSERVATIONS), of.step(OBSERVATIONS)
+        np.testing.assert_array_equal(answer.actions, expected)
+        np.testing.assert_array_equal(answer.signals["phase"], trot.phase)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("Raises", "raised KeyError: 'two\\nlines'"),
+        ("Exits", "raised SystemExit: 4"),
+        ("Short", "gave float64 of shape (3,), not numbers of shape (12,)"),
+        ("Words", "gave <U4 of shape (12,), not numbers of shape (12,)"),
+        ("Nan", "gave targets that are not finite"),
+        ("Huge", "gave targets that are not finite"),
+        ("Hangs", "gave no answer within 0.1 s"),
+    ],
+)
+def test_a_failure_is_that_of_one_robot(file: Path, name: str, reason: str) -> None:
+    of = served(file, name, deadline=0.1)
+    actions, failures = third_step(of)
+    assert failures == {1: reason}
+    np.testing.assert_allclose(actions[OTHERS], 0.03)
+    again = of.step(OBSERVATIONS)
+    assert again.failures == {}
+    np.testing.assert_allclose(again.actions[OTHERS], 0.04)
+
+
+def test_a_batch_that_raises_fails_every_robot_from_then_on(file: Path) -> None:
+    of = served(file, "AllRaise")
+    assert third_step(of)[1] == dict.fromkeys(range(3), "raised RuntimeError: all of them")
+    assert of.step(OBSERVATIONS).failures == {}
+
+
+def test_a_row_of_a_batch_that_is_not_finite_fails_alone(file: Path) -> None:
+    of = served(file, "OneNan")
+    of.reset(3, 0)
+    answer = of.step(OBSERVATIONS)
+    assert list(answer.failures) == [1]
+    np.testing.assert_allclose(answer.actions[OTHERS], 0.3)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("short", ["one action (12,) for one observation (48,)", "(n, 12) for (n, 48)", "shape (3,)"]),
+        ("number", ["number", "callable", "3"]),
+        ("nothing", ["no 'nothing'", "one, many", "Walk"]),
+        ("NeedsMore", ["NeedsMore", "cannot be made", "weights"]),
+    ],
+)
+def test_what_is_no_policy_is_refused_in_words(file: Path, name: str, words: list[str]) -> None:
+    with pytest.raises(PolicyError) as refused:
+        served(file, name)
+    assert all(word in str(refused.value) for word in words), refused.value
+
+
+def test_a_file_that_fails_is_refused_in_words(tmp_path: Path) -> None:
+    (tmp_path / "broken.py").write_text("import sys; sys.exit(2)")
+    with pytest.raises(PolicyError, match=r"broken\.py fails: SystemExit: 2"):
+        served(tmp_path / "broken.py", "x")
+
+
+def test_a_policy_made_for_another_control_period_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "slow.py").write_text("import policies\nslow = policies.Trot(control_period=0.02)\n")
+    with pytest.raises(PolicyError, match=r"0\.02 s, not for simple_quad with one of 0\.01 s"):
+        served(tmp_path / "slow.py", "slow")
+
+
+def test_references(tmp_path: Path) -> None:
+    (tmp_path / "folder.onnx").mkdir()
+    named = ["a.py:B", "a.py", "a.onnx", "a.zip", "/x/y.py:Z"]
+    assert [
+        text for text in [*named, "trot", "models/residual", str(tmp_path / "folder.onnx")] if is_reference(text)
+    ] == named
+
+
+def test_what_runs_hidden_code_wants_trust_and_what_is_missing_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("model.zip", "net.onnx", "own.py"):
+        (tmp_path / name).touch()
+    with pytest.raises(PolicyError, match="--trust"):
+        checked(tmp_path / "model.zip", trust=False)
+    with pytest.raises(PolicyError, match=r"own\.py:MyPolicy"):
+        checked(tmp_path / "own.py", trust=True)
+    with pytest.raises(PolicyError, match="there is no file"):
+        checked("gone.onnx", trust=True)
+    monkeypatch.setattr(references, "find_spec", lambda _: None)
+    for name, extra in (("model.zip", "train"), ("net.onnx", "onnx")):
+        with pytest.raises(PolicyError, match=rf"\.\[{extra}\]"):
+            checked(tmp_path / name, trust=True)
+
+
+def test_in_its_process_a_policy_that_ends_it_loses_its_robots_until_a_reset(file: Path) -> None:
+    policy = pickle.loads(pickle.dumps(Foreign(f"{file}:Ends")))
+    assert policy.failure.tolist() == [None]
+    home = np.tile(SIMPLE_QUAD.home_pose.astype(np.float32), (3, 1))
+    try:
+        for _ in range(2):
+            policy.reset(3)
+            np.testing.assert_allclose(policy.act(OBSERVATIONS)[:, 0], 0.01, rtol=1e-6)
+            policy.act(OBSERVATIONS)
+            np.testing.assert_array_equal(policy.act(OBSERVATIONS), home)
+            assert policy.failure.tolist() == ["gave no answer: the policy's process has ended"] * 3
+            np.testing.assert_array_equal(policy.act(OBSERVATIONS), home)
+    finally:
+        policy.close()
+
+
+def test_a_model_of_stable_baselines3_acts_as_it_does_there(tmp_path: Path) -> None:
+    import gymnasium as gym
+    from stable_baselines3 import PPO, SAC
+
+    env = gym.make("quad_env:SimpleQuad-v0")
+    observation, _ = env.reset(seed=0)
+    for algorithm in (PPO, SAC):
+        model = algorithm("MlpPolicy", env, seed=0, device="cpu", policy_kwargs={"net_arch": [8]})
+        model.save(tmp_path / "model.zip")
+        of = served(tmp_path / "model.zip")
+        of.reset(2, 0)
+        answer = of.step(np.stack([observation, observation]))
+        assert answer.failures == {}
+        np.testing.assert_array_equal(answer.actions[1], model.predict(observation, deterministic=True)[0])
+    (tmp_path / "model.zip").write_bytes(b"nothing")
+    with pytest.raises(PolicyError, match="no model of Stable-Baselines3"):
+        served(tmp_path / "model.zip")

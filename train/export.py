@@ -1,0 +1,30 @@
+"""`python -m train export`: a trained residual as one ONNX file, which every command takes where it takes policies."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from evaluate.terminal.command_line import UsageError, make_folder_of
+from policies.foreign import onnx_file
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to export."""
+
+    folder: Annotated[Path, tyro.conf.Positional] = Path("models/residual")
+    """Folder of a trained policy, or of a training run."""
+    out: Path = Path("results/residual.onnx")
+    """File to write: the network, and as metadata its base and everything else that makes it a policy."""
+
+
+def main(options: Options) -> int:
+    """Write the file; the exit code. Raises UsageError, PolicyError or OSError."""
+    if options.out.suffix != ".onnx":
+        raise UsageError(f"--out must be an .onnx, not {options.out}")
+    make_folder_of(options.out, "--out")
+    onnx_file.export(options.folder, options.out)
+    print(options.out)
+    return 0
