@@ -8,11 +8,11 @@ from quad_env.scenarios.terrain import SmoothRandom
 
 Purpose = Literal["validation", "search", "training"]
 TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1000}
-"""Surface of each purpose; the evaluation's is the scenario's own."""
+"""Field of each purpose, on which every episode has a surface of its own; the evaluation's is the scenario's."""
 
 
 def practice(name: str | Scenario, purpose: Purpose, seed: int = 0) -> Scenario:
-    """The scenario, or that of the name, for that purpose; `seed` gives further surfaces of random ground."""
+    """The scenario, or that of the name, for that purpose; `seed` gives further fields of random ground."""
     original = scenario(name)
     if not isinstance(original.terrain, SmoothRandom):
         return original

@@ -17,6 +17,7 @@ from evaluate.statistics.significance import holm
 from evaluate.terminal.format import NO_BREAK, signed
 from quad_env.scenarios.axes import AXES, Axis
 from quad_env.scenarios.named import SCENARIOS, Scenario
+from quad_env.scenarios.terrain import SmoothRandom
 
 UNDISTURBED = "flat"
 """The undisturbed scenario."""
@@ -92,7 +93,13 @@ def _hardest(cells: Sequence[Cell]) -> Iterator[Cell]:
 
 
 def _is_of(axis: Axis, scenario: Scenario) -> bool:
-    return scenario.axis == axis.name and scenario == axis.scenario(scenario.severity, scenario.name)
+    if scenario.axis != axis.name:
+        return False
+    usual, terrain = axis.scenario(scenario.severity, scenario.name), scenario.terrain
+    if isinstance(usual.terrain, SmoothRandom) and isinstance(terrain, SmoothRandom):  # an older run's was smaller
+        field = replace(usual.terrain, half_size=terrain.half_size, spawn_radius=terrain.spawn_radius)
+        usual = replace(usual, terrain=field)
+    return scenario == usual
 
 
 def _sensitivity(cell: Cell, undisturbed: Cell) -> Sensitivity:

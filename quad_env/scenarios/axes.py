@@ -117,8 +117,9 @@ def _stairs(rise: float) -> Scenario:
 @_axis("height from valley to peak", "m", (0.04, 0.08, 0.12, 0.16, 0.24, 0.32), nominal=0.08)
 def _gravel(peak_to_valley: float) -> Scenario:
     """Stones of about two feet's size, a foot being a ball of 0.04 m; up to spikes four times as high as they are
-    apart."""
-    return Scenario("gravel", terrain=SmoothRandom(peak_to_valley, correlation_length=0.08, cell=0.04))
+    apart. Of ground so short-waved, 2 m × 2 m are a surface of its own."""
+    terrain = SmoothRandom(peak_to_valley, correlation_length=0.08, cell=0.04, half_size=26.0, spawn_radius=8.0)
+    return Scenario("gravel", terrain=terrain)
 
 
 @_axis("depth that standing feet sink", "m", (0.005, 0.01, 0.02, 0.04, 0.08, 0.16), nominal=0.02)

@@ -110,20 +110,24 @@ class SmoothRandom:
     Uniform heights make the whole peak-to-valley range met within a few correlation lengths, wherever a robot walks;
     scaling the extremes of a large Gaussian field instead would leave the ground around most robots nearly flat. The
     surface lies between z = 0 and z = `peak_to_valley`; around the field the ground is the plane z = 0.
+
+    Each episode has a surface of its own: the part of the field about its start, whose place its seed draws. The places
+    lie `spawn_radius` about the centre, 16 m for 64 surfaces of 4 m × 4 m side by side, far beyond the correlation
+    length. MuJoCo's heights belong to all simulations of a batch, so that one field must hold every episode's surface.
     """
 
     peak_to_valley: float = 0.12
     """m"""
     correlation_length: float = 0.3
     """m; the autocorrelation of the smoothed noise falls to 1/e at this distance"""
-    half_size: float = 22.0
+    half_size: float = 34.0
     """m; at the top commanded speed no robot leaves the field within 10 s"""
-    spawn_radius: float = 4.0
+    spawn_radius: float = 16.0
     """m, half-side of the square over which robots start"""
     cell: float = 0.1
     """m between grid points"""
     seed: int = 0
-    """The surface is a function of this seed alone."""
+    """The whole field, a set of surfaces, is a function of this seed alone."""
 
     def __post_init__(self) -> None:
         sizes = (self.peak_to_valley, self.correlation_length, self.half_size, self.cell)

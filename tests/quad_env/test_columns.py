@@ -40,7 +40,7 @@ FORMULAS: dict[str, tuple[Callable[..., Any], int]] = {
     "to_body": (lambda x: to_body(rotation_matrix(x[:4]), x[4:]), 7),
     "heading_velocity": (lambda x: heading_velocity(rotation_matrix(x[:4]), x[4:7], x[7:]), 10),
     "height of the flat": (lambda x: Flat().height(*x), 2),
-    "height of rough ground": (lambda x: SmoothRandom(half_size=6.0).height(4 * x[0], 4 * x[1]), 2),
+    "height of rough ground": (lambda x: SmoothRandom(half_size=6.0, spawn_radius=4.0).height(4 * x[0], 4 * x[1]), 2),
 }
 
 

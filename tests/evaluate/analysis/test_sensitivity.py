@@ -98,6 +98,13 @@ def test_a_scenario_of_a_users_own_is_no_level_of_an_axis(run) -> None:
     assert found.scenario == "push"
 
 
+def test_older_results_whose_field_was_smaller_keep_their_rows(run) -> None:
+    undisturbed, rough = run(flat=(0, 0.0), rough=(9, 0.1))
+    field = dataclasses.replace(rough.scenario.terrain, half_size=22.0, spawn_radius=4.0)
+    older = dataclasses.replace(rough, scenario=dataclasses.replace(rough.scenario, terrain=field))
+    assert sensitivities([undisturbed, older]) == sensitivities([undisturbed, rough]) != []
+
+
 def test_an_open_loop_gait_cannot_feel_noise_and_a_learned_correction_can() -> None:
     labelled = [LabelledPolicy(name, policies.resolve(name)) for name in ("trot", "residual")]
     settings = Settings(2, lambda *_: None, steps=200)

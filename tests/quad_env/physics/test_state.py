@@ -85,7 +85,7 @@ def test_every_reading_is_of_the_current_state_not_of_a_substep_earlier(moving: 
         np.testing.assert_array_equal(robot(state.joint_velocity), [joint.qvel[0] for joint in joints])
 
 
-@pytest.mark.parametrize("terrain", [Flat(), SmoothRandom(half_size=6.0)])
+@pytest.mark.parametrize("terrain", [Flat(), SmoothRandom(half_size=6.0, spawn_radius=4.0)])
 def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(terrain: Terrain) -> None:
     rng, touches = np.random.default_rng(0), 0
     simulation = Simulation(SIMPLE_QUAD, Scenario("made", terrain), 1, 1, 100.0)

@@ -45,7 +45,7 @@ def test_no_two_severities_of_an_axis_are_the_same_scenario() -> None:
 def test_the_first_three_scenarios_are_as_ever() -> None:
     assert SCENARIOS["flat"].commands == CommandRanges()
     assert SCENARIOS["push"].pushes == Pushes(2, 35.0, 0.1, (1.0, 9.0))
-    assert SCENARIOS["rough"].terrain == SmoothRandom(0.12, 0.3, 22.0, 4.0, 0.1, 0)
+    assert SCENARIOS["rough"].terrain == SmoothRandom(0.12, 0.3, 34.0, 16.0, 0.1, 0)
 
 
 def test_a_disturbance_shifts_no_other_draw() -> None:

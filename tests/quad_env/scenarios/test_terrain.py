@@ -8,11 +8,14 @@ import pytest
 
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.named import SCENARIOS
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs, Terrain
+from quad_env.seeding import episode_seeds
 
-SMALL = SmoothRandom(half_size=6.0)
+SMALL = SmoothRandom(half_size=6.0, spawn_radius=4.0)
 
 
 def test_peak_to_valley_is_exact_and_reached_within_any_few_metres() -> None:
@@ -28,8 +31,26 @@ def test_autocorrelation_falls_to_1_over_e_at_the_correlation_length() -> None:
 
 
 def test_a_seed_is_a_surface() -> None:
-    assert (SmoothRandom(half_size=6.0).unit_heights == SMALL.unit_heights).all()
-    assert (SmoothRandom(half_size=6.0, seed=1).unit_heights != SMALL.unit_heights).any()
+    assert (SmoothRandom(half_size=6.0, spawn_radius=4.0).unit_heights == SMALL.unit_heights).all()
+    assert (SmoothRandom(half_size=6.0, spawn_radius=4.0, seed=1).unit_heights != SMALL.unit_heights).any()
+
+
+@pytest.mark.parametrize("name", ["rough", "gravel", "surprise"])
+def test_every_episode_has_a_surface_of_its_own_drawn_by_its_seed_alone(name: str) -> None:
+    """Of 64 places side by side, 64 episodes draw 41 in the mean, σ 2.6; no two grounds about a start are alike."""
+    scenario, seeds = SCENARIOS[name], episode_seeds("evaluation", 0, 64).tolist()
+    terrain = scenario.terrain
+    assert isinstance(terrain, SmoothRandom)
+    x, y = np.transpose([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01).start[:2] for seed in seeds])
+    width = terrain.spawn_radius / 4  # of a place: eight a side
+    assert width >= 6 * terrain.correlation_length
+    places = {(i, j) for i, j in zip(np.floor(x / width).tolist(), np.floor(y / width).tolist(), strict=True)}
+    assert 32 <= len(places) <= 50
+    around = np.linspace(-0.5, 0.5, 11)
+    grounds = np.array([terrain.height(x + i, y + j) for i in around for j in around])
+    assert np.abs(np.corrcoef(grounds.T) - np.eye(64)).max() < 0.95
+    harder = replace(AXES[name].level(5).terrain, peak_to_valley=terrain.peak_to_valley)
+    assert harder == terrain, "one surface an episode at every severity"
 
 
 def ground_alone(terrain: Terrain) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -44,7 +65,7 @@ def ray(model: mujoco.MjModel, data: mujoco.MjData, start: list[float], way: lis
     return float(mujoco.mj_ray(model, data, np.array(start), np.array(way), None, 1, -1, np.zeros(1, np.int32)))
 
 
-GRAVEL = replace(SCENARIOS["gravel"].terrain, half_size=6.0)
+GRAVEL = replace(SCENARIOS["gravel"].terrain, half_size=6.0, spawn_radius=4.0)
 STAIRS = Stairs(rise=0.12, steps=8)
 
 
