@@ -177,3 +177,26 @@ def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy(
     for policy in (policies.make("trot", control_period=0.02), policies.make("trot", robot=longer)):
         with pytest.raises(ValueError, match=r"robot=env.unwrapped.robot, control_period=env.unwrapped.dt"):
             rollout.run(policy, "flat", evaluation_seeds(0, 1), steps=1)
+
+
+class Failing(Watcher):
+    """Stands, and says from a call on that it has failed every robot."""
+
+    def __init__(self, call: int) -> None:
+        super().__init__()
+        self._call = call
+
+    @property
+    def failure(self) -> np.ndarray:
+        reason = "raised" if len(self.seen) >= self._call else None
+        return np.full(self.num_envs, reason, dtype=object)
+
+
+def test_a_failure_of_the_policy_counts_unless_the_robot_has_fallen_before() -> None:
+    seeds = evaluation_seeds(0, 12)
+    for call, counts in ((1, np.ones(12, bool)), (STEPS, run().fall_step >= STEPS - 1)):
+        episodes = rollout.run(Failing(call), PUSHED, seeds, steps=STEPS)
+        assert counts.sum() > 0
+        np.testing.assert_array_equal(episodes.failed, counts)
+        assert set(measure(episodes).outcome[counts]) == {"refused"}
+    assert not run().failed.any()
