@@ -43,7 +43,7 @@ class Options:
     """The quick battery, for a first look: --scenarios quick."""
     full: Flag = False
     """The full battery, every axis at every level: --scenarios full."""
-    episodes: int = 64
+    episodes: int = 24
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
     actuator: str = "ideal"
     """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""

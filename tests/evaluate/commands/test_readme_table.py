@@ -123,7 +123,7 @@ def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
             {"provenance": {"hardware": {"actuator": "motor", "sensors": "truth"}}},
             "python -m evaluate --policies trot stand --scenarios flat --episodes 128 --actuator motor",
         ),
-        ({"seed": 3, "episodes": 64}, "python -m evaluate --policies trot stand --scenarios flat --seed 3"),
+        ({"seed": 3, "episodes": 24}, "python -m evaluate --policies trot stand --scenarios flat --seed 3"),
     ],
 )
 def test_the_command_that_makes_the_tables_is_below_them(changes, command, tmp_path) -> None:
@@ -135,7 +135,7 @@ def test_the_command_that_makes_the_tables_is_below_them(changes, command, tmp_p
 def test_a_battery_is_called_by_its_name(battery, words, tmp_path) -> None:
     cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery]()), CELL)
     of = {policy: {"scenarios": cells} for policy in DEFAULT_POLICIES}
-    readme, page = written(tmp_path, FOUND | {"policies": of, "episodes": 64})
+    readme, page = written(tmp_path, FOUND | {"policies": of, "episodes": 24})
     assert f"\n`python -m evaluate{words}`;" in readme
     assert f"\n`python -m evaluate{words}`;" in page
 
