@@ -37,8 +37,8 @@ class Options:
     """File with the lines `<!-- results -->` and `<!-- /results -->`, between which the short table goes."""
     page: Path = Path("docs/results.md")
     """File with the same lines, between which every figure goes."""
-    picture: Path = Path("docs/success.png")
-    """PNG of the success of every policy on every axis, which the README shows."""
+    picture: Path | None = None
+    """PNG of the success of every policy on every axis, which the README shows; success.png beside the page."""
     more: Path | None = None
     """results.json of an evaluation of further policies, for the page's place `<!-- more -->` … `<!-- /more -->`."""
 
@@ -52,10 +52,11 @@ def main(options: Options) -> int:
     found = _read(options.results)
     shown, every = _lines(options.results, found)
     if scores := [Score(**each) for each in found.get("scores", ())]:
-        where = os.path.relpath(options.picture, options.readme.parent)
+        picture = options.picture or options.page.with_name("success.png")
+        where = os.path.relpath(picture, options.readme.parent)
         shown = [shown[0], "", f"![{ALT}]({Path(where).as_posix()})", *shown[1:]]
         with drawing.settings():
-            write_atomically(options.picture, success.png(success.heat_map(scores)))
+            write_atomically(picture, success.png(success.heat_map(scores)))
     readme, page = insert(readme, shown), insert(page, every)
     if options.more is not None:
         page = insert(page, _lines(options.more, _read(options.more))[1], MORE)
