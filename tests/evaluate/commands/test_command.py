@@ -242,7 +242,7 @@ def test_help_is_quick_and_explains_every_option() -> None:
     assert "loaded: [] 0" in printed
     for option in ("--policies", "--scenarios", "--episodes", "--seed", "--out", "--threads"):
         assert option in printed
-    assert "default: 64" in printed
+    assert "default: 24" in printed
 
 
 @LAUNCHERS

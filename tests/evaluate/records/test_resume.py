@@ -157,6 +157,7 @@ def some(cell: Cell, numbers: np.ndarray) -> Cell:
         cell,
         seeds=cell.seeds[numbers],
         fall_reason=cell.fall_reason[numbers],
+        failure=None if cell.failure is None else cell.failure[numbers],
         measures=type(cell.measures)(**measures),
     )
 
