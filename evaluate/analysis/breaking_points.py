@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 
 from evaluate.analysis.comparison import pairs, usual_baseline
-from evaluate.measures.outcomes import SUCCEEDED
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS, BreakingPoint, Found, breaking_point, breaking_ratio
 from evaluate.statistics.intervals import Bools, Interval
@@ -101,7 +100,7 @@ def mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
 
 def failed(cell: Cell, of: Of) -> Bools:
     """Which episodes count, (n,)."""
-    return cell.measures.fell if of == "falls" else np.asarray(cell.measures.outcome != SUCCEEDED)
+    return cell.measures.fell if of == "falls" else ~cell.measures.succeeded
 
 
 def _breaking_point(levels: Sequence[Cell], of: Of) -> BreakingPoint:

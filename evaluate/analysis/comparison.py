@@ -129,7 +129,7 @@ def paired_difference(metric: str, a: Floats, b: Floats) -> tuple[float, Interva
 
 @dataclass(frozen=True)
 class MetricDifference:
-    """One metric of b minus that of a; below zero b is better. The fields are keys of the JSON file."""
+    """One metric of b minus that of a. The fields are keys of the JSON file."""
 
     metric: str
     a: float

@@ -83,7 +83,7 @@ def measure(episodes: Episodes) -> Measures:
     fell = episodes.fall_step < episodes.steps
     following, distance = _tracking(episodes, upright)
     return Measures(
-        outcome=outcome(episodes),
+        outcome=_outcome(episodes, upright, following, RULES[SUCCESS_RULE]),
         fell=fell,
         diverged=episodes.diverged,
         fall_time=np.where(fell, (episodes.fall_step + 1) * episodes.dt, np.nan),
@@ -99,17 +99,22 @@ def measure(episodes: Episodes) -> Measures:
 def outcome(episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE]) -> NDArray[np.object_]:
     """What came of each episode under a rule of success, one of `outcomes.OUTCOMES`, (n,)."""
     upright = upright_steps(episodes.fall_step, episodes.steps)
-    command, velocity = (signal.astype(np.float64) for signal in (episodes.command, episodes.heading_velocity))
-    windows = _windows(episodes)
+    return _outcome(episodes, upright, _tracking(episodes, upright)[0], rule)
+
+
+def _outcome(
+    episodes: Episodes, upright: Bools, following: dict[str, Floats], rule: SuccessRule
+) -> NDArray[np.object_]:
+    """The same, of episodes whose commands were followed so."""
     fell = episodes.fall_step < episodes.steps
     return outcomes(
         fell=fell,
         diverged=episodes.diverged,
         stopped=_stopped(episodes, upright, fell),
         failed=episodes.failed,
-        commands=np.stack([command[window.start] for window in windows], axis=1),
-        velocities=tracking.mean_velocities(velocity, upright, windows),
-        durations=np.array([window.stop - window.start for window in windows], np.float64),
+        commands=following["commands"],
+        velocities=following["mean_velocities"],
+        durations=np.array([window.stop - window.start for window in _windows(episodes)], np.float64),
         rule=rule,
     )
 
