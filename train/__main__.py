@@ -40,9 +40,10 @@ def run(words: list[str]) -> int:
     launcher.raise_on_interrupt()
     try:
         train(config)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         if has_checkpoint(config.folder):
-            raise KeyboardInterrupt(f"carry the run on with --resume --out {config.folder}") from None
+            said = "; ".join([f"carry the run on with --resume --out {config.folder}", *map(str, interrupt.args)])
+            raise KeyboardInterrupt(said) from None
         raise
     return 0
 

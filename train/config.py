@@ -115,7 +115,8 @@ class TrainConfig:
     """Base policy that the correction is added to."""
     steps: Count = number(3_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
-    run: its schedules, at their end already, begin again where they would be in a run of that length."""
+    run: its schedules, at their end already, begin again where they would be in a run of that length; it is not the run
+    of that length to the bit."""
     seed: int = number(0, limits=(0, 2**32 - 1))  # NumPy's global generator, which SB3 seeds, takes no other
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None

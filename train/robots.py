@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,12 +51,14 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
     Args:
         batches: made with `AutoresetMode.DISABLED`.
-        first_episode_steps: control steps, (n,), after which each robot's first episode is cut, so that not all are at
-            the same point of their gait and episode; no cut when None.
+        first_episode_steps: from the robots' seeds the control steps, (n,), after which each one's first episode is
+            cut, so that not all are at the same point of their gait and episode; no cut when None.
     """
 
     def __init__(
-        self, batches: Sequence[SimpleQuadVectorEnv], first_episode_steps: NDArray[np.int64] | None = None
+        self,
+        batches: Sequence[SimpleQuadVectorEnv],
+        first_episode_steps: Callable[[Sequence[int] | None], NDArray[np.int64]] | None = None,
     ) -> None:
         self.batches = tuple(batches)
         ends = np.cumsum([batch.num_envs for batch in batches])
@@ -68,8 +70,8 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, n)
         self.action_space = batch_space(self.single_action_space, n)
         self.metadata = batches[0].metadata | {"autoreset_mode": AutoresetMode.DISABLED}
-        self._first_cuts = np.full(n, NEVER) if first_episode_steps is None else first_episode_steps
-        self._cuts = self._first_cuts.copy()
+        self._first_episode_steps = first_episode_steps or (lambda _: np.full(n, NEVER))
+        self._cuts = np.full(n, NEVER)
         self._elapsed, self._returns = np.zeros(n, np.int64), np.zeros(n)
         self._fell = np.zeros(n, np.bool_)
         self._statistics = Statistics()
@@ -90,7 +92,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         ]
         if mask is not None:
             self._count_episodes(mask)
-        self._cuts[chosen] = NEVER if mask is not None else self._first_cuts
+        self._cuts[chosen] = NEVER if mask is not None else self._first_episode_steps(seeds)
         self._elapsed[chosen] = 0
         self._returns[chosen] = 0.0
         return np.concatenate([observation for observation, _ in results]), _joined([infos for _, infos in results])
@@ -140,14 +142,31 @@ def _joined(infos: Sequence[Infos]) -> Infos:
     return {key: np.concatenate([each[key] for each in infos]) for key in infos[0]}
 
 
-def training_seeds(config: TrainConfig, resumed: int = 0) -> NDArray[np.int64]:
-    """Seed of each robot of a run, (n,); others each time that it is resumed."""
+def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
+    """Seed of each robot of a run, n of them; others in each segment."""
     robots = config.ppo.envs
-    return episode_seeds("training", config.seed, robots * (resumed + 1))[-robots:]
+    seeds: list[int] = episode_seeds("training", config.seed, robots * (segment + 1))[-robots:].tolist()
+    return seeds
 
 
-def make_robots(config: TrainConfig, seeds: NDArray[np.int64]) -> TrainingRobots:
-    """The robots of a run on their scenarios; their seeds, (n,), decide where the first episodes are cut."""
+def segment_steps(config: TrainConfig) -> int:
+    """Steps of the learner, all robots together, between two beginnings of new episodes by all robots.
+
+    Whole rollouts, as near as they come to the longest episode: no state of the robots outlasts a segment, so that a
+    run can be carried on from where one begins.
+    """
+    ppo = config.ppo
+    rollouts = max(round(config.max_episode_steps / (ppo.hold * ppo.rollout_steps)), 1)
+    return rollouts * ppo.rollout_steps * ppo.envs
+
+
+def make_robots(config: TrainConfig) -> TrainingRobots:
+    """The robots of a run on their scenarios; the seeds of a reset decide where first episodes are cut."""
+
+    def cuts(seeds: Sequence[int] | None) -> NDArray[np.int64]:
+        generator = np.random.default_rng(seeds)
+        return generator.integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
+
     batches = [
         SimpleQuadVectorEnv(
             count,
@@ -159,8 +178,7 @@ def make_robots(config: TrainConfig, seeds: NDArray[np.int64]) -> TrainingRobots
         )
         for name, count in robots_per_scenario(config).items()
     ]
-    first = np.random.default_rng(seeds).integers(1, config.max_episode_steps, len(seeds), endpoint=True)
-    return TrainingRobots(batches, first)
+    return TrainingRobots(batches, cuts)
 
 
 def _hardened(original: Scenario, config: TrainConfig) -> Scenario:

@@ -20,7 +20,7 @@ from train.residual_env import ResidualVectorEnv
 from train.robots import TrainingRobots, make_robots, training_seeds
 from train.run_folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, begun, refuse_folder_in_use, writing
 from train.sb3 import checkpoint
-from train.sb3.callbacks import CallbackState, RolloutFigures, Schedules, ValidateAndSave
+from train.sb3.callbacks import CallbackState, RolloutFigures, Schedules, Segments, ValidateAndSave
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -46,8 +46,7 @@ def train(config: TrainConfig) -> None:
 def _carry_on(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
     """Train on from a checkpoint."""
     state = CallbackState.read(found.progress["remembered"])
-    state.resumed += 1
-    with contextlib.closing(make_env(config, state.resumed)) as env:
+    with contextlib.closing(make_env(config)) as env:
         model = build(config, env)
         checkpoint.restore(model, found)
         done = model.num_timesteps
@@ -56,7 +55,7 @@ def _carry_on(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
         with writing(config.folder):
             _write_settings(config)
             notices = [f"passed over a checkpoint: {damage}" for damage in found.damaged]
-            notices.append(f"carrying on at {done:,} steps; the robots begin new episodes")
+            notices.append(f"carrying on at {done:,} steps")
             _learn(config, env, model, state, notices)
 
 
@@ -76,19 +75,19 @@ def _learn(
     robots = cast(TrainingRobots, env.env.unwrapped)
     try:
         with Interrupt() as interrupt:
+            segments = Segments(config, state)
             callbacks: list[BaseCallback] = [RolloutFigures(robots, display), Schedules(config, state)]
-            callbacks.append(ValidateAndSave(config, display, state, interrupt))
-            model.learn(config.steps - done, callbacks, reset_num_timesteps=not state.resumed)
+            callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
+            model.learn(config.steps - done, callbacks, reset_num_timesteps=False)
     finally:
         display.close()
         model.logger.close()
 
 
-def make_env(config: TrainConfig, resumed: int = 0) -> TrainingVecEnv:
-    """The robots of a run as its learner sees them; each time that it is resumed they get other seeds."""
-    seeds = training_seeds(config, resumed)
-    robots = make_robots(config, seeds)
+def make_env(config: TrainConfig) -> TrainingVecEnv:
+    """The robots of a run as its learner sees them, with the seeds of the first segment."""
+    robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
     env = ResidualVectorEnv(robots, base, authority, config.ppo.hold)
-    return TrainingVecEnv(env, seeds.tolist(), config.ppo.reward_scale)
+    return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale)

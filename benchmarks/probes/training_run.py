@@ -14,7 +14,7 @@ from stable_baselines3.common.logger import Logger
 
 from train.config import TrainConfig, ValidationConfig
 from train.run import make_env
-from train.sb3.callbacks import CallbackState, Schedules, current_policy
+from train.sb3.callbacks import CallbackState, Schedules, Segments, current_policy
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
 from train.validation import validate
@@ -146,7 +146,8 @@ def train_and_judge(
     try:
         model = _learner(config, env)
         judge = _Judge(config, every, episodes, goal, report, begin)
-        model.learn(config.steps, [judge, Schedules(config, CallbackState())])
+        state = CallbackState()
+        model.learn(config.steps, [judge, Schedules(config, state), Segments(config, state)])
     finally:
         env.close()
 

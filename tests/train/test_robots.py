@@ -6,7 +6,8 @@ import pytest
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from train.robots import TrainingRobots
+from train.config import PpoConfig, TrainConfig
+from train.robots import TrainingRobots, segment_steps
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
@@ -38,7 +39,7 @@ def test_a_seed_alone_is_that_of_the_first_robot():
 
 
 def test_first_episodes_are_cut_where_they_are_told_to_and_later_ones_are_not():
-    robots = TrainingRobots(batches(2, 1, steps=6), first_episode_steps=np.array([2, 9, 5]))
+    robots = TrainingRobots(batches(2, 1, steps=6), first_episode_steps=lambda _: np.array([2, 9, 5]))
     for _ in range(2):  # all of it again after a reset
         robots.reset(seed=SEEDS[:3])
         ends = []
@@ -91,3 +92,16 @@ def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
         | {"falls": 1.0, "return": 10.0}
     )
     assert np.isnan(robots.take_statistics().means()["falls"])
+
+
+@pytest.mark.parametrize(
+    ("longest", "ppo", "rollouts"),
+    [
+        (1000, PpoConfig(envs=3, rollout_steps=16), 62),  # of 62.5
+        (1000, PpoConfig(envs=256, rollout_steps=24, hold=2), 21),  # of 20.8
+        (10, PpoConfig(envs=1, rollout_steps=64), 1),
+    ],
+)
+def test_a_segment_is_whole_rollouts_about_as_long_as_an_episode(longest, ppo, rollouts):
+    config = TrainConfig(max_episode_steps=longest, ppo=ppo)
+    assert segment_steps(config) == rollouts * ppo.rollout_steps * ppo.envs

@@ -1,7 +1,9 @@
 """What happens between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
 
-SB3 calls `_on_rollout_start` once the update of the last rollout is done, which makes it the one place where learner,
-robots and random generators can be written down together.
+SB3 calls `_on_rollout_start` once the update of the last rollout is done, which makes it the one place where learner
+and random generators can be written down together. The robots are not: a run is a chain of segments, each of which all
+robots begin with new episodes, and checkpoints stand between them. So a run that was killed, wherever, and is carried
+on from its last checkpoint is the uninterrupted one, bit for bit, on the same machine with the same packages.
 """
 
 import time
@@ -9,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
+import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -21,23 +24,20 @@ from train.config import TrainConfig, decode, to_dict
 from train.display import Display
 from train.interrupt import Interrupt
 from train.residual_env import ResidualVectorEnv
-from train.robots import TrainingRobots
+from train.robots import TrainingRobots, segment_steps, training_seeds
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
 from train.validation import score, validate
 
-CHECKPOINT_PERIOD = 30.0
-"""Between two checkpoints, s."""
-
 
 @dataclass
 class CallbackState:
     """What the callbacks carry from one session of a run to the next, as JSON types."""
 
-    resumed: int = 0
-    """How often the run was carried on."""
+    segments: int = 0
+    """How many were begun."""
     seconds: float = 0.0
     """Training time of earlier sessions, validation included, s."""
     best_score: float | None = None
@@ -116,38 +116,68 @@ def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     return ResidualPolicy(base, actor_network(model, config.ppo.activation), env.authority, config.policy)
 
 
+class Segments(BetweenRollouts):
+    """Has all robots begin new episodes where a segment does: the first rollout, and each as long as a segment later.
+
+    The last of the callbacks, so that the others find the state between two segments.
+    """
+
+    def __init__(self, config: TrainConfig, state: CallbackState) -> None:
+        super().__init__()
+        self._config = config
+        self._state = state
+        self._end = 0
+
+    @property
+    def over(self) -> bool:
+        """Whether no segment is under way."""
+        return self.num_timesteps >= self._end
+
+    def _on_rollout_start(self) -> None:
+        if self.over:
+            self._end = self.num_timesteps + segment_steps(self._config)
+            env, learner = cast(TrainingVecEnv, self.model.get_env()), self._learner
+            learner._last_obs = env.begin(training_seeds(self._config, self._state.segments))
+            learner._last_episode_starts = np.ones(env.num_envs, np.bool_)
+            self._state.segments += 1
+
+
 class ValidateAndSave(BetweenRollouts):
     """Validates, keeps the best and the last bundle, writes checkpoints, and ends the run when asked to."""
 
-    def __init__(self, config: TrainConfig, display: Display, state: CallbackState, interrupt: Interrupt) -> None:
+    def __init__(
+        self, config: TrainConfig, display: Display, state: CallbackState, segments: Segments, interrupt: Interrupt
+    ) -> None:
         super().__init__()
         self._config = config
         self._display = display
         self._state = state
+        self._segments = segments
         self._interrupt = interrupt
-        self._earlier_seconds = state.seconds
-        self._began = self._written = time.monotonic()
+        self._earlier_seconds, self._began = state.seconds, time.monotonic()
+        self._kept = 0
 
     def _on_rollout_start(self) -> None:
         interval = self._config.validation.interval
-        due = interval > 0 and self.num_timesteps - self._state.validated >= interval
-        # A new best bundle is not left without the checkpoint that knows its score.
-        improved = due and self._validate()
-        if improved or self._interrupt.asked or time.monotonic() - self._written > CHECKPOINT_PERIOD:
-            self._keep()
+        if interval > 0 and self.num_timesteps - self._state.validated >= interval:
+            self._validate()
         # Figures of the update and the validation go to TensorBoard now: SB3 would write them a rollout later.
         self.logger.dump(self.num_timesteps)
+        if self._segments.over:
+            self._keep()
         if self._interrupt.asked:
-            raise KeyboardInterrupt
+            self._save(current_policy(self._config, self._learner), LAST)
+            again = self.num_timesteps - self._kept
+            raise KeyboardInterrupt(f"{again:,} steps since its checkpoint will be done again")
 
     def _on_training_end(self) -> None:
         if self._state.validated < self.num_timesteps:
             self._validate()
-        self._keep()
         self.logger.dump(self.num_timesteps)
+        self._keep()
 
-    def _validate(self) -> bool:
-        """Judge the policy; whether it is the best so far, and is kept as that."""
+    def _validate(self) -> None:
+        """Judge the policy, and keep it if it is the best so far."""
         policy, state = current_policy(self._config, self._learner), self._state
         results = validate(policy, self._config.validation, self._config.threads)
         total = score(results)
@@ -162,15 +192,15 @@ class ValidateAndSave(BetweenRollouts):
             state.best_score = total
             self._save(policy, BEST)
         self._display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
-        return better
 
     def _keep(self) -> None:
         self._state.seconds = self._earlier_seconds + time.monotonic() - self._began
-        # The checkpoint first: a folder without one is taken to hold nothing that could be carried on.
+        if self.num_timesteps:  # no bundle before the first checkpoint: a folder without one holds nothing to lose
+            self._save(current_policy(self._config, self._learner), LAST)
+        # The checkpoint last: what a killed run lacks is made again only by what comes after its checkpoint.
         state = checkpoint.capture(self._learner, vars(self._state))
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
-        self._save(current_policy(self._config, self._learner), LAST)
-        self._written = time.monotonic()
+        self._kept = self.num_timesteps
 
     def _save(self, policy: ResidualPolicy, name: str) -> None:
         save_bundle(self._config.folder / name, policy, to_dict(self._config), git_revision(REPOSITORY) or "unknown")

@@ -1,8 +1,9 @@
 """Checkpoints of a run at a rollout boundary: safetensors for arrays, JSON for the rest, no pickle anywhere.
 
-Learner, schedules and random generators are restored exactly; the robots are not, a run that is carried on begins new
-episodes. A checkpoint is two files, STEPS.safetensors and then STEPS.json with the hash of the first: it exists once
-the second does, so that a run killed at any moment leaves the one before whole. The last two are kept.
+Learner, schedules and random generators are restored exactly; the robots begin new episodes wherever a checkpoint is
+written, carried on from it or not. A checkpoint is two files, STEPS.safetensors and then STEPS.json with the hash of
+the first: it exists once the second does, so that a run killed at any moment leaves the one before whole. The last two
+are kept.
 """
 
 import hashlib
@@ -22,7 +23,7 @@ from stable_baselines3 import PPO
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
 
-SCHEMA = 1
+SCHEMA = 2
 KEPT = 2
 _POLICY = "policy."
 _OPTIMISER = "optimiser."

@@ -17,7 +17,7 @@ class TrainingVecEnv(VecEnv):
 
     Args:
         env: what is trained on.
-        seeds: one a robot; `reset` starts with them, every time.
+        seeds: one a robot; `reset` starts with them, every time, until `begin` gives others.
         reward_scale: factor on the rewards that the learner gets.
     """
 
@@ -34,6 +34,11 @@ class TrainingVecEnv(VecEnv):
         """Start every robot's first episode; shape (n, m)."""
         observation, _ = self.env.reset(seed=self._episode_seeds)  # type: ignore[arg-type]  # our batches take one each
         return observation
+
+    def begin(self, seeds: Sequence[int]) -> FloatArray:
+        """Start every robot's first episode of other seeds, one a robot; shape (n, m)."""
+        self._episode_seeds = seeds
+        return self.reset()
 
     def step_async(self, actions: FloatArray) -> None:
         """Take the corrections, (n, 12)."""

@@ -130,7 +130,7 @@ def test_no_checkpoint_and_no_whole_one_are_one_line_with_a_way_out(tmp_path):
 
 
 def test_the_state_of_the_callbacks_survives_a_checkpoint_and_another_is_refused():
-    state = CallbackState(resumed=1, seconds=2.5, best_score=0.25, validated=64, validations=[{"steps": 64}])
+    state = CallbackState(segments=1, seconds=2.5, best_score=0.25, validated=64, validations=[{"steps": 64}])
     assert CallbackState.read(json.loads(json.dumps(vars(state)))) == state
     for remembered in ({"best_skore": 1}, {"seconds": "long"}, {"validations": 3}):
         with pytest.raises(UsageError, match="does not fit this run"):

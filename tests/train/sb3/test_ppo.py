@@ -119,7 +119,7 @@ def test_the_adaptive_rate_steers_towards_its_target():
 
 def test_no_robot_trains_on_an_episode_that_it_is_judged_on():
     config = dataclasses.replace(TrainConfig(), ppo=SMALL)
-    trained = {seed for run in range(3) for seed in training_seeds(config, resumed=run).tolist()}
+    trained = {seed for segment in range(3) for seed in training_seeds(config, segment)}
     assert len(trained) == 3 * SMALL.envs
     for purpose in PURPOSES:
         if purpose != "training":
@@ -137,7 +137,7 @@ def test_training_and_validation_walk_on_other_ground_than_the_evaluation():
 
 def test_robots_train_on_harder_ground_and_pushes_than_they_are_judged_on():
     config = dataclasses.replace(TrainConfig(), hardness=2.0, pushes=3, ppo=dataclasses.replace(SMALL, envs=8))
-    flat, push, rough = (batch.scenario for batch in make_robots(config, training_seeds(config)).batches)
+    flat, push, rough = (batch.scenario for batch in make_robots(config).batches)
     assert flat == SCENARIOS["flat"]
     assert (push.pushes.impulse, push.pushes.count) == (70.0, 3)
     assert rough.terrain.peak_to_valley == pytest.approx(0.24)

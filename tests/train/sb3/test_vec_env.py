@@ -17,7 +17,7 @@ SEEDS = episode_seeds("training", 3, 4).tolist()
 
 def training_env(n, first=None, steps=1000, base="trot", authority=0.3, reward_scale=1.0):
     batch = SimpleQuadVectorEnv(n, "flat", 1, "DISABLED", max_episode_steps=steps)
-    robots = TrainingRobots([batch], None if first is None else np.array(first))
+    robots = TrainingRobots([batch], None if first is None else lambda _: np.array(first))
     residual = ResidualVectorEnv(robots, policies.make(base), np.full(12, authority, np.float32))
     env = TrainingVecEnv(residual, SEEDS[:n], reward_scale)
     env.reset()

@@ -1,0 +1,193 @@
+"""A run that is stopped anywhere and carried on is the one in one go, bit for bit: weights, validations, bundles."""
+
+import json
+import random
+import shutil
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from policies.network import Network
+from train.__main__ import main
+from train.config import load_config
+from train.robots import segment_steps
+from train.sb3 import callbacks, checkpoint
+from train.sb3.vec_env import TrainingVecEnv
+
+OPTIONS = (
+    "--threads 1 --max-episode-steps 14 --mixture flat 0.5 push=100 0.25 rough 0.25 --validation.interval 200 "
+    "--ppo.envs 16 --ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 2 --ppo.actor 8 --ppo.critic 8 "
+    "--ppo.learning-rate-schedule adaptive --ppo.target-kl 1e-3 --ppo.log-std-final -3 --steps 640"
+)
+ROLLOUT, SEGMENT, RUN = 8, 16, 40
+"""Steps of each of the 16 robots."""
+
+
+class Killed(BaseException):
+    """What no code of ours catches."""
+
+
+def of_weights(policy, *_):
+    """A validation that takes no time, and whose figures go up and down with the weights."""
+    network: Network = policy.network
+    error = float(np.abs(1e4 * network.weights[-1]).sum() % 1.0)
+    return {"flat": {"velocity_error": error, "yaw_rate_error": 0.0, "fall_rate": 0.0}}
+
+
+@pytest.fixture(autouse=True)
+def quick_validation(monkeypatch):
+    monkeypatch.setattr("train.sb3.callbacks.validate", of_weights)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Folder of a run in one go, `whole`, and of one that was killed in its third segment, `killed`."""
+    folder = tmp_path_factory.mktemp("runs")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("train.sb3.callbacks.validate", of_weights)
+        begin(folder / "whole")
+        killed_after(2 * SEGMENT + 3, partial(begin, folder / "killed"))
+    return folder
+
+
+@pytest.fixture
+def killed(runs, tmp_path):
+    """A killed run of one's own."""
+    return Path(shutil.copytree(runs / "killed", tmp_path / "killed"))
+
+
+def begin(folder):
+    assert main([*OPTIONS.split(), "--out", str(folder)]) == 0
+
+
+def resume(folder):
+    # Another process has other random states.
+    random.seed(5)
+    np.random.seed(5)  # noqa: NPY002
+    torch.manual_seed(5)
+    assert main(["--resume", "--threads", "1", "--out", str(folder)]) == 0
+
+
+def killed_after(steps, go_on):
+    """Whatever `go_on` does, dead after so many steps of each robot."""
+    step_wait, taken = TrainingVecEnv.step_wait, 0
+
+    def dying(env):
+        nonlocal taken
+        if taken == steps:
+            raise Killed
+        taken += 1
+        return step_wait(env)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(TrainingVecEnv, "step_wait", dying)
+        with pytest.raises(Killed):
+            go_on()
+
+
+def bits(folder: Path):
+    """All of a run's folder that must not hang on interruptions."""
+    found = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.safetensors")}
+    for path in folder.glob("checkpoints/*.json"):
+        record = json.loads(path.read_text())
+        del record["remembered"]["seconds"]
+        found[path.name] = json.dumps(record).encode()
+    return found
+
+
+def test_in_the_run_all_that_is_restored_counts(runs):
+    """Several validations, the best not the last; a rate that moved; a last segment that the end cut short."""
+    config = load_config(runs / "whole")
+    assert segment_steps(config) == SEGMENT * config.ppo.envs
+    state = json.loads((runs / "whole" / "checkpoints" / "000000000640.json").read_text())["remembered"]
+    scores = [each["score"] for each in state["validations"]]
+    assert [each["steps"] for each in state["validations"]] == [256, 512, 640]
+    assert state["best_score"] == min(scores) < scores[-1]
+    assert state["segments"] == 3
+    assert state["rate"] != config.ppo.learning_rate
+
+
+@pytest.mark.parametrize("steps", [0, 13, 16, 28, 39])
+def test_a_run_that_is_stopped_anywhere_ends_with_the_same_bits(steps, runs, tmp_path):
+    killed_after(steps, partial(begin, tmp_path / "run"))
+    resume(tmp_path / "run")
+    assert bits(tmp_path / "run") == bits(runs / "whole")
+
+
+def test_a_run_that_is_stopped_again_and_again_ends_with_the_same_bits(runs, tmp_path):
+    folder = tmp_path / "run"
+    killed_after(20, partial(begin, folder))
+    for steps in (3, 17, 0, 7):
+        killed_after(steps, partial(resume, folder))
+    resume(folder)
+    assert bits(folder) == bits(runs / "whole")
+
+
+@pytest.mark.parametrize(("module", "name"), [(callbacks, "save_bundle"), (checkpoint, "save")])
+@pytest.mark.parametrize("done", [False, True])
+def test_a_run_that_is_stopped_between_its_final_files_ends_with_the_same_bits(
+    module, name, done, runs, killed, monkeypatch
+):
+    """After the last checkpoint there is nothing left to do that would write the others again."""
+
+    def dying(*arguments):
+        written.append(arguments)
+        if done or len(written) < 2:
+            write(*arguments)
+        if len(written) == 2:  # the first are those of the checkpoint that it is carried on from
+            raise Killed
+
+    write, written = getattr(module, name), []
+    with monkeypatch.context() as patch:
+        patch.setattr(module, name, dying)
+        with pytest.raises(Killed):
+            resume(killed)
+    if not (done and module is checkpoint):
+        resume(killed)
+    assert bits(killed) == bits(runs / "whole")
+
+
+def test_checkpoints_stand_where_segments_begin_and_at_the_end_and_nowhere_else(tmp_path, monkeypatch):
+    written = []
+    monkeypatch.setattr(checkpoint, "save", lambda _, state: written.append(state.progress["steps"]))
+    begin(tmp_path / "run")
+    assert written == [0, 256, 512, 640]
+
+
+def forget(**values):
+    """Leave that out of what the callbacks carry over."""
+
+    def of(patch):
+        def forgetful(folder):
+            found = load(folder)
+            found.progress["remembered"].update(values)
+            return found
+
+        load = checkpoint.load
+        patch.setattr(checkpoint, "load", forgetful)
+
+    return of
+
+
+LEFT_OUT = {
+    "weights": lambda patch: patch.setattr(torch.nn.Module, "load_state_dict", lambda *_: None),
+    "optimiser": lambda patch: patch.setattr(checkpoint, "_restore_optimiser", lambda *_: None),
+    "torch's generator": lambda patch: patch.setattr(torch, "set_rng_state", lambda _: None),
+    "NumPy's generator": lambda patch: patch.setattr(np.random, "set_state", lambda _: None),
+    "adaptive rate": lambda patch: patch.setattr(callbacks.Schedules, "_on_training_start", lambda _: None),
+    "new episodes": lambda patch: patch.setattr(callbacks.Segments, "_on_rollout_start", lambda _: None),
+    "segments": forget(segments=0),
+    "best": forget(best_score=None),
+    "validated": forget(validated=0),
+    "validations": forget(validations=[]),
+}
+
+
+@pytest.mark.parametrize("what", LEFT_OUT)
+def test_whatever_is_not_restored_shows(what, runs, killed, monkeypatch):
+    LEFT_OUT[what](monkeypatch)
+    resume(killed)
+    assert bits(killed) != bits(runs / "whole")
