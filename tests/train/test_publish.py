@@ -114,6 +114,7 @@ def test_an_unfinished_run_is_not_published(runs, tmp_path, capsys):
 def test_a_damaged_run_is_one_line_before_anything_is_judged(file, change, complaint, runs, tmp_path, capsys):
     folder = tmp_path / "run"
     shutil.copytree(runs / "0", folder)
+    (folder / "checkpoints" / "000000000000.json").unlink()  # or the run would go on from there
     before = (folder / file).read_bytes()
     (folder / file).write_text(change(before.decode(errors="replace")))
     assert (folder / file).read_bytes() != before
