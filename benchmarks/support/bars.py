@@ -45,6 +45,7 @@ BARS = {
     "residual 0.08": Bar("residual, seconds to a velocity error of 0.08 m/s", "training", (Limit("≤", 300.0, " s"),)),
     "end-to-end 0.15": Bar("end-to-end, seconds to a velocity error of 0.15 m/s", "training --policy end-to-end", ()),
     "end-to-end 0.08": Bar("end-to-end, seconds to a velocity error of 0.08 m/s", "training --policy end-to-end", ()),
+    "resume": Bar("of 20 runs killed with SIGKILL, resumed to the bit", "resume", (Limit("≥", 20.0),)),
     "control step": Bar("control step of one robot, 99.9th percentile", "policies", (Limit("≤", 10.0, " ms"),)),
     "joint step": Bar("joint-loop step of one robot, 99.9th percentile", "policies", (Limit("≤", 2.0, " ms"),)),
     "import": Bar("import quad_env / import gymnasium, time", "startup", (Limit("≤", 1.15),)),

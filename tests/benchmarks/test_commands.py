@@ -12,7 +12,7 @@ import pytest
 from benchmarks.support.command import WIDTH
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
-COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "growth", "rendering", "breaking_points")
+COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "resume", "growth", "rendering", "breaking_points")
 
 
 def run(name: str, *arguments: object) -> int:
@@ -127,6 +127,13 @@ def test_an_interrupted_training_keeps_its_judgements(tmp_path: Path, capsys, mo
     assert kept["trace"] == [{"steps": 0, "seconds": 0.5, "velocity_error": 0.12}]
 
 
+def test_resume_compares_what_a_killed_run_ends_with(tmp_path: Path, capsys) -> None:
+    assert run("resume", "--quick", "--json", tmp_path / "kept.json") == 0
+    found = figures("resume", tmp_path / "kept.json", capsys.readouterr().out)
+    (kill,) = found["kills"]
+    assert found["same"] == kill["same"] == 1
+
+
 def test_all_together_names_the_command_of_what_it_does_not_measure(tmp_path: Path, capsys, monkeypatch) -> None:
     from benchmarks import startup
     from benchmarks.support.command import Outcome
@@ -157,6 +164,7 @@ def test_all_together_names_the_command_of_what_it_does_not_measure(tmp_path: Pa
         ("training", ["--seeds", "-1"], "--seeds"),
         ("training", ["--policy", "walk"], "--policy"),
         ("startup", ["--rounds", "-1"], "--rounds"),
+        ("resume", ["--kills", "0"], "--kills"),
         ("growth", ["--envs"], "--envs"),
     ],
 )

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.resume import bits
 from policies.network import Network
 from train.__main__ import main
 from train.config import load_config
@@ -86,16 +87,6 @@ def killed_after(steps, go_on):
         patch.setattr(TrainingVecEnv, "step_wait", dying)
         with pytest.raises(Killed):
             go_on()
-
-
-def bits(folder: Path):
-    """All of a run's folder that must not hang on interruptions."""
-    found = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.safetensors")}
-    for path in folder.glob("checkpoints/*.json"):
-        record = json.loads(path.read_text())
-        del record["remembered"]["seconds"]
-        found[path.name] = json.dumps(record).encode()
-    return found
 
 
 def test_in_the_run_all_that_is_restored_counts(runs):

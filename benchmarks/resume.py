@@ -1,0 +1,133 @@
+"""`python -m benchmarks.resume`: training runs killed with SIGKILL at random moments, resumed, compared to the bit.
+
+One small run in one go comes first: its weights, optimiser, random states, validations and bundles are what the others
+must end with. A moment is drawn from the life of that run, from the first file in its folder to its end.
+"""
+
+import contextlib
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.support.bars import check
+from benchmarks.support.command import Outcome, Output, command, table
+from benchmarks.support.progress import stage
+from evaluate.records.provenance import REPOSITORY
+from evaluate.terminal.launcher import launch
+from train.run_folder import CHECKPOINTS, CONFIG_FILE, has_checkpoint
+
+KILLS = 20
+"""Of the row of what must be seen."""
+TRAINING = (
+    "--threads 1 --max-episode-steps 48 --mixture flat 0.5 push=100 0.25 rough 0.25 --ppo.envs 32 --ppo.epochs 2 "
+    "--ppo.learning-rate-schedule adaptive --ppo.log-std-final -3 "
+    "--validation.interval 4000 --validation.episodes 1 --validation.scenarios flat"
+)
+STEPS, FEW_STEPS = 12_000, 2_000
+"""Segments of such a run take 1,536 steps."""
+
+
+@dataclass(frozen=True)
+class Options(Output):
+    """How many of the killed runs end with the bits of the uninterrupted one."""
+
+    kills: int = KILLS
+    """Runs, each killed once (count)."""
+    seed: int = 0
+    """Of the moments."""
+
+
+def measure(options: Options) -> Outcome:
+    """A row a kill."""
+    options = replace(options, kills=1) if options.quick else options
+    steps = FEW_STEPS if options.quick else STEPS
+    words = [*TRAINING.split(), "--steps", str(steps)]
+    generator = np.random.default_rng(options.seed)
+    kills: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as folder, stage("runs, killed and resumed", options.kills) as advance:
+        whole = Path(folder) / "whole"
+        life = _live(words, whole)
+        expected = bits(whole)
+        while len(kills) < options.kills:
+            run, moment = Path(folder) / f"killed-{len(kills)}", float(generator.uniform(0.0, life))
+            if not _killed(words, run, moment):
+                continue  # it was faster than the one in one go: another moment
+            record = {"seconds": moment, "checkpoint": _last_checkpoint(run)}
+            if not record["checkpoint"] or record["checkpoint"] < steps:  # as its user would see and do
+                _live(["--resume", "--threads", "1"] if has_checkpoint(run) else words, run)
+            kills.append(record | {"same": bits(run) == expected})
+            advance()
+    rows = table("Runs killed with SIGKILL and resumed", "kill", "s", "last checkpoint, steps", "end")
+    for number, kill in enumerate(kills):
+        rows.add_row(
+            str(number),
+            f"{kill['seconds']:.2f}",
+            "none" if kill["checkpoint"] is None else f"{kill['checkpoint']:,}",
+            "same bits" if kill["same"] else "other bits",
+        )
+    same = sum(kill["same"] for kill in kills)
+    checks = (check("resume", same),) if options.kills == KILLS else ()
+    notes = (f"{same} of {len(kills)} resumed to the bit; the run in one go lived {life:.1f} s.",)
+    return Outcome({"kills": kills, "same": same, "life": life}, (rows,), checks, notes)
+
+
+def bits(folder: Path) -> dict[str, bytes]:
+    """All of a run's folder that must not hang on interruptions, by file: no clock, no log."""
+    found = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.safetensors")}
+    for path in (folder / CHECKPOINTS).glob("*.json"):
+        record = json.loads(path.read_bytes())
+        del record["remembered"]["seconds"]
+        found[path.name] = json.dumps(record).encode()
+    return found
+
+
+@contextlib.contextmanager
+def _training(words: list[str], folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that trains, once there is something in its folder, or once it has ended."""
+    line = [sys.executable, "-m", "train", *words, "--out", str(folder)]
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    with subprocess.Popen(line, cwd=REPOSITORY, **streams) as process:  # type: ignore[call-overload]
+        try:
+            while process.poll() is None and not (folder / CONFIG_FILE).exists():
+                time.sleep(0.002)
+            yield process
+        finally:
+            process.kill()
+
+
+def _live(words: list[str], folder: Path) -> float:
+    """Train to the end; the seconds from the first file on. OSError where it fails."""
+    with _training(words, folder) as process:
+        begin = time.perf_counter()
+        _, complaint = process.communicate()
+        life = time.perf_counter() - begin
+    if process.returncode:
+        raise OSError(f"python -m train failed: {(complaint.decode().splitlines() or ['no message'])[-1]}")
+    return life
+
+
+def _killed(words: list[str], folder: Path, moment: float) -> bool:
+    """Train and kill so many seconds after the first file; whether it was still alive then."""
+    with _training(words, folder) as process, contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(moment)
+        return False
+    return True
+
+
+def _last_checkpoint(folder: Path) -> int | None:
+    """Steps of the newest checkpoint."""
+    return max((int(path.stem) for path in (folder / CHECKPOINTS).glob("*.json")), default=None)
+
+
+main = command(Options, measure, "benchmarks.resume", __doc__)
+
+if __name__ == "__main__":
+    raise SystemExit(launch(main))
