@@ -22,7 +22,7 @@ from benchmarks.support.command import Outcome, Output, command, table
 from benchmarks.support.progress import stage
 from evaluate.records.provenance import REPOSITORY
 from evaluate.terminal.launcher import launch
-from train.run_folder import CHECKPOINTS, CONFIG_FILE, has_checkpoint
+from train.run_folder import CHECKPOINTS, CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE, has_checkpoint
 
 KILLS = 20
 """Of the row of what must be seen."""
@@ -82,10 +82,15 @@ def measure(options: Options) -> Outcome:
 def bits(folder: Path) -> dict[str, bytes]:
     """All of a run's folder that must not hang on interruptions, by file: no clock, no log."""
     found = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.safetensors")}
+    found[VALIDATIONS_FILE] = (folder / VALIDATIONS_FILE).read_bytes()
     for path in (folder / CHECKPOINTS).glob("*.json"):
         record = json.loads(path.read_bytes())
         del record["remembered"]["seconds"]
         found[path.name] = json.dumps(record).encode()
+    metrics = [json.loads(line) for line in (folder / METRICS_FILE).read_bytes().splitlines()]
+    for figures in metrics:
+        del figures["time/seconds"]
+    found[METRICS_FILE] = json.dumps(metrics).encode()
     return found
 
 

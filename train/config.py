@@ -101,8 +101,8 @@ class ValidationConfig:
     """Steps between two validations; 0 for none but the last."""
     episodes: int = number(24, limits=(1, 100_000))
     """Episodes a scenario."""
-    scenarios: tuple[str, ...] = ("flat", "push", "rough")
-    """Scenarios judged."""
+    scenarios: tuple[str, ...] = ()
+    """Scenarios judged; those trained on, without the hardness, when not given."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,6 +146,12 @@ class TrainConfig:
     def folder(self) -> Path:
         """Run folder."""
         return self.out if self.out is not None else Path("runs") / f"{self.policy}-{self.seed}"
+
+    @property
+    def judged(self) -> ValidationConfig:
+        """The validation with its scenarios, named or those trained on."""
+        trained = tuple(name for name, share in self.mixture if share)
+        return dataclasses.replace(self.validation, scenarios=self.validation.scenarios or trained)
 
 
 DEFAULTS: dict[PolicyKind, TrainConfig] = {

@@ -20,7 +20,8 @@ def summary(figures: Mapping[str, float]) -> str:
         else "no episode ended"
     )
     errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
-    return f"{ended}  {errors}"
+    validated = f"{figures['success']:.0%} succeeded in validation  " if "success" in figures else ""
+    return f"{validated}{ended}  {errors}"
 
 
 class Display:

@@ -1,32 +1,32 @@
 """One training run: its folder, its robots, its learner, from the first step or from a checkpoint to the last."""
 
 import contextlib
-import json
 from collections.abc import Sequence
 from typing import cast
 
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import configure
 
 import policies
 from evaluate.terminal.command_line import UsageError
-from policies.files import sole_use, write_atomically
+from policies.files import sole_use
 from policies.residual import authority_of
-from train.config import TrainConfig, to_dict
+from train.config import TrainConfig
 from train.display import Display
 from train.interrupt import Interrupt
 from train.residual_env import ResidualVectorEnv
 from train.robots import TrainingRobots, make_robots, training_seeds
-from train.run_folder import CHECKPOINTS, CONFIG_FILE, TENSORBOARD, begun, refuse_folder_in_use, writing
+from train.run_folder import CHECKPOINTS, begun, refuse_folder_in_use, writing
+from train.run_record import write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, RolloutFigures, Schedules, Segments, ValidateAndSave
+from train.sb3.log import run_logger
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
 
 
 def train(config: TrainConfig) -> None:
-    """Train to the last step, or until Ctrl-C; leaves bundles, checkpoints, config.json and a TensorBoard log.
+    """Train to the last step, or until Ctrl-C; leaves bundles, checkpoints, settings, validations and logs.
 
     Raises UsageError, one line, on what cannot be trained or written, and KeyboardInterrupt after a Ctrl-C, once all is
     kept.
@@ -39,7 +39,7 @@ def train(config: TrainConfig) -> None:
     with contextlib.closing(make_env(config)) as env:
         model = build(config, env)
         with begun(config.folder):  # now that it is certain that the settings can be trained with
-            _write_settings(config)
+            write_settings(config, 0)
             _learn(config, env, model, CallbackState())
 
 
@@ -53,22 +53,18 @@ def _carry_on(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
         if done >= config.steps:
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
         with writing(config.folder):
-            _write_settings(config)
+            changed = write_settings(config, done)
             notices = [f"passed over a checkpoint: {damage}" for damage in found.damaged]
+            notices += [f"the end may not be that of a run in one go; {change}" for change in changed]
             notices.append(f"carrying on at {done:,} steps")
             _learn(config, env, model, state, notices)
-
-
-def _write_settings(config: TrainConfig) -> None:
-    settings = json.dumps(to_dict(config), indent=2) + "\n"
-    write_atomically(config.folder / CONFIG_FILE, settings.encode())
 
 
 def _learn(
     config: TrainConfig, env: TrainingVecEnv, model: PPO, state: CallbackState, notices: Sequence[str] = ()
 ) -> None:
-    model.set_logger(configure(str(config.folder / TENSORBOARD), ["tensorboard"]))
     done = model.num_timesteps
+    model.set_logger(run_logger(config.folder, done))
     display = Display(config.steps, done)
     for notice in notices:
         display.note(notice)
@@ -76,9 +72,10 @@ def _learn(
     try:
         with Interrupt() as interrupt:
             segments = Segments(config, state)
-            callbacks: list[BaseCallback] = [RolloutFigures(robots, display), Schedules(config, state)]
+            callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
             callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
-            model.learn(config.steps - done, callbacks, reset_num_timesteps=False)
+            # SB3's own log is left out: its means reach back beyond the last checkpoint.
+            model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
     finally:
         display.close()
         model.logger.close()

@@ -9,8 +9,14 @@ from policies.files import FolderInUse, make_writable_folder, sole_use
 
 CONFIG_FILE = "config.json"
 """Settings of the run."""
+RECORD_FILE = "run.json"
+"""The command that repeats the run; revision and packages of each session."""
+METRICS_FILE = "metrics.jsonl"
+"""Figures of each rollout, a line each."""
+VALIDATIONS_FILE = "validations.json"
+"""Every validation, and which was the best."""
 CHECKPOINTS, BEST, LAST = "checkpoints", "best", "last"
-"""Resumable states, the bundle with the best validation score, the latest bundle."""
+"""Resumable states, the bundle of the best validation, the latest bundle."""
 TENSORBOARD = "tensorboard"
 """TensorBoard's events."""
 
@@ -23,7 +29,7 @@ def has_checkpoint(folder: Path) -> bool:
 def refuse_folder_in_use(folder: Path) -> None:
     """Raise UsageError unless a run can be begun in `folder`: one that is not there yet, or holds nothing to lose.
 
-    The latter is what a run leaves that was stopped before its first checkpoint: settings and a log.
+    The latter is what a run leaves that was stopped before its first checkpoint: settings and logs.
     """
     if not folder.exists():
         return
@@ -31,7 +37,7 @@ def refuse_folder_in_use(folder: Path) -> None:
         raise UsageError(f"{folder} is a file: name a folder with --out")
     if has_checkpoint(folder):
         raise UsageError(f"{folder} holds a run: choose another --out, or carry that run on with --resume")
-    if {entry.name for entry in folder.iterdir()} - {CONFIG_FILE, TENSORBOARD}:
+    if {entry.name for entry in folder.iterdir()} - {CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD}:
         raise UsageError(f"{folder} is not empty: choose another --out")
 
 

@@ -27,8 +27,8 @@ def check(config: TrainConfig) -> None:
     _check_layers("--ppo.actor", config.ppo.actor)
     _check_layers("--ppo.critic", config.ppo.critic)
     _check_rollout(config)
-    _check_scenarios("--validation.scenarios", config.validation.scenarios)
     _check_mixture(config)
+    _check_scenarios("--validation.scenarios", config.judged.scenarios)
     if config.policy == "end-to-end" and config.base != "stand":
         raise UsageError(f"--policy end-to-end learns on --base stand, not on {config.base}: leave --base out")
 

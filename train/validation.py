@@ -9,6 +9,8 @@ from quad_env.seeding import episode_seeds
 from train.config import ValidationConfig
 from train.scenarios import practice
 
+Results = Mapping[str, Mapping[str, float]]
+"""Mean metrics of each scenario, scenario -> name -> value."""
 VALIDATION_SEED = 0
 """The same episodes in every run, so that runs compare."""
 YAW_WEIGHT = 0.5
@@ -23,8 +25,18 @@ def validate(policy: Policy, config: ValidationConfig, nthread: int) -> dict[str
     }
 
 
-def score(results: Mapping[str, Mapping[str, float]]) -> float:
-    """What the best policy has least of: velocity error plus half the yaw-rate error, m/s, mean over scenarios.
+def rank(results: Results) -> tuple[float, float]:
+    """What the best policy has least of: failures, a share of the episodes; where these are equal, the score."""
+    return 1.0 - success(results), score(results)
+
+
+def success(results: Results) -> float:
+    """Share of the episodes that succeed, mean over scenarios."""
+    return sum(means["success_rate"] for means in results.values()) / len(results)
+
+
+def score(results: Results) -> float:
+    """Velocity error plus half the yaw-rate error, m/s, mean over scenarios.
 
     Falls need no term: every step after one is billed the metric's cap.
     """

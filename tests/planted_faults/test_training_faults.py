@@ -41,6 +41,7 @@ SETTINGS = PpoConfig(
     critic=(3,),
     activation="tanh",
 )
+JUDGED = TrainConfig(validation=ValidationConfig(episodes=1)).judged
 SMALL = TrainConfig(
     threads=1, seed=7, mixture=(("flat", 0.5), ("push", 1 / 6), ("rough", 1 / 3)), pushes=3, hardness=1.5, ppo=SETTINGS
 )
@@ -93,7 +94,7 @@ EXAM_SURFACE = SCENARIOS["rough"].terrain.seed  # type: ignore[union-attr]
 def check_validation_is_on_its_own_episodes_and_ground() -> None:
     with recorded() as starts, pytest.MonkeyPatch.context() as patch:
         patch.setattr(validation, "run", partial(validation.run, steps=BRIEF))
-        found = validation.validate(policies.make("stand"), ValidationConfig(episodes=1), nthread=1)
+        found = validation.validate(policies.make("stand"), JUDGED, nthread=1)
     assert families(starts) == {"validation"}
     assert EXAM_SURFACE not in surfaces(starts)
     assert list(found) == ["flat", "push", "rough"] == [start.scenario.axis for start in starts]

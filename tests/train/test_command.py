@@ -8,20 +8,23 @@ import shutil
 import signal
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch.utils.tensorboard import SummaryWriter
 
 import policies
 from evaluate.rollouts.rollout import run
 from policies.files import sole_use
 from quad_env.seeding import episode_seeds
-from train.__main__ import COMMANDS, main
-from train.config import load_config
-from train.run_folder import CONFIG_FILE
+from train.__main__ import COMMANDS, main, parse
+from train.config import load_config, to_dict
+from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.sb3 import checkpoint
+from train.sb3.callbacks import RolloutFigures
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTIONS = (
@@ -134,6 +137,7 @@ def test_a_folder_that_another_run_writes_to_is_refused_and_left_alone(how, copi
         shutil.rmtree(copied_run / "checkpoints")
         for name in ("best", "last"):
             shutil.rmtree(copied_run / name)
+        (copied_run / VALIDATIONS_FILE).unlink()
     before = files(copied_run)
     with sole_use(copied_run):
         assert main([*(how or TINY), "--steps", "512", "--out", str(copied_run)]) == 2
@@ -151,7 +155,7 @@ def test_a_finished_run_says_how_to_extend_it_and_can_be(copied_run, capsys):
 
 def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp_path, monkeypatch):
     errors = iter([0.5, 0.25, 0.75])
-    flat = {"yaw_rate_error": 0.0, "fall_rate": 0.0}
+    flat = {"success_rate": 0.5, "yaw_rate_error": 0.0, "fall_rate": 0.0}
     monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: {"flat": flat | {"velocity_error": next(errors)}})
     folder = tmp_path / "run"
     assert main([*TINY, "--validation.interval", "256", "--steps", "640", "--out", str(folder)]) == 0
@@ -161,6 +165,54 @@ def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp
     assert logged["validation/flat/velocity_error"] == logged["validation/score"]
     for name in ("train/loss", "rollout/velocity_error", "reward/tilt"):
         assert [step for step, _ in logged[name]] == [128, 256, 384, 512, 640], name
+    metrics = [json.loads(line) for line in (folder / METRICS_FILE).read_text().splitlines()]
+    for name, values in logged.items():
+        expected = [(each["steps"], each[name]) for each in metrics if each.get(name) is not None]
+        assert expected == [(step, pytest.approx(value)) for step, value in values if np.isfinite(value)], name
+    found = json.loads((folder / VALIDATIONS_FILE).read_text())
+    assert [(each["steps"], each["score"]) for each in found["validations"]] == logged["validation/score"]
+    assert found["best"] == 512
+
+
+def test_what_is_done_again_after_a_kill_is_logged_once(tmp_path, monkeypatch):
+    """TensorBoard and metrics of a run that was killed in its third rollout, its last checkpoint after the second."""
+
+    def killed_at_384(*arguments):
+        if arguments[0].num_timesteps == 384:
+            raise SystemExit
+        end(*arguments)
+
+    folder, end = tmp_path / "run", RolloutFigures._on_rollout_end
+    with monkeypatch.context() as patch:
+        patch.setattr(RolloutFigures, "_on_rollout_end", killed_at_384)
+        with pytest.raises(SystemExit):
+            main([*TINY, "--max-episode-steps", "16", "--steps", "640", "--out", str(folder)])
+    with (folder / METRICS_FILE).open("a") as file:
+        file.write('{"steps": 384, "rollout/return": 5.0}\n{"steps": 51')
+    with SummaryWriter(str(folder / "tensorboard")) as writer:
+        writer.add_scalar("rollout/return", 5.0, 384)
+    assert main(["--resume", "--threads", "1", "--out", str(folder)]) == 0
+    events = EventAccumulator(str(folder / "tensorboard")).Reload()
+    assert [event.step for event in events.Scalars("rollout/return")] == [128, 256, 384, 512, 640]
+    metrics = [json.loads(line) for line in (folder / METRICS_FILE).read_text().splitlines()]
+    assert [each["steps"] for each in metrics] == [128, 256, 384, 512, 640]
+
+
+def test_the_record_of_a_run_repeats_it_and_says_who_carried_it_on(copied_run, monkeypatch, capsys):
+    record = json.loads((copied_run / RECORD_FILE).read_text())
+    (session,) = record["sessions"]
+    words = record["command"].split()[3:]
+    assert to_dict(parse(words)) == to_dict(load_config(copied_run))
+    assert session["from_steps"] == 0
+    assert session["torch"] == metadata.version("torch")
+    assert {"git_revision", "mujoco", "numpy", "stable-baselines3"} <= set(session)
+    session["torch"] = "0.1"
+    (copied_run / RECORD_FILE).write_text(json.dumps(record))
+    assert main(["--resume", "--steps", "384", "--threads", "1", "--out", str(copied_run)]) == 0
+    assert f"torch: begun with 0.1, now {metadata.version('torch')}" in capsys.readouterr().out
+    record = json.loads((copied_run / RECORD_FILE).read_text())
+    assert [each["from_steps"] for each in record["sessions"]] == [0, 256]
+    assert "--steps 384" in record["command"]
 
 
 def test_resume_without_a_whole_checkpoint_is_one_line(finished_run, tmp_path, capsys):

@@ -90,7 +90,6 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--rewards.tilt nan", "--rewards.tilt must be from"),
         ("--rewards.fall inf", "--rewards.fall must be from"),
         ("--validation.interval -1", "--validation.interval must be from 0"),
-        ("--validation.scenarios", "--validation.scenarios needs at least one"),
         ("--validation.scenarios flat flat", "--validation.scenarios names a scenario twice"),
         ("--policy end-to-end --base trot", "leave --base out"),
         ("--ppo.envs 10 --ppo.rollout-steps 3 --ppo.minibatch 20", "must divide"),
@@ -171,6 +170,13 @@ def test_resume_of_a_damaged_configuration_is_refused(tmp_path):
 def test_robots_are_shared_out_to_the_last_one(mixture, robots, expected):
     config = dataclasses.replace(TrainConfig(), mixture=mixture, ppo=PpoConfig(envs=robots))
     assert robots_per_scenario(config) == expected
+
+
+def test_a_run_is_judged_on_what_it_trains_on_unless_it_is_told_other_scenarios():
+    assert parse([]).judged.scenarios == ("flat", "push", "rough")
+    mixture = ["--mixture", "latency=0.04", "0.5", "flat", "0", "payload=15+slope=10", "0.5"]
+    assert parse(mixture).judged.scenarios == ("latency=0.04", "payload=15+slope=10")
+    assert parse([*mixture, "--validation.scenarios", "flat"]).judged.scenarios == ("flat",)
 
 
 def test_the_defaults_can_be_trained_with():

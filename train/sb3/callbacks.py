@@ -26,10 +26,11 @@ from train.interrupt import Interrupt
 from train.residual_env import ResidualVectorEnv
 from train.robots import TrainingRobots, segment_steps, training_seeds
 from train.run_folder import BEST, CHECKPOINTS, LAST
+from train.run_record import write_validations
 from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
-from train.validation import score, validate
+from train.validation import rank, score, success, validate
 
 
 @dataclass
@@ -40,14 +41,16 @@ class CallbackState:
     """How many were begun."""
     seconds: float = 0.0
     """Training time of earlier sessions, validation included, s."""
-    best_score: float | None = None
-    """Smallest score of a validation; the bundle of that one is kept as the best."""
+    best: tuple[float, float] | None = None
+    """Least rank of a validation; the bundle of that one is kept as the best."""
+    best_steps: int = 0
+    """Steps at that validation."""
     validated: int = 0
     """Steps at the last validation."""
     rate: float | None = None
     """Learning rate of the adaptive schedule."""
     validations: list[dict[str, Any]] = field(default_factory=list)
-    """{"steps", "score", "scenarios"} of each validation."""
+    """{"steps", "success", "score", "scenarios"} of each validation."""
 
     @classmethod
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
@@ -72,15 +75,18 @@ class BetweenRollouts(BaseCallback):
 class RolloutFigures(BetweenRollouts):
     """Shows and logs the figures of each rollout."""
 
-    def __init__(self, robots: TrainingRobots, display: Display) -> None:
+    def __init__(self, robots: TrainingRobots, display: Display, state: CallbackState) -> None:
         super().__init__()
         self._robots = robots
         self._display = display
+        self._state = state
 
     def _on_rollout_end(self) -> None:
         figures = self._robots.take_statistics().means()
         for name, value in figures.items():
             self.logger.record(name if "/" in name else f"rollout/{name}", value)
+        if self._state.validations:
+            figures["success"] = self._state.validations[-1]["success"]
         self._display.update(self.num_timesteps, figures)
 
 
@@ -161,8 +167,7 @@ class ValidateAndSave(BetweenRollouts):
         interval = self._config.validation.interval
         if interval > 0 and self.num_timesteps - self._state.validated >= interval:
             self._validate()
-        # Figures of the update and the validation go to TensorBoard now: SB3 would write them a rollout later.
-        self.logger.dump(self.num_timesteps)
+        self._log()
         if self._segments.over:
             self._keep()
         if self._interrupt.asked:
@@ -173,28 +178,40 @@ class ValidateAndSave(BetweenRollouts):
     def _on_training_end(self) -> None:
         if self._state.validated < self.num_timesteps:
             self._validate()
-        self.logger.dump(self.num_timesteps)
+        self._log()
         self._keep()
 
     def _validate(self) -> None:
         """Judge the policy, and keep it if it is the best so far."""
         policy, state = current_policy(self._config, self._learner), self._state
-        results = validate(policy, self._config.validation, self._config.threads)
-        total = score(results)
+        results = validate(policy, self._config.judged, self._config.threads)
+        means = {"success": success(results), "score": score(results)}
         state.validated = self.num_timesteps
-        state.validations.append({"steps": self.num_timesteps, "score": total, "scenarios": results})
-        self.logger.record("validation/score", total)
-        for scenario, means in results.items():
-            for name, value in means.items():
+        state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
+        for name, value in means.items():
+            self.logger.record(f"validation/{name}", value)
+        for scenario, figures in results.items():
+            for name, value in figures.items():
                 self.logger.record(f"validation/{scenario}/{name}", value)
-        better = state.best_score is None or total < state.best_score
+        better = state.best is None or rank(results) < state.best
         if better:
-            state.best_score = total
+            state.best, state.best_steps = rank(results), self.num_timesteps
             self._save(policy, BEST)
+        write_validations(self._config.folder, state.best_steps, state.validations)
         self._display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
 
+    def _log(self) -> None:
+        """Write the rollout's figures, and those of its update and validation, which SB3 would write one later."""
+        if self.logger.name_to_value:
+            self.logger.record("time/seconds", self._seconds)
+            self.logger.dump(self.num_timesteps)
+
+    @property
+    def _seconds(self) -> float:
+        return self._earlier_seconds + time.monotonic() - self._began
+
     def _keep(self) -> None:
-        self._state.seconds = self._earlier_seconds + time.monotonic() - self._began
+        self._state.seconds = self._seconds
         if self.num_timesteps:  # no bundle before the first checkpoint: a folder without one holds nothing to lose
             self._save(current_policy(self._config, self._learner), LAST)
         # The checkpoint last: what a killed run lacks is made again only by what comes after its checkpoint.
@@ -209,7 +226,8 @@ class ValidateAndSave(BetweenRollouts):
 def _line(steps: int, results: dict[str, dict[str, float]]) -> str:
     """One line that says how a validation went."""
     cells = (
-        f"{name} {means['velocity_error']:.3f} m/s {means['yaw_rate_error']:.3f} rad/s {means['fall_rate']:.1%} falls"
+        f"{name} {means['success_rate']:.0%} succeed {means['velocity_error']:.3f} m/s "
+        f"{means['yaw_rate_error']:.3f} rad/s {means['fall_rate']:.1%} fall"
         for name, means in results.items()
     )
     return f"{steps:>10,} validation: " + " | ".join(cells)

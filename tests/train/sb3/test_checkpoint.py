@@ -59,7 +59,7 @@ def fill(folder, steps):
 
 def test_a_restored_learner_learns_on_bit_for_bit(tmp_path):
     model = learner(steps=32)
-    checkpoint.save(tmp_path, checkpoint.capture(model, {"best_score": 0.5}))
+    checkpoint.save(tmp_path, checkpoint.capture(model, {"validated": 5}))
     drawn, expected = draws(), None
     checkpoint.restore(model, checkpoint.load(tmp_path))
     expected = update_on_the_same_data(model)
@@ -67,7 +67,7 @@ def test_a_restored_learner_learns_on_bit_for_bit(tmp_path):
     other = learner(seed=9)
     found = checkpoint.load(tmp_path)
     checkpoint.restore(other, found)
-    assert found.progress["remembered"] == {"best_score": 0.5}
+    assert found.progress["remembered"] == {"validated": 5}
     assert (other.num_timesteps, other._n_updates) == (32, 4)
     assert draws() == drawn
     checkpoint.restore(other, found)
@@ -130,9 +130,9 @@ def test_no_checkpoint_and_no_whole_one_are_one_line_with_a_way_out(tmp_path):
 
 
 def test_the_state_of_the_callbacks_survives_a_checkpoint_and_another_is_refused():
-    state = CallbackState(segments=1, seconds=2.5, best_score=0.25, validated=64, validations=[{"steps": 64}])
+    state = CallbackState(segments=1, seconds=2.5, best=(0.5, 0.25), validated=64, validations=[{"steps": 64}])
     assert CallbackState.read(json.loads(json.dumps(vars(state)))) == state
-    for remembered in ({"best_skore": 1}, {"seconds": "long"}, {"validations": 3}):
+    for remembered in ({"bets": 1}, {"seconds": "long"}, {"validations": 3}):
         with pytest.raises(UsageError, match="does not fit this run"):
             CallbackState.read(remembered)
 

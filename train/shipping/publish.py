@@ -17,8 +17,8 @@ from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
 from train.config import differences, load_config
-from train.model_card import TrainedRun, model_card
 from train.run_folder import BEST, CHECKPOINTS
+from train.shipping.model_card import TrainedRun, model_card
 
 SHIPPED_SEED = 0
 """Fixed before any run, so that what ships is not the luckiest."""

@@ -11,8 +11,9 @@ from evaluate.analysis.comparison import Comparison
 from evaluate.terminal.command_line import UsageError
 from train.__main__ import main, parse
 from train.config import DEFAULTS, PpoConfig, to_dict
-from train.model_card import TrainedRun, command, difference
-from train.publish import choose
+from train.run_record import command
+from train.shipping.model_card import TrainedRun, difference
+from train.shipping.publish import choose
 
 OPTIONS = (
     "--threads 1 --mixture flat 1.0 --validation.episodes 1 --validation.scenarios flat --steps 64 "

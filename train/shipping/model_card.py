@@ -1,14 +1,14 @@
 """MODEL.md of a trained policy: what it is, how it was trained, what it is worth beside its base and other seeds."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from evaluate.analysis.comparison import METRICS, RATES, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
 from evaluate.terminal.format import interval, number, p_value, percent, percent_interval, points
 from policies.base import CONTROL_PERIOD
-from train.config import DEFAULTS, TrainConfig, differences
+from train.config import TrainConfig
+from train.run_record import command
 
 HEADER = (
     "| scenario | policy | seed | success | falls | velocity error m/s | yaw-rate error rad/s "
@@ -44,7 +44,7 @@ holds its weights. Nothing in this folder is code.
 
 {config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {shipped.minutes:.1f} min, \
 source {shipped.git_revision}. The shipped seed is {config.seed}, fixed beforehand, and of \
-its run the weights with the best validation score, on seeds and ground that neither training nor evaluation uses.
+its run the weights of the best validation, on seeds and ground that neither training nor evaluation uses.
 
 ## Results
 
@@ -55,18 +55,6 @@ intervals; errors bill every step after a fall their cap. Only the rows of one b
 
 {against_base(runs, shipped, results)}
 """
-
-
-def command(config: TrainConfig) -> str:
-    """The command that repeats a run."""
-    options = [f"--policy {config.policy}"] if config.policy != "residual" else []
-    changed = differences(DEFAULTS[config.policy], config)
-    options += [f"{each.option} {_words(each.new)}" for each in changed if each.option != "--seed"]
-    return " ".join(["python -m train", *options, f"--seed {config.seed}"])
-
-
-def _words(value: Any) -> str:
-    return " ".join(_words(entry) for entry in value) if isinstance(value, list) else str(value)
 
 
 def mixture(config: TrainConfig) -> str:

@@ -1,0 +1,29 @@
+"""What the best policy is: the one that succeeds most often, and of two that do so alike the one with less error."""
+
+import pytest
+
+from train.validation import rank, score, success
+
+
+def means(success_rate, velocity_error, yaw_rate_error=0.0):
+    return {"success_rate": success_rate, "velocity_error": velocity_error, "yaw_rate_error": yaw_rate_error}
+
+
+def test_success_and_score_are_means_over_scenarios():
+    results = {"flat": means(1.0, 0.1, 0.4), "rough": means(0.25, 0.3, 0.8)}
+    assert success(results) == pytest.approx(0.625)
+    assert score(results) == pytest.approx((0.1 + 0.5 * 0.4 + 0.3 + 0.5 * 0.8) / 2)
+    assert rank(results) == (pytest.approx(0.375), pytest.approx(0.5))
+
+
+@pytest.mark.parametrize(
+    ("better", "worse"),
+    [
+        ([means(0.9, 0.5)], [means(0.8, 0.1)]),
+        ([means(0.9, 0.1)], [means(0.9, 0.2)]),
+        ([means(0.5, 0.1, 0.1)], [means(0.5, 0.1, 0.2)]),
+        ([means(1.0, 0.9), means(0.5, 0.9)], [means(0.7, 0.1), means(0.7, 0.1)]),
+    ],
+)
+def test_success_comes_first_and_the_error_decides_between_equals(better, worse):
+    assert rank(dict(enumerate(better))) < rank(dict(enumerate(worse)))

@@ -1,0 +1,70 @@
+"""What a run's folder says about how it was made: the command that repeats it, packages, validations, metrics."""
+
+import json
+from collections.abc import Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from evaluate.records.provenance import versions
+from policies.files import write_atomically
+from train.config import DEFAULTS, TrainConfig, differences, to_dict
+from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
+
+LEARNER = ("stable-baselines3", "torch", "safetensors")
+"""Packages that a run depends on beside those of the evaluation."""
+
+
+def command(config: TrainConfig) -> str:
+    """The command that repeats a run."""
+    options = [f"--policy {config.policy}"] if config.policy != "residual" else []
+    changed = differences(DEFAULTS[config.policy], config)
+    options += [f"{each.option} {_words(each.new)}" for each in changed if each.option != "--seed"]
+    return " ".join(["python -m train", *options, f"--seed {config.seed}"])
+
+
+def _words(value: Any) -> str:
+    return " ".join(_words(entry) for entry in value) if isinstance(value, list) else str(value)
+
+
+def write_settings(config: TrainConfig, steps: int) -> list[str]:
+    """Write the settings, and who carries the run on from so many steps; what differs from its begin, a line each."""
+    write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
+    path, now = config.folder / RECORD_FILE, _versions()
+    earlier = _sessions(path) if steps else []
+    write_atomically(path, _lines({"command": command(config), "sessions": [*earlier, {"from_steps": steps, **now}]}))
+    first = earlier[0] if earlier else now
+    changed = [name for name, version in now.items() if first.get(name) != version]
+    return [f"{name}: begun with {first.get(name)}, now {now[name]}" for name in changed]
+
+
+def _versions() -> dict[str, str | None]:
+    return versions() | {name: metadata.version(name) for name in LEARNER}
+
+
+def _sessions(path: Path) -> list[dict[str, Any]]:
+    """Those of an earlier record; none where it is not there or damaged."""
+    try:
+        return list(json.loads(path.read_bytes())["sessions"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+
+
+def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str, Any]]) -> None:
+    """Write all validations, the last of a finished run being the final one, and the steps of the best."""
+    write_atomically(folder / VALIDATIONS_FILE, _lines({"best": best, "validations": validations}))
+
+
+def _lines(record: Mapping[str, Any]) -> bytes:
+    return (json.dumps(record, indent=2) + "\n").encode()
+
+
+def cut_metrics(folder: Path, steps: int) -> None:
+    """Leave the metrics as they were after so many steps: what came later comes again."""
+    path = folder / METRICS_FILE
+    kept = []
+    for line in path.read_bytes().splitlines(keepends=True) if path.exists() else ():
+        if not line.endswith(b"\n") or json.loads(line)["steps"] > steps:
+            break
+        kept.append(line)
+    write_atomically(path, b"".join(kept))

@@ -1,0 +1,46 @@
+"""Where SB3's logger writes the figures of each rollout: TensorBoard's events, and one line of JSON in a plain file."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
+from torch.utils.tensorboard import SummaryWriter
+
+from train.run_folder import METRICS_FILE, TENSORBOARD
+from train.run_record import cut_metrics
+
+
+class _Events(TensorBoardOutputFormat):
+    """TensorBoard's events; those of an earlier session after so many steps are shown no more."""
+
+    def __init__(self, folder: Path, steps: int) -> None:
+        self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
+        self._is_closed = False
+
+
+class _Metrics(KVWriter):
+    """A line of JSON for each rollout, from so many steps on; null for a mean of nothing."""
+
+    def __init__(self, folder: Path, steps: int) -> None:
+        cut_metrics(folder, steps)
+        self._file = (folder / METRICS_FILE).open("a")
+
+    def write(self, key_values: dict[str, Any], key_excluded: Mapping[str, tuple[str, ...]], step: int = 0) -> None:
+        """Add a line, unless there is nothing to say."""
+        values = {name: float(value) for name, value in sorted(key_values.items())}
+        finite = {name: value if math.isfinite(value) else None for name, value in values.items()}
+        if finite:
+            self._file.write(json.dumps({"steps": step} | finite) + "\n")
+            self._file.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def run_logger(folder: Path, steps: int) -> Logger:
+    """The logger of a run that begins, or is carried on, after so many steps."""
+    return Logger(str(folder), [_Events(folder / TENSORBOARD, steps), _Metrics(folder, steps)])
