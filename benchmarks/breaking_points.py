@@ -1,11 +1,12 @@
 """`python -m benchmarks.breaking_points`: breaking points from four sets of levels, beside those of a dense reference.
 
-The sets: the levels of an axis, every other of them, the middles between them, and the levels of the axis with others
-placed after them, as `python -m evaluate axes --sequential` places them. All have the same episodes, the reference has
-others: levels evenly over ln(severity) where the first set leaves one half open. No figure depends on the machine.
+The sets: the levels of an axis, every other of them, the middles between them, and the first, middle and last of them;
+each as it is and with others placed after it, as `python -m evaluate axes --sequential` places them. All have the same
+episodes, the reference has others: levels evenly over ln(severity) where the first set leaves one half open. No figure
+depends on the machine.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -75,27 +76,40 @@ def _sets(
     axis: Axis, policy: LabelledPolicy, options: Options
 ) -> Iterator[tuple[str, tuple[int, list[AxisBreakingPoint]]]]:
     """Each set's name, and how many levels and which breaking points it has."""
-    seeds = evaluation_seeds(1, options.episodes)
-    whole = _cells(axis, policy, axis.levels, seeds)
-    yield "levels", _found(whole)
-    yield "every other", _found(whole[::2])
-    middles = [float(f"{np.sqrt(milder * harder):.3g}") for milder, harder in pairwise(axis.levels)]
-    yield "middles", _found(_cells(axis, policy, middles, seeds))
-    placed = list(whole)
-    while severities := wanted(placed, grid(axis), most=1000):
-        placed += _cells(axis, policy, severities, seeds)
-    yield "placed", _found(placed)
-    ends = [np.clip(point.ci, min(axis.levels), max(axis.levels)) for point in _found(whole)[1]]
-    severities = [float(each) for each in np.geomspace(np.min(ends), np.max(ends), options.dense)]
-    dense = _cells(axis, policy, severities, evaluation_seeds(0, options.dense_episodes))
-    yield REFERENCE, _found(dense)
+    seeds, ran = evaluation_seeds(1, options.episodes), dict[float, Cell]()
+
+    def cells(severities: Sequence[float]) -> list[Cell]:
+        ran.update((cell.scenario.severity, cell) for cell in _cells(axis, policy, set(severities) - set(ran), seeds))
+        return [ran[severity] for severity in severities]
+
+    for name, severities in _starts(axis).items():
+        placed = cells(severities)
+        yield name, _found(placed)
+        while more := wanted(placed, grid(axis), most=1000):
+            placed += cells(more)
+        yield f"{name}, placed", _found(placed)
+    ends = [np.clip(point.ci, min(axis.levels), max(axis.levels)) for point in _found(cells(axis.levels))[1]]
+    dense = [float(each) for each in np.geomspace(np.min(ends), np.max(ends), options.dense)]
+    yield REFERENCE, _found(_cells(axis, policy, dense, evaluation_seeds(0, options.dense_episodes)))
+
+
+def _starts(axis: Axis) -> dict[str, Sequence[float]]:
+    """Severities by the name of their set."""
+    levels, between = axis.levels, grid(axis)
+    middles = [(between.index(milder) + between.index(harder)) // 2 for milder, harder in pairwise(levels)]
+    return {
+        "levels": levels,
+        "every other": levels[::2],
+        "middles": [between[middle] for middle in middles],
+        "three": (levels[0], levels[len(levels) // 2], levels[-1]),
+    }
 
 
 def _found(cells: Sequence[Cell]) -> tuple[int, list[AxisBreakingPoint]]:
     return len(cells), breaking_points(cells)[0]
 
 
-def _cells(axis: Axis, policy: LabelledPolicy, severities: Sequence[float], seeds: np.ndarray) -> list[Cell]:
+def _cells(axis: Axis, policy: LabelledPolicy, severities: Iterable[float], seeds: np.ndarray) -> list[Cell]:
     cores = available_cores()
     settings = Settings(cores, lambda *_: None, chunk_size=-(-len(seeds) // cores), executor=process_pool(cores))
     scenarios = [axis.scenario(severity, f"{axis.name}={severity!r}") for severity in severities]

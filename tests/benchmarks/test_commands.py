@@ -42,7 +42,8 @@ def test_breaking_points_stand_by_sets_of_levels(tmp_path: Path, capsys, monkeyp
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 120)
     assert run("breaking_points", "--quick", "--json", tmp_path / "kept.json") == 0
     found = figures("breaking_points", tmp_path / "kept.json", capsys.readouterr().out)["push, stand"]
-    assert list(found) == ["levels", "every other", "middles", "placed", "reference"]
+    starts = ["levels", "every other", "middles", "three"]
+    assert list(found) == [name for start in starts for name in (start, f"{start}, placed")] + ["reference"]
     assert [point["of"] for point in found["reference"]] == ["falls", "success"]
 
 
