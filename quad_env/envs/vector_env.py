@@ -100,6 +100,10 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._observation: Observation = np.zeros((num_envs, self._table.size), np.float32)
         self._followed, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
         self._diverged, self._fall = np.zeros(num_envs, bool), np.zeros(num_envs, np.int8)
+        self._everyone = np.ones(num_envs, bool)
+        self._everyone.flags.writeable = False
+        self._state: QuadState[Array] | None = None
+        """Of all robots now, where it is known."""
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
@@ -177,6 +181,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._started[ids] = True
         self._terminated[ids] = self._truncated[ids] = self._diverged[ids] = False
         self._fall[ids] = 0
+        self._state = None
         episodes = self._schedule.begin(ids, held)
         self._start(ids, episodes)
         self._look(self._read(ids), ids)
@@ -200,6 +205,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         if diverged.any():
             self.simulation.park(self._rows[ids][diverged])
         state = self._read(ids)
+        self._state = state if ids is ALL else None
         fall = fall_code(state, self.config.fall_rule)
         fall[diverged] = 0
         ended = diverged | ((fall > 0) & self.terminate_on_fall)
@@ -233,10 +239,10 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             **paid,
         }
         if self._readings:
-            infos |= readings_of(self.simulation)
+            infos |= readings_of(self.simulation, self._state)
         if isinstance(self._sensors, SensedObservation):
             infos |= self._sensors.readings()
-        return infos | {f"_{key}": np.ones(self.num_envs, bool) for key in infos}
+        return infos | {f"_{key}": self._everyone for key in infos}
 
     def _restart(self, finished: Mask, infos: Infos, paid: Infos) -> Infos:
         """Same-step autoreset: restart the finished envs; the finished step moves to `final_obs` and `final_info`."""

@@ -3,7 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.columns import Array
 from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import QuadState
 from quad_env.robots.kinematics import feet_in_world
 
 Readings = dict[str, NDArray[np.generic]]
@@ -12,8 +14,10 @@ _NO_COMMAND = (np.zeros(1),) * 3
 _VECTORS = ("position", "angular_velocity", "joint_position", "joint_velocity", "joint_torque", "action")
 
 
-def readings(simulation: Simulation) -> Readings:
+def readings(simulation: Simulation, state: QuadState[Array] | None = None) -> Readings:
     """Name -> value of all n robots, of the current step; contacts and torques are those of its last substep.
+
+    `state` is that of all robots, where it has been looked at already.
 
     =================  ==========  =====================================================================
     position           (n, 3)      trunk centre, world, m
@@ -36,7 +40,7 @@ def readings(simulation: Simulation) -> Readings:
 
     Motors with a thermal model add `winding_temperature`, (n, 12), °C.
     """
-    robot, state = simulation.robot, simulation.state(_NO_COMMAND)
+    robot, state = simulation.robot, simulation.state(_NO_COMMAND) if state is None else state
     position, joints = np.transpose(state.position), np.transpose(state.joint_position)
     rotation = np.moveaxis(np.array(state.rotation), -1, 0)
     feet = feet_in_world(robot, position, rotation, joints)
