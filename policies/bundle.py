@@ -8,6 +8,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NoReturn
@@ -21,9 +22,10 @@ from safetensors.numpy import save as format_safetensors
 from policies.base import CONTROL_PERIOD, Actions, PolicyError
 from policies.bases import describe, described
 from policies.files import write_atomically
+from policies.history import Remembered
 from policies.network import ACTIVATIONS, Network
 from policies.parameters import is_number
-from policies.residual import ResidualPolicy, feature_count
+from policies.residual import Features, ResidualPolicy
 from quad_env import ENV_ID
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -48,7 +50,7 @@ _FIELDS = {
     "weights_sha256",
 }
 _ROBOTS = {SIMPLE_QUAD.name: SIMPLE_QUAD}
-_LATER_FIELDS = {"robot": SIMPLE_QUAD.name, "control_period": CONTROL_PERIOD}
+_LATER_FIELDS = {"robot": SIMPLE_QUAD.name, "control_period": CONTROL_PERIOD, "remembered": {}}
 """Fields that older bundles lack, and what these were made for."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
@@ -58,6 +60,7 @@ _LARGEST_OUTPUT = 1e37
 """Below what float32 can hold, 3e38, by enough for the rounding of sums."""
 _LARGEST_AUTHORITY = math.pi
 _LONGEST_PERIOD = 1.0
+_MOST_FRAMES = 32
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
@@ -79,6 +82,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
+        "remembered": asdict(policy.features.remembered),
         "training": dict(training),
         "git_revision": git_revision,
         "weights_sha256": hashlib.sha256(weights).hexdigest(),
@@ -113,11 +117,13 @@ def assembled(place: Path, description: dict[str, Any], network: Callable[[int, 
         base = described(description["base"], robot, control_period)
     except ValueError as error:
         _fail(place, str(error))
-    corrects = network(feature_count(base), robot.num_joints)
+    remembered = _remembered(place, description["remembered"])
+    corrects = network(Features(base, remembered).width, robot.num_joints)
     name = description["name"]
     if not isinstance(name, str) or not name:
         _fail(place, "name must be a non-empty text")
-    return ResidualPolicy(base, corrects, _authority(place, description["authority"], robot.num_joints), name)
+    authority = _authority(place, description["authority"], robot.num_joints)
+    return ResidualPolicy(base, corrects, authority, name, remembered)
 
 
 def folder_of(folder: Path) -> Path:
@@ -234,6 +240,19 @@ def _authority(folder: Path, values: Any, joints: int) -> Actions:
     if not all(is_number(value) and 0.0 <= value <= _LARGEST_AUTHORITY for value in values):
         _fail(folder, "authority must be finite numbers from 0 to π rad")
     return np.array(values, dtype=np.float32)
+
+
+def _remembered(folder: Path, values: Any) -> Remembered:
+    if not isinstance(values, dict) or not set(values) <= {"lags", "averages"}:
+        _fail(folder, "remembered must have lags and averages")
+    if not all(isinstance(times, list) and len(times) <= _MOST_FRAMES for times in values.values()):
+        _fail(folder, f"lags and averages must be lists of at most {_MOST_FRAMES} times")
+    if not all(is_number(time) for times in values.values() for time in times):
+        _fail(folder, "lags and averages must be numbers of s")
+    try:
+        return Remembered(**{name: tuple(times) for name, times in values.items()})
+    except ValueError as error:
+        _fail(folder, str(error))
 
 
 def _layout(robot: Robot) -> dict[str, list[int]]:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
+from policies.history import History, Remembered
 from policies.network import Network
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
@@ -16,22 +17,43 @@ def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 
 
-def feature_count(base: Policy) -> int:
-    """Width of the features over a base."""
-    return observation_table(base.robot).size + (2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0)
+NOTHING = Remembered()
 
 
-def features(
-    robot: Robot, observation: NDArray[np.float32], phase: Floats | None, base_action: Actions
-) -> NDArray[np.float32]:
-    """What the network sees, shape (n, m), about unit size: the scaled observation (n, k), and over a gaited base the
-    sine and cosine of its phase (n,) and its action (n, 12) minus the home pose.
+class Features:
+    """What the network over a base sees of n robots, about unit size.
+
+    The scaled observation; over a gaited base the sine and cosine of its phase, and its action minus the home pose;
+    then what is remembered of the scaled observations before.
     """
-    scaled = observation * observation_table(robot).scale
-    if phase is None:
-        return scaled
-    clock = np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)
-    return np.concatenate([scaled, clock, base_action - _home(robot)], axis=-1)
+
+    def __init__(self, base: Policy, remembered: Remembered = NOTHING) -> None:
+        self.base, self.remembered = base, remembered
+        self._table = observation_table(base.robot)
+        self._history = History(remembered, self._table.size, base.control_period)
+        self._gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
+        self.width = self._table.size + self._gaited + self._history.width
+        """Numbers of a row."""
+
+    def reset(self, num_envs: int) -> None:
+        """Forget the past, of so many robots; the base is reset by who uses it."""
+        self._history.reset(num_envs)
+
+    def reset_where(self, mask: NDArray[np.bool_]) -> None:
+        """Forget the past of the robots where the mask, (n,), is true."""
+        self._history.reset_where(mask)
+
+    def see(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
+        """Features (n, `width`) of observations (n, k) which the base has just answered with its action, (n, 12)."""
+        scaled = observation * self._table.scale
+        seen = [scaled]
+        if isinstance(self.base, GaitedPolicy):
+            phase = self.base.phase
+            seen += [np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)]
+            seen += [base_action - _home(self.base.robot)]
+        if self._history.width:
+            seen += [self._history.see(scaled)]
+        return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
 
 
 def compose(robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions) -> Actions:
@@ -52,11 +74,19 @@ class ResidualPolicy(Policy):
     base_action: Actions
     """The base's latest action, rad, shape (n, 12); the home pose before the first."""
 
-    def __init__(self, base: Policy, network: Network, authority: Actions | None = None, name: str = "residual"):
+    def __init__(
+        self,
+        base: Policy,
+        network: Network,
+        authority: Actions | None = None,
+        name: str = "residual",
+        remembered: Remembered = NOTHING,
+    ) -> None:
         robot = base.robot
-        if network.sizes[0] != feature_count(base) or network.sizes[-1] != robot.num_joints:
+        self.features = Features(base, remembered)
+        if network.sizes[0] != self.features.width or network.sizes[-1] != robot.num_joints:
             raise ValueError(
-                f"a network over {base.name} needs {feature_count(base)} inputs and {robot.num_joints} outputs, "
+                f"a network over {base.name} needs {self.features.width} inputs and {robot.num_joints} outputs, "
                 f"not {network.sizes[0]} and {network.sizes[-1]}"
             )
         self.base = base
@@ -75,6 +105,7 @@ class ResidualPolicy(Policy):
         """Start `num_envs` robots anew, base included."""
         super().reset(num_envs, seed)
         self.base.reset(num_envs, seed)
+        self.features.reset(num_envs)
 
     def _allocate(self, num_envs: int) -> None:
         self.correction = np.zeros((num_envs, self.robot.num_joints), np.float32)
@@ -82,11 +113,12 @@ class ResidualPolicy(Policy):
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         self.base.reset_where(mask)
+        self.features.reset_where(mask)
         self.correction = np.where(mask[:, None], np.float32(0.0), self.correction)
         self.base_action = np.where(mask[:, None], _home(self.robot), self.base_action)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self.base_action = self.base.act(observation)
-        correction = self.network(features(self.robot, observation, self.phase, self.base_action))
+        correction = self.network(self.features.see(observation, self.base_action))
         self.correction = np.clip(correction, np.float32(-1.0), np.float32(1.0))
         return compose(self.robot, self.base_action, self.correction, self.authority)

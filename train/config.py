@@ -85,6 +85,9 @@ class PpoConfig:
     """Logarithm of the exploration noise at the start, in units of the authority."""
     log_std_final: float | None = number(None, limits=_LOG_STD)
     """What it is lowered to, linearly, until the last step; learned from its start when not given."""
+    privileged: bool = True
+    """Show the value network, which is needed in training only, what the robot cannot know: which scenario it is in,
+    its true velocity, who pushes it."""
     actor: tuple[int, ...] = (128, 128)
     """Hidden layer widths of the policy's network."""
     critic: tuple[int, ...] = (128, 128)
@@ -129,6 +132,10 @@ class TrainConfig:
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = number(0.15, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
+    lags: tuple[float, ...] = ()
+    """Ages of earlier observations that the network sees too, s."""
+    averages: tuple[float, ...] = ()
+    """Time constants of averages of the observation that it sees too, s."""
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""
     pushes: int = number(2, limits=(0, _MOST_PUSHES))

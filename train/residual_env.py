@@ -14,8 +14,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from policies.base import GaitedPolicy, Policy
-from policies.residual import authority_of, compose, feature_count, features
+from policies.base import Policy
+from policies.history import Remembered
+from policies.residual import NOTHING, Features, authority_of, compose
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -26,7 +27,7 @@ Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
 class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[Any]]):
     """Robots that walk as `base` does, plus what the learner adds.
 
-    Observation: `policies.residual.features`, shape (n, m). Action: the correction in shares of the authority, -1 … 1,
+    Observation: `policies.residual.Features`, shape (n, m). Action: the correction in shares of the authority, -1 … 1,
     shape (n, 12), held for `hold` control steps while the base goes on at every one: noise that lasts moves a robot,
     where noise that changes each 10 ms only shakes it.
 
@@ -38,6 +39,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         base: the policy that is corrected; made for the robots and their control period.
         authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
+        remembered: what the learner sees of the observations before.
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         base: Policy,
         authority: FloatArray | None = None,
         hold: int = 1,
+        remembered: Remembered = NOTHING,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
@@ -55,7 +58,8 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         self.base = base
         self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
-        self.single_observation_space = Box(-np.inf, np.inf, (feature_count(base),), np.float32)
+        self._features = Features(base, remembered)
+        self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
         self.single_action_space = Box(-1.0, 1.0, env.single_action_space.shape, np.float32)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
         self.action_space = batch_space(self.single_action_space, env.num_envs)
@@ -69,9 +73,10 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         # Two rows of the base a robot, its episode's and a spare one for its next: where an episode ends and the next
         # begins, both are asked for an action in one tick, and no clock runs twice.
         self.base.reset(2 * self.num_envs)
+        self._features.reset(2 * self.num_envs)
         self._row, self._spare = np.split(np.arange(2 * self.num_envs), 2)
         self._tick(observation, observation)
-        return self._features(observation), infos
+        return self._seen[self._row], infos
 
     def step(self, actions: FloatArray) -> Step:
         """Move the robots by `hold` control steps; rewards are summed. Raises ValueError for actions of another shape.
@@ -87,38 +92,36 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
             observation, more, terminated, truncated, infos = self._move(correction)
             rewards += more
         if (finished := terminated | truncated).any():
-            observation, infos = self._restart(observation, finished, infos)
+            infos = self._restart(observation, finished, infos)
         else:
             self._tick(observation, observation)
-        return self._features(observation), rewards, terminated, truncated, infos
+        return self._seen[self._row], rewards, terminated, truncated, infos
 
     def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots."""
         return self.env.step(compose(self.base.robot, self._base_action[self._row], correction, self.authority))
 
-    def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> tuple[FloatArray, Infos]:
-        """Observations after the finished robots' restart, and the infos with the end of their episodes."""
+    def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:
+        """Restart the finished robots; the infos with the end of their episodes."""
         observation, fresh = self.env.reset(options={"reset_mask": finished})
-        self.base.reset_where(np.isin(np.arange(2 * self.num_envs), self._spare[finished]))
+        begun = np.isin(np.arange(2 * self.num_envs), self._spare[finished])
+        self.base.reset_where(begun)
+        self._features.reset_where(begun)
         self._tick(final, observation)
         ends = {
-            "final_obs": np.where(finished[:, None], self._features(final), np.float32(0.0)),
+            "final_obs": np.where(finished[:, None], self._seen[self._row], np.float32(0.0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
         }
         self._row, self._spare = np.where(finished, (self._spare, self._row), (self._row, self._spare))
         masks = {f"_{key}": finished.copy() for key in ends}
-        return observation, _merged(finished, fresh, infos) | ends | masks
+        return _merged(finished, fresh, infos) | ends | masks
 
     def _tick(self, observation: FloatArray, following: FloatArray) -> None:
         """Ask the base for its actions on the present episodes' observations and, in the spare rows, on others."""
         rows = np.empty((2 * self.num_envs, observation.shape[1]), np.float32)
         rows[self._row], rows[self._spare] = observation, following
         self._base_action = self.base.act(rows)
-
-    def _features(self, observation: FloatArray) -> FloatArray:
-        """Features of observations (n, k) that the base has answered in the present episodes' rows."""
-        phase = self.base.phase[self._row] if isinstance(self.base, GaitedPolicy) else None
-        return features(self.base.robot, observation, phase, self._base_action[self._row])
+        self._seen = self._features.see(rows, self._base_action)
 
 
 def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:

@@ -21,6 +21,8 @@ from train.scenarios import practice
 
 REWARD = "reward_"
 """What the infos' keys of reward terms begin with."""
+PUSH = 500.0
+"""N that count as a push of unit size."""
 NEVER = np.iinfo(np.int64).max
 """Control steps after which no episode is cut."""
 
@@ -74,6 +76,9 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._cuts = np.full(n, NEVER)
         self._elapsed, self._returns = np.zeros(n, np.int64), np.zeros(n)
         self._fell = np.zeros(n, np.bool_)
+        self._which = np.repeat(np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0)
+        self.privileged_width = len(batches) + 5
+        """Numbers of a row of `infos["privileged"]`."""
         self._statistics = Statistics()
 
     def reset(
@@ -95,7 +100,9 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._cuts[chosen] = NEVER if mask is not None else self._first_episode_steps(seeds)
         self._elapsed[chosen] = 0
         self._returns[chosen] = 0.0
-        return np.concatenate([observation for observation, _ in results]), _joined([infos for _, infos in results])
+        infos = _joined([infos for _, infos in results])
+        infos["privileged"] = self._privileged(infos)
+        return np.concatenate([observation for observation, _ in results]), infos
 
     def step(self, actions: FloatArray) -> Step:
         """Move all robots by one control step."""
@@ -111,6 +118,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._count_step(infos)
         infos["episode"] = {"r": self._returns.copy(), "l": self._elapsed.copy()}
         infos["_episode"] = terminated | truncated
+        infos["privileged"] = self._privileged(infos)
         return observation, rewards, terminated, truncated, infos
 
     def take_statistics(self) -> Statistics:
@@ -122,6 +130,10 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         """Close the batches."""
         for batch in self.batches:
             batch.close()
+
+    def _privileged(self, infos: Infos) -> FloatArray:
+        push = np.concatenate([batch.simulation.push for batch in self.batches]) / PUSH
+        return np.concatenate((self._which, infos["heading_velocity"], push), axis=1, dtype=np.float32)
 
     def _count_step(self, infos: Infos) -> None:
         error = infos["command"] - infos["heading_velocity"]

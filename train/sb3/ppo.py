@@ -3,16 +3,19 @@
 import dataclasses
 import operator
 from functools import partial
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import MlpExtractor
 from torch import nn
 
 from policies.network import Network
 from train.config import PpoConfig, TrainConfig
+from train.sb3.vec_env import TrainingVecEnv
 
 ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "elu": nn.ELU}
 
@@ -38,6 +41,33 @@ class AdaptiveRate:
             self.rate = min(self.rate * 1.5, self.highest)
 
 
+class AsymmetricPolicy(ActorCriticPolicy):
+    """SB3's actor and critic, of which only the critic sees the last `privileged` numbers of an observation."""
+
+    def __init__(self, *args: Any, privileged: int = 0, **kwargs: Any) -> None:
+        self._privileged = privileged
+        super().__init__(*args, **kwargs)
+
+    def _build_mlp_extractor(self) -> None:
+        super()._build_mlp_extractor()
+        seen = self.features_dim - self._privileged
+        narrow = MlpExtractor(seen, self.net_arch, self.activation_fn, self.device)
+        whole, actor = self.mlp_extractor, narrow.policy_net
+        whole.policy_net = nn.Sequential(FirstOf(seen), *actor)
+
+
+class FirstOf(nn.Module):
+    """The first so many numbers of a row."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__()
+        self._count = count
+
+    def forward(self, rows: torch.Tensor) -> torch.Tensor:
+        """Rows (n, k) without what comes after."""
+        return rows[:, : self._count]
+
+
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     """The schedule that the settings name."""
     if config.learning_rate_schedule == "adaptive":
@@ -47,13 +77,13 @@ def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     return config.learning_rate
 
 
-def build(config: TrainConfig, env: VecEnv) -> PPO:
+def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     """A fresh learner whose mean correction is zero everywhere."""
     # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
     torch.set_num_threads(1)
     ppo = config.ppo
     model = PPO(
-        "MlpPolicy",
+        AsymmetricPolicy,
         env,
         learning_rate=learning_rate(ppo),
         n_steps=ppo.rollout_steps,
@@ -70,6 +100,7 @@ def build(config: TrainConfig, env: VecEnv) -> PPO:
             "activation_fn": ACTIVATIONS[ppo.activation],
             "log_std_init": ppo.log_std_init,
             "ortho_init": True,
+            "privileged": env.privileged,
         },
         seed=config.seed,
         device="cpu",

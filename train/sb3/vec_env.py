@@ -5,6 +5,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.spaces import Box
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
@@ -19,12 +20,21 @@ class TrainingVecEnv(VecEnv):
         env: what is trained on.
         seeds: one a robot; `reset` starts with them, every time, until `begin` gives others.
         reward_scale: factor on the rewards that the learner gets.
+        privileged: append what only the value network may see, `infos["privileged"]`, to the observations.
     """
 
     def __init__(
-        self, env: VectorEnv[FloatArray, FloatArray, NDArray[Any]], seeds: Sequence[int], reward_scale: float = 1.0
+        self,
+        env: VectorEnv[FloatArray, FloatArray, NDArray[Any]],
+        seeds: Sequence[int],
+        reward_scale: float = 1.0,
+        privileged: bool = False,
     ) -> None:
-        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        (seen,) = env.single_observation_space.shape or (0,)
+        self.privileged = env.unwrapped.privileged_width if privileged else 0  # type: ignore[attr-defined]
+        """Last numbers of an observation, which only the value network may see."""
+        space = Box(-np.inf, np.inf, (seen + self.privileged,), np.float32)
+        super().__init__(env.num_envs, space, env.single_action_space)
         self.env = env
         self._episode_seeds = seeds
         self._reward_scale = reward_scale
@@ -32,8 +42,8 @@ class TrainingVecEnv(VecEnv):
 
     def reset(self) -> FloatArray:
         """Start every robot's first episode; shape (n, m)."""
-        observation, _ = self.env.reset(seed=self._episode_seeds)  # type: ignore[arg-type]  # our batches take one each
-        return observation
+        observation, infos = self.env.reset(seed=self._episode_seeds)  # type: ignore[arg-type]  # our batches take one each
+        return self._shown(observation, infos)
 
     def begin(self, seeds: Sequence[int]) -> FloatArray:
         """Start every robot's first episode of other seeds, one a robot; shape (n, m)."""
@@ -49,13 +59,17 @@ class TrainingVecEnv(VecEnv):
         observation, rewards, terminated, truncated, infos = self.env.step(self._actions)
         finished = terminated | truncated
         ends = self._no_infos.copy()
+        final = self._shown(infos["final_obs"], infos["final_info"]) if finished.any() else observation
         for i in np.flatnonzero(finished):
             ends[i] = {
-                "terminal_observation": infos["final_obs"][i],
+                "terminal_observation": final[i],
                 "TimeLimit.truncated": not terminated[i],
                 "episode": {"r": float(infos["episode"]["r"][i]), "l": int(infos["episode"]["l"][i])},
             }
-        return observation, (self._reward_scale * rewards).astype(np.float32), finished, ends
+        return self._shown(observation, infos), (self._reward_scale * rewards).astype(np.float32), finished, ends
+
+    def _shown(self, observation: FloatArray, infos: dict[str, Any]) -> FloatArray:
+        return np.concatenate((observation, infos["privileged"]), axis=1) if self.privileged else observation
 
     def close(self) -> None:
         """Close the environment."""

@@ -1,0 +1,66 @@
+"""What a network remembers of the observations before: frames of a while ago, and averages over longer times."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Frames = NDArray[np.float32]
+LONGEST = 10.0
+"""s that can be remembered."""
+
+
+@dataclass(frozen=True)
+class Remembered:
+    """Which frames are remembered; none by default."""
+
+    lags: tuple[float, ...] = ()
+    """Ages of single frames, s; whole control steps are taken."""
+    averages: tuple[float, ...] = ()
+    """Time constants of exponential averages, s."""
+
+    def __post_init__(self) -> None:
+        if not all(0.0 < each <= LONGEST for each in (*self.lags, *self.averages)):
+            raise ValueError(f"lags and averages must be times above 0 s, at most {LONGEST:g} s")
+
+    @property
+    def frames(self) -> int:
+        """How many frames it adds."""
+        return len(self.lags) + len(self.averages)
+
+
+class History:
+    """The past frames of n robots, each of so many numbers. A robot's first frame stands for all before it."""
+
+    def __init__(self, remembered: Remembered, width: int, control_period: float) -> None:
+        self.width = width * remembered.frames
+        """Numbers of a row."""
+        self._lags = [max(round(lag / control_period), 1) for lag in remembered.lags]
+        self._rates = [np.float32(-math.expm1(-control_period / time)) for time in remembered.averages]
+        self._frame_width = width
+        self.reset(1)
+
+    def reset(self, num_envs: int) -> None:
+        """Forget everything, of so many robots."""
+        shape = (num_envs, self._frame_width)
+        self._past: Frames = np.zeros((max(self._lags, default=0) + 1, *shape), np.float32)
+        self._averages: Frames = np.zeros((len(self._rates), *shape), np.float32)
+        self._new, self._now = np.ones(num_envs, np.bool_), 0
+
+    def reset_where(self, mask: NDArray[np.bool_]) -> None:
+        """Forget everything of the robots where the mask, (n,), is true."""
+        self._new |= mask
+
+    def see(self, frame: Frames) -> Frames:
+        """Take in a frame (n, k) and give what is remembered, (n, `width`): the lagged frames, then the averages."""
+        if self._new.any():
+            self._past[:, self._new] = self._averages[:, self._new] = frame[self._new]
+            self._new[:] = False
+        self._now = (self._now + 1) % len(self._past)
+        self._past[self._now] = frame
+        for average, rate in zip(self._averages, self._rates, strict=True):
+            average += rate * (frame - average)
+        lagged = [self._past[self._now - lag] for lag in self._lags]
+        rows = (*lagged, *self._averages)
+        return np.concatenate(rows, axis=1) if rows else np.zeros((len(frame), 0), np.float32)
