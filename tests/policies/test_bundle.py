@@ -13,8 +13,9 @@ from safetensors.numpy import load_file, save_file
 import policies
 from policies.bases import BASES
 from policies.bundle import DESCRIPTION, WEIGHTS, load, save
+from policies.history import Remembered
 from policies.network import Network
-from policies.residual import ResidualPolicy, feature_count
+from policies.residual import Features, ResidualPolicy
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE
 
@@ -57,6 +58,19 @@ def trajectory(policy):
     return b"".join(policy.act(rng.normal(size=(3, OBSERVATION_SIZE)).astype(np.float32)).tobytes() for _ in range(60))
 
 
+def test_what_a_residual_remembers_is_kept(tmp_path):
+    remembered = Remembered(lags=(0.04, 0.08), averages=(0.5,))
+    base = policies.make("trot")
+    policy = ResidualPolicy(base, network(Features(base, remembered).width, 12), remembered=remembered)
+    save(tmp_path, policy, {}, "unknown")
+    found = load(tmp_path)
+    assert found.features.remembered == remembered
+    found.reset(2), policy.reset(2)
+    for step in range(12):
+        observation = np.random.default_rng(step).normal(size=(2, OBSERVATION_SIZE)).astype(np.float32)
+        np.testing.assert_array_equal(found.act(observation), policy.act(observation))
+
+
 @pytest.mark.parametrize("activation", ["tanh", "elu"])
 def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path, activation):
     policy = ResidualPolicy(Trot(), network(62, 16, 8, 12, activation=activation))
@@ -68,7 +82,7 @@ def test_a_loaded_policy_acts_bit_for_bit_as_the_saved_one(tmp_path, activation)
 @pytest.mark.parametrize("name", BASES)
 def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_since(tmp_path, monkeypatch, name):
     base = policies.make(name)
-    policy = ResidualPolicy(base, network(feature_count(base), 8, 12))
+    policy = ResidualPolicy(base, network(Features(base).width, 8, 12))
     save(tmp_path, policy, training={}, git_revision="")
     for module in ("trot.open_loop", "trot.feedback", "gaits.policy"):
         monkeypatch.setattr(f"policies.{module}.searched_parameters", lambda: pytest.fail("that is another base"))
@@ -81,7 +95,7 @@ def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_sin
 @pytest.mark.parametrize("name", ["behaviour", "residual", "safe:trot"])
 def test_what_is_more_than_a_name_and_numbers_is_no_base(tmp_path, name):
     base = policies.make(name)
-    policy = ResidualPolicy(base, network(feature_count(base), 12))
+    policy = ResidualPolicy(base, network(Features(base).width, 12))
     with pytest.raises(ValueError, match=r"one of bound, .*, walk, not "):
         save(tmp_path, policy, training={}, git_revision="")
 
@@ -295,6 +309,12 @@ TROT = {"name": "trot"}
         ({"authority": [10**400] * 12}, "authority"),
         ({"authority": [1e300] * 12}, "authority"),
         ({"authority": [3.2] * 12}, "authority"),
+        ({"remembered": [0.1]}, "lags and averages"),
+        ({"remembered": {"lags": 0.1}}, "lists"),
+        ({"remembered": {"lags": [0.1] * 33}}, "at most 32"),
+        ({"remembered": {"lags": ["0.1"]}}, "numbers"),
+        ({"remembered": {"averages": [-1.0]}}, "above 0 s"),
+        ({"remembered": {"averages": [0.5]}}, "110 inputs"),
         ({"training": "much"}, "training"),
         ({"git_revision": 5}, "git_revision"),
         ({"weights_sha256": "0" * 64}, "SHA-256"),

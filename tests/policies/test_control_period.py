@@ -11,7 +11,7 @@ from policies.base import GaitedPolicy
 from policies.behaviour import State
 from policies.bundle import save
 from policies.network import Network
-from policies.residual import ResidualPolicy, feature_count
+from policies.residual import Features, ResidualPolicy
 from policies.safety import Mode, PolicyProcessError, Watched
 from quad_env import OBSERVATION, OBSERVATION_SIZE, TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -143,7 +143,7 @@ def test_policies_within_a_policy_are_of_its_control_period():
 
 def test_a_trained_policy_knows_its_control_period_and_is_refused_at_another(tmp_path):
     base = policies.make("trot", control_period=0.02)
-    network = Network((np.zeros((feature_count(base), 12), np.float32),), (np.zeros(12, np.float32),))
+    network = Network((np.zeros((Features(base).width, 12), np.float32),), (np.zeros(12, np.float32),))
     save(tmp_path, ResidualPolicy(base, network), {}, "unknown")
     found = policies.resolve(tmp_path, control_period=0.02)
     assert (found.robot, found.control_period, found.base.control_period) == (SIMPLE_QUAD, 0.02, 0.02)

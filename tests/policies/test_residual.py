@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 import policies
+from policies.history import Remembered
 from policies.network import Network
-from policies.residual import ResidualPolicy, authority_of, compose, features
+from policies.residual import Features, ResidualPolicy, authority_of, compose
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task.observations import observation_table
@@ -33,10 +34,16 @@ def test_zero_correction_is_the_trot_bit_for_bit_over_1000_steps(n, zero):
         assert residual.phase.tobytes() == trot.phase.tobytes()
 
 
+class _AtPhases(policies.Trot):
+    """A trot whose clocks stand at the start of a stride and at a quarter of it."""
+
+    phase = np.array([0.0, np.pi / 2])
+
+
 def test_features_by_hand_over_a_gaited_base():
     observation = np.ones((2, OBSERVATION_SIZE), np.float32)
     base_action = np.tile(SIMPLE_QUAD.home_pose, (2, 1)).astype(np.float32) + np.float32(0.25)
-    seen = features(SIMPLE_QUAD, observation, np.array([0.0, np.pi / 2]), base_action)
+    seen = Features(_AtPhases()).see(observation, base_action)
     assert seen.dtype == np.float32
     assert seen.shape == (2, OBSERVATION_SIZE + 14)
     np.testing.assert_array_equal(seen[:, :OBSERVATION_SIZE], np.tile(SCALE, (2, 1)))
@@ -46,9 +53,32 @@ def test_features_by_hand_over_a_gaited_base():
 
 def test_features_over_a_base_without_a_clock_are_the_observation_alone():
     observation = np.full((3, OBSERVATION_SIZE), 2.0, np.float32)
-    np.testing.assert_array_equal(
-        features(SIMPLE_QUAD, observation, None, np.zeros((3, 12), np.float32)), 2.0 * np.tile(SCALE, (3, 1))
-    )
+    seen = Features(policies.make("stand")).see(observation, np.zeros((3, 12), np.float32))
+    np.testing.assert_array_equal(seen, 2.0 * np.tile(SCALE, (3, 1)))
+
+
+def test_what_is_remembered_comes_last_and_a_restarted_robot_remembers_nothing():
+    features = Features(policies.make("stand"), Remembered(lags=(0.02,), averages=(0.1,)))
+    features.reset(2)
+    action = np.zeros((2, 12), np.float32)
+    for value in (1.0, 2.0, 3.0):
+        seen = features.see(np.full((2, OBSERVATION_SIZE), value, np.float32), action)
+    share = 1.0 - np.exp(-0.1)
+    average = 1.0 + share * (2.0 - 1.0)
+    average += share * (3.0 - average)
+    np.testing.assert_allclose(seen, np.tile(np.concatenate((3.0 * SCALE, SCALE, average * SCALE)), (2, 1)), rtol=1e-6)
+    features.reset_where(np.array([True, False]))
+    seen = features.see(np.full((2, OBSERVATION_SIZE), 4.0, np.float32), action)
+    np.testing.assert_array_equal(seen[0], np.tile(4.0 * SCALE, 3))
+    np.testing.assert_array_equal(seen[1, OBSERVATION_SIZE : 2 * OBSERVATION_SIZE], 2.0 * SCALE)
+
+
+def test_times_that_cannot_be_remembered_are_refused():
+    for wrong in (0.0, -1.0, 11.0, float("nan")):
+        with pytest.raises(ValueError, match="above 0 s"):
+            Remembered(lags=(wrong,))
+        with pytest.raises(ValueError, match="above 0 s"):
+            Remembered(averages=(wrong,))
 
 
 def test_correction_is_bounded_by_the_authority():

@@ -7,7 +7,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import policies
-from policies.residual import compose, features
+from policies.history import Remembered
+from policies.residual import NOTHING, Features, compose
 from quad_env import OBSERVATION
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -24,9 +25,9 @@ def robots(n, steps=1000, scenario="push", mode="DISABLED"):
     )
 
 
-def residual(n, base="trot", hold=1, authority=None, **options):
+def residual(n, base="trot", hold=1, authority=None, remembered=NOTHING, **options):
     """The environment and its first features."""
-    env = ResidualVectorEnv(robots(n, **options), policies.make(base), authority, hold)
+    env = ResidualVectorEnv(robots(n, **options), policies.make(base), authority, hold, remembered)
     seen, _ = env.reset(seed=SEEDS[:n])
     return env, seen
 
@@ -43,7 +44,7 @@ def test_a_zero_correction_walks_the_base_bit_for_bit():
     observation, _ = reference.reset(seed=SEEDS[:3])
     for _ in range(120):
         action = trot.act(observation)
-        np.testing.assert_array_equal(seen, features(SIMPLE_QUAD, observation, trot.phase, action))
+        np.testing.assert_array_equal(seen, Features(trot).see(observation, action))
         observation, rewards, terminated, _, _ = reference.step(action)
         assert not terminated.any()
         seen, mine, *_ = env.step(np.zeros((3, 12)))
@@ -85,8 +86,37 @@ def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_
     observation, fresh = reference.reset()
     trot.reset(2)
     action = trot.act(observation)
-    np.testing.assert_array_equal(seen, features(SIMPLE_QUAD, observation, trot.phase, action))
+    np.testing.assert_array_equal(seen, Features(trot).see(observation, action))
     np.testing.assert_array_equal(infos["command"], fresh["command"])
+
+
+def test_what_a_learner_remembers_is_what_the_policy_will_across_falls_held_corrections_and_restarts():
+    """A policy that is shown the same observations one by one sees the same, until the robot's episode ends."""
+    remembered = Remembered(lags=(0.03,), averages=(0.2,))
+    env, seen = residual(3, hold=2, authority=WILD, remembered=remembered, scenario="flat")
+    reference, trot = robots(3, scenario="flat"), policies.make("trot")
+    trot.reset(3)
+    features = Features(trot, remembered)
+    features.reset(3)
+    observation, _ = reference.reset(seed=SEEDS[:3])
+    restarts = 0
+    for step in range(60):
+        action = trot.act(observation)
+        np.testing.assert_array_equal(seen, features.see(observation, action))
+        correction = noise(step, 3)
+        for tick in range(2):
+            observation, _, terminated, _, _ = reference.step(compose(SIMPLE_QUAD, action, correction, WILD))
+            if tick == 0:
+                action = trot.act(observation)
+                features.see(observation, action)
+        seen, _, mine, _, infos = env.step(correction)
+        np.testing.assert_array_equal(mine, terminated)
+        if terminated.any():
+            final = features.see(observation, trot.act(observation))
+            np.testing.assert_array_equal(infos["final_obs"][terminated], final[terminated])
+            restarts += 1
+            break
+    assert restarts
 
 
 def test_the_clock_starts_anew_for_finished_robots_and_ticks_once_for_the_others():

@@ -59,7 +59,7 @@ class TrainingVecEnv(VecEnv):
         observation, rewards, terminated, truncated, infos = self.env.step(self._actions)
         finished = terminated | truncated
         ends = self._no_infos.copy()
-        final = self._shown(infos["final_obs"], infos["final_info"]) if finished.any() else observation
+        final = self._shown(infos["final_obs"], infos.get("final_info", {})) if finished.any() else observation
         for i in np.flatnonzero(finished):
             ends[i] = {
                 "terminal_observation": final[i],

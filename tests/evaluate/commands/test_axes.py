@@ -20,7 +20,7 @@ from evaluate.report.table import print_levels, print_spread
 from evaluate.rollouts.progress import Forecast, duration
 from policies import bundle
 from policies.network import Network
-from policies.residual import ResidualPolicy, feature_count
+from policies.residual import Features, ResidualPolicy
 from quad_env.scenarios.axes import AXES
 
 
@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("axes")
     for seed in (0, 1):
         base = policies.Trot()
-        sizes = (feature_count(base), 4, 12)
+        sizes = (Features(base).width, 4, 12)
         weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
         network = Network(weights, tuple(np.full(size, 0.2 * seed, np.float32) for size in sizes[1:]), "tanh")
         bundle.save(place / f"seed-{seed}", ResidualPolicy(base, network, name="r"), {}, "0" * 40)

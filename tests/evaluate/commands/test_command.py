@@ -19,7 +19,7 @@ from evaluate.records.store import FILES
 from policies import bundle
 from policies.files import FolderInUse, sole_use
 from policies.network import Network
-from policies.residual import ResidualPolicy, feature_count
+from policies.residual import Features, ResidualPolicy
 
 PYTHON = (sys.executable, "-W", "error")
 LAUNCHERS = pytest.mark.parametrize("launcher", [("-m", "evaluate"), ("evaluate.py",)], ids=" ".join)
@@ -39,7 +39,7 @@ def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
 def bundle_folder(tmp_path: Path) -> Path:
     """A trained residual on disk, though its network says nothing."""
     base = policies.Trot()
-    sizes = (feature_count(base), 4, 12)
+    sizes = (Features(base).width, 4, 12)
     weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
     network = Network(weights, tuple(np.zeros(size, np.float32) for size in sizes[1:]), "tanh")
     folder = tmp_path / "trained"

@@ -28,7 +28,7 @@ from evaluate.rollouts.experiment import Cell, Chunk, LabelledPolicy, Settings, 
 from policies import bundle
 from policies.files import write_atomically
 from policies.network import Network
-from policies.residual import ResidualPolicy, feature_count
+from policies.residual import Features, ResidualPolicy
 from quad_env import SCENARIOS, StartNoise
 
 STEPS = 150
@@ -275,7 +275,7 @@ def test_another_commit_with_the_same_code_is_no_hindrance(tmp_path, whole, monk
 
 def trained(folder: Path, bias: float) -> Path:
     base = policies.Trot()
-    sizes = (feature_count(base), 4, 12)
+    sizes = (Features(base).width, 4, 12)
     weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
     network = Network(weights, tuple(np.full(size, bias, np.float32) for size in sizes[1:]), "tanh")
     bundle.save(folder, ResidualPolicy(base, network, name="residual"), {}, "0" * 40)

@@ -43,8 +43,27 @@ def test_the_first_policy_corrects_nothing_anywhere():
     _, model = learner()
     inputs = np.random.default_rng(0).normal(size=(50, model.observation_space.shape[0])).astype(np.float32)
     assert not model.predict(inputs, deterministic=True)[0].any()
-    assert not actor_network(model, "elu")(inputs).any()
+    network = actor_network(model, "elu")
+    assert not network(inputs[:, : network.sizes[0]]).any()
     np.testing.assert_allclose(model.policy.log_std.detach().numpy(), SMALL.log_std_init)
+
+
+def test_only_the_critic_sees_what_the_robot_cannot_know():
+    config, model = learner(privileged=True)
+    shaken(model)
+    env = model.get_env()
+    observation = torch.as_tensor(np.random.default_rng(0).normal(size=(5, env.observation_space.shape[0])))
+    told = observation.float()
+    other = told.clone()
+    other[:, -env.privileged :] += 1.0
+    policy = model.policy
+    with torch.no_grad():
+        assert torch.equal(policy.get_distribution(told).mode(), policy.get_distribution(other).mode())
+        assert (policy.predict_values(told) != policy.predict_values(other)).all()
+        own, others = (policy(seen, deterministic=True) for seen in (told, other))
+    assert torch.equal(own[0], others[0])
+    assert not torch.equal(own[1], others[1])
+    assert actor_network(model, config.ppo.activation).sizes[0] == env.env.single_observation_space.shape[0]
 
 
 def test_noise_falls_along_its_schedule_and_nothing_else_moves_it():
@@ -65,7 +84,8 @@ def test_the_numpy_network_is_the_torch_actor(activation):
     with torch.no_grad():
         expected = model.policy.get_distribution(torch.from_numpy(inputs)).distribution.mean.numpy()
     assert np.abs(expected).max() > 0.5
-    np.testing.assert_allclose(actor_network(model, activation)(inputs), expected, atol=1e-5)
+    network = actor_network(model, activation)
+    np.testing.assert_allclose(network(inputs[:, : network.sizes[0]]), expected, atol=1e-5)
 
 
 def test_the_exported_network_does_not_follow_the_learner():
