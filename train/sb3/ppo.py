@@ -52,8 +52,8 @@ class AsymmetricPolicy(ActorCriticPolicy):
         super()._build_mlp_extractor()
         seen = self.features_dim - self._privileged
         narrow = MlpExtractor(seen, self.net_arch, self.activation_fn, self.device)
-        whole, actor = self.mlp_extractor, narrow.policy_net
-        whole.policy_net = nn.Sequential(FirstOf(seen), *actor)
+        self.mlp_extractor.policy_net = nn.Sequential(FirstOf(seen), *narrow.policy_net)
+        self.mlp_extractor.latent_dim_pi = narrow.latent_dim_pi
 
 
 class FirstOf(nn.Module):
