@@ -78,7 +78,9 @@ def policy_digest(policy: Policy) -> str:
 def _pieces(value: Any, within: tuple[int, ...]) -> Iterator[bytes]:
     """What a value consists of, in an order of its own; of what is neither data nor made of it, the type alone."""
     kind = type(value).__qualname__  # not its module: policies keep their digests when files move
-    if isinstance(value, np.ndarray | np.generic):
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        yield from _pieces(value.tolist(), within)  # its bytes are the addresses of its entries
+    elif isinstance(value, np.ndarray | np.generic):
         yield f"{value.dtype} {value.shape}".encode() + value.tobytes()
     elif value is None or isinstance(value, bool | int | float | str | bytes):
         yield f"{kind} {value!r}".encode()

@@ -54,6 +54,17 @@ def test_one_weight_more_or_less_shows(part) -> None:
     assert policy_digest(before) != policy_digest(changed)
 
 
+def test_arrays_of_objects_count_by_what_they_hold_not_by_where_that_lies() -> None:
+    """Of a policy from outside, which notes failures in one, a run could not be resumed by another process."""
+
+    def noting(*failures):
+        policy = policies.make("trot")
+        policy.failure = np.array(failures, dtype=object)
+        return policy_digest(policy)
+
+    assert noting("".join(["la", "te"]), None) == noting("".join(["l", "ate"]), None) != noting(None, None)
+
+
 def test_the_codes_digest_is_of_names_and_contents(tmp_path, monkeypatch) -> None:
     def digest() -> str:
         code_digest.cache_clear()
