@@ -15,6 +15,7 @@ from pathlib import Path
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.command_line import parse as parse_options
 from evaluate.terminal.program import HELP, Command, Program
+from policies.parameters import limits_of
 from train.config import DEFAULTS, TrainConfig, differences, load_config
 from train.run_folder import has_checkpoint
 from train.setting_ranges import check
@@ -35,15 +36,16 @@ def run(words: list[str]) -> int:
     """Train as the words say, which may begin with `run`; the exit code."""
     config = parse(words[1:] if words[:1] == ["run"] else words)
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
-    from train.run import train
+    from train.seeds import train_seeds
 
     launcher.raise_on_interrupt()
     try:
-        train(config)
+        train_seeds(config)
     except KeyboardInterrupt as interrupt:
-        if has_checkpoint(config.folder):
-            said = "; ".join([f"carry the run on with --resume --out {config.folder}", *map(str, interrupt.args)])
-            raise KeyboardInterrupt(said) from None
+        if any(has_checkpoint(each.folder) for each in config.runs):
+            several = f"--seed {config.seed} --seeds {config.seeds} " if config.seeds > 1 else ""
+            said = [f"carry the run on with --resume {several}--out {config.folder}", *map(str, interrupt.args)]
+            raise KeyboardInterrupt("; ".join(said)) from None
         raise
     return 0
 
@@ -69,6 +71,7 @@ def _defaults(words: list[str]) -> TrainConfig:
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
     scout.add_argument("--seed", type=int, default=0)
+    scout.add_argument("--seeds", type=int, default=1)
     scout.add_argument("--out", type=Path)
     scout.add_argument("--resume", action="store_true")
     try:
@@ -76,9 +79,13 @@ def _defaults(words: list[str]) -> TrainConfig:
     except (argparse.ArgumentError, SystemExit):
         return DEFAULTS["residual"]  # the real parser, which reads the same words next, says what is wrong with them
     defaults = DEFAULTS[found.policy]
-    if found.resume and not HELP & set(words):
-        folder = dataclasses.replace(defaults, seed=found.seed, out=found.out).folder
-        return dataclasses.replace(load_config(folder), out=found.out)
+    low, high = limits_of(TrainConfig)["seeds"]
+    if found.resume and low <= found.seeds <= high and not HELP & set(words):
+        asked = dataclasses.replace(defaults, seed=found.seed, seeds=found.seeds, out=found.out)
+        begun = [each.folder for each in asked.runs if has_checkpoint(each.folder)]
+        settings = load_config(begun[0] if begun else asked.runs[0].folder)
+        seed = found.seed if found.seeds > 1 else settings.seed
+        return dataclasses.replace(settings, seed=seed, seeds=found.seeds, out=found.out)
     return defaults
 
 

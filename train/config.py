@@ -41,6 +41,7 @@ BaseName = Literal[
 ]
 """A name of `policies.bases.BASES`; written out, so that --help lists them at once."""
 
+LARGEST_SEED = 2**32 - 1
 _LOG_STD = (-20.0, 2.0)
 _PUSHES = Pushes()
 # One fewer than would fill the window: rounding must leave each push some room.
@@ -120,8 +121,16 @@ class TrainConfig:
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
     run: its schedules, at their end already, begin again where they would be in a run of that length; it is not the run
     of that length to the bit."""
-    seed: int = number(0, limits=(0, 2**32 - 1))  # NumPy's global generator, which SB3 seeds, takes no other
+    seed: int = number(0, limits=(0, LARGEST_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
+    seeds: int = number(1, limits=(1, 1000))
+    """How many runs, of --seed and the seeds after it. Several are in folders seed-NUMBER of --out or runs/POLICY,
+    which `python -m evaluate` takes for seeds of one run; with --resume those that are finished stay as they are."""
+    engine: Literal["local", "ray"] = "local"
+    """What trains: this process, one seed after the other, or a Ray cluster (pip install -e ".[cluster]"), each seed on
+    --threads cores. The policies are the same."""
+    address: str | None = None
+    """Address of the Ray cluster, such as 10.0.0.1:6379; without it one is begun here and ended with the runs."""
     out: Path | None = None
     """Run folder; runs/POLICY-SEED when not given. Must be new or empty, unless --resume."""
     resume: bool = False
@@ -151,8 +160,17 @@ class TrainConfig:
 
     @property
     def folder(self) -> Path:
-        """Run folder."""
-        return self.out if self.out is not None else Path("runs") / f"{self.policy}-{self.seed}"
+        """Run folder, or that of the folders of several seeds."""
+        several = self.policy if self.seeds > 1 else f"{self.policy}-{self.seed}"
+        return self.out if self.out is not None else Path("runs") / several
+
+    @property
+    def runs(self) -> "tuple[TrainConfig, ...]":
+        """The settings of each seed's run."""
+        if self.seeds == 1:
+            return (self,)
+        seeds = range(self.seed, self.seed + self.seeds)
+        return tuple(dataclasses.replace(self, seed=n, seeds=1, out=self.folder / f"seed-{n}") for n in seeds)
 
     @property
     def judged(self) -> ValidationConfig:
@@ -175,7 +193,7 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
 }
 """Defaults of each kind of policy."""
 
-_NOT_OF_THE_RUN = ("out", "resume", "threads")
+_NOT_OF_THE_RUN = ("seeds", "engine", "address", "out", "resume", "threads")
 
 
 def to_dict(config: TrainConfig) -> dict[str, Any]:

@@ -26,6 +26,11 @@ def has_checkpoint(folder: Path) -> bool:
     return any((folder / CHECKPOINTS).glob("*.json"))
 
 
+def steps_done(folder: Path) -> int:
+    """Steps at the last checkpoint; 0 without one."""
+    return max((int(path.stem) for path in (folder / CHECKPOINTS).glob("*.json")), default=0)
+
+
 def refuse_folder_in_use(folder: Path) -> None:
     """Raise UsageError unless a run can be begun in `folder`: one that is not there yet, or holds nothing to lose.
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from evaluate.terminal.command_line import UsageError
 from policies.parameters import limits_of
 from quad_env.scenarios.named import scenario
-from train.config import TrainConfig
+from train.config import LARGEST_SEED, TrainConfig
 
 LARGEST_REWARD_WEIGHT = 1e4
 LARGEST_SHARE = 1e6
@@ -22,6 +22,7 @@ def check(config: TrainConfig) -> None:
         for name, (low, high) in limits_of(part).items():
             if (value := getattr(part, name)) is not None:
                 _check_range(prefix + name, value, low, high)
+    _check_range("--seed + --seeds - 1", config.seed + config.seeds - 1, 0, LARGEST_SEED)
     for name, weight in dataclasses.asdict(config.rewards).items():
         _check_range(f"--rewards.{name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
     _check_layers("--ppo.actor", config.ppo.actor)

@@ -12,7 +12,7 @@ from evaluate.commands.plan import Plan
 from evaluate.records import trace
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
-from evaluate.rollouts.cluster import NoCluster, ray_cluster
+from evaluate.rollouts.cluster import ray_cluster
 from evaluate.rollouts.experiment import Cell, Executor, Settings, TraceWriter, evaluation_seeds, run_cells
 from evaluate.rollouts.progress import show_progress
 from evaluate.rollouts.workers import WorkerLost, process_pool
@@ -74,8 +74,6 @@ def simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
         if not store.begun:
             raise
         interrupted = True
-    except NoCluster as error:
-        raise UsageError(str(error)) from error
     except WorkerLost as error:
         raise UsageError(f"{error}; {_then(store)}") from error
     except OSError as error:

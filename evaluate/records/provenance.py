@@ -1,6 +1,7 @@
 """What the figures were made with."""
 
 import hashlib
+import os
 import platform
 import subprocess
 from collections.abc import Iterator, Mapping
@@ -19,6 +20,8 @@ from quad_env.config import FallRule
 REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("quad_env", "policies", "evaluate")
 """Packages that the figures depend on."""
+REVISION = "SIMPLE_QUAD_REVISION"
+"""Environment variable: the revision of code that was sent without its repository."""
 DIGEST = "2-"
 """Begin of every policy's digest: results up to 2026 have digests without it, of which modules' names were a part."""
 _KINDS = {".py", ".xml", ".json"}
@@ -39,6 +42,8 @@ def versions() -> dict[str, str | None]:
 
 def git_revision(folder: Path) -> str | None:
     """The commit of a checkout, with `-dirty` if tracked files differ from it; None if there is none."""
+    if sent := os.environ.get(REVISION):
+        return sent
     revision = _git(folder, "rev-parse", "HEAD")
     if revision is None:
         return None

@@ -1,13 +1,16 @@
-"""Executor on a Ray cluster: every chunk is a task of it, wherever it runs; a task whose worker dies is done again."""
+"""Work spread over a Ray cluster: every piece is a task, wherever it runs; one whose worker dies is done again."""
 
+import contextlib
 import os
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, simulate
 from evaluate.rollouts.workers import ENVIRONMENT, WorkerLost, worker_environment
+from evaluate.terminal.command_line import UsageError
 
 POLL_PERIOD = 0.5
 """s between two looks at what is done."""
@@ -16,38 +19,89 @@ TRIES = 20
 OBJECT_STORE = 256 * 2**20
 """Memory in which an embedded cluster passes tasks and outcomes, byte."""
 REPOSITORY = Path(__file__).resolve().parents[2]
-NEEDED = ("quad_env", "policies", "evaluate")
+NEEDED = ("quad_env", "policies", "evaluate", "train")
 """Packages that a task needs; other machines are sent them."""
+A = TypeVar("A")
+R = TypeVar("R")
+Report = Callable[[Any], None]
+"""What a task tells those who wait for it."""
 
 
-class NoCluster(RuntimeError):
+class NoCluster(UsageError):
     """Ray is not installed, or no cluster answers at the address."""
+
+
+class Cluster(Protocol):
+    """A cluster that is connected."""
+
+    def __call__(
+        self,
+        work: Callable[[A, Report], R],
+        arguments: Sequence[A],
+        told: Callable[[int, Any], None] | None = None,
+        cores: int = 1,
+    ) -> Generator[tuple[int, R]]:
+        """Place and outcome of the work on each argument, as it comes.
+
+        `told` is given the place and what the work reports there, until its outcome has come. Raises WorkerLost, and
+        what the work raises.
+        """
+        ...
+
+
+@contextlib.contextmanager
+def cluster(count: int, address: str | None = None) -> Iterator[Cluster]:
+    """Context with the cluster at `address`, else with one of `count` cores that is embedded in this process."""
+    ray = _connected(count, address)
+    try:
+        yield partial(_spread, ray)
+    except ray.exceptions.RayTaskError as error:
+        raise error.as_instanceof_cause() from None
+    except (ray.exceptions.RayError, ConnectionError) as error:
+        raise WorkerLost(f"the cluster lost a task ({str(error).splitlines()[0]})") from error
+    finally:
+        ray.shutdown()
 
 
 def ray_cluster(count: int, address: str | None = None) -> Executor:
     """Executor of the cluster at `address`, else of one of `count` workers that is embedded in this process."""
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
-        ray = _connected(count, address)
-        try:
-            run = ray.remote(num_cpus=1, max_retries=TRIES)(_run_task)
-            waiting = {run.remote(task): place for place, task in enumerate(tasks)}
-            while waiting:
-                done, _ = ray.wait(list(waiting), num_returns=1, timeout=POLL_PERIOD)
-                for reference in done:
-                    yield waiting.pop(reference), ray.get(reference)
-        except ray.exceptions.RayTaskError as error:
-            raise error.as_instanceof_cause() from None
-        except (ray.exceptions.RayError, ConnectionError) as error:
-            raise WorkerLost(f"the cluster lost a task ({str(error).splitlines()[0]})") from error
-        finally:
-            ray.shutdown()
+        with cluster(count, address) as spread:
+            yield from spread(_run_task, tasks, progress)
 
     return execute
 
 
-def _run_task(task: Task) -> Chunk:
-    return simulate(task, 1, lambda _: None)
+def _run_task(task: Task, report: Report) -> Chunk:
+    return simulate(task, 1, report)
+
+
+def _spread(
+    ray: Any,
+    work: Callable[[A, Report], R],
+    arguments: Sequence[A],
+    told: Callable[[int, Any], None] | None = None,
+    cores: int = 1,
+) -> Generator[tuple[int, R]]:
+    from ray.util.queue import Queue
+
+    queue = None if told is None else Queue(actor_options={"num_cpus": 0})
+    run = ray.remote(num_cpus=cores, max_retries=TRIES)(work)
+    waiting = {run.remote(each, partial(_report, queue, place)): place for place, each in enumerate(arguments)}
+    while waiting:
+        done, _ = ray.wait(list(waiting), num_returns=1, timeout=POLL_PERIOD)
+        if queue is not None and told is not None:
+            for place, news in queue.get_nowait_batch(queue.qsize()):
+                if place in waiting.values():
+                    told(place, news)
+        for reference in done:
+            yield waiting.pop(reference), ray.get(reference)
+
+
+def _report(queue: Any, place: int, news: Any) -> None:
+    if queue is not None:
+        queue.put((place, news))
 
 
 def _connected(count: int, address: str | None) -> Any:

@@ -12,6 +12,7 @@ from multiprocessing import connection
 from typing import Any
 
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, sequential, simulate
+from evaluate.terminal.command_line import UsageError
 
 POLL_PERIOD = 0.1
 """s between two looks at what the workers report."""
@@ -27,7 +28,7 @@ _reports: Any = None
 _stop: Any = None
 
 
-class WorkerLost(RuntimeError):
+class WorkerLost(UsageError):
     """A worker process has died, or could not be begun."""
 
 

@@ -75,7 +75,7 @@ def recover(seeds: NDArray[np.int64]) -> Outcome:
     )
 
 
-def recover_with(policy: Policy, seeds: NDArray[np.int64]) -> Outcome:
+def recover_with(policy: Policy, seeds: NDArray[np.int64], nthread: int = 1) -> Outcome:
     """One robot of that policy for each seed, all side by side."""
     tilt, since, peak, diverged = np.zeros(0), np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
 
@@ -90,7 +90,8 @@ def recover_with(policy: Policy, seeds: NDArray[np.int64]) -> Outcome:
         since = np.where(stands, np.minimum(since, step.number * CONTROL_PERIOD), np.inf)
 
     steps = round(WATCHED / CONTROL_PERIOD)
-    roll_out(policy, LYING, seeds, watch, steps=steps, command=(0.0, 0.0, 0.0), terminate_on_fall=False)
+    still = np.zeros(3)
+    roll_out(policy, LYING, seeds, watch, steps=steps, nthread=nthread, command=still, terminate_on_fall=False)
     return Outcome(tilt, since, peak, int(diverged.sum()))
 
 

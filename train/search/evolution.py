@@ -1,14 +1,17 @@
 """A search of parameters by CMA-ES, over the unit cube of their ranges, and the rows of its account."""
 
+import contextlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from rich.progress import track
 
 from evaluate.measures.metrics import Measures
+from evaluate.rollouts.cluster import Report, cluster
+from evaluate.rollouts.workers import WorkerLost
 from evaluate.terminal.launcher import raise_on_interrupt
 from policies.base import Floats
 from policies.parameters import Parameters, number
@@ -21,6 +24,8 @@ MARGIN = 0.02
 
 
 P = TypeVar("P", bound=Parameters)
+Costs = Callable[[list[Floats], int], Sequence[float] | Floats]
+"""Judges the points of a generation, by its number; each as if it were the only one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +36,18 @@ class Effort:
     candidates: int
     seed: int = number(0, limits=(0, 2**31))
     """Seed of the search."""
+    threads: int = number(2, limits=(1, 256))
+    """Threads of the simulation; with --engine ray, workers of a cluster that is begun here."""
+    engine: Literal["local", "ray"] = "local"
+    """What judges the candidates: this process, or a Ray cluster (pip install -e ".[cluster]"), a task each. The
+    outcome is the same."""
+    address: str | None = None
+    """Address of the Ray cluster, such as 10.0.0.1:6379; without it one is begun here and ended with the search."""
+
+    @property
+    def batch_threads(self) -> int:
+        """Threads on which candidates are simulated side by side; a task of a cluster has one core."""
+        return self.threads if self.engine == "local" else 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +56,6 @@ class EpisodeEffort(Effort):
 
     episodes: int
     steps: int
-    threads: int = number(2, limits=(1, 256))
-    """Threads of the simulation."""
 
 
 def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -> P:
@@ -88,16 +103,13 @@ def minimise(
     effort: Effort,
     start: Floats,
     bounds: tuple[ArrayLike, ArrayLike],
-    costs: Callable[[list[Floats], int], Sequence[float] | Floats],
+    costs: Costs,
     *,
     spread: float,
     description: str = "generations",
     **settings: Any,
 ) -> Iterator[Floats]:
-    """The mean of CMA-ES's distribution after each generation.
-
-    `costs` judges the points of a generation, by its number; `settings` are further ones of the strategy.
-    """
+    """The mean of CMA-ES's distribution after each generation; `settings` are further ones of the strategy."""
     import cma
 
     strategy = cma.CMAEvolutionStrategy(
@@ -105,28 +117,48 @@ def minimise(
         spread,
         {"bounds": list(bounds), "popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9, **settings},
     )
-    for generation in track(range(effort.generations), description=description):
-        points = strategy.ask()
-        found = costs(points, generation)
-        strategy.tell(points, list(found))
-        print(f"best {min(found):.3f}  median {np.median(found):.3f}", flush=True)
-        yield strategy.result.xfavorite
+    with _where(effort, costs) as judged:
+        for generation in track(range(effort.generations), description=description):
+            points = strategy.ask()
+            found = judged(points, generation)
+            strategy.tell(points, list(found))
+            print(f"best {min(found):.3f}  median {np.median(found):.3f}", flush=True)
+            yield strategy.result.xfavorite
+
+
+@contextlib.contextmanager
+def _where(effort: Effort, costs: Costs) -> Iterator[Costs]:
+    """Context in which the engine gives those costs."""
+    if effort.engine == "local":
+        yield costs
+        return
+    with cluster(effort.threads, effort.address) as spread:
+
+        def apart(points: list[Floats], generation: int) -> list[float]:
+            def judge(point: Floats, _: Report) -> float:
+                return float(costs([point], generation)[0])
+
+            found = dict(spread(judge, points))
+            return [found[place] for place in range(len(points))]
+
+        yield apart
 
 
 def last(generations: Iterator[P], keep: Callable[[P], None]) -> P:
-    """The outcome of the last generation; after Ctrl-C that of the last one done is kept before the interrupt goes on.
+    """The outcome of the last generation; after Ctrl-C, or if the cluster is lost, that of the last one done is kept.
 
-    Raises KeyboardInterrupt with what was done.
+    Raises KeyboardInterrupt or WorkerLost with what was done.
     """
     raise_on_interrupt()
     found: list[P] = []
     try:
         found.extend(generations)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, WorkerLost) as end:
         if not found:
             raise
         keep(found[-1])
-        raise KeyboardInterrupt(f"kept what was found after {len(found)} generations, not judged") from None
+        said = "".join(f"{each}; " for each in end.args)
+        raise type(end)(f"{said}kept what was found after {len(found)} generations, not judged") from None
     return found[-1]
 
 

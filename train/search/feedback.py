@@ -65,7 +65,7 @@ def search(options: Options, start: FeedbackParameters) -> Iterator[FeedbackPara
     """The mean of the search distribution after each generation, to four digits."""
 
     def costs(candidates: list[FeedbackParameters], seeds: NDArray[np.int64]) -> Floats:
-        return judge(candidates, seeds, options.steps, options.threads)
+        return judge(candidates, seeds, options.steps, options.batch_threads)
 
     return evolve(options, start, SEARCH_RANGES, costs, spread=options.spread, digits=4)
 

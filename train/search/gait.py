@@ -69,19 +69,16 @@ class Options(EpisodeEffort):
     """Episodes a candidate."""
     steps: int = number(400, limits=(SETTLING + 100, 100_000))
     """Length of an episode, control steps of 10 ms."""
-    threads: int = number(1, limits=(1, 256))
-    """Threads of the simulation."""
     out: Path = PARAMETERS_FILE
     """File of all gaits' parameters, JSON, in which this gait's are replaced."""
 
 
 def search(options: Options, start: GaitParameters) -> GaitParameters:
     """The mean of the search distribution after the last generation."""
-    rng = np.random.default_rng((0, options.seed))
 
     def costs(candidates: list[GaitParameters], seeds: NDArray[np.int64]) -> list[float]:
-        command = commands(options.gait, options.episodes, rng)
-        walks = shared_walk(options.gait, candidates, command, seeds, options.steps, options.threads)
+        command = commands(options.gait, options.episodes, np.random.default_rng(seeds))
+        walks = shared_walk(options.gait, candidates, command, seeds, options.steps, options.batch_threads)
         return [cost(walk, command) for walk in walks]
 
     ranges = RANGES[options.gait]

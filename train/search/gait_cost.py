@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from evaluate.rollouts.observers import Step
 from evaluate.studies.strides import Strides, walked
 from policies.base import Floats
-from policies.gaits.parameters import NO_LIMITS, GaitParameters
+from policies.gaits.parameters import NO_LIMITS, GaitParameters, searched_parameters
 from policies.gaits.policy import Gaits
 from train.search.command_map import response, weakness
 
@@ -50,11 +50,12 @@ def shared_walk(
     """The settled part of the same episodes, commands (n, 3) and seeds (n,), walked by each candidate side by side.
 
     They follow every command, whatever their limits: a response to slower commands than asked for would be another's.
+    All begin in the stance of the gait in force.
     """
     members, unlimited = len(candidates), [replace(candidate, **NO_LIMITS) for candidate in candidates]
     member = np.repeat(np.arange(members), len(seeds))
 
-    policy = Gaits(gait, parameters=dict.fromkeys(("stand", gait), unlimited[0]))
+    policy = Gaits(gait, parameters=dict.fromkeys(("stand", gait), searched_parameters()[gait]))
 
     def begin(step: Step) -> None:
         if step.number == 0:

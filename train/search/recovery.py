@@ -66,7 +66,7 @@ def search(options: Options) -> Iterator[RecoveryParameters]:
 
     def costs(points: list[Floats], generation: int) -> Floats:
         seeds = episode_seeds("search", 10_000 * (options.seed + 1) + generation, options.starts)
-        return judge([decoded(point) for point in points], seeds)
+        return judge([decoded(point) for point in points], seeds, options.batch_threads)
 
     low, high = bounds()
     start = np.clip(encoded(searched_parameters()), low, high)
@@ -74,10 +74,10 @@ def search(options: Options) -> Iterator[RecoveryParameters]:
         yield decoded(np.clip(mean, low, high))
 
 
-def judge(candidates: list[RecoveryParameters], seeds: NDArray[np.int64]) -> Floats:
+def judge(candidates: list[RecoveryParameters], seeds: NDArray[np.int64], threads: int) -> Floats:
     """Mean cost of each candidate, (candidates,): s until it stands, and more if that is late."""
     members = [Behaviour(start=State.RECOVER, follow=False, recovery=each) for each in candidates]
-    outcome = recover_with(Panel(list(members)), np.tile(seeds, len(candidates)))
+    outcome = recover_with(Panel(list(members)), np.tile(seeds, len(candidates)), threads)
     time = np.minimum(outcome.standing_since, TIME_ALLOWED + 1.0)
     costs: Floats = (time + LATE_COST * (time > TIME_ALLOWED)).reshape(len(candidates), -1).mean(axis=1)
     return costs

@@ -56,7 +56,7 @@ def search(options: Options, start: TrotParameters) -> TrotParameters:
     """The mean of the search distribution after the last generation, its command map fitted, to four digits."""
 
     def costs(candidates: list[TrotParameters], seeds: NDArray[np.int64]) -> Floats:
-        return judge(candidates, seeds, options.steps, options.threads)
+        return judge(candidates, seeds, options.steps, options.batch_threads)
 
     *_, found = evolve(options, start, SEARCH_RANGES, costs, spread=SPREAD)
     fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)

@@ -12,7 +12,7 @@ import pytest
 
 import policies
 from evaluate.__main__ import main
-from evaluate.rollouts import cluster
+from evaluate.rollouts import cluster, experiment
 from evaluate.rollouts.experiment import LabelledPolicy, Task, sequential
 from evaluate.rollouts.hardware import IDEAL
 from quad_env import SCENARIOS
@@ -61,6 +61,41 @@ def test_tasks_give_the_bits_of_one_process_though_workers_are_killed():
         assert ours.tobytes() == theirs.tobytes()
         assert chunk.cell.measures.outcome.tolist() == apart[place].cell.measures.outcome.tolist()
     assert not workers()
+
+
+POLICIES = """
+import numpy as np
+import policies
+
+class Walk(policies.Trot):
+    pass
+
+class Fails:
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, observation):
+        self.calls += 1
+        if self.calls > 30:
+            raise RuntimeError("no more")
+        return np.array([0.0, 0.5, -1.0] * 4)
+"""
+
+
+def test_a_users_policies_are_judged_as_here_and_progress_is_told(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(POLICIES)
+    run = ["--policies", "mine.py:Walk", "mine.py:Fails", "--scenarios", "flat", "--episodes", "2", "--no-film"]
+    shares = []
+    report = experiment._PendingCell.report
+    monkeypatch.setattr(experiment._PendingCell, "report", lambda *told: shares.append(told[2]) or report(*told))
+    assert main([*run, "--engine", "ray", "--threads", "2", "--out", "apart"]) == 0
+    assert set(shares) <= {steps / 150 for steps in range(0, 150, 25)}
+    assert max(shares) > 0
+    assert main([*run, "--threads", "1", "--out", "here"]) == 0
+    assert (tmp_path / "apart/episodes.parquet").read_bytes() == (tmp_path / "here/episodes.parquet").read_bytes()
+    assert "mine.py:Fails failed in 2 of 2 episodes; in the first it raised RuntimeError" in capsys.readouterr().out
 
 
 def test_without_ray_one_line_says_what_to_install(monkeypatch, capsys, tmp_path):

@@ -1,0 +1,124 @@
+"""Several seeds, and the candidates of searches: on a Ray cluster they are those of this process, to the bit."""
+
+import contextlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluate.rollouts.cluster import cluster
+from evaluate.rollouts.workers import WorkerLost
+from policies.gaits.parameters import searched_parameters as gait_parameters
+from policies.trot.open_loop import TrotParameters
+from quad_env.seeding import episode_seeds
+from train import seeds
+from train.__main__ import main
+from train.run_folder import steps_done
+from train.search import trot
+from train.search.evolution import last
+from train.search.gait_cost import commands, cost, shared_walk
+
+OPTIONS = (
+    "--threads 1 --mixture flat 1 --validation.episodes 1 --validation.scenarios flat --ppo.envs 8 "
+    "--max-episode-steps 8 --ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 1 --ppo.actor 8 --ppo.critic 8 "
+    "--steps 128"
+)
+TINY = OPTIONS.split()
+LEARNED = ("config.json", "best/policy.json", "best/policy.safetensors", "last/policy.json", "last/policy.safetensors")
+
+
+@pytest.fixture(scope="module")
+def embedded():
+    pytest.importorskip("ray")
+    with cluster(2) as spread:
+        yield spread
+
+
+@pytest.fixture
+def on_cluster(embedded, monkeypatch):
+    """The option of a command that is to use the cluster of this module."""
+    for user in ("train.seeds", "train.search.evolution"):
+        monkeypatch.setattr(f"{user}.cluster", lambda *_: contextlib.nullcontext(embedded))
+    return ["--engine", "ray"]
+
+
+def learned(folder):
+    return {path: (folder / path).read_bytes() for seed in (5, 6) for path in (f"seed-{seed}/{n}" for n in LEARNED)}
+
+
+def test_seeds_train_the_same_policies_on_a_cluster_and_go_on_there(on_cluster, tmp_path, capsys):
+    here, apart = tmp_path / "here", tmp_path / "apart"
+    two = [*TINY, "--seed", "5", "--seeds", "2"]
+    assert main([*two, "--out", str(here)]) == 0
+    assert main([*two, "--out", str(apart), *on_cluster]) == 0
+    assert learned(apart) == learned(here)
+    assert learned(here)["seed-5/last/policy.safetensors"] != learned(here)["seed-6/last/policy.safetensors"]
+    printed = capsys.readouterr().out
+    assert all(f"seed {seed}: " in printed for seed in (5, 6))
+    again = ["--resume", "--seed", "5", "--seeds", "2", "--threads", "1"]
+    assert main([*again, "--out", str(apart), *on_cluster]) == 2
+    assert "are finished" in capsys.readouterr().err
+    for folder, how in ((here, []), (apart, on_cluster)):
+        assert main([*again, "--steps", "192", "--out", str(folder), *how]) == 0
+        assert steps_done(folder / "seed-6") == 192
+    assert learned(apart) == learned(here)
+
+
+def test_a_search_finds_the_same_on_a_cluster(on_cluster, monkeypatch):
+    monkeypatch.setattr(trot, "mapped", lambda found, *_: found)
+    few = trot.Options(generations=2, candidates=4, episodes=1, steps=101, check_episodes=4, threads=1)
+    apart = trot.search(replace(few, engine="ray"), TrotParameters())
+    assert apart == trot.search(few, TrotParameters()) != TrotParameters()
+
+
+def test_a_gait_costs_alone_what_it_costs_beside_others():
+    drawn = episode_seeds("search", 3, 8)
+    command = commands("bound", 8, np.random.default_rng(drawn))
+
+    def costs(*candidates):
+        return [cost(walk, command) for walk in shared_walk("bound", list(candidates), command, drawn, 250, 1)]
+
+    pronk, bound = gait_parameters()["pronk"], gait_parameters()["bound"]
+    assert costs(pronk, bound) == costs(pronk) + costs(bound)
+
+
+def test_ctrl_c_leaves_what_the_tasks_told_last_and_resume_finishes_it(tmp_path, monkeypatch, capsys):
+    """One of two tasks has told of a checkpoint; the folder of the other is as if it had never been begun."""
+
+    def spread(work, tasks, told, cores):
+        news = []
+        work(tasks[0], news.append)
+        told(0, "a line")
+        told(0, next(each for each in news if isinstance(each, dict)))
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr("train.seeds.cluster", lambda *_: contextlib.nullcontext(spread))
+    monkeypatch.setattr("train.display.LINE_PERIOD", 0.0)
+    assert main([*TINY, "--steps", "256", "--seeds", "2", "--engine", "ray", "--out", str(tmp_path)]) == 130
+    captured = capsys.readouterr()
+    assert "seed 0: a line" in captured.out
+    assert f"with --resume --seed 0 --seeds 2 --out {tmp_path}" in captured.err
+    assert 0 < steps_done(tmp_path / "seed-0") < 256
+    resume = captured.err.partition("with ")[2].split()
+    assert main([*resume, "--threads", "1"]) == 0
+    assert [steps_done(tmp_path / f"seed-{seed}") for seed in (0, 1)] == [256, 256]
+
+
+def test_a_lost_cluster_keeps_what_a_search_has_found():
+    def generations():
+        yield "found"
+        raise WorkerLost("the cluster lost a task")
+
+    kept = []
+    with pytest.raises(WorkerLost, match="lost a task; kept what was found after 1 generations"):
+        last(generations(), kept.append)
+    assert kept == ["found"]
+
+
+def test_a_folder_in_use_is_refused_before_any_seed_is_trained(tmp_path, monkeypatch, capsys):
+    (tmp_path / "seed-1").mkdir()
+    (tmp_path / "seed-1" / "thesis.tex").touch()
+    monkeypatch.setattr(seeds, "train", None)
+    assert main([*TINY, "--seeds", "2", "--out", str(tmp_path)]) == 2
+    assert "seed-1 is not empty" in capsys.readouterr().err
