@@ -22,7 +22,7 @@ from safetensors.numpy import save as format_safetensors
 from policies.base import CONTROL_PERIOD, Actions, PolicyError
 from policies.bases import describe, described
 from policies.files import write_atomically
-from policies.history import Remembered
+from policies.history import Inputs
 from policies.network import ACTIVATIONS, Network
 from policies.parameters import is_number
 from policies.residual import Features, ResidualPolicy
@@ -50,7 +50,7 @@ _FIELDS = {
     "weights_sha256",
 }
 _ROBOTS = {SIMPLE_QUAD.name: SIMPLE_QUAD}
-_LATER_FIELDS = {"robot": SIMPLE_QUAD.name, "control_period": CONTROL_PERIOD, "remembered": {}}
+_LATER_FIELDS = {"robot": SIMPLE_QUAD.name, "control_period": CONTROL_PERIOD, "inputs": {}, "hold": 1}
 """Fields that older bundles lack, and what these were made for."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
@@ -61,6 +61,7 @@ _LARGEST_OUTPUT = 1e37
 _LARGEST_AUTHORITY = math.pi
 _LONGEST_PERIOD = 1.0
 _MOST_FRAMES = 32
+_LONGEST_HOLD = 1000
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
@@ -82,7 +83,8 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
-        "remembered": asdict(policy.features.remembered),
+        "inputs": asdict(policy.features.inputs),
+        "hold": policy.hold,
         "training": dict(training),
         "git_revision": git_revision,
         "weights_sha256": hashlib.sha256(weights).hexdigest(),
@@ -117,13 +119,15 @@ def assembled(place: Path, description: dict[str, Any], network: Callable[[int, 
         base = described(description["base"], robot, control_period)
     except ValueError as error:
         _fail(place, str(error))
-    remembered = _remembered(place, description["remembered"])
-    corrects = network(Features(base, remembered).width, robot.num_joints)
+    inputs = _inputs(place, description["inputs"])
+    corrects = network(Features(base, inputs).width, robot.num_joints)
+    if type(hold := description["hold"]) is not int or not 1 <= hold <= _LONGEST_HOLD:
+        _fail(place, f"hold must be a whole number from 1 to {_LONGEST_HOLD}")
     name = description["name"]
     if not isinstance(name, str) or not name:
         _fail(place, "name must be a non-empty text")
     authority = _authority(place, description["authority"], robot.num_joints)
-    return ResidualPolicy(base, corrects, authority, name, remembered)
+    return ResidualPolicy(base, corrects, authority, name, inputs, hold)
 
 
 def folder_of(folder: Path) -> Path:
@@ -242,15 +246,16 @@ def _authority(folder: Path, values: Any, joints: int) -> Actions:
     return np.array(values, dtype=np.float32)
 
 
-def _remembered(folder: Path, values: Any) -> Remembered:
-    if not isinstance(values, dict) or not set(values) <= {"lags", "averages"}:
-        _fail(folder, "remembered must have lags and averages")
-    if not all(isinstance(times, list) and len(times) <= _MOST_FRAMES for times in values.values()):
+def _inputs(folder: Path, values: Any) -> Inputs:
+    if not isinstance(values, dict) or not set(values) <= {"lags", "averages", "clock"}:
+        _fail(folder, "inputs must have lags, averages and a clock")
+    clock, times = values.get("clock", 0.0), {name: values.get(name, []) for name in ("lags", "averages")}
+    if not all(isinstance(each, list) and len(each) <= _MOST_FRAMES for each in times.values()):
         _fail(folder, f"lags and averages must be lists of at most {_MOST_FRAMES} times")
-    if not all(is_number(time) for times in values.values() for time in times):
-        _fail(folder, "lags and averages must be numbers of s")
+    if not all(is_number(number) for number in (clock, *times["lags"], *times["averages"])):
+        _fail(folder, "lags, averages and the clock must be numbers")
     try:
-        return Remembered(**{name: tuple(times) for name, times in values.items()})
+        return Inputs(tuple(times["lags"]), tuple(times["averages"]), clock)
     except ValueError as error:
         _fail(folder, str(error))
 

@@ -9,20 +9,26 @@ from numpy.typing import NDArray
 Frames = NDArray[np.float32]
 LONGEST = 10.0
 """s that can be remembered."""
+FASTEST = 50.0
+"""Hz of a clock."""
 
 
 @dataclass(frozen=True)
-class Remembered:
-    """Which frames are remembered; none by default."""
+class Inputs:
+    """What a network sees besides the present observation and its base; nothing by default."""
 
     lags: tuple[float, ...] = ()
-    """Ages of single frames, s; whole control steps are taken."""
+    """Ages of single earlier observations, s; whole control steps are taken."""
     averages: tuple[float, ...] = ()
-    """Time constants of exponential averages, s."""
+    """Time constants of exponential averages of the observation, s."""
+    clock: float = 0.0
+    """Frequency of a clock, Hz, of which sine and cosine are seen; 0 for none."""
 
     def __post_init__(self) -> None:
         if not all(0.0 < each <= LONGEST for each in (*self.lags, *self.averages)):
             raise ValueError(f"lags and averages must be times above 0 s, at most {LONGEST:g} s")
+        if not 0.0 <= self.clock <= FASTEST:
+            raise ValueError(f"the clock's frequency must lie between 0 Hz and {FASTEST:g} Hz, not {self.clock}")
 
     @property
     def frames(self) -> int:
@@ -33,11 +39,11 @@ class Remembered:
 class History:
     """The past frames of n robots, each of so many numbers. A robot's first frame stands for all before it."""
 
-    def __init__(self, remembered: Remembered, width: int, control_period: float) -> None:
-        self.width = width * remembered.frames
+    def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
+        self.width = width * inputs.frames
         """Numbers of a row."""
-        self._lags = [max(round(lag / control_period), 1) for lag in remembered.lags]
-        self._rates = [np.float32(-math.expm1(-control_period / time)) for time in remembered.averages]
+        self._lags = [max(round(lag / control_period), 1) for lag in inputs.lags]
+        self._rates = [np.float32(-math.expm1(-control_period / time)) for time in inputs.averages]
         self._frame_width = width
         self.reset(1)
 

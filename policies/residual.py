@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
-from policies.history import History, Remembered
+from policies.history import History, Inputs
 from policies.network import Network
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
@@ -17,40 +17,44 @@ def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 
 
-NOTHING = Remembered()
+PRESENT = Inputs()
 
 
 class Features:
     """What the network over a base sees of n robots, about unit size.
 
     The scaled observation; over a gaited base the sine and cosine of its phase, and its action minus the home pose;
-    then what is remembered of the scaled observations before.
+    sine and cosine of a clock of its own; then what is remembered of the scaled observations before.
     """
 
-    def __init__(self, base: Policy, remembered: Remembered = NOTHING) -> None:
-        self.base, self.remembered = base, remembered
+    def __init__(self, base: Policy, inputs: Inputs = PRESENT) -> None:
+        self.base, self.inputs = base, inputs
         self._table = observation_table(base.robot)
-        self._history = History(remembered, self._table.size, base.control_period)
-        self._gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
-        self.width = self._table.size + self._gaited + self._history.width
+        self._history = History(inputs, self._table.size, base.control_period)
+        self._ticks = np.zeros(1)
+        gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
+        self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
         """Numbers of a row."""
 
     def reset(self, num_envs: int) -> None:
         """Forget the past, of so many robots; the base is reset by who uses it."""
         self._history.reset(num_envs)
+        self._ticks = np.zeros(num_envs)
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
         """Forget the past of the robots where the mask, (n,), is true."""
         self._history.reset_where(mask)
+        self._ticks[mask] = 0.0
 
     def see(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
         """Features (n, `width`) of observations (n, k) which the base has just answered with its action, (n, 12)."""
         scaled = observation * self._table.scale
         seen = [scaled]
         if isinstance(self.base, GaitedPolicy):
-            phase = self.base.phase
-            seen += [np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)]
-            seen += [base_action - _home(self.base.robot)]
+            seen += [_hands(self.base.phase), base_action - _home(self.base.robot)]
+        if self.inputs.clock:
+            self._ticks += 1.0
+            seen += [_hands(2.0 * np.pi * self.inputs.clock * self.base.control_period * self._ticks)]
         if self._history.width:
             seen += [self._history.see(scaled)]
         return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
@@ -60,6 +64,10 @@ def compose(robot: Robot, base_action: Actions, correction: NDArray[np.float32],
     """The base's action (n, 12) plus authority (12,) times the correction in [-1, 1], within the joint limits, rad."""
     one = np.float32(1.0)
     return within_limits(robot, base_action + authority * np.clip(correction, -one, one))
+
+
+def _hands(phase: Floats) -> NDArray[np.float32]:
+    return np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)
 
 
 def _home(robot: Robot) -> Actions:
@@ -80,10 +88,13 @@ class ResidualPolicy(Policy):
         network: Network,
         authority: Actions | None = None,
         name: str = "residual",
-        remembered: Remembered = NOTHING,
+        inputs: Inputs = PRESENT,
+        hold: int = 1,
     ) -> None:
         robot = base.robot
-        self.features = Features(base, remembered)
+        self.features = Features(base, inputs)
+        self.hold = hold
+        """Control steps that a correction is held, while the base goes on at every one."""
         if network.sizes[0] != self.features.width or network.sizes[-1] != robot.num_joints:
             raise ValueError(
                 f"a network over {base.name} needs {self.features.width} inputs and {robot.num_joints} outputs, "
@@ -110,15 +121,20 @@ class ResidualPolicy(Policy):
     def _allocate(self, num_envs: int) -> None:
         self.correction = np.zeros((num_envs, self.robot.num_joints), np.float32)
         self.base_action = np.tile(_home(self.robot), (num_envs, 1))
+        self._since = np.zeros(num_envs, np.int64)
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         self.base.reset_where(mask)
         self.features.reset_where(mask)
         self.correction = np.where(mask[:, None], np.float32(0.0), self.correction)
         self.base_action = np.where(mask[:, None], _home(self.robot), self.base_action)
+        self._since = np.where(mask, 0, self._since)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self.base_action = self.base.act(observation)
-        correction = self.network(self.features.see(observation, self.base_action))
-        self.correction = np.clip(correction, np.float32(-1.0), np.float32(1.0))
+        seen = self.features.see(observation, self.base_action)
+        if (due := self._since % self.hold == 0).any():
+            correction = np.clip(self.network(seen), np.float32(-1.0), np.float32(1.0))
+            self.correction = np.where(due[:, None], correction, self.correction)
+        self._since = self._since + 1
         return compose(self.robot, self.base_action, self.correction, self.authority)

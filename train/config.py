@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from tyro.constructors import PrimitiveConstructorSpec
 
 from evaluate.terminal.command_line import UsageError
+from policies.history import Inputs
 from policies.parameters import number
 from quad_env.config import RewardWeights
 from quad_env.scenarios.named import Pushes
@@ -67,7 +68,7 @@ class PpoConfig:
     target_kl: float = number(0.015, limits=(1e-6, 10.0))
     """KL divergence of one update that the adaptive schedule steers towards, nat."""
     hold: int = number(1, limits=(1, 1000))
-    """Control steps that a correction is held in training; the trained policy corrects at every one."""
+    """Control steps that a correction is held, in training and ever after."""
     gamma: float = number(0.95, limits=(0.0, 1.0))
     """Discount a step of the learner."""
     gae_lambda: float = number(0.9, limits=(0.0, 1.0))
@@ -141,10 +142,7 @@ class TrainConfig:
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = number(0.15, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
-    lags: tuple[float, ...] = ()
-    """Ages of earlier observations that the network sees too, s."""
-    averages: tuple[float, ...] = ()
-    """Time constants of averages of the observation that it sees too, s."""
+    inputs: Inputs = dataclasses.field(default_factory=Inputs)
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""
     pushes: int = number(2, limits=(0, _MOST_PUSHES))

@@ -15,8 +15,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from policies.base import Policy
-from policies.history import Remembered
-from policies.residual import NOTHING, Features, authority_of, compose
+from policies.history import Inputs
+from policies.residual import PRESENT, Features, authority_of, compose
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -39,7 +39,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         base: the policy that is corrected; made for the robots and their control period.
         authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
-        remembered: what the learner sees of the observations before.
+        inputs: what the learner sees besides the present observation and the base.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         base: Policy,
         authority: FloatArray | None = None,
         hold: int = 1,
-        remembered: Remembered = NOTHING,
+        inputs: Inputs = PRESENT,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
@@ -58,7 +58,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         self.base = base
         self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
-        self._features = Features(base, remembered)
+        self._features = Features(base, inputs)
         self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
         self.single_action_space = Box(-1.0, 1.0, env.single_action_space.shape, np.float32)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)

@@ -10,7 +10,6 @@ from stable_baselines3.common.callbacks import BaseCallback
 import policies
 from evaluate.terminal.command_line import UsageError
 from policies.files import sole_use
-from policies.history import Remembered
 from policies.residual import authority_of
 from train.config import TrainConfig
 from train.display import Display
@@ -87,5 +86,5 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
-    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, Remembered(config.lags, config.averages))
+    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs)
     return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale, config.ppo.privileged)

@@ -13,7 +13,7 @@ from safetensors.numpy import load_file, save_file
 import policies
 from policies.bases import BASES
 from policies.bundle import DESCRIPTION, WEIGHTS, load, save
-from policies.history import Remembered
+from policies.history import Inputs
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
 from policies.trot.open_loop import Trot, TrotParameters
@@ -59,12 +59,12 @@ def trajectory(policy):
 
 
 def test_what_a_residual_remembers_is_kept(tmp_path):
-    remembered = Remembered(lags=(0.04, 0.08), averages=(0.5,))
+    inputs = Inputs(lags=(0.04, 0.08), averages=(0.5,), clock=2.0)
     base = policies.make("trot")
-    policy = ResidualPolicy(base, network(Features(base, remembered).width, 12), remembered=remembered)
+    policy = ResidualPolicy(base, network(Features(base, inputs).width, 12), inputs=inputs, hold=2)
     save(tmp_path, policy, {}, "unknown")
     found = load(tmp_path)
-    assert found.features.remembered == remembered
+    assert (found.features.inputs, found.hold) == (inputs, 2)
     found.reset(2), policy.reset(2)
     for step in range(12):
         observation = np.random.default_rng(step).normal(size=(2, OBSERVATION_SIZE)).astype(np.float32)
@@ -309,12 +309,15 @@ TROT = {"name": "trot"}
         ({"authority": [10**400] * 12}, "authority"),
         ({"authority": [1e300] * 12}, "authority"),
         ({"authority": [3.2] * 12}, "authority"),
-        ({"remembered": [0.1]}, "lags and averages"),
-        ({"remembered": {"lags": 0.1}}, "lists"),
-        ({"remembered": {"lags": [0.1] * 33}}, "at most 32"),
-        ({"remembered": {"lags": ["0.1"]}}, "numbers"),
-        ({"remembered": {"averages": [-1.0]}}, "above 0 s"),
-        ({"remembered": {"averages": [0.5]}}, "110 inputs"),
+        ({"inputs": [0.1]}, "lags, averages"),
+        ({"inputs": {"clock": 60}}, "clock"),
+        ({"hold": 0}, "hold"),
+        ({"hold": 1.0}, "hold"),
+        ({"inputs": {"lags": 0.1}}, "lists"),
+        ({"inputs": {"lags": [0.1] * 33}}, "at most 32"),
+        ({"inputs": {"lags": ["0.1"]}}, "numbers"),
+        ({"inputs": {"averages": [-1.0]}}, "above 0 s"),
+        ({"inputs": {"averages": [0.5]}}, "110 inputs"),
         ({"training": "much"}, "training"),
         ({"git_revision": 5}, "git_revision"),
         ({"weights_sha256": "0" * 64}, "SHA-256"),

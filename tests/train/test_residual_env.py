@@ -7,8 +7,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import policies
-from policies.history import Remembered
-from policies.residual import NOTHING, Features, compose
+from policies.history import Inputs
+from policies.residual import PRESENT, Features, compose
 from quad_env import OBSERVATION
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -25,9 +25,9 @@ def robots(n, steps=1000, scenario="push", mode="DISABLED"):
     )
 
 
-def residual(n, base="trot", hold=1, authority=None, remembered=NOTHING, **options):
+def residual(n, base="trot", hold=1, authority=None, inputs=PRESENT, **options):
     """The environment and its first features."""
-    env = ResidualVectorEnv(robots(n, **options), policies.make(base), authority, hold, remembered)
+    env = ResidualVectorEnv(robots(n, **options), policies.make(base), authority, hold, inputs)
     seen, _ = env.reset(seed=SEEDS[:n])
     return env, seen
 
@@ -92,11 +92,11 @@ def test_the_first_features_after_a_restart_are_those_of_a_fresh_robot_with_the_
 
 def test_what_a_learner_remembers_is_what_the_policy_will_across_falls_held_corrections_and_restarts():
     """A policy that is shown the same observations one by one sees the same, until the robot's episode ends."""
-    remembered = Remembered(lags=(0.03,), averages=(0.2,))
-    env, seen = residual(3, hold=2, authority=WILD, remembered=remembered, scenario="flat")
+    inputs = Inputs(lags=(0.03,), averages=(0.2,))
+    env, seen = residual(3, hold=2, authority=WILD, inputs=inputs, scenario="flat")
     reference, trot = robots(3, scenario="flat"), policies.make("trot")
     trot.reset(3)
-    features = Features(trot, remembered)
+    features = Features(trot, inputs)
     features.reset(3)
     observation, _ = reference.reset(seed=SEEDS[:3])
     restarts = 0

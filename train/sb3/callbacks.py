@@ -20,7 +20,6 @@ from evaluate.records.provenance import REPOSITORY, git_revision
 from evaluate.terminal.command_line import UsageError
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
-from policies.history import Remembered
 from train.config import TrainConfig, decode, to_dict
 from train.display import Display
 from train.interrupt import Interrupt
@@ -120,8 +119,8 @@ def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     """The actor as it would be shipped: on a fresh base, without exploration noise."""
     env = cast(ResidualVectorEnv, cast(TrainingVecEnv, model.get_env()).env)
     base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
-    network, remembered = actor_network(model, config.ppo.activation), Remembered(config.lags, config.averages)
-    return ResidualPolicy(base, network, env.authority, config.policy, remembered)
+    network = actor_network(model, config.ppo.activation)
+    return ResidualPolicy(base, network, env.authority, config.policy, config.inputs, config.ppo.hold)
 
 
 class Segments(BetweenRollouts):
