@@ -25,7 +25,7 @@ from policies.files import write_atomically
 from policies.history import Inputs
 from policies.network import ACTIVATIONS, Network
 from policies.parameters import is_number
-from policies.residual import Features, ResidualPolicy
+from policies.residual import NO_SHIFT, Features, ResidualPolicy, correction_width
 from quad_env import ENV_ID
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -50,7 +50,13 @@ _FIELDS = {
     "weights_sha256",
 }
 _ROBOTS = {SIMPLE_QUAD.name: SIMPLE_QUAD}
-_LATER_FIELDS = {"robot": SIMPLE_QUAD.name, "control_period": CONTROL_PERIOD, "inputs": {}, "hold": 1}
+_LATER_FIELDS = {
+    "robot": SIMPLE_QUAD.name,
+    "control_period": CONTROL_PERIOD,
+    "inputs": {},
+    "hold": 1,
+    "command_authority": [0.0] * 3,
+}
 """Fields that older bundles lack, and what these were made for."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
@@ -83,6 +89,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
+        "command_authority": policy.command_authority.tolist(),
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
         "training": dict(training),
@@ -120,14 +127,15 @@ def assembled(place: Path, description: dict[str, Any], network: Callable[[int, 
     except ValueError as error:
         _fail(place, str(error))
     inputs = _inputs(place, description["inputs"])
-    corrects = network(Features(base, inputs).width, robot.num_joints)
+    shifts = _authority(place, "command_authority", description["command_authority"], len(NO_SHIFT))
+    corrects = network(Features(base, inputs, shifts).width, correction_width(robot, shifts))
     if type(hold := description["hold"]) is not int or not 1 <= hold <= _LONGEST_HOLD:
         _fail(place, f"hold must be a whole number from 1 to {_LONGEST_HOLD}")
     name = description["name"]
     if not isinstance(name, str) or not name:
         _fail(place, "name must be a non-empty text")
-    authority = _authority(place, description["authority"], robot.num_joints)
-    return ResidualPolicy(base, corrects, authority, name, inputs, hold)
+    authority = _authority(place, "authority", description["authority"], robot.num_joints)
+    return ResidualPolicy(base, corrects, authority, name, inputs, hold, shifts)
 
 
 def folder_of(folder: Path) -> Path:
@@ -238,11 +246,11 @@ def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
         _fail(folder, f"{WEIGHTS} is not a safetensors file of plain numbers")
 
 
-def _authority(folder: Path, values: Any, joints: int) -> Actions:
-    if not isinstance(values, list) or len(values) != joints:
-        _fail(folder, f"authority must be {joints} numbers of rad")
+def _authority(folder: Path, field: str, values: Any, count: int) -> Actions:
+    if not isinstance(values, list) or len(values) != count:
+        _fail(folder, f"{field} must be {count} numbers")
     if not all(is_number(value) and 0.0 <= value <= _LARGEST_AUTHORITY for value in values):
-        _fail(folder, "authority must be finite numbers from 0 to π rad")
+        _fail(folder, f"{field} must be finite numbers from 0 to π")
     return np.array(values, dtype=np.float32)
 
 

@@ -18,22 +18,27 @@ def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions
 
 
 PRESENT = Inputs()
+NO_SHIFT = np.zeros(3, np.float32)
+"""Authority of a residual over joints alone."""
 
 
 class Features:
     """What the network over a base sees of n robots, about unit size.
 
     The scaled observation; over a gaited base the sine and cosine of its phase, and its action minus the home pose;
-    sine and cosine of a clock of its own; then what is remembered of the scaled observations before.
+    sine and cosine of a clock of its own; what is remembered of the scaled observations before; then the shift of the
+    command that the base was shown, of a residual that has authority over it.
     """
 
-    def __init__(self, base: Policy, inputs: Inputs = PRESENT) -> None:
+    def __init__(self, base: Policy, inputs: Inputs = PRESENT, command_authority: Actions = NO_SHIFT) -> None:
         self.base, self.inputs = base, inputs
         self._table = observation_table(base.robot)
         self._history = History(inputs, self._table.size, base.control_period)
         self._ticks = np.zeros(1)
+        self._shifts = bool(command_authority.any())
+        shifts = len(command_authority) if self._shifts else 0
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
-        self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
+        self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width + shifts
         """Numbers of a row."""
 
     def reset(self, num_envs: int) -> None:
@@ -46,8 +51,11 @@ class Features:
         self._history.reset_where(mask)
         self._ticks[mask] = 0.0
 
-    def see(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
-        """Features (n, `width`) of observations (n, k) which the base has just answered with its action, (n, 12)."""
+    def see(
+        self, observation: NDArray[np.float32], base_action: Actions, shift: NDArray[np.float32] = NO_SHIFT
+    ) -> NDArray[np.float32]:
+        """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12), their
+        commands shifted by (n, 3)."""
         scaled = observation * self._table.scale
         seen = [scaled]
         if isinstance(self.base, GaitedPolicy):
@@ -57,7 +65,21 @@ class Features:
             seen += [_hands(2.0 * np.pi * self.inputs.clock * self.base.control_period * self._ticks)]
         if self._history.width:
             seen += [self._history.see(scaled)]
+        if self._shifts:
+            seen += [shift]
         return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
+
+
+def correction_width(robot: Robot, command_authority: Actions) -> int:
+    """How many numbers a correction has: one a joint, and three of the command where it may be shifted."""
+    return robot.num_joints + (len(command_authority) if command_authority.any() else 0)
+
+
+def shifted(robot: Robot, observation: NDArray[np.float32], shift: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Observations (n, k) with the shift (n, 3) added to the command, m/s, m/s and rad/s: what the base is shown."""
+    told = observation.copy()
+    told[:, observation_table(robot).slices["command"]] += shift
+    return told
 
 
 def compose(robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions) -> Actions:
@@ -81,6 +103,8 @@ class ResidualPolicy(Policy):
     """The latest correction, in shares of the authority, -1 … 1, shape (n, 12); zero before the first action."""
     base_action: Actions
     """The base's latest action, rad, shape (n, 12); the home pose before the first."""
+    shift: NDArray[np.float32]
+    """What is added to the command that the base is shown next, m/s, m/s and rad/s, shape (n, 3); zero at first."""
 
     def __init__(
         self,
@@ -90,14 +114,18 @@ class ResidualPolicy(Policy):
         name: str = "residual",
         inputs: Inputs = PRESENT,
         hold: int = 1,
+        command_authority: Actions = NO_SHIFT,
     ) -> None:
         robot = base.robot
-        self.features = Features(base, inputs)
+        self.features = Features(base, inputs, command_authority)
+        self.command_authority = command_authority
+        """Largest shift of the command, m/s, m/s and rad/s, (3,)."""
+        outputs = correction_width(robot, command_authority)
         self.hold = hold
         """Control steps that a correction is held, while the base goes on at every one."""
-        if network.sizes[0] != self.features.width or network.sizes[-1] != robot.num_joints:
+        if network.sizes[0] != self.features.width or network.sizes[-1] != outputs:
             raise ValueError(
-                f"a network over {base.name} needs {self.features.width} inputs and {robot.num_joints} outputs, "
+                f"a network over {base.name} needs {self.features.width} inputs and {outputs} outputs, "
                 f"not {network.sizes[0]} and {network.sizes[-1]}"
             )
         self.base = base
@@ -121,6 +149,7 @@ class ResidualPolicy(Policy):
     def _allocate(self, num_envs: int) -> None:
         self.correction = np.zeros((num_envs, self.robot.num_joints), np.float32)
         self.base_action = np.tile(_home(self.robot), (num_envs, 1))
+        self.shift = np.zeros((num_envs, len(NO_SHIFT)), np.float32)
         self._since = np.zeros(num_envs, np.int64)
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
@@ -128,13 +157,17 @@ class ResidualPolicy(Policy):
         self.features.reset_where(mask)
         self.correction = np.where(mask[:, None], np.float32(0.0), self.correction)
         self.base_action = np.where(mask[:, None], _home(self.robot), self.base_action)
+        self.shift = np.where(mask[:, None], np.float32(0.0), self.shift)
         self._since = np.where(mask, 0, self._since)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        self.base_action = self.base.act(observation)
-        seen = self.features.see(observation, self.base_action)
+        self.base_action = self.base.act(shifted(self.robot, observation, self.shift))
+        seen = self.features.see(observation, self.base_action, self.shift)
         if (due := self._since % self.hold == 0).any():
-            correction = np.clip(self.network(seen), np.float32(-1.0), np.float32(1.0))
-            self.correction = np.where(due[:, None], correction, self.correction)
+            outputs = np.clip(self.network(seen), np.float32(-1.0), np.float32(1.0))
+            joints = self.robot.num_joints
+            self.correction = np.where(due[:, None], outputs[:, :joints], self.correction)
+            if self.command_authority.any():
+                self.shift = np.where(due[:, None], self.command_authority * outputs[:, joints:], self.shift)
         self._since = self._since + 1
         return compose(self.robot, self.base_action, self.correction, self.authority)

@@ -142,6 +142,8 @@ class TrainConfig:
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = number(0.15, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
+    command_authority: float = number(0.0, limits=(0.0, 3.0))
+    """Largest shift of the command that the base is shown, m/s and rad/s; 0 for none."""
     inputs: Inputs = dataclasses.field(default_factory=Inputs)
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from policies.base import Policy
 from policies.history import Inputs
-from policies.residual import PRESENT, Features, authority_of, compose
+from policies.residual import NO_SHIFT, PRESENT, Features, authority_of, compose, correction_width, shifted
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -40,6 +40,8 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
         inputs: what the learner sees besides the present observation and the base.
+        command_authority: largest shift of the command that the base is shown, m/s, m/s and rad/s, shape (3,); where
+            it is not zero an action has three numbers more.
     """
 
     def __init__(
@@ -49,6 +51,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         authority: FloatArray | None = None,
         hold: int = 1,
         inputs: Inputs = PRESENT,
+        command_authority: FloatArray = NO_SHIFT,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
@@ -58,9 +61,10 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         self.base = base
         self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
-        self._features = Features(base, inputs)
+        self.command_authority = command_authority
+        self._features = Features(base, inputs, command_authority)
         self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
-        self.single_action_space = Box(-1.0, 1.0, env.single_action_space.shape, np.float32)
+        self.single_action_space = Box(-1.0, 1.0, (correction_width(base.robot, command_authority),), np.float32)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
         self.action_space = batch_space(self.single_action_space, env.num_envs)
         self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -75,6 +79,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         self.base.reset(2 * self.num_envs)
         self._features.reset(2 * self.num_envs)
         self._row, self._spare = np.split(np.arange(2 * self.num_envs), 2)
+        self._shift = np.zeros((2 * self.num_envs, len(NO_SHIFT)), np.float32)
         self._tick(observation, observation)
         return self._seen[self._row], infos
 
@@ -99,7 +104,10 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
 
     def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots."""
-        return self.env.step(compose(self.base.robot, self._base_action[self._row], correction, self.authority))
+        joints, command = np.split(correction, [self.base.robot.num_joints], axis=1)
+        if self.command_authority.any():
+            self._shift[self._row] = self.command_authority * np.clip(command, -1.0, 1.0)
+        return self.env.step(compose(self.base.robot, self._base_action[self._row], joints, self.authority))
 
     def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:
         """Restart the finished robots; the infos with the end of their episodes."""
@@ -107,6 +115,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         begun = np.isin(np.arange(2 * self.num_envs), self._spare[finished])
         self.base.reset_where(begun)
         self._features.reset_where(begun)
+        self._shift[begun] = 0.0
         self._tick(final, observation)
         ends = {
             "final_obs": np.where(finished[:, None], self._seen[self._row], np.float32(0.0)),
@@ -120,8 +129,8 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         """Ask the base for its actions on the present episodes' observations and, in the spare rows, on others."""
         rows = np.empty((2 * self.num_envs, observation.shape[1]), np.float32)
         rows[self._row], rows[self._spare] = observation, following
-        self._base_action = self.base.act(rows)
-        self._seen = self._features.see(rows, self._base_action)
+        self._base_action = self.base.act(shifted(self.base.robot, rows, self._shift))
+        self._seen = self._features.see(rows, self._base_action, self._shift)
 
 
 def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:

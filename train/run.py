@@ -4,13 +4,14 @@ import contextlib
 from collections.abc import Sequence
 from typing import cast
 
+import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
 from evaluate.terminal.command_line import UsageError
 from policies.files import sole_use
-from policies.residual import authority_of
+from policies.residual import NO_SHIFT, authority_of
 from train.config import TrainConfig
 from train.display import Display
 from train.interrupt import Interrupt
@@ -86,5 +87,6 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
-    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs)
+    shift = np.full_like(NO_SHIFT, config.command_authority)
+    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift)
     return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale, config.ppo.privileged)

@@ -120,7 +120,8 @@ def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     env = cast(ResidualVectorEnv, cast(TrainingVecEnv, model.get_env()).env)
     base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
     network = actor_network(model, config.ppo.activation)
-    return ResidualPolicy(base, network, env.authority, config.policy, config.inputs, config.ppo.hold)
+    shift = env.command_authority
+    return ResidualPolicy(base, network, env.authority, config.policy, config.inputs, config.ppo.hold, shift)
 
 
 class Segments(BetweenRollouts):
