@@ -8,7 +8,8 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import policies
 from policies.history import Inputs
-from policies.residual import PRESENT, Features, compose
+from policies.network import Network
+from policies.residual import PRESENT, Features, ResidualPolicy, compose
 from quad_env import OBSERVATION
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -117,6 +118,49 @@ def test_what_a_learner_remembers_is_what_the_policy_will_across_falls_held_corr
             restarts += 1
             break
     assert restarts
+
+
+@pytest.mark.parametrize("base", ["trot", "stand"])
+def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base):
+    """A network in the learner's place, and the same network in a policy: held corrections, memory, clock, commands."""
+    inputs, shift = Inputs((0.03,), (0.2,), 1.5), np.array([0.4, 0.3, 0.2], np.float32)
+    env = ResidualVectorEnv(robots(3), policies.make(base), None, 2, inputs, shift)
+    width, outputs = env.single_observation_space.shape[0], env.single_action_space.shape[0]
+    assert outputs == 15
+    weights = np.random.default_rng(0).normal(0.0, 0.3, (width, outputs)).astype(np.float32)
+    network = Network((weights,), (np.zeros(outputs, np.float32),))
+    policy = ResidualPolicy(policies.make(base), network, inputs=inputs, hold=2, command_authority=shift)
+    seen, _ = env.reset(seed=SEEDS[:3])
+    reference = robots(3)
+    observation, _ = reference.reset(seed=SEEDS[:3])
+    policy.reset(3)
+    for _ in range(40):
+        for _ in range(2):
+            observation, _, terminated, _, infos = reference.step(policy.act(observation))
+        seen, *_, mine = env.step(np.clip(network(seen), -1.0, 1.0))
+        np.testing.assert_array_equal(mine["heading_velocity"], infos["heading_velocity"])
+        assert not terminated.any()
+    assert np.abs(policy.shift).max() > 0.1
+
+
+def test_the_base_follows_the_shifted_command_one_step_later_and_a_fresh_robot_its_own():
+    env = ResidualVectorEnv(robots(2, steps=3), policies.make("trot"), command_authority=np.full(3, 0.5, np.float32))
+    told = []
+    act = env.base.act
+    env.base.act = lambda rows: told.append(rows[:, OBSERVATION["command"]].copy()) or act(rows)
+    seen, _ = env.reset(seed=SEEDS[:2])
+    own = seen[:, OBSERVATION["command"]].copy()
+    np.testing.assert_array_equal(told[-1][:2], own)
+    correction = np.zeros((2, 15), np.float32)
+    correction[0, 12:] = 1.0, -1.0, 3.0
+    for _ in range(2):
+        seen, *_ = env.step(correction)
+        np.testing.assert_allclose(told[-1][0] - own[0], [0.5, -0.5, 0.5], atol=1e-6)
+        np.testing.assert_array_equal(told[-1][1], own[1])
+        np.testing.assert_array_equal(seen[:, OBSERVATION["command"]], own)
+    seen, _, _, truncated, _ = env.step(correction)
+    assert truncated.all()
+    np.testing.assert_array_equal(told[-1][2:], seen[:, OBSERVATION["command"]])
 
 
 def test_the_clock_starts_anew_for_finished_robots_and_ticks_once_for_the_others():
