@@ -52,6 +52,8 @@ BARS = {
     "loaded": Bar("of mujoco and torch, loaded by import quad_env", "startup", (Limit("≤", 0.0),)),
     "help": Bar("--help of evaluate and train, the slower", "startup", (Limit("≤", 1.0, " s"),)),
     "rendering": Bar("frames of 640 x 480, in software on one core", "rendering", (Limit("≥", 15.0, "/s"),)),
+    "cluster": Bar("Ray on this machine / worker processes, time without its start", "cluster", (Limit("≤", 1.10),)),
+    "killed": Bar("of the workers killed, those that changed episodes.parquet", "cluster", (Limit("≤", 0.0),)),
     "memory": Bar("memory of 4096 envs", "growth", (Limit("≤", 1.5, " GiB"),)),
 }
 

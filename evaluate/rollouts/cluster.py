@@ -68,9 +68,14 @@ def ray_cluster(count: int, address: str | None = None) -> Executor:
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
         with cluster(count, address) as spread:
-            yield from spread(_run_task, tasks, progress)
+            yield from executor(spread)(tasks, progress)
 
     return execute
+
+
+def executor(spread: Cluster) -> Executor:
+    """Executor of a cluster that is connected."""
+    return lambda tasks, progress: spread(_run_task, tasks, progress)
 
 
 def _run_task(task: Task, report: Report) -> Chunk:

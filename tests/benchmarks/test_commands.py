@@ -12,7 +12,7 @@ import pytest
 from benchmarks.support.command import WIDTH
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
-COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "resume", "growth", "rendering", "breaking_points")
+COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "resume", "growth", "rendering", "breaking_points", "cluster")
 
 
 def run(name: str, *arguments: object) -> int:
@@ -45,6 +45,15 @@ def test_breaking_points_stand_by_sets_of_levels(tmp_path: Path, capsys, monkeyp
     starts = ["levels", "every other", "middles", "three"]
     assert list(found) == [name for start in starts for name in (start, f"{start}, placed")] + ["reference"]
     assert [point["of"] for point in found["reference"]] == ["falls", "success"]
+
+
+def test_cluster_has_the_bytes_of_worker_processes_though_workers_are_killed(tmp_path: Path, capsys) -> None:
+    pytest.importorskip("ray")
+    assert run("cluster", "--quick", "--json", tmp_path / "kept.json") == 0
+    found = figures("cluster", tmp_path / "kept.json", capsys.readouterr().out)
+    assert len(found["killed_after_s"]) <= 1  # none where the run ends before its moment
+    assert found["identical"]
+    assert found["core_hours"] > 0.0
 
 
 def test_single_env_figures_are_those_of_its_rounds(tmp_path: Path, capsys) -> None:

@@ -24,7 +24,8 @@ OPTIONS = (
     "--steps 128"
 )
 TINY = OPTIONS.split()
-LEARNED = ("config.json", "best/policy.json", "best/policy.safetensors", "last/policy.json", "last/policy.safetensors")
+BUNDLES = (f"{bundle}/policy.{kind}" for bundle in ("best", "last") for kind in ("json", "safetensors"))
+LEARNED = ("config.json", "run.json", "validations.json", *BUNDLES)
 
 
 @pytest.fixture(scope="module")
