@@ -65,21 +65,20 @@ def _learn(
     config: TrainConfig, env: TrainingVecEnv, model: PPO, state: CallbackState, notices: Sequence[str] = ()
 ) -> None:
     done = model.num_timesteps
-    model.set_logger(run_logger(config.folder, done))
-    display = Display(config.steps, done)
-    for notice in notices:
-        display.note(notice)
     robots = cast(TrainingRobots, env.env.unwrapped)
-    try:
-        with Interrupt() as interrupt:
-            segments = Segments(config, state)
-            callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
-            callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
-            # SB3's own log is left out: its means reach back beyond the last checkpoint.
-            model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
-    finally:
-        display.close()
-        model.logger.close()
+    with (
+        run_logger(config.folder, done) as logger,
+        contextlib.closing(Display(config.steps, done)) as display,
+        Interrupt() as interrupt,
+    ):
+        for notice in notices:
+            display.note(notice)
+        model.set_logger(logger)
+        segments = Segments(config, state)
+        callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
+        callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
+        # SB3's own log is left out: its means reach back beyond the last checkpoint.
+        model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:

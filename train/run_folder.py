@@ -34,7 +34,7 @@ def steps_done(folder: Path) -> int:
 def refuse_folder_in_use(folder: Path) -> None:
     """Raise UsageError unless a run can be begun in `folder`: one that is not there yet, or holds nothing to lose.
 
-    The latter is what a run leaves that was stopped before its first checkpoint: settings and logs.
+    The latter is what a run leaves that was stopped before its first checkpoint was whole: settings and logs.
     """
     if not folder.exists():
         return
@@ -42,7 +42,9 @@ def refuse_folder_in_use(folder: Path) -> None:
         raise UsageError(f"{folder} is a file: name a folder with --out")
     if has_checkpoint(folder):
         raise UsageError(f"{folder} holds a run: choose another --out, or carry that run on with --resume")
-    if {entry.name for entry in folder.iterdir()} - {CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD}:
+    left = (CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS)
+    halves = tuple(f".{name}." for name in left)  # of files that were being written
+    if any(entry.name not in left and not entry.name.startswith(halves) for entry in folder.iterdir()):
         raise UsageError(f"{folder} is not empty: choose another --out")
 
 

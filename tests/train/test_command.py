@@ -131,6 +131,17 @@ def test_a_disk_that_fills_up_on_the_way_says_how_to_go_on(tmp_path, monkeypatch
     assert checkpoint.load(tmp_path / "run" / "checkpoints").progress["steps"] == 0
 
 
+def test_a_disk_that_fills_up_under_tensorboard_is_one_line_too(tmp_path, monkeypatch, capsys):
+    """Its events are written by a thread of its own."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", full)
+    assert main([*TINY, "--steps", "256", "--out", str(tmp_path / "run")]) == 2
+    assert "(No space left on device)" in one_line(capsys)
+
+
 @pytest.mark.parametrize("how", [[], ["--resume"]])
 def test_a_folder_that_another_run_writes_to_is_refused_and_left_alone(how, copied_run, capsys):
     if not how:
@@ -224,8 +235,11 @@ def test_resume_without_a_whole_checkpoint_is_one_line(finished_run, tmp_path, c
 def test_what_a_run_leaves_that_never_reached_a_checkpoint_is_no_obstacle(finished_run, tmp_path, capsys):
     """As after SIGKILL in the first rollout; and as soon as there is more to lose, it is."""
     folder = tmp_path / "run"
-    (folder / "tensorboard").mkdir(parents=True)
+    for name in ("tensorboard", "checkpoints"):
+        (folder / name).mkdir(parents=True)
+    (folder / "checkpoints" / "000000000000.safetensors").write_bytes(b"of no use without its record")
     (folder / CONFIG_FILE).write_text('{"steps": 7')
+    (folder / f".{RECORD_FILE}.a1b2c3").write_text("{")
     assert main([*TINY, "--steps", "128", "--out", str(folder)]) == 0
     assert load_config(folder).steps == 128
 

@@ -1,8 +1,10 @@
 """Where SB3's logger writes the figures of each rollout: TensorBoard's events, and one line of JSON in a plain file."""
 
+import contextlib
 import json
 import math
-from collections.abc import Mapping
+import threading
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +43,21 @@ class _Metrics(KVWriter):
         self._file.close()
 
 
-def run_logger(folder: Path, steps: int) -> Logger:
-    """The logger of a run that begins, or is carried on, after so many steps."""
-    return Logger(str(folder), [_Events(folder / TENSORBOARD, steps), _Metrics(folder, steps)])
+@contextlib.contextmanager
+def run_logger(folder: Path, steps: int) -> Iterator[Logger]:
+    """The logger of a run that begins, or is carried on, after so many steps.
+
+    What TensorBoard's thread cannot write, such as to a full disk, is raised by the next write: it says nothing itself.
+    """
+
+    def report(failure: threading.ExceptHookArgs) -> None:
+        if not issubclass(failure.exc_type, OSError):
+            hook(failure)
+
+    hook, threading.excepthook = threading.excepthook, report
+    try:
+        logger = Logger(str(folder), [_Events(folder / TENSORBOARD, steps), _Metrics(folder, steps)])
+        with contextlib.closing(logger):
+            yield logger
+    finally:
+        threading.excepthook = hook
