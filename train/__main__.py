@@ -27,6 +27,7 @@ COMMANDS = {
     "search gait": Command("train.search.gait", "one of the gaits: walk, pace, bound, pronk or trot, by CMA-ES"),
     "search recovery": Command("train.search.recovery", "poses and times of getting up, by CMA-ES"),
     "search fall-prediction": Command("train.search.fall_prediction", "threshold of the safety layer's fall predictor"),
+    "sweep": Command("train.search.sweep", "settings of the training, by Optuna: a run a trial, a table in the end"),
     "export": Command("train.shipping.export", "a trained residual as an ONNX file"),
     "publish": Command("train.shipping.publish", "judge finished runs, and ship the one of seed 0 with a table of all"),
 }
