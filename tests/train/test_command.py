@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from torch.utils.tensorboard import SummaryWriter
 
 import policies
 from evaluate.rollouts.rollout import run
@@ -186,25 +185,27 @@ def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp
 
 
 def test_what_is_done_again_after_a_kill_is_logged_once(tmp_path, monkeypatch):
-    """TensorBoard and metrics of a run that was killed in its third rollout, its last checkpoint after the second."""
+    """TensorBoard and metrics of a run that was killed in its fourth rollout, its last checkpoint after the second."""
 
-    def killed_at_384(*arguments):
-        if arguments[0].num_timesteps == 384:
+    def killed_at_512(*arguments):
+        if arguments[0].num_timesteps == 512:
             raise SystemExit
         end(*arguments)
 
     folder, end = tmp_path / "run", RolloutFigures._on_rollout_end
     with monkeypatch.context() as patch:
-        patch.setattr(RolloutFigures, "_on_rollout_end", killed_at_384)
+        patch.setattr(RolloutFigures, "_on_rollout_end", killed_at_512)
         with pytest.raises(SystemExit):
             main([*TINY, "--max-episode-steps", "16", "--steps", "640", "--out", str(folder)])
     with (folder / METRICS_FILE).open("a") as file:
-        file.write('{"steps": 384, "rollout/return": 5.0}\n{"steps": 51')
-    with SummaryWriter(str(folder / "tensorboard")) as writer:
-        writer.add_scalar("rollout/return", 5.0, 384)
+        file.write('{"steps": 51')
+    (events,) = (folder / "tensorboard").iterdir()
+    events.rename(events.with_name(events.name.replace("tfevents.", "tfevents.0")))  # no session begins in its second
+    logged = [EventAccumulator(str(folder / "tensorboard")).Reload()]
     assert main(["--resume", "--threads", "1", "--out", str(folder)]) == 0
-    events = EventAccumulator(str(folder / "tensorboard")).Reload()
-    assert [event.step for event in events.Scalars("rollout/return")] == [128, 256, 384, 512, 640]
+    logged.append(EventAccumulator(str(folder / "tensorboard")).Reload())
+    steps = [[event.step for event in each.Scalars("rollout/return")] for each in logged]
+    assert steps == [[128, 256, 384], [128, 256, 384, 512, 640]]
     metrics = [json.loads(line) for line in (folder / METRICS_FILE).read_text().splitlines()]
     assert [each["steps"] for each in metrics] == [128, 256, 384, 512, 640]
 

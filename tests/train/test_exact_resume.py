@@ -32,9 +32,9 @@ class Killed(BaseException):
 
 
 def of_weights(policy, *_):
-    """A validation that takes no time, and whose figures go up and down with the weights."""
+    """A validation that takes no time, and finds policies worse the further they are from their base."""
     network: Network = policy.network
-    error = float(np.abs(1e4 * network.weights[-1]).sum() % 1.0)
+    error = float(np.abs(network.weights[-1]).sum())
     return {"flat": {"success_rate": 0.5, "velocity_error": error, "yaw_rate_error": 0.0, "fall_rate": 0.0}}
 
 
