@@ -34,6 +34,14 @@ _OPSET, _IR_VERSION = 17, 8
 
 def load(reference: Reference) -> Policy | Maker:
     """A residual, or what gives the action for one observation. Raises PolicyError, one line."""
+    model = _opened(reference)
+    description = model.session.get_modelmeta().custom_metadata_map.get(DESCRIPTION)
+    if description is not None:
+        return _residual(reference.file, description, model)
+    return lambda: model.one
+
+
+def _opened(reference: Reference) -> "_Model":
     runtime: Any = import_module("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -42,11 +50,7 @@ def load(reference: Reference) -> Policy | Maker:
         session = runtime.InferenceSession(str(reference.file), options, providers=["CPUExecutionProvider"])
     except Exception as error:
         raise PolicyError(f"{reference} cannot be read as ONNX: {str(error).splitlines()[0]}") from error
-    model = _Model(session, *_input(session, reference))
-    description = session.get_modelmeta().custom_metadata_map.get(DESCRIPTION)
-    if description is not None:
-        return _residual(reference.file, description, model)
-    return lambda: model.one
+    return _Model(session, *_input(session, reference))
 
 
 @dataclass(frozen=True)
@@ -86,20 +90,28 @@ def _residual(file: Path, description: str, model: _Model) -> ResidualPolicy:
 
     def network(inputs: int, outputs: int) -> Network:
         network = bundle.network_of(file, found["network"], tensors, inputs, outputs)
-        features = np.random.default_rng(0).standard_normal((PROBES, inputs)).astype(np.float32)
         try:
-            told = np.array([model.one(row) for row in features])
+            off = _difference(model, network, PROBES)
         except Exception as error:
             raise PolicyError(f"the network in {file} fails: {str(error).splitlines()[0]}") from error
-        if told.shape != (PROBES, outputs) or not np.allclose(told, network(features), rtol=0.0, atol=TOLERANCE):
+        if not off <= TOLERANCE:
             raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
         return network
 
     return bundle.assembled(file, found, network)
 
 
-def export(folder: Path, file: Path) -> None:
-    """Write the residual of a bundle's folder as ONNX. Raises PolicyError and OSError."""
+def _difference(model: _Model, network: Network, count: int) -> float:
+    """Largest difference of the two networks' corrections over so many features; infinite for other shapes, and NaN for
+    what is none."""
+    features = np.random.default_rng(0).standard_normal((count, network.sizes[0])).astype(np.float32)
+    told = np.array([model.one(row) for row in features])
+    return float(np.abs(told - network(features)).max()) if told.shape == (count, network.sizes[-1]) else np.inf
+
+
+def export(folder: Path, file: Path, checked: int) -> float:
+    """Write the residual of a bundle's folder as ONNX; the largest difference of the file's corrections from the
+    bundle's, over so many features. Raises PolicyError and OSError."""
     try:
         onnx: Any = import_module("onnx")
     except ModuleNotFoundError:
@@ -114,6 +126,12 @@ def export(folder: Path, file: Path) -> None:
     onnx.helper.set_model_props(model, {DESCRIPTION: bundle.folder_of(folder).joinpath(bundle.DESCRIPTION).read_text()})
     onnx.checker.check_model(model)
     file.write_bytes(model.SerializeToString())
+    found = _difference(_opened(Reference(file)), network, checked)
+    if not found <= TOLERANCE:
+        raise PolicyError(
+            f"{file} answers otherwise than {folder}, by {found:.1g}: the runtime here is not to be trusted"
+        )
+    return found
 
 
 def _graph(onnx: Any, network: Network) -> Any:

@@ -9,6 +9,9 @@ import tyro
 from evaluate.terminal.command_line import UsageError, make_folder_of
 from policies.foreign import onnx_file
 
+CHECKED = 10_000
+"""Observations at which the file must answer as the bundle does."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -25,6 +28,6 @@ def main(options: Options) -> int:
     if options.out.suffix != ".onnx":
         raise UsageError(f"--out must be an .onnx, not {options.out}")
     make_folder_of(options.out, "--out")
-    onnx_file.export(options.folder, options.out)
-    print(options.out)
+    found = onnx_file.export(options.folder, options.out, CHECKED)
+    print(f"{options.out}: as the bundle at {CHECKED:,} random observations, to {found:.1e} of the authority")
     return 0

@@ -67,7 +67,7 @@ def test_what_is_no_onnx_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_exported_residual_is_the_residual(tmp_path: Path, repository: Path) -> None:
-    onnx_file.export(repository / "models/residual", tmp_path / "residual.onnx")
+    assert onnx_file.export(repository / "models/residual", tmp_path / "residual.onnx", 50) < 1e-5
     of, residual = served(tmp_path / "residual.onnx"), policies.make("residual")
     random = np.random.default_rng(2)
     of.reset(3, 0)
@@ -79,9 +79,17 @@ def test_the_exported_residual_is_the_residual(tmp_path: Path, repository: Path)
         np.testing.assert_array_equal(answer.signals["correction"], residual.correction)
 
 
+def test_an_export_that_answers_otherwise_than_its_bundle_is_refused(
+    tmp_path: Path, repository: Path, monkeypatch
+) -> None:
+    monkeypatch.setitem(onnx_file._OPERATIONS, "elu", "Tanh")
+    with pytest.raises(PolicyError, match="answers otherwise than"):
+        onnx_file.export(repository / "models/residual", tmp_path / "residual.onnx", 50)
+
+
 def test_a_residual_whose_network_is_another_than_its_weights_is_refused(tmp_path: Path, repository: Path) -> None:
     file = tmp_path / "residual.onnx"
-    onnx_file.export(repository / "models/residual", file)
+    onnx_file.export(repository / "models/residual", file, 1)
     model = onnx.load(file)
     model.graph.node[1].op_type = {"Elu": "Tanh", "Tanh": "Elu"}[model.graph.node[1].op_type]
     file.write_bytes(model.SerializeToString())
