@@ -147,6 +147,9 @@ class TrainConfig:
     inputs: Inputs = dataclasses.field(default_factory=Inputs)
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""
+    curriculum: float = number(1.0, limits=(0.0, 1.0))
+    """Share of its severity, from the mildest level of its axis, that each scenario of the mixture begins with; it
+    grows as the robots keep to their commands, and shrinks where they no longer do. 1: as named, from the start."""
     pushes: int = number(2, limits=(0, _MOST_PUSHES))
     """Pushes in a training episode of a scenario that has any."""
     hardness: float = number(1.4, limits=(0.01, 100.0))

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 from train.config import TrainConfig, robots_per_scenario
+from train.curriculum import Intervals, Kept, eased
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 from train.scenarios import practice
 
@@ -76,6 +78,8 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._cuts = np.full(n, NEVER)
         self._elapsed, self._returns = np.zeros(n, np.int64), np.zeros(n)
         self._fell = np.zeros(n, np.bool_)
+        self._intervals = Intervals(n, self.dt)
+        self._kept = [Kept() for _ in batches]
         self._which = np.repeat(np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0)
         self.privileged_width = len(batches) + 5
         """Numbers of a row of `infos["privileged"]`."""
@@ -100,6 +104,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._cuts[chosen] = NEVER if mask is not None else self._first_episode_steps(seeds)
         self._elapsed[chosen] = 0
         self._returns[chosen] = 0.0
+        self._intervals.restart(chosen)
         infos = _joined([infos for _, infos in results])
         infos["privileged"] = self._privileged(infos)
         return np.concatenate([observation for observation, _ in results]), infos
@@ -113,6 +118,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         infos = _joined([result[4] for result in results])
         self._elapsed += 1
         self._returns += rewards
+        self._count_intervals(infos, terminated & ~self._fell)
         self._fell = terminated
         truncated |= self._elapsed >= self._cuts
         self._count_step(infos)
@@ -126,6 +132,16 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         taken, self._statistics = self._statistics, Statistics()
         return taken
 
+    def take_kept(self) -> list[Kept]:
+        """Command intervals of each batch since the last call."""
+        taken, self._kept = self._kept, [Kept() for _ in self.batches]
+        return taken
+
+    def replace(self, number: int, batch: SimpleQuadVectorEnv) -> None:
+        """Put a batch of as many robots in the place of another, before all robots begin new episodes."""
+        self.batches[number].close()
+        self.batches = (*self.batches[:number], batch, *self.batches[number + 1 :])
+
     def close_extras(self, **_: Any) -> None:
         """Close the batches."""
         for batch in self.batches:
@@ -134,6 +150,12 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     def _privileged(self, infos: Infos) -> FloatArray:
         push = np.concatenate([batch.simulation.push for batch in self.batches]) / PUSH
         return np.concatenate((self._which, infos["heading_velocity"], push), axis=1, dtype=np.float32)
+
+    def _count_intervals(self, infos: Infos, fell: BoolArray) -> None:
+        judged, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
+        for part, count in zip(self._parts, self._kept, strict=True):
+            count.judged += int(judged[part].sum())
+            count.kept += int((judged & kept)[part].sum())
 
     def _count_step(self, infos: Infos) -> None:
         error = infos["command"] - infos["heading_velocity"]
@@ -179,18 +201,21 @@ def make_robots(config: TrainConfig) -> TrainingRobots:
         generator = np.random.default_rng(seeds)
         return generator.integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
 
-    batches = [
-        SimpleQuadVectorEnv(
-            count,
-            scenario=_hardened(practice(name, "training", config.seed), config),
-            nthread=config.threads,
-            autoreset_mode=AutoresetMode.DISABLED,
-            max_episode_steps=config.max_episode_steps,
-            config=TaskConfig(reward_weights=config.rewards),
-        )
-        for name, count in robots_per_scenario(config).items()
-    ]
-    return TrainingRobots(batches, cuts)
+    shares = [config.curriculum] * len(robots_per_scenario(config))
+    return TrainingRobots([make_batch(config, number, share) for number, share in enumerate(shares)], cuts)
+
+
+def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVectorEnv:
+    """The robots of a run's scenario of that number, at that share of its severity."""
+    name, count = list(robots_per_scenario(config).items())[number]
+    return SimpleQuadVectorEnv(
+        count,
+        scenario=_hardened(practice(eased(find_scenario(name), share), "training", config.seed), config),
+        nthread=config.threads,
+        autoreset_mode=AutoresetMode.DISABLED,
+        max_episode_steps=config.max_episode_steps,
+        config=TaskConfig(reward_weights=config.rewards),
+    )
 
 
 def _hardened(original: Scenario, config: TrainConfig) -> Scenario:

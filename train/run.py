@@ -20,7 +20,7 @@ from train.robots import TrainingRobots, make_robots, training_seeds
 from train.run_folder import CHECKPOINTS, begun, refuse_folder_in_use, writing
 from train.run_record import write_settings
 from train.sb3 import checkpoint
-from train.sb3.callbacks import CallbackState, RolloutFigures, Schedules, Segments, ValidateAndSave
+from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, ValidateAndSave
 from train.sb3.log import run_logger
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
@@ -76,6 +76,7 @@ def _learn(
         model.set_logger(logger)
         segments = Segments(config, state)
         callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
+        callbacks.append(Curriculum(config, state, segments, robots))
         callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
         # SB3's own log is left out: its means reach back beyond the last checkpoint.
         model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)

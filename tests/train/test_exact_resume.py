@@ -1,5 +1,6 @@
 """A run that is stopped anywhere and carried on is the one in one go, bit for bit: weights, validations, bundles."""
 
+import contextlib
 import json
 import random
 import shutil
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from gymnasium.error import ResetNeeded
 
 from benchmarks.resume import bits
 from policies.network import Network
@@ -21,7 +23,8 @@ from train.sb3.vec_env import TrainingVecEnv
 OPTIONS = (
     "--threads 1 --max-episode-steps 14 --mixture flat 0.5 push=100 0.25 rough 0.25 --validation.interval 200 "
     "--ppo.envs 16 --ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 2 --ppo.actor 8 --ppo.critic 8 "
-    "--ppo.learning-rate-schedule adaptive --ppo.target-kl 1e-3 --ppo.log-std-final -3 --steps 640"
+    "--ppo.learning-rate-schedule adaptive --ppo.target-kl 1e-3 --ppo.log-std-final -3 --steps 640 "
+    "--curriculum 0.4"
 )
 ROLLOUT, SEGMENT, RUN = 8, 16, 40
 """Steps of each of the 16 robots."""
@@ -38,9 +41,19 @@ def of_weights(policy, *_):
     return {"flat": {"success_rate": 0.5, "velocity_error": error, "yaw_rate_error": 0.0, "fall_rate": 0.0}}
 
 
-@pytest.fixture(autouse=True)
-def quick_validation(monkeypatch):
+def every_step_an_interval(_, __, velocity, ___):
+    """Command intervals that last no time: they come before the first of four seconds ends."""
+    return np.ones(len(velocity), bool), velocity[:, 1] > 0.0
+
+
+def quicken(monkeypatch):
     monkeypatch.setattr("train.sb3.callbacks.validate", of_weights)
+    monkeypatch.setattr("train.curriculum.Intervals.step", every_step_an_interval)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    quicken(monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +61,7 @@ def runs(tmp_path_factory):
     """Folder of a run in one go, `whole`, and of one that was killed in its third segment, `killed`."""
     folder = tmp_path_factory.mktemp("runs")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("train.sb3.callbacks.validate", of_weights)
+        quicken(patch)
         begin(folder / "whole")
         killed_after(2 * SEGMENT + 3, partial(begin, folder / "killed"))
     return folder
@@ -99,6 +112,7 @@ def test_in_the_run_all_that_is_restored_counts(runs):
     assert state["best"] == [0.5, min(scores)]
     assert min(scores) < scores[-1]
     assert state["segments"] == 3
+    assert state["shares"] != [0.4, 0.4, 0.4]
     assert state["rate"] != config.ppo.learning_rate
 
 
@@ -173,6 +187,7 @@ LEFT_OUT = {
     "new episodes": lambda patch: patch.setattr(callbacks.Segments, "_on_rollout_start", lambda _: None),
     "segments": forget(segments=0),
     "best": forget(best=None),
+    "severities": forget(shares=[]),
     "validated": forget(validated=0),
     "validations": forget(validations=[]),
 }
@@ -181,5 +196,6 @@ LEFT_OUT = {
 @pytest.mark.parametrize("what", LEFT_OUT)
 def test_whatever_is_not_restored_shows(what, runs, killed, monkeypatch):
     LEFT_OUT[what](monkeypatch)
-    resume(killed)
+    with contextlib.suppress(ResetNeeded):  # robots of a new severity that begin no episode
+        resume(killed)
     assert bits(killed) != bits(runs / "whole")

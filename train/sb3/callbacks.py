@@ -21,10 +21,11 @@ from evaluate.terminal.command_line import UsageError
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
 from train.config import TrainConfig, decode, to_dict
+from train.curriculum import next_shares
 from train.display import Display
 from train.interrupt import Interrupt
 from train.residual_env import ResidualVectorEnv
-from train.robots import TrainingRobots, segment_steps, training_seeds
+from train.robots import TrainingRobots, make_batch, segment_steps, training_seeds
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
@@ -49,6 +50,8 @@ class CallbackState:
     """Steps at the last validation."""
     rate: float | None = None
     """Learning rate of the adaptive schedule."""
+    shares: list[float] = field(default_factory=list)
+    """Share of its severity that each scenario is trained at, of a run with a curriculum."""
     validations: list[dict[str, Any]] = field(default_factory=list)
     """{"steps", "success", "score", "scenarios"} of each validation."""
 
@@ -148,6 +151,36 @@ class Segments(BetweenRollouts):
             learner._last_obs = env.begin(training_seeds(self._config, self._state.segments))
             learner._last_episode_starts = np.ones(env.num_envs, np.bool_)
             self._state.segments += 1
+
+
+class Curriculum(BetweenRollouts):
+    """Between two segments makes scenarios harder or milder, after what the robots kept to; before checkpoints."""
+
+    def __init__(self, config: TrainConfig, state: CallbackState, segments: Segments, robots: TrainingRobots) -> None:
+        super().__init__()
+        self._config, self._state, self._segments, self._robots = config, state, segments, robots
+        self._made = [config.curriculum] * len(robots.batches)
+        self._state.shares = self._state.shares or list(self._made)
+
+    def _on_training_start(self) -> None:
+        self._make()
+
+    def _on_rollout_start(self) -> None:
+        counted = self._robots.take_kept() if self._segments.over and self._config.curriculum < 1.0 else []
+        if not any(kept.judged for kept in counted):
+            return
+        self._state.shares = next_shares(self._state.shares, counted)
+        for batch, share, kept in zip(self._robots.batches, self._state.shares, counted, strict=True):
+            self.logger.record(f"severity/{batch.scenario.name}", share)
+            self.logger.record(f"kept/{batch.scenario.name}", kept.kept / max(kept.judged, 1))
+        self._make()
+
+    def _make(self) -> None:
+        """Put batches of the present severities in the place of others."""
+        for number, (made, share) in enumerate(zip(self._made, self._state.shares, strict=True)):
+            if made != share:
+                self._robots.replace(number, make_batch(self._config, number, share))
+        self._made = list(self._state.shares)
 
 
 class ValidateAndSave(BetweenRollouts):

@@ -1,0 +1,66 @@
+"""Command intervals are judged as an evaluation judges them, and decide how hard training is."""
+
+import numpy as np
+import pytest
+
+from quad_env.scenarios.named import scenario
+from train.curriculum import Intervals, Kept, eased, next_shares
+
+FORWARD, STILL = np.array([1.0, 0.0, 0.0]), np.zeros(3)
+DT = 0.1
+"""s; the first second is ten steps."""
+
+
+def walk(intervals, steps, command, velocity, fell=False):
+    """What is said of one robot at each step."""
+    told = [intervals.step(command[None], np.array([velocity]), np.array([fell])) for _ in range(steps)]
+    return [(bool(judged[0]), bool(kept[0])) for judged, kept in told]
+
+
+def test_an_interval_is_judged_by_its_mean_velocity_once_the_next_command_comes():
+    for off, kept in ((0.0, True), (0.34, True), (0.36, False)):  # 0.15 m/s + 20 % of 1 m/s
+        intervals = Intervals(1, DT)
+        told = walk(intervals, 10, FORWARD, (9.0, 0.0, 0.0))  # the first second does not count
+        told += walk(intervals, 10, FORWARD, (1.0 - off + 0.5, 0.0, 0.0)) + walk(
+            intervals, 10, FORWARD, (1.0 - off - 0.5, 0.0, 0.0)
+        )
+        assert not any(judged for judged, _ in told)
+        assert walk(intervals, 2, STILL, (0.0, 0.0, 0.0)) == [(True, kept), (False, True)]
+
+
+def test_a_fall_is_an_interval_lost_at_once_and_a_new_episode_is_not_billed_for_the_last():
+    intervals = Intervals(1, DT)
+    walk(intervals, 15, FORWARD, (0.0, 0.0, 0.0))
+    assert walk(intervals, 1, FORWARD, (1.0, 0.0, 0.0), fell=True) == [(True, False)]
+    intervals.restart(np.array([True]))
+    assert not any(judged for judged, _ in walk(intervals, 12, FORWARD, (1.0, 0.0, 0.0)))
+    assert walk(intervals, 1, STILL, (0.0, 0.0, 0.0)) == [(True, True)]
+
+
+def test_shares_follow_what_was_kept_and_stay_where_little_is_known():
+    counted = [Kept(100, 90), Kept(100, 70), Kept(100, 50), Kept(20, 20), Kept(100, 100), Kept(100, 0)]
+    shares = next_shares([0.5, 0.5, 0.5, 0.5, 1.0, 0.05], counted)
+    np.testing.assert_allclose(shares, [0.6, 0.5, 0.4, 0.5, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "severity"),
+    [
+        ("push=80", 0.5, 40.0),  # from 20
+        ("push=80", 0.0, 20.0),
+        ("push=80", 1.0, 80.0),
+        ("slippery=0.15", 0.5, 0.3),  # from 0.6; less is harder
+        ("push=10", 0.5, 10.0),  # milder than the axis begins
+        ("slippery=0.7", 0.5, 0.7),
+    ],
+)
+def test_a_scenario_is_eased_towards_the_mildest_level_of_its_axis(name, share, severity):
+    found = eased(scenario(name), share)
+    assert found.severity == pytest.approx(severity)
+    assert found.name == name
+    if name.startswith("push"):
+        assert found.pushes.impulse == pytest.approx(severity)
+
+
+def test_a_combination_has_no_axis_and_stays_as_it_is():
+    assert eased(scenario("payload=15+slope=10"), 0.3) == scenario("payload=15+slope=10")

@@ -1,0 +1,83 @@
+"""How hard each scenario is trained on: as hard as the robots by now keep to their commands in it."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.measures.outcomes import RULES, SUCCESS_RULE
+from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.scenario import Scenario
+from train.residual_env import BoolArray
+
+KEPT, LOST = 0.85, 0.6
+"""Share of command intervals kept above which a scenario becomes harder, and below which it becomes milder."""
+STEP = 0.1
+"""By how much, of the way from the mildest level of its axis to what the mixture names."""
+FEWEST = 30
+"""Command intervals that it takes to tell."""
+
+
+class Intervals:
+    """Which command intervals n robots keep to: mean velocities after the first second, as an evaluation's success."""
+
+    def __init__(self, robots: int, dt: float) -> None:
+        self._settling = round(1.0 / dt)
+        self._command, self._sum = np.zeros((robots, 3)), np.zeros((robots, 3))
+        self._steps = np.zeros(robots, np.int64)
+
+    def restart(self, robots: BoolArray) -> None:
+        """Robots (n,) that begin an episode: what they did before is not judged."""
+        self._steps[robots] = 0
+        self._sum[robots] = 0.0
+
+    def step(
+        self, command: NDArray[np.float64], velocity: NDArray[np.float64], fell: BoolArray
+    ) -> tuple[BoolArray, BoolArray]:
+        """Count a control step with the command that was followed, (n, 3), the velocity in the heading frame, (n, 3),
+        and who fell in it; gives whose interval is judged, as it is over or they fell, and who kept to it, (n,)."""
+        new = (command != self._command).any(axis=1)
+        counted = self._steps - self._settling
+        mean = self._sum / np.maximum(counted, 1)[:, None]
+        kept = RULES[SUCCESS_RULE].on_command(self._command[:, None], mean[:, None])
+        judged = new & (counted > 0)
+        self._steps[new] = 0
+        self._sum[new] = 0.0
+        self._command[new] = command[new]
+        self._steps += 1
+        self._sum[self._steps > self._settling] += velocity[self._steps > self._settling]
+        return judged | fell, kept & ~fell
+
+
+def eased(scenario: Scenario, share: float) -> Scenario:
+    """The scenario at that share, 0 … 1, of the way, over ln(severity), from the mildest level of its axis; as it is
+    where it has no axis or is milder than that."""
+    if not scenario.axis or share >= 1.0:
+        return scenario
+    axis = AXES[scenario.axis]
+    mildest, hardest = np.log(axis.levels[0]), np.log(scenario.severity)
+    if (hardest - mildest) * (-1.0 if axis.falling else 1.0) <= 0.0:
+        return scenario
+    return axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
+
+
+@dataclasses.dataclass
+class Kept:
+    """Command intervals of a scenario since the last look."""
+
+    judged: int = 0
+    kept: int = 0
+
+    def next_share(self, share: float) -> float:
+        """Share of its severity to go on with, after that one."""
+        if self.judged < FEWEST:
+            return share
+        rate = self.kept / self.judged
+        change = STEP if rate > KEPT else -STEP if rate < LOST else 0.0
+        return float(np.clip(share + change, 0.0, 1.0))
+
+
+def next_shares(shares: Sequence[float], counted: Sequence[Kept]) -> list[float]:
+    """The shares of all scenarios after a segment."""
+    return [kept.next_share(share) for share, kept in zip(shares, counted, strict=True)]
