@@ -2,8 +2,9 @@
 
 The sets: the levels of an axis, every other of them, the middles between them, and the first, middle and last of them;
 each as it is and with others placed after it, as `python -m evaluate axes --sequential` places them. All have the same
-episodes, the reference has others: levels evenly over ln(severity) where the first set leaves one half open. No figure
-depends on the machine.
+episodes, the reference has others: levels evenly over ln(severity) where the first set leaves one half open. A set
+agrees where its intervals hold the figures of the other sets of its kind, placed or not, and those of the reference. No
+figure depends on the machine.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,7 +26,7 @@ from evaluate.terminal.command_line import UsageError, check_numbers
 from evaluate.terminal.launcher import launch
 from quad_env.scenarios.axes import AXES, Axis
 
-REFERENCE = "reference"
+REFERENCE, PLACED = "reference", ", placed"
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,9 @@ def measure(options: Options) -> Outcome:
         rows.add_section()
         for name, (levels, points) in found.items():
             words = (breaking_point_text(point) for point in reversed(points))
-            agrees = agreeing(points, [other for _, other in found.values()])
-            rows.add_row(f"{axis.name}, {policy.label}: {name}", str(levels), *words, "yes" if agrees else "no")
+            others = [each for other, (_, each) in found.items() if other == REFERENCE or _kind(other) == _kind(name)]
+            agrees = "" if name == REFERENCE else "yes" if agreeing(points, others) else "no"
+            rows.add_row(f"{axis.name}, {policy.label}: {name}", str(levels), *words, agrees)
         figures[f"{axis.name}, {policy.label}"] = {name: points for name, (_, points) in found.items()}
     return Outcome(figures, (rows,))
 
@@ -70,6 +72,11 @@ def agreeing(points: Sequence[AxisBreakingPoint], others: Sequence[Sequence[Axis
     columns = zip(points, zip(*others, strict=True), strict=True)
     figures = ((point, other.severity50) for point, column in columns for other in column if other.found == "crossed")
     return all(point.ci[0] <= figure <= point.ci[1] for point, figure in figures)
+
+
+def _kind(name: str) -> bool:
+    """Whether levels were placed in the set of that name."""
+    return name.endswith(PLACED)
 
 
 def _sets(
@@ -87,7 +94,7 @@ def _sets(
         yield name, _found(placed)
         while more := wanted(placed, grid(axis), most=1000):
             placed += cells(more)
-        yield f"{name}, placed", _found(placed)
+        yield name + PLACED, _found(placed)
     ends = [np.clip(point.ci, min(axis.levels), max(axis.levels)) for point in _found(cells(axis.levels))[1]]
     dense = [float(each) for each in np.geomspace(np.min(ends), np.max(ends), options.dense)]
     yield REFERENCE, _found(_cells(axis, policy, dense, evaluation_seeds(0, options.dense_episodes)))
