@@ -20,7 +20,7 @@ from train.config import PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env
 from train.sb3.ppo import build
 from train.search import evolution, feedback_cost, trot_cost
-from train.search.evolution import evolve
+from train.search.evolution import EpisodeEffort, evolve
 
 Plant = Callable[[pytest.MonkeyPatch], None]
 SETTINGS = PpoConfig(
@@ -111,15 +111,9 @@ def check_searches_are_on_their_own_episodes_and_ground() -> None:
         seen.extend(seeds.tolist())
         return [float(place) for place, _ in enumerate(candidates)]
 
-    @dataclass(frozen=True)
-    class Effort:
-        generations: int = 2
-        candidates: int = 4
-        episodes: int = 3
-        seed: int = 0
-
+    effort = EpisodeEffort(generations=2, candidates=4, episodes=3, steps=BRIEF)
     ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
-    list(evolve(Effort(), trot_cost.TrotParameters(), ranges, costs, spread=0.1))
+    list(evolve(effort, trot_cost.TrotParameters(), ranges, costs, spread=0.1))
     assert {PURPOSES[seed >> 48] for seed in seen} == {"search"}
     assert len(set(seen)) == 6, "every generation has new episodes"
 
@@ -163,7 +157,7 @@ def check_every_setting_of_the_learner_reaches_it() -> None:
     assert (buffer.gamma, buffer.gae_lambda) == (0.91, 0.83)
     widths = [[layer.out_features for layer in net if hasattr(layer, "out_features")] for net in _nets(model)]
     assert widths == [[5, 4], [3]]
-    assert {type(layer).__name__ for net in _nets(model) for layer in net} == {"Linear", "Tanh"}
+    assert {type(layer).__name__ for net in _nets(model) for layer in net} == {"FirstOf", "Linear", "Tanh"}
     np.testing.assert_allclose(model.policy.log_std.detach().numpy(), -1.3, rtol=1e-6)
 
 
