@@ -21,7 +21,7 @@ from benchmarks.support.command import Outcome, Output, command, table
 from benchmarks.support.progress import stage
 from evaluate.records.provenance import REPOSITORY
 from evaluate.terminal.launcher import launch
-from train.run_folder import CHECKPOINTS, CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE, has_checkpoint
+from train.run_folder import CHECKPOINTS, CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
 
 KILLS = 20
 """Of the row of what must be seen."""
@@ -60,8 +60,8 @@ def measure(options: Options) -> Outcome:
             if life < moment:
                 lives.append(life)
                 continue
-            record = {"seconds": moment, "checkpoint": _last_checkpoint(run)}
-            if not record["checkpoint"] or record["checkpoint"] < steps:  # as its user would see and do
+            record = {"seconds": moment, "checkpoint": steps_done(run) if has_checkpoint(run) else None}
+            if steps_done(run) < steps:  # as its user would see and do
                 _live(["--resume", "--threads", "1"] if has_checkpoint(run) else words, run)
             kills.append(record | {"same": bits(run) == expected})
             advance()
@@ -111,11 +111,6 @@ def _live(words: list[str], folder: Path, most: float | None = None) -> float:
     if process.returncode:
         raise OSError(f"python -m train failed: {(complaint.decode().splitlines() or ['no message'])[-1]}")
     return life
-
-
-def _last_checkpoint(folder: Path) -> int | None:
-    """Steps of the newest checkpoint."""
-    return max((int(path.stem) for path in (folder / CHECKPOINTS).glob("*.json")), default=None)
 
 
 main = command(Options, measure, "benchmarks.resume", __doc__)

@@ -55,7 +55,7 @@ _LATER_FIELDS = {
     "control_period": CONTROL_PERIOD,
     "inputs": {},
     "hold": 1,
-    "command_authority": [0.0] * 3,
+    "command_authority": NO_SHIFT.tolist(),
 }
 """Fields that older bundles lack, and what these were made for."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16

@@ -68,5 +68,4 @@ class History:
         for average, rate in zip(self._averages, self._rates, strict=True):
             average += rate * (frame - average)
         lagged = [self._past[self._now - lag] for lag in self._lags]
-        rows = (*lagged, *self._averages)
-        return np.concatenate(rows, axis=1) if rows else np.zeros((len(frame), 0), np.float32)
+        return np.concatenate((*lagged, *self._averages), axis=1)

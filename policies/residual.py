@@ -1,4 +1,4 @@
-"""A base policy corrected, within bounds, by a small network; training and running use the same two functions."""
+"""A base policy corrected, within bounds, by a small network; training and running share all of it but the network."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,17 +9,17 @@ from policies.network import Network
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
 
+PRESENT = Inputs()
+"""Those of a network that sees the present observation and its base alone."""
+NO_SHIFT = np.zeros(3, np.float32)
+"""Authority over the command of a residual over joints alone."""
+
 
 def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions:
     """Largest correction of each joint, rad, (12,), of hip and of other joints; of more than this a learner would learn
     from scratch in disguise.
     """
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
-
-
-PRESENT = Inputs()
-NO_SHIFT = np.zeros(3, np.float32)
-"""Authority of a residual over joints alone."""
 
 
 class Features:
@@ -34,7 +34,8 @@ class Features:
         self.base, self.inputs = base, inputs
         self._table = observation_table(base.robot)
         self._history = History(inputs, self._table.size, base.control_period)
-        self._ticks = np.zeros(1)
+        self.ticks = np.zeros(1)
+        """Observations that each robot has been seen with since it began, (n,)."""
         self._shifts = bool(command_authority.any())
         shifts = len(command_authority) if self._shifts else 0
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
@@ -44,25 +45,25 @@ class Features:
     def reset(self, num_envs: int) -> None:
         """Forget the past, of so many robots; the base is reset by who uses it."""
         self._history.reset(num_envs)
-        self._ticks = np.zeros(num_envs)
+        self.ticks = np.zeros(num_envs)
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
         """Forget the past of the robots where the mask, (n,), is true."""
         self._history.reset_where(mask)
-        self._ticks[mask] = 0.0
+        self.ticks[mask] = 0.0
 
     def see(
         self, observation: NDArray[np.float32], base_action: Actions, shift: NDArray[np.float32] = NO_SHIFT
     ) -> NDArray[np.float32]:
         """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12), their
         commands shifted by (n, 3)."""
+        self.ticks += 1.0
         scaled = observation * self._table.scale
         seen = [scaled]
         if isinstance(self.base, GaitedPolicy):
             seen += [_hands(self.base.phase), base_action - _home(self.base.robot)]
         if self.inputs.clock:
-            self._ticks += 1.0
-            seen += [_hands(2.0 * np.pi * self.inputs.clock * self.base.control_period * self._ticks)]
+            seen += [_hands(2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks)]
         if self._history.width:
             seen += [self._history.see(scaled)]
         if self._shifts:
@@ -75,8 +76,20 @@ def correction_width(robot: Robot, command_authority: Actions) -> int:
     return robot.num_joints + (len(command_authority) if command_authority.any() else 0)
 
 
+def parted(
+    robot: Robot, correction: NDArray[np.float32], command_authority: Actions
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """What a correction (n, k) of any size does within -1 … 1: shares of the joints' authority, (n, 12), and the shift
+    of the command, m/s, m/s and rad/s, (n, 3)."""
+    one = np.float32(1.0)
+    joints, command = np.split(np.clip(correction, -one, one), [robot.num_joints], axis=1)
+    return joints, command_authority * command if command.size else np.zeros((len(joints), len(NO_SHIFT)), np.float32)
+
+
 def shifted(robot: Robot, observation: NDArray[np.float32], shift: NDArray[np.float32]) -> NDArray[np.float32]:
     """Observations (n, k) with the shift (n, 3) added to the command, m/s, m/s and rad/s: what the base is shown."""
+    if not shift.any():
+        return observation
     told = observation.copy()
     told[:, observation_table(robot).slices["command"]] += shift
     return told
@@ -150,7 +163,6 @@ class ResidualPolicy(Policy):
         self.correction = np.zeros((num_envs, self.robot.num_joints), np.float32)
         self.base_action = np.tile(_home(self.robot), (num_envs, 1))
         self.shift = np.zeros((num_envs, len(NO_SHIFT)), np.float32)
-        self._since = np.zeros(num_envs, np.int64)
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         self.base.reset_where(mask)
@@ -158,16 +170,12 @@ class ResidualPolicy(Policy):
         self.correction = np.where(mask[:, None], np.float32(0.0), self.correction)
         self.base_action = np.where(mask[:, None], _home(self.robot), self.base_action)
         self.shift = np.where(mask[:, None], np.float32(0.0), self.shift)
-        self._since = np.where(mask, 0, self._since)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self.base_action = self.base.act(shifted(self.robot, observation, self.shift))
         seen = self.features.see(observation, self.base_action, self.shift)
-        if (due := self._since % self.hold == 0).any():
-            outputs = np.clip(self.network(seen), np.float32(-1.0), np.float32(1.0))
-            joints = self.robot.num_joints
-            self.correction = np.where(due[:, None], outputs[:, :joints], self.correction)
-            if self.command_authority.any():
-                self.shift = np.where(due[:, None], self.command_authority * outputs[:, joints:], self.shift)
-        self._since = self._since + 1
+        if (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
+            joints, shift = parted(self.robot, self.network(seen), self.command_authority)
+            self.correction = np.where(due[:, None], joints, self.correction)
+            self.shift = np.where(due[:, None], shift, self.shift)
         return compose(self.robot, self.base_action, self.correction, self.authority)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from policies.base import Policy
 from policies.history import Inputs
-from policies.residual import NO_SHIFT, PRESENT, Features, authority_of, compose, correction_width, shifted
+from policies.residual import NO_SHIFT, PRESENT, Features, authority_of, compose, correction_width, parted, shifted
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -104,9 +104,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
 
     def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots."""
-        joints, command = np.split(correction, [self.base.robot.num_joints], axis=1)
-        if self.command_authority.any():
-            self._shift[self._row] = self.command_authority * np.clip(command, -1.0, 1.0)
+        joints, self._shift[self._row] = parted(self.base.robot, correction, self.command_authority)
         return self.env.step(compose(self.base.robot, self._base_action[self._row], joints, self.authority))
 
     def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:

@@ -228,9 +228,10 @@ class ValidateAndSave(BetweenRollouts):
         for scenario, figures in results.items():
             for name, value in figures.items():
                 self.logger.record(f"validation/{scenario}/{name}", value)
-        better = state.best is None or rank(results) < state.best
+        found = rank(results)
+        better = state.best is None or found < state.best
         if better:
-            state.best, state.best_steps = rank(results), self.num_timesteps
+            state.best, state.best_steps = found, self.num_timesteps
             self._save(policy, BEST)
         write_validations(self._config.folder, state.best_steps, state.validations)
         self._display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
