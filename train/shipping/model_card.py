@@ -33,9 +33,8 @@ def model_card(runs: list[TrainedRun], shipped: TrainedRun, results: Results) ->
     config = shipped.config
     return f"""# {config.policy}
 
-A {" × ".join(map(str, config.ppo.actor))} network ({config.ppo.activation}) that corrects `{config.base}` at \
-{1.0 / CONTROL_PERIOD:g} Hz by at most {config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the \
-hips. `policy.json` says what it reads, on what base and with which settings it was trained; `policy.safetensors` \
+A {" × ".join(map(str, config.ppo.actor))} network ({config.ppo.activation}) that {does(config)}. \
+`policy.json` says what it reads, on what base and with which settings it was trained; `policy.safetensors` \
 holds its weights. Nothing in this folder is code.
 
 ## Training
@@ -55,6 +54,16 @@ intervals; errors bill every step after a fall their cap. Only the rows of one b
 
 {against_base(runs, shipped, results)}
 """
+
+
+def does(config: TrainConfig) -> str:
+    """What the policy does to its base, in words."""
+    rate, shift = 1.0 / (CONTROL_PERIOD * config.ppo.hold), config.command_authority
+    words = (
+        f"corrects `{config.base}` at {rate:g} Hz by at most {config.joint_authority:g} rad a joint, "
+        f"{config.hip_authority:g} rad at the hips"
+    )
+    return words + (f", and shifts the command that it is shown by at most {shift:g} m/s and rad/s" if shift else "")
 
 
 def mixture(config: TrainConfig) -> str:

@@ -12,7 +12,7 @@ from evaluate.terminal.command_line import UsageError
 from train.__main__ import main, parse
 from train.config import DEFAULTS, PpoConfig, to_dict
 from train.run_record import command
-from train.shipping.model_card import TrainedRun, difference
+from train.shipping.model_card import TrainedRun, difference, does
 from train.shipping.publish import choose
 
 OPTIONS = (
@@ -57,6 +57,14 @@ def test_the_command_of_the_card_repeats_the_run(kind):
     assert to_dict(parse(words[3:])) == to_dict(config)
     assert command(DEFAULTS["residual"]) == "python -m train --seed 0"
     assert PpoConfig().gamma != 0.9
+
+
+def test_the_card_says_how_often_and_how_far_the_policy_corrects_its_base():
+    config = trained_run().config
+    assert does(config) == "corrects `trot` at 100 Hz by at most 0.3 rad a joint, 0.15 rad at the hips"
+    held = dataclasses.replace(config, command_authority=0.5, ppo=dataclasses.replace(config.ppo, hold=2))
+    assert does(held).startswith("corrects `trot` at 50 Hz")
+    assert does(held).endswith("and shifts the command that it is shown by at most 0.5 m/s and rad/s")
 
 
 def test_the_cards_p_values_are_corrected_for_their_number():
