@@ -10,8 +10,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from quad_env.columns import Array, of_robots
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import rotation_matrix, to_heading
 from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.terrain import SmoothRandom
@@ -148,8 +151,8 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             batch.close()
 
     def _privileged(self, infos: Infos) -> FloatArray:
-        push = np.concatenate([batch.simulation.push for batch in self.batches]) / PUSH
-        return np.concatenate((self._which, infos["heading_velocity"], push), axis=1, dtype=np.float32)
+        pushes = np.concatenate([_push(batch.simulation) for batch in self.batches], axis=1) / PUSH
+        return np.concatenate((self._which, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
     def _count_intervals(self, infos: Infos, fell: BoolArray) -> None:
         judged, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
@@ -169,6 +172,12 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._statistics.episodes += int(finished.sum())
         self._statistics.over_episodes["return"] += float(self._returns[finished].sum())
         self._statistics.over_episodes["falls"] += int((finished & self._fell).sum())
+
+
+def _push(simulation: Simulation) -> Array:
+    """Pushing force on every trunk during the last step, heading frame, forward and lateral, (2, n), N."""
+    rotation = rotation_matrix(of_robots(simulation.quaternion))
+    return np.stack(to_heading(rotation, of_robots(simulation.push)))
 
 
 def _joined(infos: Sequence[Infos]) -> Infos:

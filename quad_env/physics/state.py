@@ -72,19 +72,26 @@ def to_body(rotation: Rotation[Column], vector_world: Vector[Column]) -> Vector[
     return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
 
 
-def heading_velocity(
-    rotation: Rotation[Column], linear_world: Vector[Column], angular_body: Vector[Column]
-) -> Vector[Column]:
-    """Planar velocity in the heading frame and yaw rate about the world's vertical, (3).
+def to_heading(rotation: Rotation[Column], vector_world: Vector[Column]) -> tuple[Column, Column]:
+    """The forward and the lateral part of a world vector, (2 or 3), in the heading frame.
 
-    The heading frame is the world frame turned about the vertical onto the base frame's x axis. A trunk that points
-    straight up or down has no heading; the world's x axis stands in for it.
+    That is the world frame turned about the vertical onto the base frame's x axis. A trunk that points straight up or
+    down has no heading; the world's x axis stands in for it.
     """
-    forward_x, forward_y, up = rotation[0][0], rotation[1][0], rotation[2]
+    forward_x, forward_y = rotation[0][0], rotation[1][0]
     length = sqrt(forward_x * forward_x + forward_y * forward_y)
     upright = length > 1e-6
     safe = where(upright, length, 1.0)
     cos, sin = where(upright, forward_x / safe, 1.0), where(upright, forward_y / safe, 0.0)
-    x, y, _ = linear_world
+    x, y = vector_world[0], vector_world[1]
+    return cos * x + sin * y, cos * y - sin * x
+
+
+def heading_velocity(
+    rotation: Rotation[Column], linear_world: Vector[Column], angular_body: Vector[Column]
+) -> Vector[Column]:
+    """Planar velocity in the heading frame and yaw rate about the world's vertical, (3)."""
+    forward, lateral = to_heading(rotation, linear_world)
+    up = rotation[2]
     roll, pitch, yaw = angular_body
-    return cos * x + sin * y, cos * y - sin * x, up[0] * roll + up[1] * pitch + up[2] * yaw
+    return forward, lateral, up[0] * roll + up[1] * pitch + up[2] * yaw

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
@@ -69,6 +70,16 @@ def test_an_episode_is_worth_the_sum_of_its_rewards():
     assert robots.take_statistics().steps == 0
     _, rewards, _, _, infos = robots.step(lunges(4, 2))
     np.testing.assert_allclose(infos["episode"]["r"][0], rewards[0])
+
+
+def test_what_only_the_critic_sees_is_in_the_heading_frame_whoever_is_pushed_from_where(monkeypatch):
+    """Two robots that face opposite ways, each pushed ahead and, half as hard, to its left."""
+    yaws, force = np.array([np.pi, 0.0]), np.array([[-100.0, -50.0], [100.0, 50.0]])
+    monkeypatch.setattr(Simulation, "push", force)
+    monkeypatch.setattr(Simulation, "quaternion", np.stack((np.cos(yaws / 2), *np.zeros((2, 2)), np.sin(yaws / 2)), 1))
+    _, infos = TrainingRobots(batches(2)).reset(seed=SEEDS[:2])
+    np.testing.assert_allclose(infos["privileged"][:, 1:4], infos["heading_velocity"], atol=1e-6)
+    np.testing.assert_allclose(infos["privileged"][:, 4:], [[0.2, 0.1]] * 2, atol=1e-6)
 
 
 def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):

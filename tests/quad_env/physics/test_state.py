@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quad_env.physics.simulation import Simulation
-from quad_env.physics.state import Rotation, heading_velocity, rotation_matrix, to_body
+from quad_env.physics.state import Rotation, heading_velocity, rotation_matrix, to_body, to_heading
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Terrain
@@ -38,6 +38,12 @@ def test_rotation_matrix_is_mujocos(quaternion: list[float]) -> None:
 def test_a_robot_facing_left_that_moves_left_moves_forward() -> None:
     forward, lateral, yaw_rate = heading_velocity(yawed(math.pi / 2), (0.0, 2.0, 0.0), (0.0, 0.0, 0.0))
     assert (forward, lateral, yaw_rate) == pytest.approx((2.0, 0.0, 0.0))
+
+
+def test_what_pushes_a_robot_that_faces_left_northward_pushes_it_ahead() -> None:
+    assert to_heading(yawed(math.pi / 2), (0.5, 2.0)) == pytest.approx((2.0, -0.5))
+    straight_up = rotation_matrix((math.cos(math.pi / 4), 0.0, -math.sin(math.pi / 4), 0.0))
+    assert to_heading(straight_up, (0.5, 2.0)) == pytest.approx((0.5, 2.0))
 
 
 @given(angle, angle, angle)
