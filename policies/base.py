@@ -132,9 +132,10 @@ class GaitedPolicy(Policy):
         self._phase = np.where(mask, 0.0, self._phase)
         self._ticks = np.where(mask, 0.0, self._ticks)
 
-    def _tick(self) -> None:
+    def _tick(self, faster: Floats | float = 0.0) -> None:
+        """Advance the clocks by a tick, faster by (n,) Hz."""
         # A fresh array each time, so that a phase handed out earlier stays what it was.
-        self._phase = advance(self._phase, self.frequency, self.control_period)
+        self._phase = advance(self._phase, self.frequency + faster, self.control_period)
         self._ticks = self._ticks + 1.0
 
     def _blended(self, targets: Floats, duration: float) -> Floats:
@@ -145,6 +146,21 @@ class GaitedPolicy(Policy):
         weight = smoothstep(share)[:, None]
         # One formula for blended and settled rows: with weight 1 the home pose's part is exactly zero.
         return weight * targets + (1.0 - weight) * self.robot.home_pose
+
+
+class ShiftableGait(GaitedPolicy):
+    """A policy on a clock whose gait can be shifted robot by robot, between two actions."""
+
+    gait_shift: Floats
+    """Added to frequency, Hz, step height, m, and body height, m, of each robot's gait, (n, 3); zero at first."""
+
+    def _allocate(self, num_envs: int) -> None:
+        super()._allocate(num_envs)
+        self.gait_shift = np.zeros((num_envs, 3))
+
+    def _restart(self, mask: Mask) -> None:
+        super()._restart(mask)
+        self.gait_shift = np.where(mask[:, None], 0.0, self.gait_shift)
 
 
 def chosen(mask: ArrayLike | None, num_envs: int) -> Mask:

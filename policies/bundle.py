@@ -25,7 +25,7 @@ from policies.files import write_atomically
 from policies.history import Inputs
 from policies.network import ACTIVATIONS, Network
 from policies.parameters import is_number
-from policies.residual import NO_SHIFT, Features, ResidualPolicy, correction_width
+from policies.residual import COMMAND, GAIT, NO_SHIFT, Features, ResidualPolicy, check_shiftable, correction_width
 from quad_env import ENV_ID
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -55,7 +55,8 @@ _LATER_FIELDS = {
     "control_period": CONTROL_PERIOD,
     "inputs": {},
     "hold": 1,
-    "command_authority": NO_SHIFT.tolist(),
+    "command_authority": NO_SHIFT[COMMAND].tolist(),
+    "gait_authority": NO_SHIFT[GAIT].tolist(),
 }
 """Fields that older bundles lack, and what these were made for."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
@@ -89,7 +90,8 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
-        "command_authority": policy.command_authority.tolist(),
+        "command_authority": policy.shift_authority[COMMAND].tolist(),
+        "gait_authority": policy.shift_authority[GAIT].tolist(),
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
         "training": dict(training),
@@ -127,7 +129,12 @@ def assembled(place: Path, description: dict[str, Any], network: Callable[[int, 
     except ValueError as error:
         _fail(place, str(error))
     inputs = _inputs(place, description["inputs"])
-    shifts = _authority(place, "command_authority", description["command_authority"], len(NO_SHIFT))
+    over = (("command_authority", COMMAND), ("gait_authority", GAIT))
+    shifts = np.concatenate([_authority(place, name, description[name], len(NO_SHIFT[part])) for name, part in over])
+    try:
+        check_shiftable(base, shifts)
+    except ValueError as error:
+        _fail(place, str(error))
     corrects = network(Features(base, inputs, shifts).width, correction_width(robot, shifts))
     if type(hold := description["hold"]) is not int or not 1 <= hold <= _LONGEST_HOLD:
         _fail(place, f"hold must be a whole number from 1 to {_LONGEST_HOLD}")

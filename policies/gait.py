@@ -61,7 +61,7 @@ def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
     return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
 
 
-def advance(phase: Floats, frequency: float, period: float) -> Floats:
+def advance(phase: Floats, frequency: Floats | float, period: float) -> Floats:
     """The clock one tick of `period` s later at `frequency` Hz, in [0, 2π) rad; the document's φ <- φ + 2πf·dt."""
     return (phase + TURN * frequency * period) % TURN
 

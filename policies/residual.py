@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, Floats, GaitedPolicy, Policy, within_limits
+from policies.base import Actions, Floats, GaitedPolicy, Policy, ShiftableGait, within_limits
 from policies.history import History, Inputs
 from policies.network import Network
 from quad_env.robots.robot import Robot
@@ -11,8 +11,12 @@ from quad_env.task.observations import observation_table
 
 PRESENT = Inputs()
 """Those of a network that sees the present observation and its base alone."""
-NO_SHIFT = np.zeros(3, np.float32)
-"""Authority over the command of a residual over joints alone."""
+SHIFTED = ("forward", "lateral", "yaw_rate", "frequency", "step_height", "body_height")
+"""What of its base a residual can shift: the command that this is shown, m/s, m/s and rad/s, and its gait, Hz, m, m."""
+COMMAND, GAIT = slice(0, 3), slice(3, 6)
+"""Which of them are the command's, and which the gait's."""
+NO_SHIFT = np.zeros(len(SHIFTED), np.float32)
+"""Authority over these of a residual over joints alone."""
 
 
 def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions:
@@ -26,20 +30,20 @@ class Features:
     """What the network over a base sees of n robots, about unit size.
 
     The scaled observation; over a gaited base the sine and cosine of its phase, and its action minus the home pose;
-    sine and cosine of a clock of its own; what is remembered of the scaled observations before; then the shift of the
-    command that the base was shown, of a residual that has authority over it.
+    sine and cosine of a clock of its own; what is remembered of the scaled observations before; then what the base
+    is shifted by, in shares of the authority, of a residual that has authority over that.
     """
 
-    def __init__(self, base: Policy, inputs: Inputs = PRESENT, command_authority: Actions = NO_SHIFT) -> None:
+    def __init__(self, base: Policy, inputs: Inputs = PRESENT, shift_authority: Actions = NO_SHIFT) -> None:
         self.base, self.inputs = base, inputs
         self._table = observation_table(base.robot)
         self._history = History(inputs, self._table.size, base.control_period)
         self.ticks = np.zeros(1)
         """Observations that each robot has been seen with since it began, (n,)."""
-        self._shifts = bool(command_authority.any())
-        shifts = len(command_authority) if self._shifts else 0
+        self._shifted = np.flatnonzero(shift_authority)
+        self._shift_scale = 1.0 / shift_authority[self._shifted]
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
-        self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width + shifts
+        self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width + len(self._shifted)
         """Numbers of a row."""
 
     def reset(self, num_envs: int) -> None:
@@ -55,8 +59,8 @@ class Features:
     def see(
         self, observation: NDArray[np.float32], base_action: Actions, shift: NDArray[np.float32] = NO_SHIFT
     ) -> NDArray[np.float32]:
-        """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12), their
-        commands shifted by (n, 3)."""
+        """Features (n, `width`) of observations (n, k) that the base, shifted by (n, 6), has just answered with its
+        action, (n, 12)."""
         self.ticks += 1.0
         scaled = observation * self._table.scale
         seen = [scaled]
@@ -66,33 +70,47 @@ class Features:
             seen += [_hands(2.0 * np.pi * self.inputs.clock * self.base.control_period * self.ticks)]
         if self._history.width:
             seen += [self._history.see(scaled)]
-        if self._shifts:
-            seen += [shift]
+        if len(self._shifted):
+            seen += [shift[:, self._shifted] * self._shift_scale]
         return np.concatenate(seen, axis=-1) if len(seen) > 1 else scaled
 
 
-def correction_width(robot: Robot, command_authority: Actions) -> int:
-    """How many numbers a correction has: one a joint, and three of the command where it may be shifted."""
-    return robot.num_joints + (len(command_authority) if command_authority.any() else 0)
+def correction_width(robot: Robot, shift_authority: Actions) -> int:
+    """How many numbers a correction has: one a joint, and one for each thing that may be shifted."""
+    return robot.num_joints + np.count_nonzero(shift_authority)
 
 
 def parted(
-    robot: Robot, correction: NDArray[np.float32], command_authority: Actions
+    robot: Robot, correction: NDArray[np.float32], shift_authority: Actions
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What a correction (n, k) of any size does within -1 … 1: shares of the joints' authority, (n, 12), and the shift
-    of the command, m/s, m/s and rad/s, (n, 3)."""
+    of the base, in the units of SHIFTED, (n, 6)."""
     one = np.float32(1.0)
-    joints, command = np.split(np.clip(correction, -one, one), [robot.num_joints], axis=1)
-    return joints, command_authority * command if command.size else np.zeros((len(joints), len(NO_SHIFT)), np.float32)
+    joints, shares = np.split(np.clip(correction, -one, one), [robot.num_joints], axis=1)
+    shift = np.zeros((len(joints), len(NO_SHIFT)), np.float32)
+    shift[:, which] = shift_authority[which := np.flatnonzero(shift_authority)] * shares
+    return joints, shift
 
 
-def shifted(robot: Robot, observation: NDArray[np.float32], shift: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Observations (n, k) with the shift (n, 3) added to the command, m/s, m/s and rad/s: what the base is shown."""
-    if not shift.any():
-        return observation
-    told = observation.copy()
-    told[:, observation_table(robot).slices["command"]] += shift
-    return told
+def check_shiftable(base: Policy, shift_authority: Actions) -> None:
+    """Raise ValueError, one line, if so large a shift, (6,), is more than the base can walk by."""
+    if not (gait := shift_authority[GAIT]).any():
+        return
+    if not isinstance(base, ShiftableGait):
+        raise ValueError(f"the gait of {base.name} cannot be shifted; that of trot can")
+    if gait[0] >= base.frequency:
+        raise ValueError(f"a shift of {gait[0]:g} Hz would stop the gait of {base.name}, of {base.frequency:g} Hz")
+
+
+def answer(base: Policy, observation: NDArray[np.float32], shift: NDArray[np.float32]) -> Actions:
+    """Actions (n, 12) of the base for observations (n, k), its gait and the command that it is shown shifted by
+    (n, 6)."""
+    if isinstance(base, ShiftableGait):
+        base.gait_shift = shift[:, GAIT].astype(np.float64)
+    if shift[:, COMMAND].any():
+        observation = observation.copy()
+        observation[:, observation_table(base.robot).slices["command"]] += shift[:, COMMAND]
+    return base.act(observation)
 
 
 def compose(robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions) -> Actions:
@@ -117,7 +135,7 @@ class ResidualPolicy(Policy):
     base_action: Actions
     """The base's latest action, rad, shape (n, 12); the home pose before the first."""
     shift: NDArray[np.float32]
-    """What is added to the command that the base is shown next, m/s, m/s and rad/s, shape (n, 3); zero at first."""
+    """What the base is shifted by next, in the units of SHIFTED, shape (n, 6); zero at first."""
 
     def __init__(
         self,
@@ -127,13 +145,14 @@ class ResidualPolicy(Policy):
         name: str = "residual",
         inputs: Inputs = PRESENT,
         hold: int = 1,
-        command_authority: Actions = NO_SHIFT,
+        shift_authority: Actions = NO_SHIFT,
     ) -> None:
         robot = base.robot
-        self.features = Features(base, inputs, command_authority)
-        self.command_authority = command_authority
-        """Largest shift of the command, m/s, m/s and rad/s, (3,)."""
-        outputs = correction_width(robot, command_authority)
+        check_shiftable(base, shift_authority)
+        self.features = Features(base, inputs, shift_authority)
+        self.shift_authority = shift_authority
+        """Largest shift of the base, in the units of SHIFTED, (6,)."""
+        outputs = correction_width(robot, shift_authority)
         self.hold = hold
         """Control steps that a correction is held, while the base goes on at every one."""
         if network.sizes[0] != self.features.width or network.sizes[-1] != outputs:
@@ -172,10 +191,10 @@ class ResidualPolicy(Policy):
         self.shift = np.where(mask[:, None], np.float32(0.0), self.shift)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        self.base_action = self.base.act(shifted(self.robot, observation, self.shift))
+        self.base_action = answer(self.base, observation, self.shift)
         seen = self.features.see(observation, self.base_action, self.shift)
         if (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
-            joints, shift = parted(self.robot, self.network(seen), self.command_authority)
+            joints, shift = parted(self.robot, self.network(seen), self.shift_authority)
             self.correction = np.where(due[:, None], joints, self.correction)
             self.shift = np.where(due[:, None], shift, self.shift)
         return compose(self.robot, self.base_action, self.correction, self.authority)

@@ -98,6 +98,8 @@ class RewardWeights:
 
     linear_velocity_tracking: float = 1.2
     yaw_rate_tracking: float = 0.8
+    linear_velocity_error: float = 0.0
+    yaw_rate_error: float = 0.0
     vertical_velocity: float = -0.5
     roll_pitch_rate: float = -0.02
     tilt: float = -0.5

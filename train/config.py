@@ -99,6 +99,18 @@ class PpoConfig:
 
 
 @dataclasses.dataclass(frozen=True)
+class GaitAuthority:
+    """Largest shift of the base's gait; 0 for none. The trot alone can be shifted."""
+
+    frequency: float = number(0.0, limits=(0.0, 10.0))
+    """Hz."""
+    step_height: float = number(0.0, limits=(0.0, 1.0))
+    """m."""
+    body_height: float = number(0.0, limits=(0.0, 1.0))
+    """m."""
+
+
+@dataclasses.dataclass(frozen=True)
 class ValidationConfig:
     """Judgement during training, by the code of `evaluate`, on episodes of its own."""
 
@@ -144,6 +156,7 @@ class TrainConfig:
     """Largest correction of a hip joint, rad."""
     command_authority: float = number(0.0, limits=(0.0, 3.0))
     """Largest shift of the command that the base is shown, m/s and rad/s; 0 for none."""
+    gait_authority: GaitAuthority = dataclasses.field(default_factory=GaitAuthority)
     inputs: Inputs = dataclasses.field(default_factory=Inputs)
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""

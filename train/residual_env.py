@@ -16,7 +16,17 @@ from numpy.typing import NDArray
 
 from policies.base import Policy
 from policies.history import Inputs
-from policies.residual import NO_SHIFT, PRESENT, Features, authority_of, compose, correction_width, parted, shifted
+from policies.residual import (
+    NO_SHIFT,
+    PRESENT,
+    Features,
+    answer,
+    authority_of,
+    check_shiftable,
+    compose,
+    correction_width,
+    parted,
+)
 
 FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -40,8 +50,8 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
         inputs: what the learner sees besides the present observation and the base.
-        command_authority: largest shift of the command that the base is shown, m/s, m/s and rad/s, shape (3,); where
-            it is not zero an action has three numbers more.
+        shift_authority: largest shift of the base, in the units of `policies.residual.SHIFTED`, shape (6,); an action
+            has one number more for each that is not zero.
     """
 
     def __init__(
@@ -51,20 +61,21 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         authority: FloatArray | None = None,
         hold: int = 1,
         inputs: Inputs = PRESENT,
-        command_authority: FloatArray = NO_SHIFT,
+        shift_authority: FloatArray = NO_SHIFT,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
             raise ValueError(f'the robots must be made with autoreset_mode="DISABLED", not {mode}: they restart here')
         robots: Any = env.unwrapped
         base.check_fits(robots.robot, robots.dt)
+        check_shiftable(base, shift_authority)
         self.base = base
         self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
-        self.command_authority = command_authority
-        self._features = Features(base, inputs, command_authority)
+        self.shift_authority = shift_authority
+        self._features = Features(base, inputs, shift_authority)
         self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
-        self.single_action_space = Box(-1.0, 1.0, (correction_width(base.robot, command_authority),), np.float32)
+        self.single_action_space = Box(-1.0, 1.0, (correction_width(base.robot, shift_authority),), np.float32)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
         self.action_space = batch_space(self.single_action_space, env.num_envs)
         self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -104,7 +115,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
 
     def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots."""
-        joints, self._shift[self._row] = parted(self.base.robot, correction, self.command_authority)
+        joints, self._shift[self._row] = parted(self.base.robot, correction, self.shift_authority)
         return self.env.step(compose(self.base.robot, self._base_action[self._row], joints, self.authority))
 
     def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:
@@ -127,7 +138,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         """Ask the base for its actions on the present episodes' observations and, in the spare rows, on others."""
         rows = np.empty((2 * self.num_envs, observation.shape[1]), np.float32)
         rows[self._row], rows[self._spare] = observation, following
-        self._base_action = self.base.act(shifted(self.base.robot, rows, self._shift))
+        self._base_action = answer(self.base, rows, self._shift)
         self._seen = self._features.see(rows, self._base_action, self._shift)
 
 

@@ -1,6 +1,7 @@
 """One training run: its folder, its robots, its learner, from the first step or from a checkpoint to the last."""
 
 import contextlib
+import dataclasses
 from collections.abc import Sequence
 from typing import cast
 
@@ -11,7 +12,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 import policies
 from evaluate.terminal.command_line import UsageError
 from policies.files import sole_use
-from policies.residual import NO_SHIFT, authority_of
+from policies.residual import authority_of
 from train.config import TrainConfig
 from train.display import Display
 from train.interrupt import Interrupt
@@ -87,6 +88,6 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
-    shift = np.full_like(NO_SHIFT, config.command_authority)
+    shift = np.array([config.command_authority] * 3 + list(dataclasses.astuple(config.gait_authority)), np.float32)
     env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift)
     return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale, config.ppo.privileged)

@@ -20,14 +20,24 @@ YAW_WIDTH = 0.25
 
 def linear_velocity_tracking(state: QuadState[Column]) -> Column:
     """exp(-‖e‖/LINEAR_WIDTH) of the planar velocity error in the heading frame."""
-    forward = state.command[0] - state.heading_velocity[0]
-    lateral = state.command[1] - state.heading_velocity[1]
-    return exp(-sqrt(forward * forward + lateral * lateral) / LINEAR_WIDTH)
+    return exp(-linear_velocity_error(state) / LINEAR_WIDTH)
 
 
 def yaw_rate_tracking(state: QuadState[Column]) -> Column:
     """exp(-|e|/YAW_WIDTH) of the yaw-rate error about the world's vertical."""
-    return exp(-abs(state.command[2] - state.heading_velocity[2]) / YAW_WIDTH)
+    return exp(-yaw_rate_error(state) / YAW_WIDTH)
+
+
+def linear_velocity_error(state: QuadState[Column]) -> Column:
+    """Planar velocity error in the heading frame, m/s: a slope where the tracking reward is flat, far off."""
+    forward = state.command[0] - state.heading_velocity[0]
+    lateral = state.command[1] - state.heading_velocity[1]
+    return sqrt(forward * forward + lateral * lateral)
+
+
+def yaw_rate_error(state: QuadState[Column]) -> Column:
+    """Yaw-rate error about the world's vertical, rad/s."""
+    return abs(state.command[2] - state.heading_velocity[2])
 
 
 def vertical_velocity(state: QuadState[Column]) -> Column:
@@ -69,6 +79,8 @@ class Term(Protocol):
 _FUNCTIONS: tuple[Term, ...] = (
     linear_velocity_tracking,
     yaw_rate_tracking,
+    linear_velocity_error,
+    yaw_rate_error,
     vertical_velocity,
     roll_pitch_rate,
     tilt,

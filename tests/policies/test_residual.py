@@ -40,10 +40,10 @@ class _AtPhases(policies.Trot):
     phase = np.array([0.0, np.pi / 2])
 
 
-def test_zero_shift_of_the_command_is_the_base_bit_for_bit():
-    width = Features(trot := policies.make("trot"), command_authority=(shift := np.ones(3, np.float32))).width
-    network = Network((np.zeros((width, 15), np.float32),), (np.zeros(15, np.float32),))
-    residual = ResidualPolicy(policies.make("trot"), network, command_authority=shift)
+def test_zero_shift_of_command_and_gait_is_the_base_bit_for_bit():
+    width = Features(trot := policies.make("trot"), shift_authority=(shift := np.ones(6, np.float32))).width
+    network = Network((np.zeros((width, 18), np.float32),), (np.zeros(18, np.float32),))
+    residual = ResidualPolicy(policies.make("trot"), network, shift_authority=shift)
     residual.reset(2), trot.reset(2)
     for step in range(50):
         observation = np.random.default_rng(step).normal(size=(2, OBSERVATION_SIZE)).astype(np.float32)

@@ -120,16 +120,18 @@ def test_what_a_learner_remembers_is_what_the_policy_will_across_falls_held_corr
     assert restarts
 
 
-@pytest.mark.parametrize("base", ["trot", "stand"])
-def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base):
+@pytest.mark.parametrize(
+    ("base", "gait"), [("trot", (1.0, 0.05, 0.1)), ("trot", (0.0, 0.05, 0.0)), ("stand", (0,) * 3)]
+)
+def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, gait):
     """A network in the learner's place, and the same network in a policy: held corrections, memory, clock, commands."""
-    inputs, shift = Inputs((0.03,), (0.2,), 1.5), np.array([0.4, 0.3, 0.2], np.float32)
+    inputs, shift = Inputs((0.03,), (0.2,), 1.5), np.array([0.4, 0.3, 0.2, *gait], np.float32)
     env = ResidualVectorEnv(robots(3), policies.make(base), None, 2, inputs, shift)
     width, outputs = env.single_observation_space.shape[0], env.single_action_space.shape[0]
-    assert outputs == 15
+    assert outputs == 15 + np.count_nonzero(gait)
     weights = np.random.default_rng(0).normal(0.0, 0.3, (width, outputs)).astype(np.float32)
     network = Network((weights,), (np.zeros(outputs, np.float32),))
-    policy = ResidualPolicy(policies.make(base), network, inputs=inputs, hold=2, command_authority=shift)
+    policy = ResidualPolicy(policies.make(base), network, inputs=inputs, hold=2, shift_authority=shift)
     seen, _ = env.reset(seed=SEEDS[:3])
     reference = robots(3)
     observation, _ = reference.reset(seed=SEEDS[:3])
@@ -140,11 +142,13 @@ def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base):
         seen, *_, mine = env.step(np.clip(network(seen), -1.0, 1.0))
         np.testing.assert_array_equal(mine["heading_velocity"], infos["heading_velocity"])
         assert not terminated.any()
-    assert np.abs(policy.shift).max() > 0.1
+    assert (np.abs(policy.shift).max(axis=0) > 0.01).tolist() == (shift > 0.0).tolist()
 
 
 def test_the_base_follows_the_shifted_command_one_step_later_and_a_fresh_robot_its_own():
-    env = ResidualVectorEnv(robots(2, steps=3), policies.make("trot"), command_authority=np.full(3, 0.5, np.float32))
+    env = ResidualVectorEnv(
+        robots(2, steps=3), policies.make("trot"), shift_authority=np.array([0.5] * 3 + [0.0] * 3, np.float32)
+    )
     told = []
     act = env.base.act
     env.base.act = lambda rows: told.append(rows[:, OBSERVATION["command"]].copy()) or act(rows)

@@ -58,12 +58,20 @@ intervals; errors bill every step after a fall their cap. Only the rows of one b
 
 def does(config: TrainConfig) -> str:
     """What the policy does to its base, in words."""
-    rate, shift = 1.0 / (CONTROL_PERIOD * config.ppo.hold), config.command_authority
+    rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     words = (
         f"corrects `{config.base}` at {rate:g} Hz by at most {config.joint_authority:g} rad a joint, "
         f"{config.hip_authority:g} rad at the hips"
     )
-    return words + (f", and shifts the command that it is shown by at most {shift:g} m/s and rad/s" if shift else "")
+    gait = config.gait_authority
+    shifts = {
+        "the command that it is shown by at most {:g} m/s and rad/s": config.command_authority,
+        "its frequency by at most {:g} Hz": gait.frequency,
+        "its step height by at most {:g} m": gait.step_height,
+        "its body height by at most {:g} m": gait.body_height,
+    }
+    shifted = [words.format(most) for words, most in shifts.items() if most]
+    return words + (f"; it shifts {', '.join(shifted)}" if shifted else "")
 
 
 def mixture(config: TrainConfig) -> str:

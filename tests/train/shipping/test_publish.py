@@ -64,7 +64,7 @@ def test_the_card_says_how_often_and_how_far_the_policy_corrects_its_base():
     assert does(config) == "corrects `trot` at 100 Hz by at most 0.3 rad a joint, 0.15 rad at the hips"
     held = dataclasses.replace(config, command_authority=0.5, ppo=dataclasses.replace(config.ppo, hold=2))
     assert does(held).startswith("corrects `trot` at 50 Hz")
-    assert does(held).endswith("and shifts the command that it is shown by at most 0.5 m/s and rad/s")
+    assert does(held).endswith("; it shifts the command that it is shown by at most 0.5 m/s and rad/s")
 
 
 def test_the_cards_p_values_are_corrected_for_their_number():
