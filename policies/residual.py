@@ -77,7 +77,7 @@ class Features:
 
 def correction_width(robot: Robot, shift_authority: Actions) -> int:
     """How many numbers a correction has: one a joint, and one for each thing that may be shifted."""
-    return robot.num_joints + np.count_nonzero(shift_authority)
+    return robot.num_joints + int(np.count_nonzero(shift_authority))
 
 
 def parted(
@@ -87,8 +87,8 @@ def parted(
     of the base, in the units of SHIFTED, (n, 6)."""
     one = np.float32(1.0)
     joints, shares = np.split(np.clip(correction, -one, one), [robot.num_joints], axis=1)
-    shift = np.zeros((len(joints), len(NO_SHIFT)), np.float32)
-    shift[:, which] = shift_authority[which := np.flatnonzero(shift_authority)] * shares
+    shift, shiftable = np.zeros((len(joints), len(NO_SHIFT)), np.float32), np.flatnonzero(shift_authority)
+    shift[:, shiftable] = shift_authority[shiftable] * shares
     return joints, shift
 
 
