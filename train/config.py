@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from tyro.constructors import PrimitiveConstructorSpec
 
+from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError
 from policies.history import Inputs
 from policies.parameters import number
@@ -170,6 +171,11 @@ class TrainConfig:
     hardly ever falls learns nothing about falling."""
     max_episode_steps: int = number(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
+    actuator: str = "ideal"
+    """Motors of the joints in training and validation, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
+    sensors: str = "truth"
+    """What observations are built from in training and validation: the truth, or one of quad_env.SENSORS: ideal or
+    typical. What --ppo.privileged shows stays the truth."""
     rewards: RewardWeights = dataclasses.field(default_factory=RewardWeights)
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)
     validation: ValidationConfig = dataclasses.field(default_factory=ValidationConfig)
@@ -187,6 +193,11 @@ class TrainConfig:
             return (self,)
         seeds = range(self.seed, self.seed + self.seeds)
         return tuple(dataclasses.replace(self, seed=n, seeds=1, out=self.folder / f"seed-{n}") for n in seeds)
+
+    @property
+    def hardware(self) -> Hardware:
+        """Hardware of the robots."""
+        return Hardware(self.actuator, self.sensors)
 
     @property
     def judged(self) -> ValidationConfig:

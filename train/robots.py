@@ -224,6 +224,7 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
         config=TaskConfig(reward_weights=config.rewards),
+        **dataclasses.asdict(config.hardware),
     )
 
 

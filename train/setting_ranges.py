@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 
+from evaluate.rollouts import hardware
 from evaluate.terminal.command_line import UsageError
 from policies.parameters import limits_of
 from quad_env.scenarios.named import scenario
@@ -30,6 +31,7 @@ def check(config: TrainConfig) -> None:
     _check_rollout(config)
     _check_mixture(config)
     _check_scenarios("--validation.scenarios", config.judged.scenarios)
+    _check_hardware(config.hardware)
     if config.policy == "end-to-end" and config.base != "stand":
         raise UsageError(f"--policy end-to-end learns on --base stand, not on {config.base}: leave --base out")
 
@@ -72,6 +74,13 @@ def _check_mixture(config: TrainConfig) -> None:
     # Smaller than any share that means something, and the quotients below stay finite.
     if sum(shares) < 1e-6:
         raise UsageError("--mixture: at least one share must be above zero")
+
+
+def _check_hardware(chosen: hardware.Hardware) -> None:
+    try:
+        hardware.check(chosen)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
 
 
 def _check_scenarios(option: str, names: Sequence[str]) -> None:

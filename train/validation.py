@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from evaluate.measures.metrics import summarise
+from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.rollout import run
 from policies.base import Policy
 from quad_env.seeding import episode_seeds
@@ -17,11 +18,12 @@ YAW_WEIGHT = 0.5
 """m/s of velocity error that a rad/s of yaw-rate error counts as."""
 
 
-def validate(policy: Policy, config: ValidationConfig, nthread: int) -> dict[str, dict[str, float]]:
-    """Mean metrics of each scenario, scenario -> name -> value."""
+def validate(policy: Policy, config: ValidationConfig, nthread: int, hardware: Hardware) -> dict[str, dict[str, float]]:
+    """Mean metrics of each scenario on robots with that hardware, scenario -> name -> value."""
     seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
     return {
-        name: summarise(run(policy, practice(name, "validation"), seeds, nthread=nthread)) for name in config.scenarios
+        name: summarise(run(policy, practice(name, "validation"), seeds, nthread=nthread, hardware=hardware))
+        for name in config.scenarios
     }
 
 

@@ -191,7 +191,7 @@ class _Judge(BaseCallback):
         paused = time.perf_counter()
         config = self._config
         policy = current_policy(config, cast(PPO, self.model))
-        error = validate(policy, self._validation, config.threads)[JUDGED]["velocity_error"]
+        error = validate(policy, self._validation, config.threads, config.hardware)[JUDGED]["velocity_error"]
         self._report(Judgement(self.num_timesteps, paused - self._begin, error))
         self._reached = error <= self._goal
         self._next = self.num_timesteps + self._every

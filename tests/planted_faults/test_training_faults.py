@@ -1,15 +1,18 @@
 """Faults in training, validation and searches: what episodes, ground and settings really reach the robots and PPO."""
 
 import contextlib
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import policies
+from evaluate.rollouts.hardware import IDEAL
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.named import SCENARIOS
 from quad_env.scenarios.scenario import Scenario
@@ -17,7 +20,7 @@ from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, episode_seeds
 from train import validation
 from train.config import PpoConfig, TrainConfig, ValidationConfig
-from train.run import make_env
+from train.run import make_env, train
 from train.sb3.ppo import build
 from train.search import evolution, feedback_cost, trot_cost
 from train.search.evolution import EpisodeEffort, evolve
@@ -57,6 +60,8 @@ class Start:
 
     scenario: Scenario
     seeds: tuple[int, ...]
+    hardware: tuple[bool, bool]
+    """Whether the motors become warm, and whether what the sensors read is in the infos."""
 
 
 @contextlib.contextmanager
@@ -66,9 +71,11 @@ def recorded() -> Iterator[list[Start]]:
     true_reset = SimpleQuadVectorEnv.reset
 
     def reset(self: SimpleQuadVectorEnv, *, seed: Any = None, options: Any = None) -> Any:
+        observation, infos = true_reset(self, seed=seed, options=options)
         if seed is not None:
-            found.append(Start(self.scenario, tuple(int(each) for each in np.atleast_1d(seed))))
-        return true_reset(self, seed=seed, options=options)
+            hardware = self.simulation.winding_temperature is not None, "sensor_gyro" in infos
+            found.append(Start(self.scenario, tuple(int(each) for each in np.atleast_1d(seed)), hardware))
+        return observation, infos
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(SimpleQuadVectorEnv, "reset", reset)
@@ -94,7 +101,7 @@ EXAM_SURFACE = SCENARIOS["rough"].terrain.seed  # type: ignore[union-attr]
 def check_validation_is_on_its_own_episodes_and_ground() -> None:
     with recorded() as starts, pytest.MonkeyPatch.context() as patch:
         patch.setattr(validation, "run", partial(validation.run, steps=BRIEF))
-        found = validation.validate(policies.make("stand"), JUDGED, nthread=1)
+        found = validation.validate(policies.make("stand"), JUDGED, 1, IDEAL)
     assert families(starts) == {"validation"}
     assert EXAM_SURFACE not in surfaces(starts)
     assert list(found) == ["flat", "push", "rough"] == [start.scenario.axis for start in starts]
@@ -133,6 +140,18 @@ def check_training_robots_have_their_own_episodes_ground_and_hardness() -> None:
     assert hard[1].peak_to_valley == 1.5 * rough.peak_to_valley  # type: ignore[union-attr]
     seeds = [seed for start in by_axis.values() for seed in start.seeds]
     assert len(set(seeds)) == 6
+
+
+def check_robots_of_training_and_validation_have_the_hardware_of_the_run() -> None:
+    """A whole run with a validation, on motors that become warm and sensors that are read."""
+    judged = ValidationConfig(episodes=1, scenarios=("flat",))
+    for actuator, sensors in (("motor", "truth"), ("ideal", "typical")):
+        with recorded() as starts, pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
+            patch.setattr(validation, "run", partial(validation.run, steps=BRIEF))
+            run = replace(SMALL, actuator=actuator, sensors=sensors, steps=12, validation=judged, out=Path(folder))
+            train(run)
+        assert families(starts) == {"training", "validation"}
+        assert {start.hardware for start in starts} == {(actuator == "motor", sensors == "typical")}
 
 
 def check_every_setting_of_the_learner_reaches_it() -> None:
@@ -215,12 +234,34 @@ def hardness_forgotten(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("train.robots._hardened", lambda original, config: original)
 
 
+def training_without(part: str) -> Plant:
+    """The robots of a run have what is usual of the motors or sensors."""
+
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        true_batch = SimpleQuadVectorEnv
+
+        def batch(*args: Any, **kwargs: Any) -> SimpleQuadVectorEnv:
+            return true_batch(*args, **without(part)(kwargs))
+
+        patch.setattr("train.robots.SimpleQuadVectorEnv", batch)
+
+    return plant
+
+
+def validation_on_ideal_robots(patch: pytest.MonkeyPatch) -> None:
+    true_validate = validation.validate
+    patch.setattr(
+        "train.sb3.callbacks.validate",
+        lambda policy, config, nthread, _: true_validate(policy, config, nthread, IDEAL),
+    )
+
+
 def validation_on_flat_ground_alone(patch: pytest.MonkeyPatch) -> None:
     true_validate = validation.validate
     patch.setattr(
         validation,
         "validate",
-        lambda policy, config, nthread: true_validate(policy, replace(config, scenarios=("flat",)), nthread),
+        lambda policy, config, *rest: true_validate(policy, replace(config, scenarios=("flat",)), *rest),
     )
 
 
@@ -275,6 +316,18 @@ FAULTS: dict[str, tuple[Plant, Callable[[], None]]] = {
     "training without its hardness": (
         hardness_forgotten,
         check_training_robots_have_their_own_episodes_ground_and_hardness,
+    ),
+    "training without its motors": (
+        training_without("actuator"),
+        check_robots_of_training_and_validation_have_the_hardware_of_the_run,
+    ),
+    "training without its sensors": (
+        training_without("sensors"),
+        check_robots_of_training_and_validation_have_the_hardware_of_the_run,
+    ),
+    "validation on ideal robots": (
+        validation_on_ideal_robots,
+        check_robots_of_training_and_validation_have_the_hardware_of_the_run,
     ),
     "gamma and lambda swapped": (ppo_with(gamma_and_lambda_swapped), check_every_setting_of_the_learner_reaches_it),
     "clip range never passed to PPO": (ppo_with(without("clip_range")), check_every_setting_of_the_learner_reaches_it),

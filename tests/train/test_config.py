@@ -110,6 +110,8 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--mixture flat nan", "not negative"),
         ("--mixture flat 0.0", "above zero"),
         ("--mixture flat 0.5 flat 0.5", "twice"),
+        ("--actuator steam", "unknown actuator 'steam'; valid: ideal, torque_speed, motor"),
+        ("--sensors eyes", "unknown sensors 'eyes'; valid: truth, ideal, typical"),
         ("--policy waltz", "waltz"),
         ("--base behaviour", "behaviour"),
         ("--no-such-option 3", "no-such-option"),
@@ -140,12 +142,12 @@ def test_the_residual_keeps_to_the_authority_of_the_contract():
 
 
 def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):
-    begun = dataclasses.replace(TrainConfig(), steps=777, ppo=PpoConfig(gamma=0.5))
+    begun = dataclasses.replace(TrainConfig(), steps=777, sensors="typical", ppo=PpoConfig(gamma=0.5))
     (tmp_path / CONFIG_FILE).write_text(json.dumps(to_dict(begun)))
     resumed = parse(["--resume", "--out", str(tmp_path)])
     assert to_dict(resumed) == to_dict(begun)
     assert resumed.folder == tmp_path
-    for option, new in (("--steps", "776"), ("--ppo.gamma", "0.4")):
+    for option, new in (("--steps", "776"), ("--ppo.gamma", "0.4"), ("--sensors", "truth"), ("--actuator", "motor")):
         with pytest.raises(UsageError, match=rf"{option}: the run has .*, the command {new}; only a larger --steps"):
             parse(["--resume", "--out", str(tmp_path), option, new])
 

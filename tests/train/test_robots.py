@@ -8,7 +8,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
-from train.robots import TrainingRobots, segment_steps
+from train.robots import TrainingRobots, make_robots, segment_steps
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
@@ -103,6 +103,19 @@ def test_figures_of_a_step_are_those_of_its_infos(monkeypatch):
         | {"falls": 1.0, "return": 10.0}
     )
     assert np.isnan(robots.take_statistics().means()["falls"])
+
+
+def test_what_is_privileged_is_the_truth_whatever_the_robots_sense():
+    found = []
+    for sensors in ("truth", "typical"):
+        config = TrainConfig(mixture=(("push", 1.0),), sensors=sensors, threads=1, ppo=PpoConfig(envs=2))
+        robots = make_robots(config)
+        seen, _ = robots.reset(seed=SEEDS[:2])
+        shown = [robots.step(lunges(step, 2))[4]["privileged"] for step in range(5)]
+        found.append((seen, np.array(shown)))
+    (true, privileged), (sensed, of_sensing) = found
+    np.testing.assert_array_equal(privileged, of_sensing)
+    assert (true != sensed).any()
 
 
 @pytest.mark.parametrize(

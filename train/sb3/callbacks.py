@@ -219,7 +219,7 @@ class ValidateAndSave(BetweenRollouts):
     def _validate(self) -> None:
         """Judge the policy, and keep it if it is the best so far."""
         policy, state = current_policy(self._config, self._learner), self._state
-        results = validate(policy, self._config.judged, self._config.threads)
+        results = validate(policy, self._config.judged, self._config.threads, self._config.hardware)
         means = {"success": success(results), "score": score(results)}
         state.validated = self.num_timesteps
         state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})

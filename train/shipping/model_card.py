@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from evaluate.analysis.comparison import METRICS, RATES, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
+from evaluate.rollouts import hardware
 from evaluate.terminal.format import interval, number, p_value, percent, percent_interval, points
 from policies.base import CONTROL_PERIOD
 from train.config import TrainConfig
@@ -42,8 +43,9 @@ holds its weights. Nothing in this folder is code.
     {command(config)}
 
 {config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {shipped.minutes:.1f} min, \
-source {shipped.git_revision}. The shipped seed is {config.seed}, fixed beforehand, and of \
-its run the weights of the best validation, on seeds and ground that neither training nor evaluation uses.
+source {shipped.git_revision}.{hardware.words(config.hardware)} The shipped seed is {config.seed}, \
+fixed beforehand, and of its run the weights of the best validation, on seeds and ground that neither training nor \
+evaluation uses.
 
 ## Results
 

@@ -8,11 +8,12 @@ import pytest
 
 import policies
 from evaluate.analysis.comparison import Comparison
+from evaluate.analysis.results import analyse
 from evaluate.terminal.command_line import UsageError
 from train.__main__ import main, parse
 from train.config import DEFAULTS, PpoConfig, to_dict
 from train.run_record import command
-from train.shipping.model_card import TrainedRun, difference, does
+from train.shipping.model_card import TrainedRun, difference, does, model_card
 from train.shipping.publish import choose
 
 OPTIONS = (
@@ -65,6 +66,13 @@ def test_the_card_says_how_often_and_how_far_the_policy_corrects_its_base():
     held = dataclasses.replace(config, command_authority=0.5, ppo=dataclasses.replace(config.ppo, hold=2))
     assert does(held).startswith("corrects `trot` at 50 Hz")
     assert does(held).endswith("; it shifts the command that it is shown by at most 0.5 m/s and rad/s")
+
+
+def test_the_card_speaks_of_motors_and_sensors_that_are_not_ideal():
+    nothing = analyse([], seed=0, episodes=1, complete=True)
+    plain, sensing = trained_run(), trained_run(sensors="typical")
+    assert "source revision. Motors: ideal; sensors: typical. The shipped" in model_card([sensing], sensing, nothing)
+    assert "source revision. The shipped" in model_card([plain], plain, nothing)
 
 
 def test_the_cards_p_values_are_corrected_for_their_number():
