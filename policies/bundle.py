@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,16 @@ from policies.files import write_atomically
 from policies.history import Inputs
 from policies.network import ACTIVATIONS, Network
 from policies.parameters import is_number
-from policies.residual import COMMAND, GAIT, NO_SHIFT, Features, ResidualPolicy, check_shiftable, correction_width
+from policies.residual import (
+    COMMAND,
+    GAIT,
+    NO_SHIFT,
+    Features,
+    ResidualPolicy,
+    Space,
+    check_shiftable,
+    correction_width,
+)
 from quad_env import ENV_ID
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -57,6 +66,7 @@ _LATER_FIELDS = {
     "hold": 1,
     "command_authority": NO_SHIFT[COMMAND].tolist(),
     "gait_authority": NO_SHIFT[GAIT].tolist(),
+    "space": "joints",
 }
 """Fields that older bundles lack, and what these were made for."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
@@ -90,6 +100,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
+        "space": policy.space,
         "command_authority": policy.shift_authority[COMMAND].tolist(),
         "gait_authority": policy.shift_authority[GAIT].tolist(),
         "inputs": asdict(policy.features.inputs),
@@ -142,7 +153,9 @@ def assembled(place: Path, description: dict[str, Any], network: Callable[[int, 
     if not isinstance(name, str) or not name:
         _fail(place, "name must be a non-empty text")
     authority = _authority(place, "authority", description["authority"], robot.num_joints)
-    return ResidualPolicy(base, corrects, authority, name, inputs, hold, shifts)
+    if (space := description["space"]) not in (spaces := get_args(Space)):
+        _fail(place, f"space must be one of {', '.join(spaces)}")
+    return ResidualPolicy(base, corrects, authority, name, inputs, hold, shifts, space)
 
 
 def folder_of(folder: Path) -> Path:

@@ -1,14 +1,19 @@
 """A base policy corrected, within bounds, by a small network; training and running share all of it but the network."""
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Floats, GaitedPolicy, Policy, ShiftableGait, within_limits
 from policies.history import History, Inputs
+from policies.legs.kinematics import foot_positions, joint_angles
 from policies.network import Network
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
 
+Space = Literal["joints", "feet"]
+"""What a correction is added to: the base's joint targets, or the places of the feet that these stand for."""
 PRESENT = Inputs()
 """Those of a network that sees the present observation and its base alone."""
 SHIFTED = ("forward", "lateral", "yaw_rate", "frequency", "step_height", "body_height")
@@ -113,10 +118,28 @@ def answer(base: Policy, observation: NDArray[np.float32], shift: NDArray[np.flo
     return base.act(observation)
 
 
-def compose(robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions) -> Actions:
-    """The base's action (n, 12) plus authority (12,) times the correction in [-1, 1], within the joint limits, rad."""
+def compose(
+    robot: Robot,
+    base_action: Actions,
+    correction: NDArray[np.float32],
+    authority: Actions,
+    space: Space = "joints",
+) -> Actions:
+    """The base's action (n, 12) plus authority (12,), rad, times the correction in [-1, 1], within the joint limits,
+    rad; over feet the authority is in m, of x, y, z of each foot in its hip frame."""
     one = np.float32(1.0)
-    return within_limits(robot, base_action + authority * np.clip(correction, -one, one))
+    change = authority * np.clip(correction, -one, one)
+    if space == "feet":
+        change = _turned(robot, base_action, change)
+    return within_limits(robot, base_action + change)
+
+
+def _turned(robot: Robot, joints: Actions, offset: NDArray[np.float32]) -> Actions:
+    """What turns joints (n, 12), rad, so that the feet move by (n, 12), m; exactly zero for feet that stay."""
+    legs = (-1, len(robot.leg_names), 3)
+    feet = foot_positions(robot, joints.reshape(legs))
+    turned = joint_angles(robot, feet + offset.reshape(legs)) - joint_angles(robot, feet)
+    return turned.reshape(joints.shape).astype(np.float32)
 
 
 def _hands(phase: Floats) -> NDArray[np.float32]:
@@ -146,8 +169,11 @@ class ResidualPolicy(Policy):
         inputs: Inputs = PRESENT,
         hold: int = 1,
         shift_authority: Actions = NO_SHIFT,
+        space: Space = "joints",
     ) -> None:
         robot = base.robot
+        self.space = space
+        """What the correction is added to, which the authority's unit goes with."""
         check_shiftable(base, shift_authority)
         self.features = Features(base, inputs, shift_authority)
         self.shift_authority = shift_authority
@@ -197,4 +223,4 @@ class ResidualPolicy(Policy):
             joints, shift = parted(self.robot, self.network(seen), self.shift_authority)
             self.correction = np.where(due[:, None], joints, self.correction)
             self.shift = np.where(due[:, None], shift, self.shift)
-        return compose(self.robot, self.base_action, self.correction, self.authority)
+        return compose(self.robot, self.base_action, self.correction, self.authority, self.space)

@@ -14,6 +14,7 @@ from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError
 from policies.history import Inputs
 from policies.parameters import number
+from policies.residual import Space
 from quad_env.config import RewardWeights
 from quad_env.scenarios.named import Pushes
 from train.run_folder import CONFIG_FILE
@@ -155,6 +156,10 @@ class TrainConfig:
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = number(0.15, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
+    foot_authority: float = number(0.08, limits=(1e-3, 1.0))
+    """Largest correction of a foot along each axis, m, where --space is feet."""
+    space: Space = "joints"
+    """What the correction is added to: joint targets, or the feet's places, by way of the legs' kinematics."""
     command_authority: float = number(0.0, limits=(0.0, 3.0))
     """Largest shift of the command that the base is shown, m/s and rad/s; 0 for none."""
     gait_authority: GaitAuthority = dataclasses.field(default_factory=GaitAuthority)

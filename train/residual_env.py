@@ -20,6 +20,7 @@ from policies.residual import (
     NO_SHIFT,
     PRESENT,
     Features,
+    Space,
     answer,
     authority_of,
     check_shiftable,
@@ -52,6 +53,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         inputs: what the learner sees besides the present observation and the base.
         shift_authority: largest shift of the base, in the units of `policies.residual.SHIFTED`, shape (6,); an action
             has one number more for each that is not zero.
+        space: what a correction is added to; over feet the authority is in m.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         hold: int = 1,
         inputs: Inputs = PRESENT,
         shift_authority: FloatArray = NO_SHIFT,
+        space: Space = "joints",
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
@@ -72,6 +75,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         self.base = base
         self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
+        self.space: Space = space
         self.shift_authority = shift_authority
         self._features = Features(base, inputs, shift_authority)
         self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
@@ -116,7 +120,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
     def _move(self, correction: FloatArray) -> Step:
         """One control step of the robots."""
         joints, self._shift[self._row] = parted(self.base.robot, correction, self.shift_authority)
-        return self.env.step(compose(self.base.robot, self._base_action[self._row], joints, self.authority))
+        return self.env.step(compose(self.base.robot, self._base_action[self._row], joints, self.authority, self.space))
 
     def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:
         """Restart the finished robots; the infos with the end of their episodes."""

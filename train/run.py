@@ -88,6 +88,8 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
+    if config.space == "feet":
+        authority = np.full_like(authority, config.foot_authority)
     shift = np.array([config.command_authority] * 3 + list(dataclasses.astuple(config.gait_authority)), np.float32)
-    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift)
+    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift, config.space)
     return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale, config.ppo.privileged)

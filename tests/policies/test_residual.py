@@ -3,6 +3,7 @@ import pytest
 
 import policies
 from policies.history import Inputs
+from policies.legs.kinematics import foot_positions
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy, authority_of, compose
 from quad_env import OBSERVATION, OBSERVATION_SIZE
@@ -147,3 +148,13 @@ def test_residual_over_stand_has_no_phase_and_needs_no_clock_inputs():
 def test_network_of_the_wrong_width_is_refused():
     with pytest.raises(ValueError, match="62 inputs"):
         ResidualPolicy(policies.make("trot"), constant_network(OBSERVATION_SIZE, 0.0))
+
+
+def test_a_correction_of_feet_moves_these_and_none_of_zero_moves_no_bit():
+    home = np.tile(SIMPLE_QUAD.home_pose, (2, 1)).astype(np.float32)
+    correction = np.zeros((2, 12), np.float32)
+    correction[0, 3:6] = 1.0, -0.5, 2.0  # of the right fore foot, the last beyond its authority
+    moved = compose(SIMPLE_QUAD, home, correction, np.full(12, 0.04, np.float32), "feet")
+    assert moved[1].tobytes() == home[1].tobytes()
+    by = foot_positions(SIMPLE_QUAD, moved.reshape(2, 4, 3)) - foot_positions(SIMPLE_QUAD, home.reshape(2, 4, 3))
+    np.testing.assert_allclose(by[0], [[0, 0, 0], [0.04, -0.02, 0.04], [0, 0, 0], [0, 0, 0]], atol=1e-6)

@@ -9,7 +9,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 import policies
 from policies.history import Inputs
 from policies.network import Network
-from policies.residual import PRESENT, Features, ResidualPolicy, compose
+from policies.residual import PRESENT, Features, ResidualPolicy, authority_of, compose
 from quad_env import OBSERVATION
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -121,17 +121,22 @@ def test_what_a_learner_remembers_is_what_the_policy_will_across_falls_held_corr
 
 
 @pytest.mark.parametrize(
-    ("base", "gait"), [("trot", (1.0, 0.05, 0.1)), ("trot", (0.0, 0.05, 0.0)), ("stand", (0,) * 3)]
+    ("base", "gait", "space"),
+    [("trot", (1, 0.05, 0.1), "joints"), ("trot", (0, 0.05, 0), "feet"), ("stand", (0,) * 3, "joints")],
 )
-def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, gait):
+def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, gait, space):
     """A network in the learner's place, and the same network in a policy: held corrections, memory, clock, commands."""
     inputs, shift = Inputs((0.03,), (0.2,), 1.5), np.array([0.4, 0.3, 0.2, *gait], np.float32)
-    env = ResidualVectorEnv(robots(3), policies.make(base), None, 2, inputs, shift)
+    env = ResidualVectorEnv(
+        robots(3), policies.make(base), (limits := authority_of(SIMPLE_QUAD) / 5.0), 2, inputs, shift, space
+    )
     width, outputs = env.single_observation_space.shape[0], env.single_action_space.shape[0]
     assert outputs == 15 + np.count_nonzero(gait)
     weights = np.random.default_rng(0).normal(0.0, 0.3, (width, outputs)).astype(np.float32)
     network = Network((weights,), (np.zeros(outputs, np.float32),))
-    policy = ResidualPolicy(policies.make(base), network, inputs=inputs, hold=2, shift_authority=shift)
+    policy = ResidualPolicy(
+        policies.make(base), network, limits, inputs=inputs, hold=2, shift_authority=shift, space=space
+    )
     seen, _ = env.reset(seed=SEEDS[:3])
     reference = robots(3)
     observation, _ = reference.reset(seed=SEEDS[:3])

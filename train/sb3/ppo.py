@@ -1,7 +1,6 @@
 """The learner: Stable-Baselines3's PPO, started so that the first policy is the base, and its actor as our network."""
 
 import dataclasses
-import operator
 from functools import partial
 from typing import Any
 
@@ -73,8 +72,13 @@ def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     if config.learning_rate_schedule == "adaptive":
         return AdaptiveRate(config.learning_rate, config.target_kl)
     if config.learning_rate_schedule == "linear":
-        return partial(operator.mul, config.learning_rate)  # by the share of the run that remains, 1 … 0
+        return partial(_falling, config.learning_rate)
     return config.learning_rate
+
+
+def _falling(rate: float, remaining: float) -> float:
+    # The share of the run that remains, 1 … 0, is below that in the last rollout, which goes beyond the last step.
+    return rate * max(remaining, 0.0)
 
 
 def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:

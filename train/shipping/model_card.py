@@ -61,10 +61,10 @@ intervals; errors bill every step after a fall their cap. Only the rows of one b
 def does(config: TrainConfig) -> str:
     """What the policy does to its base, in words."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
-    words = (
-        f"corrects `{config.base}` at {rate:g} Hz by at most {config.joint_authority:g} rad a joint, "
-        f"{config.hip_authority:g} rad at the hips"
-    )
+    most = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
+    if config.space == "feet":
+        most = f"{config.foot_authority:g} m a foot, along each axis"
+    words = f"corrects `{config.base}` at {rate:g} Hz by at most {most}"
     gait = config.gait_authority
     shifts = {
         "the command that it is shown by at most {:g} m/s and rad/s": config.command_authority,
@@ -72,7 +72,7 @@ def does(config: TrainConfig) -> str:
         "its step height by at most {:g} m": gait.step_height,
         "its body height by at most {:g} m": gait.body_height,
     }
-    shifted = [words.format(most) for words, most in shifts.items() if most]
+    shifted = [each.format(limit) for each, limit in shifts.items() if limit]
     return words + (f"; it shifts {', '.join(shifted)}" if shifted else "")
 
 
