@@ -59,6 +59,7 @@ def parse(words: list[str]) -> TrainConfig:
     defaults = _defaults(words)
     description = f"{__doc__}{PROGRAM.listing()}"
     config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)
+    check(defaults)
     check(config)
     if config.resume and (changed := [each for each in differences(defaults, config) if not each.extends]):
         raise UsageError(

@@ -17,6 +17,7 @@ from policies.parameters import number
 from policies.residual import Space
 from quad_env.config import RewardWeights
 from quad_env.scenarios.named import Pushes
+from train.foreign.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE
 
 
@@ -38,6 +39,17 @@ Count = Annotated[
     ),
 ]
 """A whole number that may be written as 1e6."""
+OwnTerm = Annotated[
+    FileTerm,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="FILE.py:FUNCTION=WEIGHT",
+        instance_from_str=lambda words: FileTerm.parse(words[0]),
+        is_instance=lambda value: isinstance(value, FileTerm),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
+"""A reward term in a user's file."""
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
     "bound", "document", "document_repaired", "gaits", "pace", "pronk", "stand", "trot", "trot_feedback", "walk"
@@ -181,6 +193,9 @@ class TrainConfig:
     sensors: str = "truth"
     """What observations are built from in training and validation: the truth, or one of quad_env.SENSORS: ideal or
     typical. What --ppo.privileged shows stays the truth."""
+    reward_terms: tuple[OwnTerm, ...] = ()
+    """Reward terms of yours: a function in a Python file, from the state of n robots to the term's n values, paid at
+    every control step as weight x value x control period."""
     rewards: RewardWeights = dataclasses.field(default_factory=RewardWeights)
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)
     validation: ValidationConfig = dataclasses.field(default_factory=ValidationConfig)

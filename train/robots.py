@@ -21,6 +21,7 @@ from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 from train.config import TrainConfig, robots_per_scenario
 from train.curriculum import Intervals, Kept, eased
+from train.foreign.reward_term import load
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 from train.scenarios import practice
 
@@ -223,7 +224,7 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
         nthread=config.threads,
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
-        config=TaskConfig(reward_weights=config.rewards),
+        config=TaskConfig(reward_weights=config.rewards, reward_terms=load(config.reward_terms)),
         **dataclasses.asdict(config.hardware),
     )
 

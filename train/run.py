@@ -15,6 +15,7 @@ from policies.files import sole_use
 from policies.residual import authority_of
 from train.config import TrainConfig
 from train.display import Display
+from train.foreign.reward_term import reported
 from train.interrupt import Interrupt
 from train.residual_env import ResidualVectorEnv
 from train.robots import TrainingRobots, make_robots, training_seeds
@@ -80,7 +81,8 @@ def _learn(
         callbacks.append(Curriculum(config, state, segments, robots))
         callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
         # SB3's own log is left out: its means reach back beyond the last checkpoint.
-        model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
+        with reported():
+            model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:

@@ -1,6 +1,7 @@
 """What a run's folder says about how it was made: the command that repeats it, packages, validations, metrics."""
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 from evaluate.records.provenance import versions
 from policies.files import write_atomically
 from train.config import DEFAULTS, TrainConfig, differences, to_dict
+from train.foreign.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 LEARNER = ("stable-baselines3", "torch", "safetensors")
@@ -24,6 +26,8 @@ def command(config: TrainConfig) -> str:
 
 
 def _words(value: Any) -> str:
+    if isinstance(value, dict):
+        return shlex.quote(str(FileTerm(**value)))
     return " ".join(_words(entry) for entry in value) if isinstance(value, list) else str(value)
 
 

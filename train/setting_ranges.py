@@ -8,6 +8,8 @@ from evaluate.terminal.command_line import UsageError
 from policies.parameters import limits_of
 from quad_env.scenarios.named import scenario
 from train.config import LARGEST_SEED, TrainConfig
+from train.foreign.reward_term import OPTION
+from train.foreign.reward_term import check as check_terms
 
 LARGEST_REWARD_WEIGHT = 1e4
 LARGEST_SHARE = 1e6
@@ -26,6 +28,9 @@ def check(config: TrainConfig) -> None:
     _check_range("--seed + --seeds - 1", config.seed + config.seeds - 1, 0, LARGEST_SEED)
     for name, weight in dataclasses.asdict(config.rewards).items():
         _check_range(f"--rewards.{name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
+    for term in config.reward_terms:
+        _check_range(f"a weight of {OPTION}", term.weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
+    check_terms(config.reward_terms)
     _check_layers("--ppo.actor", config.ppo.actor)
     _check_layers("--ppo.critic", config.ppo.critic)
     _check_rollout(config)

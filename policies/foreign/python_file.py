@@ -24,16 +24,12 @@ def load(reference: Reference, robot: Robot, control_period: float) -> Policy | 
 
     A class is made without arguments, or with `robot` and `control_period` if it takes them.
     """
-    contents = vars(_run(reference))
-    if reference.name not in contents:
-        own = [name for name, value in contents.items() if callable(value) and not name.startswith("_")]
-        raise PolicyError(f"{reference.file} has no {reference.name!r}; it has {', '.join(own) or 'nothing to call'}")
-    found = contents[reference.name]
-    if isinstance(found, Policy):
-        return found
-    if not isinstance(found, type):
-        return partial(_fresh, _callable(found, reference))
-    make = partial(found, **_arguments(found, robot=robot, control_period=control_period))
+    there = found(reference)
+    if isinstance(there, Policy):
+        return there
+    if not isinstance(there, type):
+        return partial(_fresh, _callable(there, reference))
+    make = partial(there, **_arguments(there, robot=robot, control_period=control_period))
     try:
         first = make()
     except (Exception, SystemExit) as error:
@@ -42,6 +38,15 @@ def load(reference: Reference, robot: Robot, control_period: float) -> Policy | 
         return first
     _callable(first, reference)
     return make
+
+
+def found(reference: Reference) -> Any:
+    """What a reference names; PolicyError, one line, where the file fails or has none of that name."""
+    contents = vars(_run(reference))
+    if reference.name not in contents:
+        own = [name for name, value in contents.items() if callable(value) and not name.startswith("_")]
+        raise PolicyError(f"{reference.file} has no {reference.name!r}; it has {', '.join(own) or 'nothing to call'}")
+    return contents[reference.name]
 
 
 def _run(reference: Reference) -> ModuleType:

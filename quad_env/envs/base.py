@@ -77,7 +77,7 @@ class QuadEnvBase:
         self.simulation = Simulation(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu)
         self._wires = wires_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
-        self._weights = step_weights(self.config.reward_weights, self.dt)
+        self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
         self._table = table = observation_table(robot)
         self._lower, self._upper = robot.joint_lower, robot.joint_upper
         actions = Box(self._lower.astype(np.float32), self._upper.astype(np.float32))

@@ -42,7 +42,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         render_mode: None, "rgb_array", "depth_array" (m from the camera) or "human".
         width, height: of rendered frames, pixels.
         camera: name of a camera of the model.
-        config: control rate, fall rule and reward weights.
+        config: control rate, fall rule, reward weights and reward terms of your own.
         actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
         sensors: what the observation is built from: None or "truth", a name of `quad_env.SENSORS`, or a
             `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its value, and
@@ -133,7 +133,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self.simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), heard=heard)
         self._clock += 1
         state = self._judge()
-        terms = reward_terms(state, self._terminated, self._diverged, self._weights)
+        terms = reward_terms(state, self._terminated, self._diverged, self._weights, self.config.reward_terms)
         if not self._held and self._clock % self._interval == 0:
             self._command = columns.of_robot(self._episode.next_command()[None])
         observation = self._observe(state)

@@ -5,11 +5,14 @@ the field, with the error itself rather than its square in the exponent, so that
 pay.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Protocol
+from typing import Protocol, cast
+
+import numpy as np
 
 from quad_env.columns import Column, Truth, anywhere, differences, exp, sqrt, sum_of_squares, where
-from quad_env.config import RewardWeights
+from quad_env.config import RewardTerm, RewardWeights
 from quad_env.physics.state import QuadState
 
 LINEAR_WIDTH = 0.25
@@ -92,22 +95,48 @@ TERMS = {f"reward_{function.__name__}": function for function in _FUNCTIONS}
 FALL = "reward_fall"
 
 
-def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
-    """Key of each term in the infos -> its weight in one step.
+class RewardTermError(ValueError):
+    """A user's reward term that gives no reward."""
+
+
+def step_weights(weights: RewardWeights, dt: float, own: Sequence[RewardTerm] = ()) -> dict[str, float]:
+    """Key of each term in the infos -> its weight in one step, in the order of `reward_terms`.
 
     Terms that accrue with time are multiplied by the control period, so that their sum over a second is their rate;
     `fall` is paid once.
     """
     rates = {f"reward_{name}": weight for name, weight in asdict(weights).items()}
-    return {key: weight if key == FALL else weight * dt for key, weight in rates.items()}
+    fall = rates.pop(FALL)
+    rates |= {f"reward_{term.name}": term.weight for term in own}
+    return {key: weight * dt for key, weight in rates.items()} | {FALL: fall}
 
 
 def reward_terms(
-    state: QuadState[Column], ended: Truth, diverged: Truth, weights: dict[str, float]
+    state: QuadState[Column], ended: Truth, diverged: Truth, weights: dict[str, float], own: Sequence[RewardTerm] = ()
 ) -> dict[str, Column]:
-    """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is that of the fall."""
+    """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is that of the fall.
+
+    Raises RewardTermError where one of the user's `own` fails.
+    """
     terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
+    terms |= {(key := f"reward_{term.name}"): weights[key] * own_value(term, state) for term in own}
     if anywhere(diverged):
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
     terms[FALL] = weights[FALL] * where(ended, 1.0, 0.0)
     return terms
+
+
+def own_value(term: RewardTerm, state: QuadState[Column]) -> Column:
+    """What a user's term gives, not weighted. Raises RewardTermError unless it is a finite number for each robot."""
+    try:
+        value = np.asarray(term.function(state), np.float64)
+    except Exception as error:
+        raise RewardTermError(f"the reward term {term.name} fails: {type(error).__name__}: {error}") from error
+    if value.shape != np.shape(state.height):
+        of = f"of shape {value.shape}; wanted {np.shape(state.height)}, one for each robot"
+        raise RewardTermError(f"the reward term {term.name} gives numbers {of}")
+    if not np.isfinite(value).all():
+        raise RewardTermError(
+            f"the reward term {term.name} gives {value[~np.isfinite(value)][0]}; wanted finite numbers"
+        )
+    return cast("Column", value if value.ndim else float(value))

@@ -8,7 +8,7 @@ import pytest
 from quad_env.columns import of_robots
 from quad_env.config import RewardWeights
 from quad_env.physics.state import QuadState
-from quad_env.task.rewards import reward_terms, step_weights
+from quad_env.task.rewards import linear_velocity_error, reward_terms, step_weights, yaw_rate_error
 
 ROLL = math.radians(30.0)
 STATE = QuadState(
@@ -30,6 +30,8 @@ STATE = QuadState(
 BY_HAND = {
     "linear_velocity_tracking": 1.2 * math.exp(-2.0),  # an error of (0.4, 0.3): 0.5 m/s, two widths
     "yaw_rate_tracking": 0.8 * math.exp(-1.0),  # 0.25 rad/s, one width
+    "linear_velocity_error": 0.0,  # of no weight by default
+    "yaw_rate_error": 0.0,
     "vertical_velocity": -0.5 * 0.09,
     "roll_pitch_rate": -0.02 * 0.25,
     "tilt": -0.5 * 0.25,  # sin² 30°
@@ -44,6 +46,11 @@ def test_a_term_is_its_rate_by_hand_times_the_control_period(term: str) -> None:
     found = reward_terms(STATE, False, False, step_weights(RewardWeights(), 0.01))
     assert found[f"reward_{term}"] == pytest.approx(0.01 * BY_HAND[term], rel=1e-12)
     assert (found[f"reward_{term}"] > 0) == term.endswith("tracking")
+
+
+def test_errors_are_by_hand_what_they_are_of_no_weight() -> None:
+    assert linear_velocity_error(STATE) == pytest.approx(0.5)  # (0.4, 0.3)
+    assert yaw_rate_error(STATE) == pytest.approx(0.25)
 
 
 def test_every_term_but_the_fall_is_worked_out_here() -> None:

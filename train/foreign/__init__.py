@@ -1,0 +1,1 @@
+"""What users bring to a training in files of theirs."""
