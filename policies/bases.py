@@ -14,6 +14,7 @@ from policies.gaits.policy import Gaits
 from policies.parameters import Parameters, from_json
 from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters
+from policies.trot.integral import IntegralParameters, TrotIntegral
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env.robots.robot import Robot
 
@@ -44,6 +45,7 @@ BASES: dict[str, Base] = {
     "stand": Base(Stand),
     "trot": Base(Trot, TrotParameters),
     "trot_feedback": Base(TrotFeedback, FeedbackParameters),
+    "trot_integral": Base(TrotIntegral, IntegralParameters),
     "walk": Base(partial(Gaits, "walk", name="walk"), GaitParameters),
 }
 """Bases by name."""

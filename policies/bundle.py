@@ -67,6 +67,7 @@ _LATER_FIELDS = {
     "command_authority": NO_SHIFT[COMMAND].tolist(),
     "gait_authority": NO_SHIFT[GAIT].tolist(),
     "space": "joints",
+    "shift_time": 0.0,
 }
 """Fields that older bundles lack, and what these were made for."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
@@ -79,6 +80,7 @@ _LARGEST_AUTHORITY = math.pi
 _LONGEST_PERIOD = 1.0
 _MOST_FRAMES = 32
 _LONGEST_HOLD = 1000
+_LONGEST_SHIFT = 1000.0
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
@@ -101,6 +103,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
         "space": policy.space,
+        "shift_time": policy.shift_time,
         "command_authority": policy.shift_authority[COMMAND].tolist(),
         "gait_authority": policy.shift_authority[GAIT].tolist(),
         "inputs": asdict(policy.features.inputs),
@@ -155,7 +158,9 @@ def assembled(place: Path, description: dict[str, Any], network: Callable[[int, 
     authority = _authority(place, "authority", description["authority"], robot.num_joints)
     if (space := description["space"]) not in (spaces := get_args(Space)):
         _fail(place, f"space must be one of {', '.join(spaces)}")
-    return ResidualPolicy(base, corrects, authority, name, inputs, hold, shifts, space)
+    if not is_number(shift_time := description["shift_time"]) or not 0.0 <= shift_time <= _LONGEST_SHIFT:
+        _fail(place, f"shift_time must be a time from 0 s to {_LONGEST_SHIFT:g} s")
+    return ResidualPolicy(base, corrects, authority, name, inputs, hold, shifts, space, float(shift_time))
 
 
 def folder_of(folder: Path) -> Path:

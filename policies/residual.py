@@ -86,15 +86,33 @@ def correction_width(robot: Robot, shift_authority: Actions) -> int:
 
 
 def parted(
-    robot: Robot, correction: NDArray[np.float32], shift_authority: Actions
+    robot: Robot,
+    correction: NDArray[np.float32],
+    shift_authority: Actions,
+    before: NDArray[np.float32],
+    share: float = 1.0,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What a correction (n, k) of any size does within -1 … 1: shares of the joints' authority, (n, 12), and the shift
-    of the base, in the units of SHIFTED, (n, 6)."""
+    of the base, in the units of SHIFTED, (n, 6).
+
+    With a share of 1 the correction is the shift, in shares of the authority; with a smaller one it changes the shift
+    from what it was before, (n, 6), by at most that share of the authority.
+    """
     one = np.float32(1.0)
     joints, shares = np.split(np.clip(correction, -one, one), [robot.num_joints], axis=1)
     shift, shiftable = np.zeros((len(joints), len(NO_SHIFT)), np.float32), np.flatnonzero(shift_authority)
-    shift[:, shiftable] = shift_authority[shiftable] * shares
+    most = shift_authority[shiftable]
+    if share < 1.0:
+        shift[:, shiftable] = np.clip(before[:, shiftable] + np.float32(share) * most * shares, -most, most)
+    else:
+        shift[:, shiftable] = most * shares
     return joints, shift
+
+
+def shift_share(shift_time: float, hold: int, control_period: float) -> float:
+    """Share of its authority by which a shift can change in one correction that is held for so many control steps,
+    when it takes `shift_time` s from none to all of it."""
+    return min(hold * control_period / shift_time, 1.0) if shift_time else 1.0
 
 
 def check_shiftable(base: Policy, shift_authority: Actions) -> None:
@@ -170,8 +188,12 @@ class ResidualPolicy(Policy):
         hold: int = 1,
         shift_authority: Actions = NO_SHIFT,
         space: Space = "joints",
+        shift_time: float = 0.0,
     ) -> None:
         robot = base.robot
+        self.shift_time = shift_time
+        """Time from no shift to the largest, s; at 0 the network gives the shift itself, otherwise its change."""
+        self._shift_share = shift_share(shift_time, hold, base.control_period)
         self.space = space
         """What the correction is added to, which the authority's unit goes with."""
         check_shiftable(base, shift_authority)
@@ -220,7 +242,8 @@ class ResidualPolicy(Policy):
         self.base_action = answer(self.base, observation, self.shift)
         seen = self.features.see(observation, self.base_action, self.shift)
         if (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
-            joints, shift = parted(self.robot, self.network(seen), self.shift_authority)
+            corrected = self.network(seen)
+            joints, shift = parted(self.robot, corrected, self.shift_authority, self.shift, self._shift_share)
             self.correction = np.where(due[:, None], joints, self.correction)
             self.shift = np.where(due[:, None], shift, self.shift)
         return compose(self.robot, self.base_action, self.correction, self.authority, self.space)

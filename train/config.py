@@ -52,7 +52,17 @@ OwnTerm = Annotated[
 """A reward term in a user's file."""
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
-    "bound", "document", "document_repaired", "gaits", "pace", "pronk", "stand", "trot", "trot_feedback", "walk"
+    "bound",
+    "document",
+    "document_repaired",
+    "gaits",
+    "pace",
+    "pronk",
+    "stand",
+    "trot",
+    "trot_feedback",
+    "trot_integral",
+    "walk",
 ]
 """A name of `policies.bases.BASES`; written out, so that --help lists them at once."""
 
@@ -175,6 +185,9 @@ class TrainConfig:
     command_authority: float = number(0.0, limits=(0.0, 3.0))
     """Largest shift of the command that the base is shown, m/s and rad/s; 0 for none."""
     gait_authority: GaitAuthority = dataclasses.field(default_factory=GaitAuthority)
+    shift_time: float = number(0.0, limits=(0.0, 1000.0))
+    """From no shift of command or gait to the largest, s; the learner then says how they change. 0: it says what they
+    are, anew at each correction."""
     inputs: Inputs = dataclasses.field(default_factory=Inputs)
     mixture: tuple[tuple[str, float], ...] = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""

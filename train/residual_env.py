@@ -27,6 +27,7 @@ from policies.residual import (
     compose,
     correction_width,
     parted,
+    shift_share,
 )
 
 FloatArray = NDArray[np.float32]
@@ -54,6 +55,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         shift_authority: largest shift of the base, in the units of `policies.residual.SHIFTED`, shape (6,); an action
             has one number more for each that is not zero.
         space: what a correction is added to; over feet the authority is in m.
+        shift_time: s from no shift to the largest; at 0 an action is the shift itself, otherwise its change.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         inputs: Inputs = PRESENT,
         shift_authority: FloatArray = NO_SHIFT,
         space: Space = "joints",
+        shift_time: float = 0.0,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
@@ -76,6 +79,8 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
         self.space: Space = space
+        self.shift_time = shift_time
+        self._shift_share = shift_share(shift_time, hold, base.control_period)
         self.shift_authority = shift_authority
         self._features = Features(base, inputs, shift_authority)
         self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
@@ -106,10 +111,13 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         correction = np.asarray(actions, np.float32)
         if correction.shape != self.action_space.shape:
             raise ValueError(f"corrections have shape {self.action_space.shape}, not {correction.shape}")
-        observation, rewards, terminated, truncated, infos = self._move(correction)
+        joints, self._shift[self._row] = parted(
+            self.base.robot, correction, self.shift_authority, self._shift[self._row], self._shift_share
+        )
+        observation, rewards, terminated, truncated, infos = self._move(joints)
         for _ in range(self._hold - 1):
             self._tick(observation, observation)
-            observation, more, terminated, truncated, infos = self._move(correction)
+            observation, more, terminated, truncated, infos = self._move(joints)
             rewards += more
         if (finished := terminated | truncated).any():
             infos = self._restart(observation, finished, infos)
@@ -117,9 +125,8 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
             self._tick(observation, observation)
         return self._seen[self._row], rewards, terminated, truncated, infos
 
-    def _move(self, correction: FloatArray) -> Step:
-        """One control step of the robots."""
-        joints, self._shift[self._row] = parted(self.base.robot, correction, self.shift_authority)
+    def _move(self, joints: FloatArray) -> Step:
+        """One control step of the robots, their joints corrected."""
         return self.env.step(compose(self.base.robot, self._base_action[self._row], joints, self.authority, self.space))
 
     def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:

@@ -93,5 +93,7 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     if config.space == "feet":
         authority = np.full_like(authority, config.foot_authority)
     shift = np.array([config.command_authority] * 3 + list(dataclasses.astuple(config.gait_authority)), np.float32)
-    env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift, config.space)
+    env = ResidualVectorEnv(
+        robots, base, authority, config.ppo.hold, config.inputs, shift, config.space, config.shift_time
+    )
     return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale, config.ppo.privileged)

@@ -26,6 +26,7 @@ MAKERS = {
     "document_repaired": lambda: policies.make("document_repaired"),
     "safe": lambda: policies.make("safe:trot"),
     "trot": lambda: policies.make("trot"),
+    "trot_integral": lambda: policies.make("trot_integral"),
     "trot_feedback": lambda: policies.make("trot_feedback"),
     "residual": small_residual,
 }
@@ -145,7 +146,8 @@ def test_stand_holds_the_home_pose():
 
 def test_names_are_sorted_and_every_name_but_the_shipped_model_can_be_made():
     ours = (
-        "behaviour, bound, document, document_repaired, gaits, pace, pronk, residual, stand, trot, trot_feedback, walk"
+        "behaviour, bound, document, document_repaired, gaits, pace, pronk, residual, stand, trot, trot_feedback, "
+        "trot_integral, walk"
     )
     assert ", ".join(policies.names()) == ours
     for name in set(policies.names()) - {"residual"}:

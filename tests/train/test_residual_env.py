@@ -121,22 +121,24 @@ def test_what_a_learner_remembers_is_what_the_policy_will_across_falls_held_corr
 
 
 @pytest.mark.parametrize(
-    ("base", "gait", "space"),
-    [("trot", (1, 0.05, 0.1), "joints"), ("trot", (0, 0.05, 0), "feet"), ("stand", (0,) * 3, "joints")],
+    ("base", "gait", "space", "time"),
+    [
+        ("trot", (1, 0.05, 0.1), "joints", 0.0),
+        ("trot", (1, 0.05, 0.1), "joints", 0.1),
+        ("trot_integral", (0, 0.05, 0), "feet", 0.0),
+        ("stand", (0,) * 3, "joints", 0.0),
+    ],
 )
-def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, gait, space):
+def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, gait, space, time):
     """A network in the learner's place, and the same network in a policy: held corrections, memory, clock, commands."""
     inputs, shift = Inputs((0.03,), (0.2,), 1.5), np.array([0.4, 0.3, 0.2, *gait], np.float32)
-    env = ResidualVectorEnv(
-        robots(3), policies.make(base), (limits := authority_of(SIMPLE_QUAD) / 5.0), 2, inputs, shift, space
-    )
+    limits = authority_of(SIMPLE_QUAD) / 5.0
+    env = ResidualVectorEnv(robots(3), policies.make(base), limits, 2, inputs, shift, space, time)
     width, outputs = env.single_observation_space.shape[0], env.single_action_space.shape[0]
     assert outputs == 15 + np.count_nonzero(gait)
     weights = np.random.default_rng(0).normal(0.0, 0.3, (width, outputs)).astype(np.float32)
     network = Network((weights,), (np.zeros(outputs, np.float32),))
-    policy = ResidualPolicy(
-        policies.make(base), network, limits, inputs=inputs, hold=2, shift_authority=shift, space=space
-    )
+    policy = ResidualPolicy(policies.make(base), network, limits, base, inputs, 2, shift, space, time)
     seen, _ = env.reset(seed=SEEDS[:3])
     reference = robots(3)
     observation, _ = reference.reset(seed=SEEDS[:3])

@@ -123,7 +123,7 @@ def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     env = cast(ResidualVectorEnv, cast(TrainingVecEnv, model.get_env()).env)
     base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
     network = actor_network(model, config.ppo.activation)
-    over = (env.shift_authority, env.space)
+    over = (env.shift_authority, env.space, env.shift_time)
     return ResidualPolicy(base, network, env.authority, config.policy, config.inputs, config.ppo.hold, *over)
 
 

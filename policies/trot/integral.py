@@ -1,0 +1,92 @@
+"""The trot with integral action: its command is corrected by what the robot has so far fallen short of it.
+
+The trot looks at nothing but the command, so that a slope, a steady force, a load or a slippery floor carry the robot
+off it for good. Here the integral of the velocity error is added to the command that the trot follows.
+"""
+
+from dataclasses import asdict, dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Actions
+from policies.legs.level_frame import level_frame
+from policies.parameters import number
+from policies.trot.open_loop import Trot, TrotParameters
+from policies.trot.open_loop import searched_parameters as trot_parameters
+from quad_env import OBSERVATION
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+
+@dataclass(frozen=True)
+class IntegralParameters(TrotParameters):
+    """The trot's, and those of the integral; the latter were chosen by hand on search episodes."""
+
+    integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0))
+    """Change of the followed velocity, m/s², per velocity error, m/s."""
+    yaw_integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0))
+    """Change of the followed yaw rate, rad/s², per error, rad/s."""
+    settling_time: float = number(0.3, limits=(0.01, 100.0), search=(0.05, 1.0))
+    """Time constant with which the robot is expected to take up a new command, s: until then it makes no error."""
+    largest_error: float = number(0.5, limits=(0.0, 100.0), search=(0.1, 1.0))
+    """Velocity error, m/s and rad/s, that is counted at most: beyond is a push or a fall, not a bias."""
+    leak: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 1.0))
+    """Share of the integral that is forgotten, 1/s."""
+    largest_correction: float = number(1.2, limits=(0.0, 100.0), search=(0.2, 2.0))
+    """Of each velocity, m/s and rad/s."""
+
+
+@cache
+def integral_parameters() -> IntegralParameters:
+    """The trot's searched parameters with this integral's."""
+    return IntegralParameters(**asdict(trot_parameters()))
+
+
+class TrotIntegral(Trot):
+    """Command-following trot without a lasting velocity error; steps in place at zero command."""
+
+    name = "trot_integral"
+    parameters: IntegralParameters
+
+    def __init__(
+        self,
+        parameters: IntegralParameters | None = None,
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+    ) -> None:
+        own = parameters if parameters is not None else integral_parameters()
+        self._gains = np.array([own.integral_gain, own.integral_gain, own.yaw_integral_gain])
+        super().__init__(own, robot=robot, control_period=control_period)
+
+    def _allocate(self, num_envs: int) -> None:
+        super()._allocate(num_envs)
+        self._expected, self._integral = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
+
+    def _restart(self, mask: NDArray[np.bool_]) -> None:
+        super()._restart(mask)
+        self._expected = np.where(mask[:, None], 0.0, self._expected)
+        self._integral = np.where(mask[:, None], 0.0, self._integral)
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        command = observation[:, OBSERVATION["command"]].astype(np.float64)
+        p, period = self.parameters, self.control_period
+        self._expected = self._expected + (command - self._expected) * (period / (period + p.settling_time))
+        error = self._expected - _heading_velocity(observation)
+        change = self._gains * np.clip(error, -p.largest_error, p.largest_error) - p.leak * self._integral
+        self._integral = np.clip(self._integral + period * change, -p.largest_correction, p.largest_correction)
+        corrected = observation.copy()
+        corrected[:, OBSERVATION["command"]] += self._integral.astype(np.float32)
+        return super()._act(corrected)
+
+
+def _heading_velocity(observation: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Forward and lateral velocity in the level frame, m/s, and yaw rate about the vertical, rad/s, as felt, (n, 3)."""
+    columns = observation.T.astype(np.float64)
+    frame = level_frame(columns[OBSERVATION["projected_gravity"]])
+    x, y, z = columns[OBSERVATION["linear_velocity"]]
+    roll, pitch, yaw = columns[OBSERVATION["angular_velocity"]]
+    forward, lateral, _ = frame.to_level((x, y, z))
+    return np.stack((forward, lateral, frame.up_x * roll + frame.up_y * pitch + frame.up_z * yaw), axis=-1)
