@@ -32,9 +32,7 @@ class IntegralParameters(TrotParameters):
     """Time constant with which the robot is expected to take up a new command, s: until then it makes no error."""
     largest_error: float = number(0.5, limits=(0.0, 100.0), search=(0.1, 1.0))
     """Velocity error, m/s and rad/s, that is counted at most: beyond is a push or a fall, not a bias."""
-    leak: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 1.0))
-    """Share of the integral that is forgotten, 1/s."""
-    largest_correction: float = number(1.2, limits=(0.0, 100.0), search=(0.2, 2.0))
+    largest_correction: float = number(0.8, limits=(0.0, 100.0), search=(0.2, 2.0))
     """Of each velocity, m/s and rad/s."""
 
 
@@ -75,8 +73,9 @@ class TrotIntegral(Trot):
         p, period = self.parameters, self.control_period
         self._expected = self._expected + (command - self._expected) * (period / (period + p.settling_time))
         error = self._expected - _heading_velocity(observation)
-        change = self._gains * np.clip(error, -p.largest_error, p.largest_error) - p.leak * self._integral
-        self._integral = np.clip(self._integral + period * change, -p.largest_correction, p.largest_correction)
+        counted = np.clip(error, -p.largest_error, p.largest_error)
+        most = p.largest_correction
+        self._integral = np.clip(self._integral + period * self._gains * counted, -most, most)
         corrected = observation.copy()
         corrected[:, OBSERVATION["command"]] += self._integral.astype(np.float32)
         return super()._act(corrected)
