@@ -1,0 +1,89 @@
+"""The trot with integral action: what it adds to the command, and that what lasts does not carry it off."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import policies
+from policies.trot.integral import TrotIntegral, integral_parameters
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+
+PERIOD = 0.01
+
+
+def felt(forward=0.0, yaw_rate=0.0, command=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, -1.0)):
+    observation = np.zeros((1, OBSERVATION_SIZE), np.float32)
+    for term, value in (
+        ("linear_velocity", (forward, 0.0, 0.0)),
+        ("angular_velocity", (0.0, 0.0, yaw_rate)),
+        ("command", command),
+        ("projected_gravity", gravity),
+    ):
+        observation[:, OBSERVATION[term]] = value
+    return observation
+
+
+def told(policy, monkeypatch):
+    """The commands that the trot inside follows, as they come."""
+    seen = []
+    monkeypatch.setattr(policy, "_follow", lambda command: seen.append(command.copy()))
+    return seen
+
+
+def test_the_integral_of_the_error_is_added_up_to_its_bounds(monkeypatch):
+    p = dataclasses.replace(integral_parameters(), integral_gain=2.0, yaw_integral_gain=0.5, largest_error=0.4)
+    policy = TrotIntegral(p)
+    seen = told(policy, monkeypatch)
+    for _ in range(10):
+        policy.act(felt(forward=-0.3, yaw_rate=5.0))
+    np.testing.assert_allclose(seen[-1], [[10 * PERIOD * 2.0 * 0.3, 0.0, -10 * PERIOD * 0.5 * 0.4]], atol=1e-6)
+    for _ in range(1000):
+        policy.act(felt(forward=-0.3, yaw_rate=5.0))
+    np.testing.assert_allclose(seen[-1], [[p.largest_correction, 0.0, -p.largest_correction]], atol=1e-6)
+
+
+def test_a_robot_that_takes_up_its_command_as_expected_makes_no_error(monkeypatch):
+    policy = policies.make("trot_integral")
+    seen = told(policy, monkeypatch)
+    velocity, share = 0.0, PERIOD / (PERIOD + integral_parameters().settling_time)
+    for _ in range(200):
+        velocity += share * (1.0 - velocity)
+        policy.act(felt(forward=velocity, command=(1.0, 0.0, 0.0)))
+    np.testing.assert_allclose(seen[-1], [[1.0, 0.0, 0.0]], atol=1e-5)
+
+
+def test_velocity_is_judged_in_the_heading_frame_not_the_body_frame(monkeypatch):
+    """A trunk with its nose 30 degrees up that goes 1 m/s along its own x axis goes forward at cos 30 degrees."""
+    policy = policies.make("trot_integral")
+    seen = told(policy, monkeypatch)
+    policy.act(felt(forward=0.4, gravity=(-0.5, 0.0, -np.sqrt(0.75))))
+    np.testing.assert_allclose(seen[-1][0, 0], -PERIOD * integral_parameters().integral_gain * 0.4 * np.sqrt(0.75))
+
+
+def test_a_restarted_robot_has_forgotten(monkeypatch):
+    policy = policies.make("trot_integral")
+    policy.reset(2)
+    seen = told(policy, monkeypatch)
+    for _ in range(50):
+        policy.act(np.repeat(felt(forward=-0.3), 2, axis=0))
+    policy.reset_where(np.array([True, False]))
+    policy.act(np.repeat(felt(), 2, axis=0))
+    assert seen[-1][0, 0] == 0.0 < 0.1 < seen[-1][1, 0]
+
+
+@pytest.mark.parametrize("scenario", ["force", "slope"])
+def test_what_lasts_does_not_carry_it_off(scenario):
+    errors = {}
+    for name in ("trot", "trot_integral"):
+        env = SimpleQuadVectorEnv(4, scenario=scenario, nthread=1)
+        observation, _ = env.reset(seed=3, options={"command": np.tile([0.4, 0.0, 0.0], (4, 1))})
+        policy = policies.make(name)
+        policy.reset(4)
+        mean = np.zeros((4, 3))
+        for step in range(400):
+            observation, *_, infos = env.step(policy.act(observation))
+            mean += (step >= 300) / 100.0 * infos["heading_velocity"]
+        errors[name] = np.linalg.norm(mean[:, :2] - [0.4, 0.0], axis=1).mean()
+    assert errors["trot_integral"] < 0.5 * errors["trot"]
