@@ -80,6 +80,7 @@ class Document(GaitedPolicy):
     """
 
     name = "document"
+    leg_offsets = TROT_OFFSETS
 
     def __init__(
         self,

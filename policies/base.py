@@ -114,6 +114,8 @@ class GaitedPolicy(Policy):
 
     frequency: float
     """Gait cycles a second, Hz."""
+    leg_offsets: tuple[float, ...]
+    """Phase of each leg ahead of the clock in the gait that it starts with, rad."""
 
     def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         super().__init__(robot=robot, control_period=control_period)

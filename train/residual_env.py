@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from policies.base import Policy
 from policies.history import Inputs
+from policies.mirror import Mirror, correction_mirror, features_mirror
 from policies.residual import (
     NO_SHIFT,
     PRESENT,
@@ -88,6 +89,12 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
         self.action_space = batch_space(self.single_action_space, env.num_envs)
         self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
+
+    @property
+    def mirrors(self) -> tuple[Mirror, Mirror]:
+        """The mirrors of observations and of actions. Raises ValueError for a base that has none."""
+        seen = features_mirror(self.base, self._features.inputs, self.shift_authority)
+        return seen, correction_mirror(self.base.robot, self.shift_authority, self.space)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[FloatArray, Infos]:
         """Start new episodes of all robots; `seed` and `options` as the robots take them, but for "reset_mask"."""

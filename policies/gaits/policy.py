@@ -109,6 +109,7 @@ class Gaits(GaitedPolicy):
         searched = searched_parameters() if parameters is None else parameters
         self.parameters = {STAND: stand_parameters(robot), **searched}
         self.frequency = self.parameters[gait].frequency
+        self.leg_offsets = _offsets(gait)
         self._first = gait
         super().__init__(robot=robot, control_period=control_period)
 
@@ -173,7 +174,7 @@ class Gaits(GaitedPolicy):
         self._send(self._first, mask, self.parameters[self._first])
 
     def _send(self, gait: str, mask: Mask, parameters: GaitParameters) -> None:
-        offsets = np.array(OFFSETS.get(gait, OFFSETS["walk"]))
+        offsets = np.array(_offsets(gait))
         # A robot at rest has no footfalls to shift: it sets out with the new ones, from no lift.
         unlifted = np.where(np.array(NAMES) == "step_height", 0.0, self._change.values)
         self._change.place(mask & self._standing & self.settled, unlifted, offsets)
@@ -259,6 +260,10 @@ class Gaits(GaitedPolicy):
 def _middle(robot: Robot, p: Columns) -> tuple[Floats, Floats]:
     """Middle of the strides in the hip frames, m: (n, 1) and (n, 4)."""
     return p.stance_shift, robot.side * (p.stance_width / 2.0) - robot.hip_positions[:, 1]
+
+
+def _offsets(gait: str) -> tuple[float, ...]:
+    return OFFSETS.get(gait, OFFSETS["walk"])
 
 
 def _known(gait: str) -> None:

@@ -53,6 +53,7 @@ class TrotFeedback(GaitedPolicy):
     """Command-following trot with feedback; steps in place at zero command."""
 
     name = "trot_feedback"
+    leg_offsets = TROT_OFFSETS
 
     def __init__(
         self,

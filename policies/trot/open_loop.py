@@ -77,6 +77,7 @@ class Trot(ShiftableGait):
     """Command-following trot; steps in place at zero command."""
 
     name = "trot"
+    leg_offsets = TROT_OFFSETS
 
     def __init__(
         self,

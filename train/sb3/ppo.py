@@ -14,6 +14,7 @@ from torch import nn
 
 from policies.network import Network
 from train.config import PpoConfig, TrainConfig
+from train.sb3.symmetry import MirroredRolloutBuffer
 from train.sb3.vec_env import TrainingVecEnv
 
 ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "elu": nn.ELU}
@@ -106,6 +107,8 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
             "ortho_init": True,
             "privileged": env.privileged,
         },
+        rollout_buffer_class=MirroredRolloutBuffer if ppo.symmetry else None,
+        rollout_buffer_kwargs={"mirrors": env.mirrors} if ppo.symmetry else None,
         seed=config.seed,
         device="cpu",
     )
