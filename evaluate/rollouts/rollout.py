@@ -3,8 +3,8 @@
 One episode an environment, so that short ones are never over-counted.
 """
 
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Generator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import asdict
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes, weight
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Falls, Observer, Step
-from policies.base import Policy
+from policies.base import Actions, Policy
 from quad_env.scenarios.scenario import Scenario
 
 STEPS = 1000
@@ -23,6 +23,9 @@ REPORT_EVERY = 25
 
 Progress = Callable[[float], None]
 """Told the share of the run that is done, 0 … 1; told 1 exactly once, at the end."""
+Robots = Generator[NDArray[np.float32], Actions | None, None]
+"""n robots on a scenario: gives the observations of their start, takes None, and from then on gives observations and
+takes actions until it ends."""
 
 
 def roll_out(
@@ -43,6 +46,52 @@ def roll_out(
     the bit either way. `command`, (3,) or (n, 3), is held for the whole episode; without, the scenario draws commands.
     Raises ValueError for a policy that was made for another robot or another control period.
     """
+    walk = _robots(
+        policy,
+        scenario,
+        seeds,
+        observers,
+        steps=steps,
+        nthread=nthread,
+        command=command,
+        terminate_on_fall=terminate_on_fall,
+        hardware=hardware,
+    )
+    _move(policy, [walk])
+
+
+def _move(policy: Policy, walks: Sequence[Robots]) -> None:
+    """Move the robots of all walks, the policy acting for all at once, walk after walk, until each walk has ended."""
+    with ExitStack() as stack:
+        going = {number: stack.enter_context(closing(walk)) for number, walk in enumerate(walks)}
+        observations = [next(walk) for walk in walks]
+        ends = np.cumsum([len(each) for each in observations])
+        policy.reset(num_envs=int(ends[-1]), seed=0)
+        actions: Sequence[Actions | None] = [None] * len(walks)
+        while True:
+            for number, walk in list(going.items()):
+                try:
+                    observations[number] = walk.send(actions[number])
+                except StopIteration:  # its robots stay as they are
+                    del going[number]
+            if not going:
+                return
+            actions = np.split(policy.act(np.concatenate(observations)), ends[:-1])
+
+
+def _robots(
+    policy: Policy,
+    scenario: str | Scenario,
+    seeds: NDArray[np.int64],
+    observers: Sequence[Observer],
+    *,
+    steps: int,
+    nthread: int,
+    command: ArrayLike | None = None,
+    terminate_on_fall: bool = True,
+    hardware: Hardware = IDEAL,
+) -> Robots:
+    """See `roll_out`."""
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
     env = SimpleQuadVectorEnv(
@@ -60,13 +109,14 @@ def roll_out(
         policy.check_fits(env.robot, env.dt)
         options = None if command is None else {"command": command}
         observation, infos = env.reset(seed=seeds.tolist(), options=options)
-        policy.reset(num_envs=len(seeds), seed=0)
+        yield observation
         step, ended = Step(0, env, infos["action"].astype(np.float32), observation, infos), False
         while True:
             enough = [observer(step) for observer in observers]
             if ended or any(enough):
                 return
-            action = policy.act(observation)
+            action = yield observation
+            assert action is not None
             observation, _, terminated, truncated, infos = env.step(action)
             step, ended = Step(step.number + 1, env, action, observation, infos), bool((terminated | truncated).all())
 
@@ -108,10 +158,32 @@ def run(
     return recorder.episodes()
 
 
+def run_each(
+    policy: Policy,
+    scenarios: Sequence[str | Scenario],
+    seeds: NDArray[np.int64],
+    *,
+    nthread: int = 1,
+    steps: int = STEPS,
+) -> list[Episodes]:
+    """The records of one episode for each seed on each of the scenarios, all walked side by side.
+
+    The policy acts for all at once, scenario after scenario: for one whose time hardly depends on how many robots it
+    moves that is many times faster. What is the policy's own, such as its phase, is not in the records.
+    """
+    recorders = [_Recorder(None, seeds, steps) for _ in scenarios]
+    walks = [
+        _robots(policy, scenario, seeds, (recorder,), steps=steps, nthread=nthread)
+        for scenario, recorder in zip(scenarios, recorders, strict=True)
+    ]
+    _move(policy, walks)
+    return [recorder.episodes() for recorder in recorders]
+
+
 class _Recorder:
     """Observer that records episodes, for measures to be computed from: arrays with a row a control step."""
 
-    def __init__(self, policy: Policy, seeds: NDArray[np.int64], steps: int) -> None:
+    def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int) -> None:
         self._policy, self._seeds, self._steps = policy, seeds, steps
         self._falls = Falls(len(seeds), steps)
         self._failure = np.full(len(seeds), None, dtype=object)

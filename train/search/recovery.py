@@ -77,7 +77,7 @@ def search(options: Options) -> Iterator[RecoveryParameters]:
 def judge(candidates: list[RecoveryParameters], seeds: NDArray[np.int64], threads: int) -> Floats:
     """Mean cost of each candidate, (candidates,): s until it stands, and more if that is late."""
     members = [Behaviour(start=State.RECOVER, follow=False, recovery=each) for each in candidates]
-    outcome = recover_with(Panel(list(members)), np.tile(seeds, len(candidates)), threads)
+    outcome = recover_with(Panel(members), np.tile(seeds, len(candidates)), threads)
     time = np.minimum(outcome.standing_since, TIME_ALLOWED + 1.0)
     costs: Floats = (time + LATE_COST * (time > TIME_ALLOWED)).reshape(len(candidates), -1).mean(axis=1)
     return costs

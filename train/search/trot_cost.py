@@ -1,7 +1,7 @@
 """What a trot is worth in the search of its parameters, and the command map that undoes its response."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,21 +27,30 @@ MINIMUM_INTERVALS = 8
 
 
 class Panel(Policy):
-    """Several policies side by side, each on its own equal share of the rows."""
+    """Several policies side by side, each on its own equal share of the rows.
+
+    Args:
+        members: the policies, in the order of their shares.
+        blocks: equal parts that the rows come in, such as one a scenario, in each of which each member has its share.
+    """
 
     name = "panel"
 
-    def __init__(self, members: list[Policy]) -> None:
+    def __init__(self, members: Sequence[Policy], blocks: int = 1) -> None:
         super().__init__(robot=members[0].robot, control_period=members[0].control_period)
-        self._members = members
+        self._members, self._blocks = members, blocks
 
     def _allocate(self, num_envs: int) -> None:
         for member in self._members:
             member.reset(num_envs // len(self._members))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        shares = np.split(observation, len(self._members))
-        return np.concatenate([member.act(share) for member, share in zip(self._members, shares, strict=True)])
+        shares = np.arange(len(observation)).reshape(self._blocks, len(self._members), -1)
+        actions = np.empty((len(observation), self.robot.num_joints), np.float32)
+        for number, member in enumerate(self._members):
+            own = shares[:, number].ravel()
+            actions[own] = member.act(observation[own])
+        return actions
 
 
 def episode_costs(measures: Measures) -> Floats:

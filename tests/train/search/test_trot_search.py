@@ -98,6 +98,17 @@ def test_a_panel_is_its_members_each_on_its_own_rows():
         np.testing.assert_array_equal(panel.act(observation), np.concatenate(expected))
 
 
+def test_in_blocks_a_member_has_its_share_of_each():
+    members = [TrotParameters(frequency=2.0), TrotParameters(duty=0.6)]
+    panel, alone = Panel([Trot(each) for each in members], blocks=3), [Trot(each) for each in members]
+    panel.reset(12)
+    observation = np.random.default_rng(0).normal(size=(12, OBSERVATION_SIZE)).astype(np.float32)
+    actions = panel.act(observation)
+    for member, rows in zip(alone, ([0, 1, 4, 5, 8, 9], [2, 3, 6, 7, 10, 11]), strict=True):
+        member.reset(6)
+        np.testing.assert_array_equal(actions[rows], member.act(observation[rows]))
+
+
 def test_a_point_of_the_cube_is_a_set_of_parameters_and_back():
     point = np.linspace(0.1, 0.9, len(SEARCH_RANGES))
     parameters = decode(point, TrotParameters(forward_gain=1.5), SEARCH_RANGES)
