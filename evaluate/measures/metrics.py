@@ -15,7 +15,7 @@ from evaluate.measures.at_rest import controlled_stops, motion_of
 from evaluate.measures.averages import Bools, Floats, upright_steps
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import footfalls
-from evaluate.measures.outcomes import RULES, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
+from evaluate.measures.outcomes import REFUSED, RULES, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
 from evaluate.measures.pushes import pushes
 from evaluate.measures.tracking import SETTLING_TIME
 
@@ -75,6 +75,11 @@ class Measures:
     def succeeded(self) -> Bools:
         """Which episodes succeeded, (n,)."""
         return np.asarray(self.outcome == SUCCEEDED)
+
+    @property
+    def refused(self) -> Bools:
+        """Which episodes were refused, (n,)."""
+        return np.asarray(self.outcome == REFUSED)
 
 
 def measure(episodes: Episodes) -> Measures:

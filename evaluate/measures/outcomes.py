@@ -42,14 +42,21 @@ class SuccessRule:
             f"{self.angular:g} rad/s + {share}, in every command interval after its first second"
         )
 
-    def on_command(self, commands: Floats, velocities: Floats) -> Bools:
-        """Which episodes kept to their command in every interval, (n,); both (n, k, 3), see `Measures`."""
+    def deviations(self, commands: Floats, velocities: Floats) -> Floats:
+        """How far off its command each interval was, per what is allowed, by velocity or yaw rate, whichever is more.
+
+        (n, k) for (n, k, 3) each, see `Measures`; NaN where the robot was not upright to the interval's end.
+        """
         off = planar(velocities - commands), np.abs(velocities[..., 2] - commands[..., 2])
         allowed = (
             self.linear + self.share * planar(commands),
             self.angular + self.share * np.abs(commands[..., 2]),
         )
-        return np.asarray(((off[0] <= allowed[0]) & (off[1] <= allowed[1])).all(axis=1))
+        return np.maximum(off[0] / allowed[0], off[1] / allowed[1])
+
+    def on_command(self, commands: Floats, velocities: Floats) -> Bools:
+        """Which episodes kept to their command in every interval, (n,); both (n, k, 3), see `Measures`."""
+        return np.asarray((self.deviations(commands, velocities) <= 1.0).all(axis=1))
 
 
 SUCCESS_RULE = "success/1"

@@ -17,8 +17,8 @@ _GAIN = (-10.0, 10.0)
 class FeedbackParameters(Parameters):
     """Gait and gains; velocity errors are measured minus reference.
 
-    The defaults are where the search starts: the gait's own set by hand, those for rough ground, slopes and pushes
-    between the outcomes of two earlier searches, which weighed falls less and more.
+    The defaults are what the first search for success started from: the gait's own set by hand, those for rough ground,
+    slopes and pushes between the outcomes of two earlier searches, which weighed falls less and more.
     """
 
     frequency: float = number(7.7, limits=(0.1, 50.0), search=(3.0, 9.0))

@@ -4,25 +4,28 @@ The trot looks at nothing but the command, so that a slope, a steady force, a lo
 off it for good. Here the integral of the velocity error is added to the command that the trot follows.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
 from policies.legs.level_frame import level_frame
-from policies.parameters import number
+from policies.parameters import from_json, number, read, search_ranges_of
 from policies.trot.open_loop import Trot, TrotParameters
-from policies.trot.open_loop import searched_parameters as trot_parameters
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
+PARAMETERS_FILE = Path(__file__).with_name("trot_integral.json")
+"""The parameters in force; TROT_INTEGRAL.md tells where they come from."""
+
 
 @dataclass(frozen=True)
 class IntegralParameters(TrotParameters):
-    """The trot's, and those of the integral; the latter were chosen by hand on search episodes."""
+    """The trot's, and those of the integral, whose defaults were chosen by hand on search episodes."""
 
     integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0))
     """Change of the followed velocity, m/s², per velocity error, m/s."""
@@ -36,10 +39,29 @@ class IntegralParameters(TrotParameters):
     """Of each velocity, m/s and rad/s."""
 
 
+SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
+    "frequency": (2.0, 5.0),
+    "duty": (0.4, 0.65),
+    "body_height": (0.22, 0.42),
+    "step_height": (0.04, 0.16),
+    "forward_gain": (0.8, 2.0),
+    "forward_bias": (-0.2, 0.3),
+    "lateral_gain": (0.6, 1.5),
+    "yaw_gain": (0.8, 1.8),
+    "yaw_per_lateral": (-0.8, 0.2),
+}
+"""Wider where the trot's parameters lie at the edge of its own; and those of the command map, which its search fits."""
+
+
 @cache
 def integral_parameters() -> IntegralParameters:
-    """The trot's searched parameters with this integral's."""
-    return IntegralParameters(**asdict(trot_parameters()))
+    """The parameters in force, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
+    return read_parameters(PARAMETERS_FILE)
+
+
+def read_parameters(path: Path) -> IntegralParameters:
+    """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
+    return read(path, "feedback --policy trot_integral", lambda values: from_json(IntegralParameters, values))
 
 
 class TrotIntegral(Trot):

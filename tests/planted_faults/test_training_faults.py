@@ -14,7 +14,7 @@ import pytest
 import policies
 from evaluate.rollouts.hardware import IDEAL
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.named import SCENARIOS, scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, episode_seeds
@@ -108,9 +108,10 @@ def check_validation_is_on_its_own_episodes_and_ground() -> None:
 
 
 def check_searches_are_on_their_own_episodes_and_ground() -> None:
-    with recorded() as starts:
+    with recorded() as starts, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(feedback_cost, "EXERCISES", ("flat=1.5", "rough=0.12"))
         trot_cost.judge([trot_cost.TrotParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
-        feedback_cost.judge([feedback_cost.FeedbackParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
+        feedback_cost.judge([policies.make("trot")], episode_seeds("search", 0, 1), BRIEF, 1)
     assert EXAM_SURFACE not in surfaces(starts)
     seen: list[int] = []
 
@@ -201,9 +202,7 @@ def seeds_of_evaluation(module: str) -> Plant:
 
 def ground_of_evaluation(module: str) -> Plant:
     """The module has the evaluation's own surface."""
-    return lambda patch: patch.setattr(
-        f"{module}.practice", lambda name, *_, **__: SCENARIOS[name] if isinstance(name, str) else name
-    )
+    return lambda patch: patch.setattr(f"{module}.practice", lambda name, *_, **__: scenario(name))
 
 
 def ppo_with(change: Callable[[dict[str, Any]], dict[str, Any]]) -> Plant:

@@ -83,11 +83,12 @@ def evolve(
     spread: float,
     digits: int | None = None,
     description: str = "generations",
+    **settings: Any,
 ) -> Iterator[P]:
     """The mean of the search distribution after each generation.
 
     `costs` judges a generation's candidates, all on the episodes of its seeds; `spread` is the first standard deviation
-    of a parameter, as a share of its range.
+    of a parameter, as a share of its range; `settings` are those of `minimise`.
     """
     seeds = np.split(episode_seeds("search", effort.seed, effort.generations * effort.episodes), effort.generations)
 
@@ -95,7 +96,7 @@ def evolve(
         return costs([decode(point, start, ranges, digits) for point in points], seeds[generation])
 
     point = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
-    for mean in minimise(effort, point, (0, 1), judged, spread=spread, description=description):
+    for mean in minimise(effort, point, (0, 1), judged, spread=spread, description=description, **settings):
         yield decode(mean, start, ranges, digits)
 
 
@@ -175,11 +176,13 @@ def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Colle
 def judged(kind: str, rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
     """What parameters are worth on episodes of some `kind`, (its name, whose parameters, measures) each, likewise."""
     lines = [
-        f"| {kind} | parameters | falls | velocity error, m/s | mean velocity error, m/s | yaw-rate error, rad/s |",
-        "|---|---|---|---|---|---|",
+        f"| {kind} | parameters | succeeded | refused | falls | velocity error, m/s | mean velocity error, m/s "
+        "| yaw-rate error, rad/s |",
+        "|---" * 8 + "|",
     ]
     for name, label, found in rows:
         errors = (found.velocity_error, found.mean_velocity_error, found.yaw_rate_error)
+        counts = " | ".join(f"{int(each.sum())}/{len(each)}" for each in (found.succeeded, found.refused, found.fell))
         figures = " | ".join(f"{value.mean():.3f}" for value in errors)
-        lines.append(f"| {name} | {label} | {int(found.fell.sum())}/{len(found.fell)} | {figures} |")
+        lines.append(f"| {name} | {label} | {counts} | {figures} |")
     return lines

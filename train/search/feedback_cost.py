@@ -1,92 +1,71 @@
-"""What a set of parameters of `trot_feedback` is worth: how it tracks on flat ground, and where it breaks."""
+"""What the parameters of a policy are worth in the search for success: what becomes of it on many grounds."""
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures, measure
-from evaluate.rollouts.rollout import STEPS, run
-from policies.base import Floats
-from policies.trot.feedback import TrotFeedback
-from policies.trot.feedback_parameters import FeedbackParameters
-from quad_env.scenarios.axes import AXES
-from quad_env.scenarios.named import Scenario
-from train.scenarios import practice
-from train.search.trot_cost import Panel, episode_costs
+from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, REFUSED, RULES, SUCCEEDED, SUCCESS_RULE
+from evaluate.measures.tracking import VELOCITY_CAP
+from evaluate.rollouts.rollout import STEPS, run_each
+from policies.base import Floats, Policy
+from train.scenarios import Purpose, practice
+from train.search.trot_cost import Panel
 
-COMMAND_INTERVAL = 2.0
-"""s between commands in the search: more changes of command in the same time, their transients weigh more."""
-
-
-@dataclass(frozen=True)
-class Exercise:
-    """An axis at a severity, and what its cost counts."""
-
-    axis: str
-    severity: float
-    weight: float
-    fall_cost: float = 0.0
-    """Billed for a fall on top of the errors, which hold it as bad as standing still."""
-
-    @property
-    def name(self) -> str:
-        """Axis and severity with its unit."""
-        return f"{self.axis} {self.severity:g} {AXES[self.axis].unit}"
-
-    def scenario(self, purpose: Literal["search", "validation"]) -> Scenario:
-        """The scenario on ground of that purpose; a search's has the commands and the pushes of its short episodes."""
-        found = practice(AXES[self.axis].scenario(self.severity, self.name), purpose)
-        if purpose == "validation":
-            return found
-        commands = replace(found.commands, interval=COMMAND_INTERVAL)
-        pushes = found.pushes and replace(found.pushes, window=(0.5, 2 * COMMAND_INTERVAL))
-        return replace(found, commands=commands, pushes=pushes)
-
-    def bill(self, measures: Measures) -> Floats:
-        """Weighted cost of each episode, (episodes,)."""
-        return self.weight * (episode_costs(measures) + self.fall_cost * measures.fell)
-
-
-FALL_COST = 20.0
-"""What a fall is billed besides its errors where falls are what an exercise is about: about a third of them."""
 EXERCISES = (
-    Exercise("flat", 1.5, 10.0),
-    Exercise("push", 90.0, 0.08, FALL_COST),
-    Exercise("rough", 0.12, 0.15),
-    Exercise("rough", 0.32, 0.1, FALL_COST),
-    Exercise("rough", 0.5, 0.1, FALL_COST),
-    Exercise("slope", 20.0, 0.15),
-    Exercise("slope", 33.0, 0.08, FALL_COST),
+    *("flat=1.5", "flat=3", "push=35", "push=65", "rough=0.12", "rough=0.24", "slope=15", "slope=25", "stairs=0.1"),
+    *("soft=0.02", "slippery=0.1", "force=60", "payload=20", "weak_motors=20", "slow_motors=5", "slow_motors=2"),
+    *("latency=0.02", "latency=0.04", "latency=0.08", "noise=0.8", "surprise=1"),
 )
-"""Flat ground for tracking; the others from where a robot need not fall to beyond where the trot without feedback does.
-
-The errors of an episode with a fall are some ten times those of walking well: hence the small weights of the hard ones.
-"""
-HISTORY = (
-    "The weights are those in the code. That of flat 1.5 m/s was once raised from 2 to 10 after a look at a figure of "
-    "the evaluation. The defaults in the code, from which a search starts, date from then; neither was changed since."
+"""Scenarios of the search, all of one weight: from where a trot succeeds to where it seldom does."""
+OUTCOME_COSTS = {SUCCEEDED: 0.0, OFF_COMMAND: 1.0, REFUSED: 1.5, FELL: 2.0, DIVERGED: 2.0}
+"""Cost of what came of an episode; what is graded on top adds up to less than to the next one."""
+DEVIATION_COST, ERROR_COST, OVERSPEED_COST = 0.25, 0.15, 0.1
+"""Largest cost of what is graded: the worst command interval, the velocity error, and the share of joint readings above
+the rated speed, without which a search leaves the robot behind that the motors could move."""
+LARGEST_DEVIATION = 4.0
+"""Deviation from the command, per what is allowed, from which on it costs no more."""
+LARGEST_OVERSPEED = 0.1
+"""Share of joint readings above the rated speed from which on they cost no more."""
+WORDS = (
+    "Cost of an episode: "
+    + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
+    + f", and on top of that up to {DEVIATION_COST:g} for the worst command interval, as a share of "
+    f"{LARGEST_DEVIATION:g} times what is allowed, {ERROR_COST:g} for the velocity error, as a share of "
+    f"{VELOCITY_CAP:g} m/s, and {OVERSPEED_COST:g} for overspeed, as a share of {LARGEST_OVERSPEED:g}."
 )
-"""What an account says of the weights."""
+"""The cost in words."""
 
 
-def walked(members: list[FeedbackParameters], exercise: Exercise, seeds: NDArray[np.int64], threads: int) -> Measures:
-    """What full episodes from those seeds measure on ground of the validation, member after member."""
-    return _run(members, exercise.scenario("validation"), seeds, STEPS, threads)
+def episode_costs(measures: Measures) -> Floats:
+    """Cost of each episode, (episodes,): of its outcome, and of how far it was from a better one."""
+    outcome = np.array([OUTCOME_COSTS[each] for each in measures.outcome])
+    deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
+    # What was not walked to its end, or not at all, is billed in full.
+    worst = np.minimum(np.nan_to_num(deviation, nan=np.inf), LARGEST_DEVIATION).max(axis=1) / LARGEST_DEVIATION
+    overspeed = np.minimum(np.nan_to_num(measures.overspeed, nan=1.0) / LARGEST_OVERSPEED, 1.0)
+    error = measures.velocity_error / VELOCITY_CAP
+    graded: Floats = DEVIATION_COST * worst + ERROR_COST * error + OVERSPEED_COST * overspeed
+    return outcome + graded
 
 
-def judge(candidates: list[FeedbackParameters], seeds: NDArray[np.int64], steps: int, threads: int) -> Floats:
-    """Weighted cost of each candidate over all exercises, (candidates,)."""
-    total = np.zeros(len(candidates))
-    for exercise in EXERCISES:
-        measures = _run(candidates, exercise.scenario("search"), seeds, steps, threads)
-        total += exercise.bill(measures).reshape(len(candidates), -1).mean(axis=1)
-    return total
+def judge(candidates: Sequence[Policy], seeds: NDArray[np.int64], steps: int, threads: int) -> Floats:
+    """Mean cost of each candidate over the exercises and seeds, (candidates,)."""
+    costs = [episode_costs(measures) for measures in walked(candidates, EXERCISES, seeds, "search", steps, threads)]
+    mean: Floats = np.reshape(costs, (len(EXERCISES), len(candidates), -1)).mean(axis=(0, 2))
+    return mean
 
 
-def _run(
-    members: list[FeedbackParameters], scenario: Scenario, seeds: NDArray[np.int64], steps: int, threads: int
-) -> Measures:
-    panel = Panel([TrotFeedback(member) for member in members])
-    return measure(run(panel, scenario, np.tile(seeds, len(members)), nthread=threads, steps=steps))
+def walked(
+    members: Sequence[Policy],
+    exercises: Sequence[str],
+    seeds: NDArray[np.int64],
+    purpose: Purpose,
+    steps: int = STEPS,
+    threads: int = 1,
+) -> list[Measures]:
+    """What episodes from those seeds measure on each exercise, on ground of that purpose, member after member."""
+    panel, scenarios = Panel(members, len(exercises)), [practice(each, purpose) for each in exercises]
+    every_seed = np.tile(seeds, len(members))
+    return [measure(each) for each in run_each(panel, scenarios, every_seed, nthread=threads, steps=steps)]

@@ -44,6 +44,13 @@ def test_the_rule_by_hand(command, velocity, expected):
     assert judged([command], [velocity]) == expected
 
 
+def test_deviations_are_told_in_what_is_allowed():
+    """By hand: 0.35 m/s and 0.35 rad/s are allowed of commands of 1, 0.15 of none."""
+    commands = np.array([[(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]])
+    velocities = np.array([[(0.3, 0.0, 0.0), (0.0, 0.15, 0.65), (0.03, 0.04, -0.3), (np.nan,) * 3]])
+    np.testing.assert_allclose(RULES[SUCCESS_RULE].deviations(commands, velocities), [[2.0, 1.0, 2.0, np.nan]])
+
+
 def test_every_interval_has_to_be_followed_and_the_way_is_that_of_all():
     forward, still = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     assert judged([forward, still], [forward, still]) == "succeeded"

@@ -1,123 +1,201 @@
-"""The search of trot_feedback's gains: its exercises, what it bills, what it writes, keeps and refuses."""
+"""The search for success: its exercises, what it bills, what it writes, keeps and refuses."""
 
 import dataclasses
+import itertools
 import json
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+import policies
+from evaluate.measures.metrics import Measures
+from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, REFUSED, SUCCEEDED
+from policies.bases import BASES
 from policies.parameters import limits_of
-from policies.trot.feedback_parameters import PARAMETERS_FILE, FeedbackParameters, searched_parameters
-from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.named import scenario
+from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
+from train.scenarios import practice
 from train.search import feedback as search_feedback
-from train.search import feedback_cost
-from train.search.feedback import ACCOUNT, ADOPTED, KEPT, Comparison, moved
-from train.search.feedback_cost import EXERCISES, HISTORY, Exercise, judge, walked
+from train.search import feedback_comparison, feedback_cost
+from train.search.evolution import MARGIN, encode
+from train.search.feedback import SUBJECTS, Options
+from train.search.feedback_comparison import ADOPTED, KEPT, Comparison, moved
+from train.search.feedback_cost import EXERCISES, episode_costs, judge, walked
 
-TINY = "--generations 1 --candidates 4 --episodes 1 --steps 400 --check-episodes 4 --threads 1"
+TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1"
+each_subject = pytest.mark.parametrize("name", SUBJECTS)
+FORWARD, ASIDE, STILL, GONE = (1.0, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.0), (np.nan,) * 3
 
 
 @pytest.fixture
 def one_exercise(monkeypatch):
-    few = (Exercise("flat", 1.5, 1.0),)
-    monkeypatch.setattr(search_feedback, "EXERCISES", few)
-    monkeypatch.setattr(feedback_cost, "EXERCISES", few)
-    monkeypatch.setattr(feedback_cost, "STEPS", 200)
+    for module in (search_feedback, feedback_comparison, feedback_cost):
+        monkeypatch.setattr(module, "EXERCISES", ("flat=1.5",))
+    real = feedback_cost.walked
+    monkeypatch.setattr(feedback_comparison, "walked", lambda *walk, threads: real(*walk, 101, threads))
 
 
-@pytest.mark.parametrize("exercise", EXERCISES, ids=lambda exercise: exercise.name)
-def test_nobody_searches_on_the_ground_of_the_exam(exercise):
-    exam = AXES[exercise.axis].scenario(exercise.severity, exercise.name)
-    for purpose in ("search", "validation"):
-        scenario = exercise.scenario(purpose)
-        if exercise.axis == "rough":
-            assert scenario.terrain.seed != exam.terrain.seed
-            assert dataclasses.replace(scenario.terrain, seed=exam.terrain.seed) == exam.terrain
-        else:
-            assert scenario.terrain == exam.terrain
-        if scenario.pushes:
-            assert scenario.pushes.impulse == exam.pushes.impulse
+def found(outcome, commands, velocities, *, error=0.0, overspeed=0.0):
+    """An episode with these commands and mean velocities, an interval a row."""
+    nothing = {field.name: np.zeros(1) for field in dataclasses.fields(Measures)}
+    return Measures(
+        **nothing
+        | {"outcome": np.array([outcome], object), "velocity_error": np.array([error])}
+        | {"overspeed": np.array([overspeed])}
+        | {"commands": np.array([commands], float), "mean_velocities": np.array([velocities], float)}
+    )
 
 
-def told(text):
-    """The start and the outcome that an account tells of."""
-    cells = [[cell.strip() for cell in line.split("|")] for line in text.splitlines()]
-    rows = {row[1]: row for row in cells if len(row) == 6 and row[1] in limits_of(FeedbackParameters)}
-    return tuple(FeedbackParameters(**{name: float(row[column]) for name, row in rows.items()}) for column in (3, 4))
+@pytest.mark.parametrize(
+    ("episode", "cost"),
+    [
+        (found(SUCCEEDED, [FORWARD], [FORWARD]), 0.0),
+        (found(SUCCEEDED, [FORWARD], [FORWARD], error=0.2), 0.15 * 0.1),
+        (found(SUCCEEDED, [FORWARD], [FORWARD], overspeed=0.05), 0.1 * 0.5),
+        (found(SUCCEEDED, [FORWARD], [FORWARD], overspeed=0.3), 0.1),
+        # 0.35 m/s are allowed of 1 m/s: half of that is 1/8 of the largest deviation billed.
+        (found(SUCCEEDED, [FORWARD], [(0.825, 0.0, 0.0)]), 0.25 / 8),
+        (found(OFF_COMMAND, [FORWARD], [(0.3, 0.0, 0.0)]), 1.0 + 0.25 * 2 / 4),
+        # The worst interval counts: 0.5 rad/s off where 0.15 rad/s are allowed.
+        (found(OFF_COMMAND, [FORWARD, STILL], [FORWARD, (0.0, 0.0, 0.45)]), 1.0 + 0.25 * 3 / 4),
+        (found(OFF_COMMAND, [STILL], [(5.0, 0.0, 0.0)]), 1.25),
+        (found(REFUSED, [FORWARD], [STILL]), 1.5 + 0.25 * (1.0 / 0.35) / 4),
+        (found(FELL, [FORWARD, GONE], [FORWARD, GONE], error=1.0), 2.0 + 0.25 + 0.15 / 2),
+        (found(FELL, [GONE], [GONE], error=2.0, overspeed=np.nan), 2.5),
+        (found(DIVERGED, [GONE], [GONE], error=2.0), 2.4),
+    ],
+)
+def test_costs_by_hand(episode, cost):
+    assert episode_costs(episode) == pytest.approx([cost])
 
 
-def test_the_parameters_in_force_are_those_that_the_account_says_and_it_starts_from_those_in_the_code():
-    text = PARAMETERS_FILE.with_name(ACCOUNT).read_text()
-    start, outcome = told(text)
-    assert start == FeedbackParameters()
-    assert searched_parameters() == (start if KEPT in text else outcome)
-    assert moved(start, outcome) in text
-    assert HISTORY in text
+amounts = st.fixed_dictionaries({"error": st.floats(0, 2), "overspeed": st.floats(0, 1)})
+speeds = st.tuples(*[st.floats(-5, 5)] * 3)
 
 
-def test_a_short_episode_has_its_push_and_two_commands():
-    short = Exercise("push", 90.0, 1.0).scenario("search")
-    assert short.pushes.window[1] <= 2 * short.commands.interval
+@given(speeds, speeds, speeds, st.tuples(amounts, amounts))
+def test_whatever_is_graded_the_outcomes_keep_their_order(command, one, other, graded):
+    """So that a robot that stands still where it should walk never gains by it, nor one that falls by falling."""
+    order = (SUCCEEDED, OFF_COMMAND, REFUSED, FELL)
+    for better, worse in itertools.pairwise(order):
+        first = episode_costs(found(better, [command], [one], **graded[0]))
+        assert first <= episode_costs(found(worse, [command], [other], **graded[1]))
 
 
-def test_spoilt_gains_cost_more(monkeypatch):
-    monkeypatch.setattr(feedback_cost, "EXERCISES", (Exercise("flat", 1.5, 10.0), Exercise("slope", 20.0, 0.15)))
-    good = searched_parameters()
-    changes = ({"forward_gain": 0.3, "integral_gain": 0.0}, {"stance_push": -0.2}, {"tilt_gain": -1.0})
-    spoilt = [dataclasses.replace(good, **change) for change in changes]
-    first, *others = judge([good, *spoilt], episode_seeds("search", 9, 4), 400, 2)
-    assert min(others) > first + 1.0
-
-
-def test_falls_are_billed_where_the_exercise_is_about_them(monkeypatch):
-    members, seeds = [searched_parameters(), FeedbackParameters(body_height=0.2, capture_gain=0.0)], np.arange(8)
-    bills = []
-    for fall_cost in (0.0, 24.0):
-        monkeypatch.setattr(feedback_cost, "EXERCISES", (Exercise("push", 120.0, 0.5, fall_cost),))
-        bills.append(judge(members, seeds, 500, 1))
-    falls = (bills[1] - bills[0]) / (0.5 * 24.0 / len(seeds))
-    np.testing.assert_allclose(falls, np.round(falls), atol=1e-9)
-    assert (falls > 0).all()
-    assert (falls <= 8).all()
-
-
-def test_members_are_measured_one_after_the_other():
-    good, slow = searched_parameters(), dataclasses.replace(searched_parameters(), forward_gain=0.3, integral_gain=0.0)
+def test_standing_still_costs_more_than_walking_off_command_and_falling_more_than_either(monkeypatch):
+    """On the same episodes: nobody stands still for want of a better walk."""
+    monkeypatch.setattr(feedback_cost, "EXERCISES", ("flat=1.5",))
+    trot = policies.make("trot_integral").parameters
+    slow = dataclasses.replace(trot, forward_gain=0.8, lateral_gain=0.4, yaw_gain=0.6, integral_gain=0.0)
+    tumbling = dataclasses.replace(trot, stance_width=0.1, body_height=0.42, frequency=1.0)
+    made = [BASES["trot_integral"].make(parameters=each) for each in (trot, slow, tumbling)]
     seeds = episode_seeds("search", 9, 4)
-    found = walked([good, slow], Exercise("flat", 1.5, 1.0), seeds, 1)
-    np.testing.assert_array_equal(found.commands[:4], found.commands[4:])
-    assert (found.velocity_error[:4] < found.velocity_error[4:]).all()
+    good, off, fallen, still = judge([*made, policies.make("stand")], seeds, 300, 1)
+    (measures,) = walked([made[1]], ["flat=1.5"], seeds, "search", 300)
+    assert (measures.outcome == OFF_COMMAND).any()
+    assert not measures.fell.any()
+    assert good < off < still < fallen
 
 
+@pytest.mark.parametrize("name", EXERCISES)
+def test_nobody_searches_on_the_ground_of_the_exam(name):
+    exam = scenario(name)
+    surfaces = {practice(name, purpose).terrain for purpose in ("search", "validation")}
+    if isinstance(exam.terrain, SmoothRandom):
+        assert exam.terrain not in surfaces
+        assert {dataclasses.replace(each, seed=exam.terrain.seed) for each in surfaces} == {exam.terrain}
+        assert len(surfaces) == 2
+    else:
+        assert surfaces == {exam.terrain}
+
+
+def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_member_alone(monkeypatch):
+    members = [policies.make("trot"), policies.make("stand")]
+    seeds, pair = episode_seeds("search", 9, 2), ("flat=1.5", "slope=15")
+    monkeypatch.setattr(feedback_cost, "EXERCISES", pair)
+    together = np.reshape([episode_costs(each) for each in walked(members, pair, seeds, "search", 120)], (2, 2, 2))
+    for exercise, member in np.ndindex(2, 2):
+        (alone,) = walked([members[member]], [pair[exercise]], seeds, "search", 120)
+        np.testing.assert_array_equal(together[exercise, member], episode_costs(alone))
+    np.testing.assert_allclose(judge(members, seeds, 120, 2), together.mean(axis=(0, 2)))
+
+
+def told(text, kind):
+    """The parameters before and after that an account tells of."""
+    cells = [[cell.strip() for cell in line.split("|")] for line in text.splitlines()]
+    rows = {row[1]: row for row in cells if len(row) == 6 and row[1] in limits_of(kind)}
+    return tuple(kind(**{name: float(row[column]) for name, row in rows.items()}) for column in (3, 4))
+
+
+@each_subject
+def test_the_parameters_in_force_are_those_that_the_account_says(name):
+    subject, kind = SUBJECTS[name], BASES[name].parameters
+    before, after = told(subject.file.with_name(subject.account).read_text(), kind)
+    adopted = ADOPTED in subject.file.with_name(subject.account).read_text()
+    assert subject.read(subject.file) == (after if adopted else before) == policies.make(name).parameters
+
+
+@each_subject
+def test_the_parameters_in_force_lie_within_the_ranges_of_the_search(name):
+    point = encode(policies.make(name).parameters, SUBJECTS[name].ranges)
+    assert point.min() > MARGIN
+    assert point.max() < 1.0 - MARGIN
+
+
+def searched(folder, name, seed=0):
+    """The parameters and the account that a tiny search leaves in a folder of its own."""
+    folder.mkdir()
+    out = folder / "found.json"
+    assert main(["search", "feedback", *TINY.split(), "--policy", name, "--seed", str(seed), "--out", str(out)]) == 0
+    return json.loads(out.read_text()), (folder / SUBJECTS[name].account).read_text()
+
+
+@each_subject
 @pytest.mark.usefixtures("one_exercise")
-def test_a_search_writes_parameters_and_its_account_and_is_the_same_again(tmp_path):
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        assert main(["search", "feedback", *TINY.split(), "--out", str(tmp_path / name / "found.json")]) == 0
-    one, two = ((tmp_path / name / "found.json").read_text() for name in ("one", "two"))
-    assert one == two
-    account = (tmp_path / "one" / ACCOUNT).read_text()
-    start, outcome = told(account)
-    assert start == FeedbackParameters() != outcome
-    assert FeedbackParameters(**json.loads(one)) == (outcome if ADOPTED in account else start)
+def test_a_search_writes_parameters_and_its_account(name, tmp_path):
+    parameters, account = searched(tmp_path / "one", name)
+    kind, in_force = BASES[name].parameters, policies.make(name).parameters
+    before, after = told(account, kind)
+    assert before == in_force != after
+    assert kind(**parameters) == (after if ADOPTED in account else before)
     assert "| blend_time | fixed |" in account
-    assert len([line for line in account.splitlines() if "| after |" in line]) == 1 + 1
+    assert f"train search feedback --policy {name} --seed 0 --generations 1 " in account
+    rows = [line.split(" | ")[:3] for line in account.splitlines() if "/2 | " in line]
+    assert [row[:2] for row in rows] == [["| flat=1.5", "before"], ["| flat=1.5", "after"]]
 
 
 @pytest.mark.usefixtures("one_exercise")
-def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_the_start(tmp_path, monkeypatch):
-    outcome = dataclasses.replace(FeedbackParameters(), forward_gain=0.4, integral_gain=0.0)
-    monkeypatch.setattr(search_feedback, "search", lambda *_: iter([outcome]))
-    seen = []
-    monkeypatch.setattr(search_feedback, "walked", lambda *arguments: seen.append(arguments[2]) or walked(*arguments))
-    out = tmp_path / "found.json"
-    assert main(["search", "feedback", *TINY.split(), "--out", str(out)]) == 0
-    assert FeedbackParameters(**json.loads(out.read_text())) == FeedbackParameters()
-    assert KEPT in (tmp_path / ACCOUNT).read_text()
-    for seeds in seen:
-        np.testing.assert_array_equal(seeds, episode_seeds("validation", 0, 4))
+def test_a_search_is_the_same_again_and_another_with_another_seed(tmp_path):
+    first, again, other = (
+        searched(tmp_path / folder, "trot_integral", seed) for folder, seed in (("one", 0), ("two", 0), ("three", 1))
+    )
+    assert first == again
+    assert told(first[1], BASES["trot_integral"].parameters)[1] != told(other[1], BASES["trot_integral"].parameters)[1]
+
+
+@pytest.mark.usefixtures("one_exercise")
+def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_force(tmp_path, monkeypatch):
+    in_force = policies.make("trot_feedback").parameters
+    worse = dataclasses.replace(in_force, forward_gain=0.4, integral_gain=0.0)
+    monkeypatch.setattr(search_feedback, "search", lambda _, start: iter([start]))
+    seen, real = [], feedback_comparison.walked
+    monkeypatch.setattr(
+        feedback_comparison,
+        "walked",
+        lambda *walk, **options: seen.append(walk[2:4]) or real(*walk, **options),
+    )
+    out, start = tmp_path / "found.json", tmp_path / "start.json"
+    start.write_text(json.dumps(dataclasses.asdict(worse)))
+    assert main(["search", "feedback", *TINY.split(), "--start", str(start), "--out", str(out)]) == 0
+    assert json.loads(out.read_text()) == dataclasses.asdict(in_force)
+    assert KEPT in (tmp_path / "TROT_FEEDBACK.md").read_text()
+    for seeds, ground in seen:
+        np.testing.assert_array_equal(seeds, episode_seeds("validation", 0, 2))
+        assert ground == "validation"
 
 
 def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chance():
@@ -128,16 +206,16 @@ def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chanc
 
 def test_how_far_parameters_moved_is_told_in_shares_of_their_ranges():
     """By hand: 0.75 of 3 … 9 Hz is 12.5 %, and 0.0125 of 0.4 … 0.65 is 5 %; all others stay."""
-    start = FeedbackParameters()
-    outcome = dataclasses.replace(start, frequency=start.frequency + 0.75, duty=start.duty - 0.0125)
-    text = moved(start, outcome)
+    before = policies.make("trot_feedback").parameters
+    after = dataclasses.replace(before, frequency=before.frequency + 0.75, duty=before.duty - 0.0125)
+    text = moved(before, after, SUBJECTS["trot_feedback"].ranges)
     assert "0.0% of their range in the median" in text
     assert "most of all frequency (12.5%), duty (5.0%)" in text
 
 
 @pytest.mark.usefixtures("one_exercise")
 def test_ctrl_c_keeps_what_was_found_so_far(tmp_path, monkeypatch, capsys):
-    better = dataclasses.replace(FeedbackParameters(), duty=0.5125)
+    better = dataclasses.replace(policies.make("trot_feedback").parameters, duty=0.5125)
 
     def search(*_):
         yield better
@@ -146,21 +224,22 @@ def test_ctrl_c_keeps_what_was_found_so_far(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(search_feedback, "search", search)
     out = tmp_path / "found.json"
     assert main(["search", "feedback", "--out", str(out)]) == 130
-    assert FeedbackParameters(**json.loads((tmp_path / "found.unjudged.json").read_text())) == better
-    assert not out.exists()
-    assert not (tmp_path / ACCOUNT).exists()
+    assert json.loads((tmp_path / "found.unjudged.json").read_text()) == dataclasses.asdict(better)
+    assert [path.name for path in tmp_path.iterdir()] == ["found.unjudged.json"]
     assert "kept what was found after 1 generations" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ("--steps 300", "--steps must be from 400"),
+        ("--steps 100", "--steps must be from 101"),
         ("--candidates 3", "--candidates must be from 4"),
         ("--spread 0", "--spread must be from"),
         ("--spread nan", "--spread must be from"),
+        ("--policy trot", "trot_integral"),
         ("--start no-such.json", "no-such.json"),
         ("--out .", "must be a file"),
+        ("--policy trot_integral --out TROT_INTEGRAL.md", "must be a file"),
         ("--out no-such-folder/found.json", "no folder"),
     ],
 )
@@ -168,3 +247,7 @@ def test_bad_input_is_one_line(arguments, complaint, capsys):
     assert main(["search", "feedback", *arguments.split()]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert complaint in line
+
+
+def test_a_search_spreads_its_candidates_over_a_real_share_of_the_ranges():
+    assert Options().spread >= 0.1
