@@ -1,1 +1,1 @@
-"""Searches of parameters by CMA-ES: of the trot, its feedback, the gaits, getting up."""
+"""Searches of parameters by CMA-ES: of the trot and those with feedback, the gaits, getting up."""
