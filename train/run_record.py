@@ -9,7 +9,7 @@ from typing import Any
 
 from evaluate.records.provenance import versions
 from policies.files import write_atomically
-from train.config import DEFAULTS, TrainConfig, differences, to_dict
+from train.config import DEFAULTS, Change, TrainConfig, differences, to_dict
 from train.foreign.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 
@@ -21,8 +21,16 @@ def command(config: TrainConfig) -> str:
     """The command that repeats a run."""
     options = [f"--policy {config.policy}"] if config.policy != "residual" else []
     changed = differences(DEFAULTS[config.policy], config)
-    options += [f"{each.option} {_words(each.new)}" for each in changed if each.option != "--seed"]
+    options += [_words_of(each) for each in changed if each.option != "--seed"]
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
+
+
+def _words_of(change: Change) -> str:
+    """The option with its new value."""
+    if isinstance(change.new, bool):
+        group, dot, name = change.option.removeprefix("--").rpartition(".")
+        return change.option if change.new else f"--{group}{dot}no-{name}"
+    return f"{change.option} {_words(change.new)}"
 
 
 def _words(value: Any) -> str:
