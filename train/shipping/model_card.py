@@ -1,21 +1,19 @@
 """MODEL.md of a trained policy: what it is, how it was trained, what it is worth beside its base and other seeds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median
 
-from evaluate.analysis.comparison import METRICS, RATES, Comparison
+from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
-from evaluate.analysis.summary import Summary
 from evaluate.rollouts import hardware
-from evaluate.terminal.format import interval, number, p_value, percent, percent_interval, points
+from evaluate.terminal.format import number, p_value, percent, points, share
 from policies.base import CONTROL_PERIOD
 from train.config import TrainConfig
 from train.run_record import command
 
-HEADER = (
-    "| scenario | policy | seed | success | falls | velocity error m/s | yaw-rate error rad/s "
-    "| mean velocity error m/s |",
-    "|---|---|---|---|---|---|---|---|",
-)
+SIGNIFICANT = 0.05
+"""Largest p-value, corrected, with which a difference is one."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +30,8 @@ class TrainedRun:
 def model_card(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
     """The whole MODEL.md; `runs` are all that were judged, and policies of `results` that are no run are baselines."""
     config = shipped.config
+    kinds = dict.fromkeys(run.config.policy for run in runs)
+    tables = "\n\n".join(table(kind, runs, shipped, results) for kind in kinds)
     return f"""# {config.policy}
 
 A {" × ".join(map(str, config.ppo.actor))} network ({config.ppo.activation}) that {does(config)}. \
@@ -50,11 +50,14 @@ evaluation uses.
 ## Results
 
 {results.episodes} episodes of 10 s a scenario, the same for every policy (`--seed {results.seed}`); in brackets 95 % \
-intervals; errors bill every step after a fall their cap. Only the rows of one block share their episodes.
+intervals and p-values, which are paired by episode and corrected by Holm's method over the comparisons of a column; \
+errors bill every step after a fall their cap.
 
-{table(runs, shipped, results)}
+{tables}
 
-{against_base(runs, shipped, results)}
+## Where it is better than its base, and where it is weak
+
+{verdicts(shipped, results)}
 """
 
 
@@ -82,43 +85,77 @@ def mixture(config: TrainConfig) -> str:
     return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
 
 
-def table(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """A block for each scenario, a row for each policy, in Markdown."""
-    lines = [*HEADER]
-    seeds = {run.label: seed(run, shipped) for run in runs}
-    names = {run.label: run.config.policy for run in runs}
-    for (scenario, policy), summary in results.summaries.items():
-        cells = (scenario, names.get(policy, policy), seeds.get(policy, "–"), *figures(summary))
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+def table(kind: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """The seeds of one kind of policy beside the shipped one's base, a row for each scenario, in Markdown."""
+    first, *others = sorted((run for run in runs if run.config.policy == kind), key=lambda run: run is not shipped)
+    base, name = shipped.config.base, f"{kind} {seed(first, shipped)}"
+    rest = ", ".join(str(run.config.seed) for run in others)
+    header = (
+        "scenario",
+        f"success, `{base}`",
+        f"success, {name}",
+        *([f"seeds {rest}", "median"] if others else []),
+        f"{name} minus `{base}`, points",
+        f"falls, `{base}` / {name}",
+        f"velocity error, m/s, `{base}` / {name}",
+        f"yaw-rate error, rad/s, `{base}` / {name}",
+    )
+    rows = [_row(scenario, base, (first, *others), results) for scenario in results.scenarios]
+    return "\n".join(f"| {' | '.join(row)} |" for row in (header, ["---"] * len(header), *rows))
 
 
-def figures(summary: Summary) -> tuple[str, ...]:
-    """Successes, falls and errors of one cell, each with its interval."""
+def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> tuple[str, ...]:
+    """Figures of the base, of the first of the runs beside it, and the successes of the others."""
+    before, *after = (results.summaries[scenario, policy] for policy in (base, *(run.label for run in runs)))
+    shown = after[0]
+    seeds = [percent(each.success_rate) for each in after[1:]]
+    found = {metric: difference(_against(base, scenario, runs[0], metric, results)) for metric in METRICS}
     return (
-        f"{summary.successes}, {percent(summary.success_rate)} ({percent_interval(summary.success_rate_ci)})",
-        f"{summary.falls}, {percent(summary.fall_rate)} ({percent_interval(summary.fall_rate_ci)})",
-        f"{number(summary.velocity_error)} ({interval(summary.velocity_error_ci)})",
-        f"{number(summary.yaw_rate_error)} ({interval(summary.yaw_rate_error_ci)})",
-        f"{number(summary.mean_velocity_error)} ({interval(summary.mean_velocity_error_ci)})",
+        scenario,
+        share(before.success_rate, before.success_rate_ci),
+        share(shown.success_rate, shown.success_rate_ci),
+        *([", ".join(seeds), percent(median(each.success_rate for each in after))] if seeds else []),
+        found[SUCCESS_RATE],
+        f"{before.falls} / {shown.falls}, {found[FALL_RATE]}",
+        f"{number(before.velocity_error)} / {number(shown.velocity_error)}, {found['velocity_error']}",
+        f"{number(before.yaw_rate_error)} / {number(shown.yaw_rate_error)}, {found['yaw_rate_error']}",
     )
 
 
-def against_base(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """Each run's paired differences from the shipped policy's base, in Markdown, a row for each run and scenario."""
+def _against(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:
+    """The run's difference from the base."""
+    return next(
+        each
+        for each in results.comparisons
+        if (each.scenario, each.a, each.b, each.metric) == (scenario, run.label, base, metric)
+    )
+
+
+def verdicts(shipped: TrainedRun, results: Results) -> str:
+    """Scenarios by what the shipped policy does there beside its base, in Markdown."""
     base = shipped.config.base
-    lines = [
-        f"Minus `{base}`, paired by episode; success and falls in percentage points; p in brackets, "
-        f"corrected by Holm's method over the {len(runs) * len(results.scenarios)} comparisons of a column:",
-        "",
-        *HEADER,
-    ]
-    found = {(each.scenario, each.a, each.metric): each for each in results.comparisons if each.b == base}
-    for scenario in results.scenarios:
-        for run in runs:
-            cells = [difference(found[scenario, run.label, metric]) for metric in METRICS]
-            lines.append(f"| {scenario} | {run.config.policy} | {seed(run, shipped)} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+    found = {
+        (metric, scenario): _against(base, scenario, shipped, metric, results)
+        for metric in (SUCCESS_RATE, FALL_RATE)
+        for scenario in results.scenarios
+    }
+
+    def where(metric: str, sign: float) -> str:
+        names = [
+            scenario
+            for (of, scenario), each in found.items()
+            if of == metric and sign * each.difference > 0.0 and each.p_value_holm <= SIGNIFICANT
+        ]
+        return f"{', '.join(names) or 'nowhere'} ({len(names)} of {len(results.scenarios)})"
+
+    weak = [name for name in results.scenarios if results.summaries[name, shipped.label].success_rate < 0.5]
+    return "\n".join(
+        (
+            f"- Succeeds more often than `{base}`, p of at most {SIGNIFICANT:g}: {where(SUCCESS_RATE, 1.0)}.",
+            f"- Succeeds less often: {where(SUCCESS_RATE, -1.0)}. Falls more often: {where(FALL_RATE, 1.0)}.",
+            f"- Succeeds in less than half of the episodes: {', '.join(weak) or 'nowhere'}.",
+        )
+    )
 
 
 def difference(comparison: Comparison) -> str:

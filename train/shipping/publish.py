@@ -23,6 +23,29 @@ from train.shipping.model_card import TrainedRun, model_card
 SHIPPED_SEED = 0
 """Fixed before any run, so that what ships is not the luckiest."""
 
+SCENARIOS = (
+    "flat",
+    "flat=3",
+    "push",
+    "push=65",
+    "rough",
+    "rough=0.24",
+    "slope",
+    "slippery=0.1",
+    "latency=0.08",
+    "noise=0.8",
+    "dropout=0.8",
+    "payload=20",
+    "force=60",
+    "weak_motors=10",
+    "slow_motors=2",
+    "soft=0.04",
+    "stairs=0.2",
+    "surprise",
+    "surprise=2",
+)
+"""What a policy is judged on: every axis where robots begin to fail, and four of them at their nominal severity."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -34,7 +57,7 @@ class Options:
     """Folder that gets policy.json, policy.safetensors and MODEL.md."""
     policy: str = "residual"
     """Which kind of policy ships."""
-    scenarios: tuple[str, ...] = ("flat", "push", "rough")
+    scenarios: tuple[str, ...] = SCENARIOS
     """Scenarios judged on."""
     episodes: int = number(512, limits=(1, 1_000_000))
     """Episodes of each policy on each scenario."""
@@ -71,7 +94,7 @@ def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> 
     seeds = evaluation_seeds(options.seed, options.episodes)
     with show_progress([each.label for each in judged] * len(scenarios)) as progress:
         found = list(run_cells(judged, scenarios, seeds, Settings(options.threads, progress)))
-    return analyse(found, seed=options.seed, episodes=options.episodes, complete=True)
+    return analyse(found, seed=options.seed, episodes=options.episodes, complete=True, baseline=shipped.config.base)
 
 
 def read_run(folder: Path) -> TrainedRun:
