@@ -50,7 +50,7 @@ class Options(Common):
     """Episodes of a judgement (count)."""
     rounds: int = 3
     """Pieces of training that the shares are medians of (count)."""
-    piece: int = 16_384
+    piece: int = 49_152
     """Steps of such a piece."""
     threads: int = cores()
     """Threads of the simulation (count; default: this machine's cores)."""
@@ -86,12 +86,14 @@ def measure(options: Options) -> Outcome:
     from benchmarks.probes.training_run import shares  # torch takes seconds to import
 
     with stage("training, shares", options.rounds) as advance:
-        pieces = []
+        ways = [replace(config, ppo=replace(config.ppo, overlap=overlap)) for overlap in (False, True)]
+        plain_pieces, pieces = [], []
         for _ in range(options.rounds):
-            pieces.append(shares(config, options.piece))
+            plain_pieces.append(shares(ways[0], options.piece))
+            pieces.append(shares(ways[1], options.piece))
             advance()
-    tables, checks, reused = [_shares_table(pieces, options)], tuple[Check, ...](), 0
-    figures: dict[str, Any] = {"shares": pieces}
+    tables, checks, reused = [_shares_table(plain_pieces, pieces, options)], tuple[Check, ...](), 0
+    figures: dict[str, Any] = {"shares": pieces, "shares_without_overlap": plain_pieces}
     if options.seeds:
         times, reused = _seeds(options, config, records)
         tables.append(_times_table(times, options))
@@ -175,14 +177,21 @@ def seconds_to(trace: Sequence[dict[str, float]]) -> dict[float, float]:
     }
 
 
-def _shares_table(pieces: "Sequence[Shares]", options: Options) -> Table:
-    rows = table(f"Wall time of training, {options.policy}", "", "µs a step", "share")
-    steps, total = pieces[0].steps, float(np.median([piece.total for piece in pieces]))
-    for name in ("physics", "environment", "rollout", "learner", "other"):
-        seconds = float(np.median([getattr(piece, name) for piece in pieces]))
-        rows.add_row(name, f"{seconds / steps * 1e6:.1f}", f"{seconds / total:.0%}")
-    rows.add_row("whole", f"{total / steps * 1e6:.1f}", f"{steps / total:,.0f} steps/s")
+def _shares_table(one_by_one: "Sequence[Shares]", overlapped: "Sequence[Shares]", options: Options) -> Table:
+    """Both ways of training; the last row is how near it comes to nothing but physics."""
+    rows = table(f"Wall time of training, {options.policy}, µs a step", "", "one by one", "updates beside rollouts")
+    for name in ("physics", "environment", "rollout", "learner", "other", "total"):
+        rows.add_row(name, *(f"{_of_a_step(pieces, name) * 1e6:.1f}" for pieces in (one_by_one, overlapped)))
+    totals = [_of_a_step(pieces, "total") for pieces in (one_by_one, overlapped)]
+    rows.add_row("steps/s", *(f"{1.0 / each:,.0f}" for each in totals))
+    bare = _of_a_step(one_by_one, "physics")
+    rows.add_row("steps/s per those of Batch.step alone", *(f"{bare / each:.2f}" for each in totals), style="bold")
     return rows
+
+
+def _of_a_step(pieces: "Sequence[Shares]", name: str) -> float:
+    """Median time of a part, s a step of the learner."""
+    return float(np.median([getattr(piece, name) / piece.steps for piece in pieces]))
 
 
 def _times_table(times: Sequence[dict[float, float]], options: Options) -> Table:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
-from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
@@ -24,6 +23,7 @@ from train.run_record import write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, ValidateAndSave
 from train.sb3.log import run_logger
+from train.sb3.overlap import OverlappedPPO
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -64,7 +64,7 @@ def _carry_on(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
 
 
 def _learn(
-    config: TrainConfig, env: TrainingVecEnv, model: PPO, state: CallbackState, notices: Sequence[str] = ()
+    config: TrainConfig, env: TrainingVecEnv, model: OverlappedPPO, state: CallbackState, notices: Sequence[str] = ()
 ) -> None:
     done = model.num_timesteps
     robots = cast(TrainingRobots, env.env.unwrapped)
@@ -78,6 +78,8 @@ def _learn(
         model.set_logger(logger)
         segments = Segments(config, state)
         callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
+        if config.ppo.overlap:
+            model.drains = lambda: segments.over
         callbacks.append(Curriculum(config, state, segments, robots))
         callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
         # SB3's own log is left out: its means reach back beyond the last checkpoint.

@@ -15,6 +15,7 @@ from stable_baselines3.common.logger import Logger
 from train.config import TrainConfig, ValidationConfig
 from train.run import make_env
 from train.sb3.callbacks import CallbackState, Schedules, Segments, current_policy
+from train.sb3.overlap import OverlappedPPO
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
 from train.validation import validate
@@ -36,7 +37,7 @@ class Shares:
     rollout: float
     """The rest of collecting a rollout: the policy's forward pass, the buffer, advantages."""
     learner: float
-    """Gradient steps."""
+    """Gradient steps; of updates beside the rollouts what is waited for."""
     other: float
     """What is left."""
 
@@ -64,6 +65,8 @@ def shares(config: TrainConfig, steps: int) -> Shares:
     piece = _Piece(steps, watch)
     try:
         model = _learner(config, env)
+        if config.ppo.overlap:
+            model.drains = lambda: False
         with (
             _timed(Batch, "step", watch, "physics"),
             _timed(env, "step_wait", watch, "environment"),
@@ -147,12 +150,15 @@ def train_and_judge(
         model = _learner(config, env)
         judge = _Judge(config, every, episodes, goal, report, begin)
         state = CallbackState()
-        model.learn(config.steps, [judge, Schedules(config, state), Segments(config, state)])
+        segments = Segments(config, state)
+        if config.ppo.overlap:
+            model.drains = lambda: segments.over
+        model.learn(config.steps, [judge, Schedules(config, state), segments])
     finally:
         env.close()
 
 
-def _learner(config: TrainConfig, env: TrainingVecEnv) -> PPO:
+def _learner(config: TrainConfig, env: TrainingVecEnv) -> OverlappedPPO:
     model = build(config, env)
     model.set_logger(Logger(None, []))
     return model

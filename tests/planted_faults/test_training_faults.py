@@ -44,7 +44,7 @@ SETTINGS = PpoConfig(
     critic=(3,),
     activation="tanh",
 )
-JUDGED = TrainConfig(validation=ValidationConfig(episodes=1)).judged
+JUDGED = ValidationConfig(episodes=1, scenarios=("flat", "push", "rough"))
 SMALL = TrainConfig(
     threads=1, seed=7, mixture=(("flat", 0.5), ("push", 1 / 6), ("rough", 1 / 3)), pushes=3, hardness=1.5, ppo=SETTINGS
 )
@@ -211,8 +211,8 @@ def ppo_with(change: Callable[[dict[str, Any]], dict[str, Any]]) -> Plant:
     def plant(patch: pytest.MonkeyPatch) -> None:
         from train.sb3 import ppo
 
-        true_ppo = ppo.PPO
-        patch.setattr(ppo, "PPO", lambda *args, **kwargs: true_ppo(*args, **change(kwargs)))
+        true_ppo = ppo.OverlappedPPO
+        patch.setattr(ppo, "OverlappedPPO", lambda *args, **kwargs: true_ppo(*args, **change(kwargs)))
 
     return plant
 

@@ -168,7 +168,8 @@ def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp
     flat = {"success_rate": 0.5, "yaw_rate_error": 0.0, "fall_rate": 0.0}
     monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: {"flat": flat | {"velocity_error": next(errors)}})
     folder = tmp_path / "run"
-    assert main([*TINY, "--validation.interval", "256", "--steps", "640", "--out", str(folder)]) == 0
+    words = ["--ppo.no-overlap", "--ppo.hold", "1", "--validation.interval", "256", "--steps", "640"]
+    assert main([*TINY, *words, "--out", str(folder)]) == 0
     events = EventAccumulator(str(folder / "tensorboard")).Reload()
     logged = {tag: [(event.step, event.value) for event in events.Scalars(tag)] for tag in events.Tags()["scalars"]}
     assert logged["validation/score"] == [(256, 0.5), (512, 0.25), (640, 0.75)]
@@ -279,7 +280,8 @@ def test_a_run_that_cannot_be_set_up_leaves_no_folder(step, tmp_path, monkeypatc
 def test_the_extreme_settings_that_are_allowed_can_be_trained_with(tmp_path):
     options = (
         "--seed 4294967295 --pushes 79 --max-episode-steps 1 --hip-authority 0 --ppo.envs 1 --ppo.rollout-steps 2 "
-        "--ppo.minibatch 2 --ppo.actor --ppo.critic --ppo.hold 2 --mixture push 1 --steps 2"
+        "--ppo.minibatch 2 --ppo.actor --ppo.critic --ppo.hold 2 --mixture push 1 --steps 2 "
+        "--inputs.lags --inputs.averages"
     )
     assert main([*TINY, *options.split(), "--out", str(tmp_path / "run")]) == 0
     assert policies.load(tmp_path / "run" / "last").network.sizes == (62, 12)

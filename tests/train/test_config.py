@@ -13,6 +13,7 @@ from policies.parameters import limits_of
 from train.__main__ import parse
 from train.config import (
     DEFAULTS,
+    MIXTURE,
     BaseName,
     PpoConfig,
     TrainConfig,
@@ -130,7 +131,7 @@ def test_every_base_that_a_bundle_can_hold_can_be_trained_on():
 
 
 def test_each_policy_has_its_own_defaults_and_options_override_them():
-    assert parse([]).base == "trot"
+    assert parse([]).base == "trot_integral"
     end_to_end = parse(["--policy", "end-to-end", "--hip-authority", "0.4"])
     assert end_to_end == dataclasses.replace(DEFAULTS["end-to-end"], hip_authority=0.4)
     assert end_to_end.base == "stand"
@@ -185,7 +186,7 @@ def test_robots_are_shared_out_to_the_last_one(mixture, robots, expected):
 
 
 def test_a_run_is_judged_on_what_it_trains_on_unless_it_is_told_other_scenarios():
-    assert parse([]).judged.scenarios == ("flat", "push", "rough")
+    assert parse([]).judged.scenarios == tuple(name for name, _ in MIXTURE)
     mixture = ["--mixture", "latency=0.04", "0.5", "flat", "0", "payload=15+slope=10", "0.5"]
     assert parse(mixture).judged.scenarios == ("latency=0.04", "payload=15+slope=10")
     assert parse([*mixture, "--validation.scenarios", "flat"]).judged.scenarios == ("flat",)

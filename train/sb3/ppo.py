@@ -14,6 +14,7 @@ from torch import nn
 
 from policies.network import Network
 from train.config import PpoConfig, TrainConfig
+from train.sb3.overlap import OverlappedPPO
 from train.sb3.symmetry import MirroredRolloutBuffer
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -82,12 +83,12 @@ def _falling(rate: float, remaining: float) -> float:
     return rate * max(remaining, 0.0)
 
 
-def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
+def build(config: TrainConfig, env: TrainingVecEnv) -> OverlappedPPO:
     """A fresh learner whose mean correction is zero everywhere."""
     # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
     torch.set_num_threads(1)
     ppo = config.ppo
-    model = PPO(
+    model = OverlappedPPO(
         AsymmetricPolicy,
         env,
         learning_rate=learning_rate(ppo),

@@ -8,6 +8,7 @@ import torch
 
 import policies
 from policies.bundle import load, save
+from policies.history import Inputs
 from policies.residual import ResidualPolicy
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import SCENARIOS
@@ -98,10 +99,10 @@ def test_the_exported_network_does_not_follow_the_learner():
 
 
 def test_a_bundle_of_a_run_acts_as_the_learner_does(tmp_path):
-    config, model = learner()
-    shaken(model)
+    plain = dataclasses.replace(TrainConfig(), base="trot", inputs=Inputs(), threads=1, ppo=SMALL)
+    model = shaken(build(plain, make_env(plain)))
     authority = model.get_env().env.authority
-    network = actor_network(model, config.ppo.activation)
+    network = actor_network(model, plain.ppo.activation)
     save(tmp_path, ResidualPolicy(policies.make("trot"), network, authority), {}, "unknown")
     policy, base = load(tmp_path), policies.make("trot")
     inputs = model.get_env().reset()
@@ -157,7 +158,9 @@ def test_training_and_validation_walk_on_other_ground_than_the_evaluation():
 
 
 def test_robots_train_on_harder_ground_and_pushes_than_they_are_judged_on():
-    config = dataclasses.replace(TrainConfig(), hardness=2.0, pushes=3, ppo=dataclasses.replace(SMALL, envs=8))
+    mixture = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
+    ppo = dataclasses.replace(SMALL, envs=8)
+    config = dataclasses.replace(TrainConfig(), mixture=mixture, hardness=2.0, pushes=3, ppo=ppo)
     flat, push, rough = (batch.scenario for batch in make_robots(config).batches)
     assert flat == SCENARIOS["flat"]
     assert (push.pushes.impulse, push.pushes.count) == (70.0, 3)

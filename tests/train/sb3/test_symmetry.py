@@ -24,7 +24,8 @@ CONFIG = TrainConfig(
     command_authority=0.3,
     inputs=Inputs(lags=(0.03,), averages=(0.1,), clock=1.25),
     max_episode_steps=100_000,
-    ppo=PpoConfig(envs=2, rollout_steps=4, minibatch=4, epochs=2, actor=(8,), critic=(8,), symmetry=True),
+    pushes=2,
+    ppo=PpoConfig(hold=1, envs=2, rollout_steps=4, minibatch=4, epochs=2, actor=(8,), critic=(8,), symmetry=True),
 )
 GAIT = GaitAuthority(0.5, 0.02, 0.02)
 STEPS, TURNED = 36, 1.0
