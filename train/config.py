@@ -142,8 +142,8 @@ class PpoConfig:
     """Show the value network, which is needed in training only, what the robot cannot know: which scenario it is in,
     its true velocity, who pushes it."""
     symmetry: bool = False
-    """Show the learner half of each minibatch in the mirror, left and right exchanged: what it learns of one side it
-    learns of both."""
+    """Show the learner each sample with its mirror image, left and right exchanged, in an epoch half of the samples, in
+    the next one the others: what it learns of one side it learns of both."""
     actor: tuple[int, ...] = (128, 128)
     """Hidden layer widths of the policy's network."""
     critic: tuple[int, ...] = (128, 128)

@@ -131,46 +131,48 @@ def test_a_fault_of_the_mirror_shows(fault, monkeypatch):
 
 
 def filled(kind, **arguments):
-    """A rollout of 4 steps of 4 robots, of numbers that are all different."""
+    """A rollout of 4 steps of 4 robots, of numbers that are all different, and the mirrors of the two."""
     env = make_env(dataclasses.replace(CONFIG, ppo=dataclasses.replace(CONFIG.ppo, envs=4)))
     buffer = kind(4, env.observation_space, env.action_space, "cpu", n_envs=4, **arguments)
-    generator = np.random.default_rng(0)
-    for array in (buffer.observations, buffer.actions, buffer.advantages, buffer.returns, buffer.log_probs):
-        array[...] = generator.normal(size=array.shape)
-    buffer.full = True
+    refill(buffer, 0)
     return buffer, env.mirrors
 
 
-def minibatches(buffer):
+def refill(buffer, seed):
+    buffer.reset()
+    generator = np.random.default_rng(seed)
+    for array in (buffer.observations, buffer.actions, buffer.advantages, buffer.returns, buffer.log_probs):
+        array[...] = generator.normal(size=array.shape)
+    buffer.full = True
+
+
+def epochs(buffer, size, count):
+    """Minibatches of so many epochs."""
     np.random.seed(3)  # noqa: NPY002 - SB3 shuffles with the global generator
-    return list(buffer.get(6))
+    return [list(buffer.get(size)) for _ in range(count)]
 
 
-def test_half_of_a_minibatch_is_in_the_mirror_and_nothing_else_is_other():
+def test_two_epochs_are_one_of_all_samples_each_with_its_image():
     plain, (see, move) = filled(RolloutBuffer)
     mirrored, _ = filled(MirroredRolloutBuffer, mirrors=(see, move))
-    for one, other in zip(minibatches(plain), minibatches(mirrored), strict=True):
-        half = len(one.actions) // 2
-        assert torch.equal(other.observations[:half], torch.from_numpy(see(one.observations[:half].numpy())))
-        assert torch.equal(other.actions[:half], torch.from_numpy(move(one.actions[:half].numpy())))
-        assert torch.equal(other.observations[half:], one.observations[half:])
-        assert torch.equal(other.actions[half:], one.actions[half:])
+    ((*alone,), (first, second)) = epochs(plain, 4, 1)[0], epochs(mirrored, 8, 2)
+    assert (len(alone), len(first), len(second)) == (4, 2, 2)
+    for one, both in zip(alone, (*first, *second), strict=True):
+        assert torch.equal(both.observations[:4], one.observations)
+        assert torch.equal(both.observations[4:], torch.from_numpy(see(one.observations.numpy())))
+        assert torch.equal(both.actions[:4], one.actions)
+        assert torch.equal(both.actions[4:], torch.from_numpy(move(one.actions.numpy())))
         for same in ("old_values", "old_log_prob", "advantages", "returns"):
-            assert torch.equal(getattr(one, same), getattr(other, same))
+            assert torch.equal(getattr(both, same), getattr(one, same).repeat(2))
 
 
-def test_every_epoch_draws_anew_who_is_in_the_mirror_and_the_rollout_stays_as_it_was():
-    negative = tuple(of_signs(*[-1] * len(each.sign)) for each in filled(RolloutBuffer)[1])
-    buffer, _ = filled(MirroredRolloutBuffer, mirrors=negative)
-    kept, epochs = buffer.swap_and_flatten(buffer.actions).copy(), []
-    np.random.seed(3)  # noqa: NPY002
-    for _ in range(12):
-        actions = np.concatenate([samples.actions.numpy() for samples in buffer.get(8)])
-        epochs.append([(row == -actions).all(axis=1).any() for row in kept])
-    np.testing.assert_array_equal(buffer.actions, kept)
-    assert np.sum(epochs, axis=1).tolist() == [8] * 12
-    assert np.sum(epochs, axis=0).min() > 0
-    assert np.sum(epochs, axis=0).max() < 12
+def test_a_new_rollout_begins_with_none_of_the_last_one_whose_epochs_were_odd():
+    buffer, _ = filled(MirroredRolloutBuffer, mirrors=filled(RolloutBuffer)[1])
+    epochs(buffer, 8, 3)
+    refill(buffer, 1)
+    new = set(buffer.log_probs.ravel().tolist())
+    ((samples,), _) = epochs(buffer, 16, 2)
+    assert set(samples.old_log_prob.tolist()) <= new
 
 
 def test_the_learner_has_its_mirror_where_it_is_asked_for():
