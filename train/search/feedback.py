@@ -63,7 +63,7 @@ class Options(EpisodeEffort):
 
     policy: Literal["trot_feedback", "trot_integral"] = "trot_feedback"
     """Whose parameters are searched."""
-    generations: int = number(20, limits=(1, 10_000))
+    generations: int = number(22, limits=(1, 10_000))
     """Rounds of the search."""
     candidates: int = number(16, limits=(4, 1000))
     """Parameter sets tried in a round."""
