@@ -26,7 +26,8 @@ from train.run_folder import CHECKPOINTS, CONFIG_FILE, METRICS_FILE, VALIDATIONS
 KILLS = 20
 """Of the row of what must be seen."""
 TRAINING = (
-    "--threads 1 --max-episode-steps 48 --mixture flat 0.5 push=100 0.25 rough 0.25 --ppo.envs 32 --ppo.epochs 2 "
+    "--threads 1 --max-episode-steps 48 --mixture flat 0.5 push=100 0.25 rough 0.25 --ppo.envs 32 "
+    "--ppo.rollout-steps 16 --ppo.hold 1 --ppo.minibatch 512 --ppo.epochs 2 "
     "--ppo.learning-rate-schedule adaptive --ppo.log-std-final -3 "
     "--validation.interval 4000 --validation.episodes 1 --validation.scenarios flat"
 )

@@ -273,7 +273,7 @@ def weight_of(name: str, value: float) -> Plant:
     def plant(patch: pytest.MonkeyPatch) -> None:
         patch.setattr(
             "quad_env.envs.base.step_weights",
-            lambda weights, dt: rewards.step_weights(replace(weights, **{name: value}), dt),
+            lambda weights, dt, own: rewards.step_weights(replace(weights, **{name: value}), dt, own),
         )
 
     return plant
