@@ -78,8 +78,6 @@ def _learn(
         model.set_logger(logger)
         segments = Segments(config, state)
         callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
-        if config.ppo.overlap:
-            model.drains = lambda: segments.over
         callbacks.append(Curriculum(config, state, segments, robots))
         callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
         # SB3's own log is left out: its means reach back beyond the last checkpoint.

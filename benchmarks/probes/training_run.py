@@ -150,10 +150,7 @@ def train_and_judge(
         model = _learner(config, env)
         judge = _Judge(config, every, episodes, goal, report, begin)
         state = CallbackState()
-        segments = Segments(config, state)
-        if config.ppo.overlap:
-            model.drains = lambda: segments.over
-        model.learn(config.steps, [judge, Schedules(config, state), segments])
+        model.learn(config.steps, [judge, Schedules(config, state), Segments(config, state)])
     finally:
         env.close()
 

@@ -27,19 +27,27 @@ class Senses(NamedTuple):
 
 def sense(robot: Robot, observation: Floats) -> Senses:
     """Senses of observations (k, n)."""
-    frame = level_frame(observation[OBSERVATION["projected_gravity"]])
-    velocity, turn = (_vector(observation[OBSERVATION[name]]) for name in ("linear_velocity", "angular_velocity"))
+    frame, velocity, yaw_rate = motion(observation)
+    roll_rate, pitch_rate, _ = observation[OBSERVATION["angular_velocity"]]
     joints = (observation[OBSERVATION["joint_position"]] + robot.home_pose[:, None]).reshape(len(robot.side), 3, -1)
     x, y, z = np.moveaxis(foot_positions(robot, np.moveaxis(joints, 1, -1), robot.side[:, None]), -1, 0)
     hip_x, hip_y = hips(robot)
     return Senses(
         frame=frame,
-        velocity=frame.to_level(velocity),
-        yaw_rate=frame.up_x * turn[0] + frame.up_y * turn[1] + frame.up_z * turn[2],
-        roll_rate=turn[0],
-        pitch_rate=turn[1],
+        velocity=velocity,
+        yaw_rate=yaw_rate,
+        roll_rate=roll_rate,
+        pitch_rate=pitch_rate,
         feet=frame.to_level((x + hip_x, y + hip_y, z)),
     )
+
+
+def motion(observation: Floats) -> tuple[LevelFrame, Vector, Floats]:
+    """Attitude, velocity of the trunk's centre in the level frame, m/s, and yaw rate about the vertical, rad/s, of
+    observations (k, n)."""
+    frame = level_frame(observation[OBSERVATION["projected_gravity"]])
+    velocity, turn = (_vector(observation[OBSERVATION[name]]) for name in ("linear_velocity", "angular_velocity"))
+    return frame, frame.to_level(velocity), frame.up_x * turn[0] + frame.up_y * turn[1] + frame.up_z * turn[2]
 
 
 def hips(robot: Robot) -> tuple[Floats, Floats]:

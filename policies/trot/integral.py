@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
-from policies.legs.level_frame import level_frame
+from policies.legs.proprioception import motion
 from policies.parameters import from_json, number, read, search_ranges_of
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION
@@ -94,20 +94,11 @@ class TrotIntegral(Trot):
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
         p, period = self.parameters, self.control_period
         self._expected = self._expected + (command - self._expected) * (period / (period + p.settling_time))
-        error = self._expected - _heading_velocity(observation)
+        _, (forward, lateral, _), yaw_rate = motion(observation.T.astype(np.float64))
+        error = self._expected - np.stack((forward, lateral, yaw_rate), axis=-1)
         counted = np.clip(error, -p.largest_error, p.largest_error)
         most = p.largest_correction
         self._integral = np.clip(self._integral + period * self._gains * counted, -most, most)
         corrected = observation.copy()
         corrected[:, OBSERVATION["command"]] += self._integral.astype(np.float32)
         return super()._act(corrected)
-
-
-def _heading_velocity(observation: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Forward and lateral velocity in the level frame, m/s, and yaw rate about the vertical, rad/s, as felt, (n, 3)."""
-    columns = observation.T.astype(np.float64)
-    frame = level_frame(columns[OBSERVATION["projected_gravity"]])
-    x, y, z = columns[OBSERVATION["linear_velocity"]]
-    roll, pitch, yaw = columns[OBSERVATION["angular_velocity"]]
-    forward, lateral, _ = frame.to_level((x, y, z))
-    return np.stack((forward, lateral, frame.up_x * roll + frame.up_y * pitch + frame.up_z * yaw), axis=-1)

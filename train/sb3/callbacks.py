@@ -29,6 +29,7 @@ from train.robots import TrainingRobots, make_batch, segment_steps, training_see
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
+from train.sb3.overlap import OverlappedPPO
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
 from train.validation import rank, score, success, validate
@@ -138,6 +139,10 @@ class Segments(BetweenRollouts):
         self._config = config
         self._state = state
         self._end = 0
+
+    def _on_training_start(self) -> None:
+        if self._config.ppo.overlap:
+            cast(OverlappedPPO, self.model).drains = lambda: self.over
 
     @property
     def over(self) -> bool:
