@@ -1,8 +1,10 @@
 """Settings of the environment as frozen dataclasses; units in each docstring."""
 
+import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cached_property
 from typing import Any, get_args
 
 GRAVITY = 9.81
@@ -100,7 +102,10 @@ FALL_REASONS = ("none", "trunk_contact", "tilt", "height")
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weight of each reward term; the terms are functions of the same names in `quad_env.task.rewards`."""
+    """Weight of each reward term; the terms are functions of the same names in `quad_env.task.rewards`.
+
+    The feet are looked at only where a term of theirs has a weight.
+    """
 
     linear_velocity_tracking: float = 1.2
     yaw_rate_tracking: float = 0.8
@@ -111,6 +116,10 @@ class RewardWeights:
     tilt: float = -0.5
     action_rate: float = -0.02
     torque: float = -2e-5
+    foot_air_time: float = 0.0
+    foot_clearance: float = 0.0
+    foot_slip: float = 0.0
+    foot_impact: float = 0.0
     fall: float = -1.0
 
 
@@ -122,7 +131,8 @@ class RewardTerm:
     """`reward_<name>` in the infos"""
     function: Callable[[Any], Any]
     """From the `quad_env.physics.state.QuadState` of n robots, columns (n,), to the term's value for each, (n,); a
-    single environment's state holds floats, and wants one"""
+    single environment's state holds floats, and wants one. One that takes `feet` besides is given the
+    `quad_env.physics.state.Feet` of these robots"""
     weight: float
     """A rate, as in `RewardWeights`: a step pays weight times value times control period"""
 
@@ -137,6 +147,14 @@ class RewardTerm:
             raise ValueError(f"the reward term {self.name} must be a function of the state, got {self.function!r:.80}")
         if not math.isfinite(self.weight):
             raise ValueError(f"the weight of the reward term {self.name} must be finite, got {self.weight}")
+
+    @cached_property
+    def takes_feet(self) -> bool:
+        """Whether the function has a parameter `feet`."""
+        try:
+            return "feet" in inspect.signature(self.function).parameters
+        except ValueError:  # of some functions that are written in C
+            return False
 
 
 @dataclass(frozen=True)

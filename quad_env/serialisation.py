@@ -47,7 +47,8 @@ def to_plain(value: Any) -> Any:
 def from_plain(value: Any) -> Any:
     """What `to_plain` was given, lists as tuples; ValueError for what it never gives. Runs no code but quad_env's.
 
-    An object that does not name its type must have all of its fields.
+    An object that does not name its type is of the one that has just its fields, or else of the only one that has them
+    among others: those that have come since are their defaults then.
     """
     if isinstance(value, Mapping):
         fields = {name: from_plain(entry) for name, entry in value.items() if name != TYPE}
@@ -64,9 +65,11 @@ def from_plain(value: Any) -> Any:
 def _kind(value: Mapping[str, Any]) -> tuple[Any, bool]:
     """The type of an object, and whether it is written as in results up to 2026: as quad_env.conditions.Scenario."""
     if TYPE not in value:
-        if (kind := _BY_FIELDS.get(frozenset(value))) is None:
+        kind = _BY_FIELDS.get(frozenset(value))
+        kinds = [kind] if kind else [kind for names, kind in _BY_FIELDS.items() if names.issuperset(value)]
+        if len(kinds) != 1:
             raise ValueError(f"the {TYPE} of {dict(value)} is missing; valid: {', '.join(_KINDS)}")
-        return kind, False
+        return kinds[0], False
     package, _, name = str(value[TYPE]).rpartition(".")
     if name not in _KINDS or package.partition(".")[0] not in ("", "quad_env"):
         raise ValueError(f"{value[TYPE]} is no part of quad_env; valid: {', '.join(_KINDS)}")

@@ -21,7 +21,7 @@ from quad_env.sensing.observation import shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
 from quad_env.task.observations import observation_table
-from quad_env.task.rewards import step_weights
+from quad_env.task.rewards import look_at_feet, step_weights
 
 
 class QuadEnvBase:
@@ -74,10 +74,11 @@ class QuadEnvBase:
         """Control period, s."""
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
-        self.simulation = Simulation(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu)
+        self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
+        feet = look_at_feet(self._weights, self.config.reward_terms)
+        self.simulation = Simulation(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet)
         self._wires = wires_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
-        self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
         self._table = table = observation_table(robot)
         self._lower, self._upper = robot.joint_lower, robot.joint_upper
         actions = Box(self._lower.astype(np.float32), self._upper.astype(np.float32))

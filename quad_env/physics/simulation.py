@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import drives_of
 from quad_env.columns import Array, Column, Ids, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
+from quad_env.physics.footsteps import Footsteps
 from quad_env.physics.model import (
     PAYLOAD,
     TRUNK_SENSOR,
@@ -41,7 +42,7 @@ class Simulation:
     """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
 
     With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`; with an `imu`, mounted
-    there, there is a `probe`.
+    there, there is a `probe`; with `feet` they are part of the state.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class Simulation:
         contacts: bool = False,
         actuator: Actuator = ACTUATORS["ideal"],
         imu: Mounting | None = None,
+        feet: bool = False,
     ) -> None:
         self.robot, self.terrain = robot, scenario.terrain
         self.model = compile_model(robot, scenario, actuator)
@@ -67,7 +69,8 @@ class Simulation:
             raise ValueError(
                 f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
-        more = _contact_sensors(robot) if contacts else ()
+        soles, legs = _contact_sensors(robot)
+        more = (*soles, *legs) if contacts else soles if feet else ()
         imus = () if imu is None else probed(robot)
         self._batch = Batch(stepped_model(self.model, (TRUNK_SENSOR, *more, *imus)), num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
@@ -76,6 +79,8 @@ class Simulation:
         self._torque = self._batch.bind("actuator_force")
         self._trunk_contact = self._batch.sensor(TRUNK_SENSOR).data
         self._leg_contacts = [self._batch.sensor(name).data for name in more]
+        at = (robot, self.terrain, period, self._qpos, self._qvel)
+        self._footsteps = Footsteps(*at, self._leg_contacts[: len(soles)]) if feet else None
         self.probe = None if imu is None else Probe(robot, self._batch, period)
         if self.probe is not None:  # which computes the outputs of the last substep anew
             self._torque, self._trunk_contact = self.probe.copy(self._torque), self.probe.copy(self._trunk_contact)
@@ -131,6 +136,8 @@ class Simulation:
             self._batch.set_const(ids)
         self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         self._qpos[ids, 2] += self._lift(ids, qpos)
+        if self._footsteps is not None:
+            self._footsteps.begin(ids)
         if self.probe is not None:
             self.probe.keep(ids)
 
@@ -159,6 +166,8 @@ class Simulation:
             self._advance(ids, self.substeps)
         else:
             self._drives.advance(targets, ids, self._advance)
+        if self._footsteps is not None:
+            self._footsteps.advance(ids)
         if self.probe is not None:
             self.probe.keep(ids)
 
@@ -185,6 +194,8 @@ class Simulation:
         if self._drives is not None:
             self._drives.begin(ids)
         self._batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
+        if self._footsteps is not None:
+            self._footsteps.begin(ids)
         if self.probe is not None:
             self.probe.keep(ids)
 
@@ -219,6 +230,7 @@ class Simulation:
             command=command,
             action=columns(self._action),
             previous_action=columns(self._previous_action),
+            feet=None if self._footsteps is None else self._footsteps.feet(columns),
         )
 
     @property
@@ -258,10 +270,10 @@ class Simulation:
         return data
 
 
-def _contact_sensors(robot: Robot) -> tuple[str, ...]:
-    """Names of the contact sensors of the feet, then of thighs and calves."""
+def _contact_sensors(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the contact sensors of the feet, and of thighs and calves."""
     legs = robot.leg_names
-    return (*(f"{leg}_foot_ground" for leg in legs), *(f"{leg}_{link}_ground" for leg in legs for link in _LINKS))
+    return tuple(f"{leg}_foot_ground" for leg in legs), tuple(f"{leg}_{link}_ground" for leg in legs for link in _LINKS)
 
 
 def _diverged(warnings: Vector[Column], qpos: Vector[Column], qvel: Vector[Column]) -> Truth:

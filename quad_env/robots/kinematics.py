@@ -1,9 +1,7 @@
-"""Where the feet are: exact forward kinematics of the legs.
+"""Where the feet are and how they move: exact forward kinematics of the legs.
 
 Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up).
 """
-
-from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,14 +16,17 @@ def foot_positions(robot: Robot, joints: ArrayLike, side: Array | None = None) -
     `side` is +1 for a left and -1 for a right leg, shape (legs,) or a scalar array for a single leg's (..., 3); None
     for the robot's legs in their order.
     """
-    hip, thigh, calf = np.moveaxis(np.asarray(joints, dtype=np.float64), -1, 0)
+    angles = np.asarray(joints, dtype=np.float64)
+    thigh, knee = angles[..., 1], angles[..., 1] + angles[..., 2]
+    sin, cos = np.sin(angles[..., 0]), np.cos(angles[..., 0])
     upper, lower = -robot.thigh_length, robot.calf_length
-    forward = upper * np.sin(thigh) - lower * np.sin(thigh + calf)
-    up = upper * np.cos(thigh) - lower * np.cos(thigh + calf)
+    up = upper * np.cos(thigh) - lower * np.cos(knee)
     outboard = (robot.side if side is None else side) * robot.hip_offset
-    return np.stack(
-        [forward, outboard * np.cos(hip) - up * np.sin(hip), outboard * np.sin(hip) + up * np.cos(hip)], axis=-1
-    )
+    feet = np.empty_like(angles)
+    feet[..., 0] = upper * np.sin(thigh) - lower * np.sin(knee)
+    feet[..., 1] = outboard * cos - up * sin
+    feet[..., 2] = outboard * sin + up * cos
+    return feet
 
 
 def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array) -> Array:
@@ -35,6 +36,44 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
     (n, 12), rad.
     """
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
-    # Products summed in order: a robot's bits are the same in a batch of any size, as those of matmul are not.
-    turned = [sum(rotation[:, None, row, axis] * base[..., axis] for axis in range(3)) for row in range(3)]
-    return cast("Array", position[:, None] + np.stack(turned, axis=-1))
+    return position[:, None] + _turned(rotation, base)
+
+
+def feet_motion_in_world(robot: Robot, rotation: Array, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+    """Centres of the foot spheres, m, and their velocities, m/s, in the world frame, (n, 4, 3) each.
+
+    `rotation`: from the base frame to the world frame, (n, 3, 3); `qpos` and `qvel`: (n, 19) and (n, 18), as MuJoCo
+    orders them, with the trunk's velocity in the world frame and its angular velocity in the base frame.
+    """
+    angles, rates = qpos[:, 7:].reshape(-1, len(robot.leg_names), 3), qvel[:, 6:].reshape(-1, len(robot.leg_names), 3)
+    feet = foot_positions(robot, angles)
+    (roll, pitch, yaw), base = qvel[:, 3:6].T[:, :, None], robot.hip_positions + feet
+    x, y, z = base[..., 0], base[..., 1], base[..., 2]
+    moving = _foot_velocities(robot, angles, rates, feet)
+    moving[..., 0] += pitch * z - yaw * y
+    moving[..., 1] += yaw * x - roll * z
+    moving[..., 2] += roll * y - pitch * x
+    turned = _turned(rotation, np.concatenate((base, moving), axis=1))
+    legs = len(robot.leg_names)
+    return qpos[:, None, :3] + turned[:, :legs], qvel[:, None, :3] + turned[:, legs:]
+
+
+def _foot_velocities(robot: Robot, angles: Array, rates: Array, feet: Array) -> Array:
+    """Time derivative of `foot_positions`, whose value `feet` are; all (n, 4, 3)."""
+    hip, thigh, knee = angles[..., 0], angles[..., 1], angles[..., 1] + angles[..., 2]
+    turn, upper = rates[..., 0], -robot.thigh_length * rates[..., 1]
+    lower = robot.calf_length * (rates[..., 1] + rates[..., 2])
+    up = lower * np.sin(knee) - upper * np.sin(thigh)
+    velocities = np.empty_like(feet)
+    velocities[..., 0] = upper * np.cos(thigh) - lower * np.cos(knee)
+    velocities[..., 1] = -feet[..., 2] * turn - up * np.sin(hip)
+    velocities[..., 2] = feet[..., 1] * turn + up * np.cos(hip)
+    return velocities
+
+
+def _turned(rotation: Array, base: Array) -> Array:
+    """Vectors of the base frame, (n, k, 3), in the world frame. Products are summed in order: a robot's bits are the
+    same in a batch of any size, as those of matmul are not."""
+    products = rotation[:, None] * base[:, :, None]
+    turned: Array = products[..., 0] + products[..., 1] + products[..., 2]
+    return turned

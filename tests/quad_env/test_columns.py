@@ -75,7 +75,7 @@ def test_a_reward_term_that_somebody_adds_serves_one_robot_and_a_batch(monkeypat
         return state.height
 
     monkeypatch.setitem(rewards.TERMS, "reward_height", height)
-    weights = dict.fromkeys((*rewards.TERMS, rewards.FALL), 2.0)
+    weights = dict.fromkeys((*rewards.TERMS, rewards.FALL), 2.0) | dict.fromkeys(rewards.FOOT_TERMS, 0.0)
     robot, robots = (Simulation(SIMPLE_QUAD, Scenario("made"), n, 1, 100.0) for n in (1, 2))
     for simulation, count in ((robot, 1), (robots, 2)):
         simulation.reset(np.arange(count), np.zeros((count, 35)))

@@ -53,6 +53,14 @@ def test_differences_name_the_option_and_both_values():
     assert (line.option, line.old, line.new) == ("--ppo.gamma", PpoConfig().gamma, 0.5)
 
 
+def test_settings_from_before_there_were_rewards_of_the_feet_give_them_no_weight(tmp_path):
+    settings = to_dict(dataclasses.replace(TrainConfig(), steps=777))
+    for name in ("foot_air_time", "foot_clearance", "foot_slip", "foot_impact"):
+        assert settings["rewards"].pop(name) == 0.0
+    (tmp_path / CONFIG_FILE).write_text(json.dumps(settings))
+    assert parse(["--resume", "--out", str(tmp_path)]).rewards == TrainConfig().rewards
+
+
 @pytest.mark.parametrize(
     "settings",
     [

@@ -14,9 +14,11 @@ from gymnasium.error import ResetNeeded
 
 from benchmarks.resume import bits
 from policies.network import Network
+from quad_env.physics.footsteps import Footsteps
 from train.__main__ import main
 from train.config import load_config
 from train.robots import segment_steps
+from train.run_folder import METRICS_FILE
 from train.sb3 import callbacks, checkpoint
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -24,7 +26,7 @@ OPTIONS = (
     "--threads 1 --max-episode-steps 14 --mixture flat 0.5 push=100 0.25 rough 0.25 --validation.interval 200 "
     "--ppo.hold 1 --ppo.envs 16 --ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 2 --ppo.actor 8 --ppo.critic 8 "
     "--ppo.learning-rate-schedule adaptive --ppo.target-kl 1e-3 --ppo.log-std-final -3 --steps 640 "
-    "--curriculum 0.4 --ppo.symmetry"
+    "--curriculum 0.4 --ppo.symmetry --rewards.foot-slip -0.1 --rewards.foot-air-time 1 --rewards.foot-impact -0.1"
 )
 ROLLOUT, SEGMENT, RUN = 8, 16, 40
 """Steps of each of the 16 robots."""
@@ -114,6 +116,10 @@ def test_in_the_run_all_that_is_restored_counts(runs):
     assert state["segments"] == 3
     assert state["shares"] != [0.4, 0.4, 0.4]
     assert state["rate"] != config.ppo.learning_rate
+    metrics = [json.loads(line) for line in (runs / "whole" / METRICS_FILE).read_text().splitlines()]
+    assert all(
+        any(each[f"reward/{term}"] for each in metrics) for term in ("foot_slip", "foot_air_time", "foot_impact")
+    )
 
 
 @pytest.mark.parametrize("steps", [0, 13, 16, 28, 39])
@@ -184,6 +190,7 @@ LEFT_OUT = {
     "torch's generator": lambda patch: patch.setattr(torch, "set_rng_state", lambda _: None),
     "NumPy's generator": lambda patch: patch.setattr(np.random, "set_state", lambda _: None),
     "adaptive rate": lambda patch: patch.setattr(callbacks.Schedules, "_on_training_start", lambda _: None),
+    "swings that end with their episode": lambda patch: patch.setattr(Footsteps, "begin", Footsteps._look),
     "new episodes": lambda patch: patch.setattr(callbacks.Segments, "_on_rollout_start", lambda _: None),
     "segments": forget(segments=0),
     "best": forget(best=None),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from quad_env.actuation.models import ACTUATORS, Thermal
+from quad_env.config import RewardWeights, TaskConfig
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -16,6 +17,9 @@ from quad_env.scenarios.axes import AXES
 STEPS = 1000
 TIME_LIMIT = 300
 FIRST_SEED = 11
+FEET = TaskConfig(
+    reward_weights=RewardWeights(foot_air_time=1.0, foot_clearance=-1.0, foot_slip=-0.1, foot_impact=-0.1)
+)
 
 
 def random_actions(robot: int) -> np.ndarray:
@@ -107,6 +111,14 @@ def test_motors_that_lag_and_heat_up_are_the_same_alone_and_in_batches(scenario:
     assert cold != singles[2]
 
 
+@pytest.mark.parametrize(("scenario", "sensors"), [("rough", "truth"), ("push", "typical")])
+def test_rewards_that_know_feet_are_the_same_alone_and_in_batches(scenario: str, sensors: str) -> None:
+    """Over three episodes."""
+    short: dict[str, Any] = {"steps": 120, "limit": 50, "sensors": sensors, "config": FEET}
+    singles = [single_digests(scenario, robot, **short) for robot in (0, 2)]
+    assert batch_digests(scenario, 7, 2, [0, 2], **short) == singles
+
+
 def test_single_env_equals_its_row_in_a_batch_of_1000() -> None:
     rows, short = [0, 501, 998, 999], {"steps": 130, "limit": 70}
     assert batch_digests("push", 1000, 2, rows, **short) == [single_digests("push", row, **short) for row in rows]
@@ -117,9 +129,9 @@ def test_single_env_equals_its_row_in_a_batch_of_1000() -> None:
 def test_a_single_env_falls_diverges_and_stands_still_as_its_row_in_a_batch(
     velocity: float, terminate_on_fall: bool
 ) -> None:
-    options: dict[str, Any] = {"terminate_on_fall": terminate_on_fall, "max_episode_steps": None}
-    single = SimpleQuadEnv(terminate_on_fall=terminate_on_fall)
-    batch = SimpleQuadVectorEnv(3, autoreset_mode="DISABLED", **options)
+    options: dict[str, Any] = {"terminate_on_fall": terminate_on_fall, "config": FEET}
+    single = SimpleQuadEnv(**options)
+    batch = SimpleQuadVectorEnv(3, autoreset_mode="DISABLED", max_episode_steps=None, **options)
     single.reset(seed=FIRST_SEED + 1)
     batch.reset(seed=FIRST_SEED)
     for step, action in enumerate(random_actions(2)[:100]):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from quad_env import SCENARIOS, Ground, Robot
+from quad_env import SCENARIOS, Ground, RewardWeights, Robot, TaskConfig
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -33,7 +33,8 @@ def test_names_of_legs_and_joints_are_the_robots_own(tmp_path: Path) -> None:
         leg_names=tuple(NAMES.values()),
         joint_names=tuple(NAMES[name[:2]] + name[2:] for name in SIMPLE_QUAD.joint_names),
     )
-    hardware = {"actuator": "motor", "sensors": "typical", "readings": True, "scenario": SOFT}
+    task = TaskConfig(reward_weights=RewardWeights(foot_slip=-0.1, foot_impact=-0.1))
+    hardware = {"actuator": "motor", "sensors": "typical", "readings": True, "scenario": SOFT, "config": task}
     ours, theirs = (SimpleQuadVectorEnv(2, robot=robot, **hardware) for robot in (SIMPLE_QUAD, renamed))
     runs = []
     for env in (ours, theirs):

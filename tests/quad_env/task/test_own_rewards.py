@@ -1,16 +1,19 @@
 """Reward terms of a user's own: weight times value times control period at every step, or a line that says why not."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 import quad_env
-from quad_env.columns import sum_of_squares
+from quad_env.columns import sum_of_squares, total
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics.state import QuadState
+from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import Feet, QuadState
 from quad_env.task.rewards import RewardTermError
 
 HOME = quad_env.SIMPLE_QUAD.home_pose.astype(np.float32)
@@ -20,6 +23,10 @@ LOW = np.tile(np.float32([0, -1.5, 0]), 4)
 
 def joint_speed(state: QuadState[Any]) -> Any:
     return sum_of_squares(state.joint_velocity)
+
+
+def foot_speed(state: QuadState[Any], feet: Feet[Any]) -> Any:
+    return total(map(sum_of_squares, feet.velocity)) * (state.height > 0.0)
 
 
 def task(function: Callable[[Any], Any], weight: float = -0.25, **options: Any) -> quad_env.TaskConfig:
@@ -39,8 +46,9 @@ def test_it_pays_its_value_times_weight_and_control_period_beside_the_others() -
     assert (infos["reward_mine"] < 0.0).all()
 
 
-def test_one_robot_is_paid_as_in_a_batch_to_the_bit_and_no_other_number_changes() -> None:
-    config = task(joint_speed)
+@pytest.mark.parametrize("function", [joint_speed, foot_speed, partial(foot_speed)])
+def test_one_robot_is_paid_as_in_a_batch_to_the_bit_and_no_other_number_changes(function: Callable[..., Any]) -> None:
+    config = task(function)
     one, batch, plain = SimpleQuadEnv(config=config), SimpleQuadVectorEnv(2, config=config), SimpleQuadVectorEnv(2)
     for env in (one, batch, plain):
         env.reset(seed=3)
@@ -51,6 +59,26 @@ def test_one_robot_is_paid_as_in_a_batch_to_the_bit_and_no_other_number_changes(
         for key in without[4]:
             np.testing.assert_array_equal(both[4][key], without[4][key])
     assert mine[4]["reward_mine"] < 0.0
+
+
+def test_feet_are_looked_at_where_a_term_asks_for_them() -> None:
+    def asked(function: Callable[..., Any], weight: float = 0.0) -> bool:
+        weights = quad_env.RewardWeights(foot_slip=weight)
+        simulation = SimpleQuadEnv(config=task(function, reward_weights=weights)).simulation
+        sensed = {name for name in ("fl_foot_ground", "fl_calf_ground") if _is_sensed(simulation, name)}
+        feet = simulation.state_of_one((0.0, 0.0, 0.0)).feet
+        assert sensed == (set() if feet is None else {"fl_foot_ground"})
+        return feet is not None
+
+    assert not asked(joint_speed)
+    assert not asked(np.add.reduce)  # has no signature
+    assert asked(foot_speed)
+    assert asked(joint_speed, -0.1)
+
+
+def _is_sensed(simulation: Simulation, name: str) -> bool:
+    stepped = simulation._batch.get_model(0)
+    return bool(stepped.sensor_needstage[stepped.sensor(name).id] != mujoco.mjtStage.mjSTAGE_NONE)
 
 
 def test_a_robot_that_waits_for_its_reset_is_not_asked_about_and_earns_nothing() -> None:
@@ -77,6 +105,7 @@ def test_a_robot_that_waits_for_its_reset_is_not_asked_about_and_earns_nothing()
         (lambda state: np.array(state.joint_velocity), r"of shape \(12, 2\); wanted \(2,\)"),
         (lambda state: state.height * np.array([1.0, np.nan]), "mine gives nan; wanted finite numbers"),
         (lambda state: state.height / 0.0, "mine gives inf; wanted finite"),
+        (lambda state, foot: foot.height, "mine fails: TypeError: .* missing 1 required positional argument: 'foot'"),
         (lambda state: state.speed, "mine fails: AttributeError: .* no attribute 'speed'"),
         (lambda state: ["high", "low"], "mine fails: ValueError: "),
     ],

@@ -7,10 +7,19 @@ import pytest
 
 from quad_env.columns import of_robots
 from quad_env.config import RewardWeights
-from quad_env.physics.state import QuadState
-from quad_env.task.rewards import linear_velocity_error, reward_terms, step_weights, yaw_rate_error
+from quad_env.physics.state import Feet, QuadState
+from quad_env.task.rewards import FOOT_TERMS, linear_velocity_error, reward_terms, step_weights, yaw_rate_error
 
 ROLL = math.radians(30.0)
+FEET = Feet(
+    position=((9.0, 9.0, 9.0),) * 4,  # no term reads it
+    velocity=((0.3, 0.4, 9.0), (0.0, 0.0, 9.0), (-3.0, 4.0, 9.0), (0.0, 2.0, 9.0)),
+    height=(0.0, 0.5, 0.05, 0.1),
+    contact=(True, True, False, False),
+    air_time=(0.0, 0.0, 9.0, 9.0),
+    swing_time=(0.25, 0.1, 0.0, 0.0),
+    impact_speed=(0.5, 1.0, 0.0, 0.0),
+)
 STATE = QuadState(
     position=(0.0, 0.0, 0.5),
     height=0.5,
@@ -26,7 +35,9 @@ STATE = QuadState(
     command=(1.0, 0.2, 0.45),
     action=(0.1, -0.1, 0.1, *(0.0,) * 9),
     previous_action=(0.0, 0.0, 0.0, 0.2, *(0.0,) * 8),
+    feet=FEET,
 )
+WEIGHTS = RewardWeights(foot_air_time=2.0, foot_clearance=-10.0, foot_slip=-0.1, foot_impact=-0.3)
 BY_HAND = {
     "linear_velocity_tracking": 1.2 * math.exp(-2.0),  # an error of (0.4, 0.3): 0.5 m/s, two widths
     "yaw_rate_tracking": 0.8 * math.exp(-1.0),  # 0.25 rad/s, one width
@@ -37,15 +48,19 @@ BY_HAND = {
     "tilt": -0.5 * 0.25,  # sin² 30°
     "action_rate": -0.02 * (3 * 0.01 + 0.04),
     "torque": -2e-5 * 25.0,
+    "foot_air_time": 2.0 * (0.10 - 0.05),  # beside 0.15 s
+    "foot_clearance": -10.0 * (0.03**2 * 5.0 + 0.02**2 * 2.0),  # off 0.08 m, of the two in the air
+    "foot_slip": -0.1 * 0.25,
+    "foot_impact": -0.3 * 1.25,
 }
 """Weighted rates, 1/s."""
 
 
 @pytest.mark.parametrize("term", BY_HAND)
 def test_a_term_is_its_rate_by_hand_times_the_control_period(term: str) -> None:
-    found = reward_terms(STATE, False, False, step_weights(RewardWeights(), 0.01))
+    found = reward_terms(STATE, False, False, step_weights(WEIGHTS, 0.01))
     assert found[f"reward_{term}"] == pytest.approx(0.01 * BY_HAND[term], rel=1e-12)
-    assert (found[f"reward_{term}"] > 0) == term.endswith("tracking")
+    assert (found[f"reward_{term}"] > 0) == term.endswith(("tracking", "air_time"))
 
 
 def test_errors_are_by_hand_what_they_are_of_no_weight() -> None:
@@ -57,6 +72,19 @@ def test_every_term_but_the_fall_is_worked_out_here() -> None:
     assert set(BY_HAND) == set(vars(RewardWeights())) - {"fall"}
 
 
+def test_terms_of_the_feet_look_at_them_where_they_have_a_weight() -> None:
+    found = reward_terms(STATE._replace(feet=None), False, False, step_weights(RewardWeights(), 0.01))
+    assert {found[key] for key in FOOT_TERMS} == {0.0}
+    slip = reward_terms(STATE, False, False, step_weights(RewardWeights(foot_slip=-0.1), 0.01))
+    assert {key for key in slip if slip[key] != found[key]} == {"reward_foot_slip"}
+
+
+@pytest.mark.parametrize(("command", "pays"), [((0.1, 0.0, 0.0), 0), ((0.0, 0.08, 0.07), 1), ((0.0, 0.0, -0.2), 1)])
+def test_swings_pay_where_the_command_is_to_move(command: tuple[float, float, float], pays: int) -> None:
+    found = reward_terms(STATE._replace(command=command), False, False, step_weights(WEIGHTS, 0.01))
+    assert found["reward_foot_air_time"] == pytest.approx(pays * 0.01 * BY_HAND["foot_air_time"])
+
+
 @pytest.mark.parametrize("dt", [0.01, 0.02])
 def test_a_fall_costs_one_whatever_the_control_period(dt: float) -> None:
     weights = step_weights(RewardWeights(), dt)
@@ -65,7 +93,7 @@ def test_a_fall_costs_one_whatever_the_control_period(dt: float) -> None:
 
 
 def test_a_diverged_robot_is_paid_for_its_end_alone() -> None:
-    found = reward_terms(STATE, True, True, step_weights(RewardWeights(), 0.01))
+    found = reward_terms(STATE, True, True, step_weights(WEIGHTS, 0.01))
     assert found.pop("reward_fall") == -1.0
     assert not any(found.values())
 
@@ -83,13 +111,14 @@ def test_tracking_pays_most_at_the_command_and_less_on_either_side(term: str) ->
 
 
 def test_n_robots_are_paid_as_each_alone_to_the_bit() -> None:
-    rows = {name: np.array([value, value]) for name, value in STATE._asdict().items() if name != "rotation"}
+    nested = {"rotation", "feet"}
+    rows = {name: np.array([value, value]) for name, value in STATE._asdict().items() if name not in nested}
     columns = {name: of_robots(array) if array.ndim == 2 else array for name, array in rows.items()}
     rotation = tuple(of_robots(np.array([row, row])) for row in STATE.rotation)
-    weights = step_weights(RewardWeights(), 0.01)
+    feet = Feet(*(tuple(np.stack([leg, leg], axis=-1) for leg in reading) for reading in FEET))
+    weights = step_weights(WEIGHTS, 0.01)
     alone = reward_terms(STATE, True, False, weights)
-    both = reward_terms(
-        QuadState(rotation=rotation, **columns), np.array([True, False]), np.array([False, False]), weights
-    )
+    state = QuadState(rotation=rotation, feet=feet, **columns)
+    both = reward_terms(state, np.array([True, False]), np.array([False, False]), weights)
     for name, value in alone.items():
         assert both[name][0] == value

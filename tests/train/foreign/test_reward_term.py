@@ -27,6 +27,10 @@ def always(state):
 def power(state):
     return state.mechanical_power
 
+def drag(state, feet):
+    speeds = [np.hypot(x, y) for x, y, _ in feet.velocity]
+    return sum(speed * contact for speed, contact in zip(speeds, feet.contact))
+
 def wrong_shape(state):
     return state.command
 
@@ -61,12 +65,12 @@ def metrics(folder: Path) -> list[dict[str, float]]:
 
 def test_a_run_is_paid_by_it_and_counts_it_and_its_command_repeats_it(file, tmp_path):
     run = tmp_path / "run"
-    assert main([*TINY, "--reward-terms", f"{file}:always=-0.5", f"{file}:power=-1e-4", "--out", str(run)]) == 0
+    assert main([*TINY, "--reward-terms", f"{file}:always=-0.5", f"{file}:drag=-1e-4", "--out", str(run)]) == 0
     (figures,) = metrics(run)
     assert figures["reward/always"] == pytest.approx(-0.5 * 0.01)
-    assert figures["reward/power"] < 0.0
+    assert figures["reward/drag"] < 0.0
     settings = load_config(run)
-    assert [str(term) for term in settings.reward_terms] == [f"{file}:always=-0.5", f"{file}:power=-0.0001"]
+    assert [str(term) for term in settings.reward_terms] == [f"{file}:always=-0.5", f"{file}:drag=-0.0001"]
     words = json.loads((run / RECORD_FILE).read_text())["command"].split()
     assert to_dict(parse(words[3:])) == to_dict(settings)
     assert json.loads((run / "best" / "policy.json").read_text())["training"] == to_dict(settings)
