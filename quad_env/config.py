@@ -162,7 +162,9 @@ class TaskConfig:
     """What the environment adds to the physics."""
 
     control_rate: float = 100.0
-    """Hz; the physics and the joint servo run at the model's own timestep"""
+    """Hz"""
+    timestep: float | None = None
+    """s a step of the physics and the joint servo; None for that of the robot's MJCF"""
     fall_rule: FallRule = field(default_factory=FallRule)
     reward_weights: RewardWeights = field(default_factory=RewardWeights)
     reward_terms: tuple[RewardTerm, ...] = ()
@@ -170,6 +172,8 @@ class TaskConfig:
 
     def __post_init__(self) -> None:
         check_kinds(self)
+        if self.timestep is not None and not 0.0 < self.timestep < math.inf:
+            raise ValueError(f"the timestep must be positive, s, or None, got {self.timestep!r}")
         names = [term.name for term in self.reward_terms]
         if len(set(names)) < len(names):
             raise ValueError(f"every reward term needs a name of its own, got {', '.join(names)}")

@@ -225,9 +225,15 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
         nthread=config.threads,
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
-        config=TaskConfig(reward_weights=config.rewards, reward_terms=load(config.reward_terms)),
+        config=task_config(config),
         **dataclasses.asdict(config.hardware),
     )
+
+
+def task_config(config: TrainConfig) -> TaskConfig:
+    """What the environment of a run adds to the physics."""
+    terms = load(config.reward_terms)
+    return TaskConfig(timestep=config.timestep, reward_weights=config.rewards, reward_terms=terms)
 
 
 def _hardened(original: Scenario, config: TrainConfig) -> Scenario:

@@ -76,7 +76,9 @@ class QuadEnvBase:
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
         self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
         feet = look_at_feet(self._weights, self.config.reward_terms)
-        self.simulation = Simulation(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet)
+        self.simulation = Simulation(
+            *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet), self.config.timestep
+        )
         self._wires = wires_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
         self._table = table = observation_table(robot)

@@ -23,11 +23,14 @@ _FLOOR_DEPTH = 1.0
 """m of solid ground below a height field or a tread."""
 
 
-def compile_model(robot: Robot, scenario: Scenario, actuator: Actuator = ACTUATORS["ideal"]) -> mujoco.MjModel:
-    """The robot with these motors in that scenario."""
+def compile_model(
+    robot: Robot, scenario: Scenario, actuator: Actuator = ACTUATORS["ideal"], timestep: float | None = None
+) -> mujoco.MjModel:
+    """The robot with these motors in that scenario, with that time a physics step, s, or the MJCF's."""
     _log_to_the_console()
     terrain, motors = scenario.terrain, scenario.motors
     spec = mujoco.MjSpec.from_file(str(robot.mjcf))
+    spec.option.timestep = timestep or spec.option.timestep
     if isinstance(terrain, SmoothRandom):
         _add_height_field(spec, terrain)
     elif isinstance(terrain, Stairs):

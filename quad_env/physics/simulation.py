@@ -56,9 +56,10 @@ class Simulation:
         actuator: Actuator = ACTUATORS["ideal"],
         imu: Mounting | None = None,
         feet: bool = False,
+        timestep: float | None = None,
     ) -> None:
         self.robot, self.terrain = robot, scenario.terrain
-        self.model = compile_model(robot, scenario, actuator)
+        self.model = compile_model(robot, scenario, actuator, timestep)
         """Model of every robot, but for where its payload is and what its hot motors can do: there it is that of the
         robot that `show_load` named last."""
         if imu is not None:

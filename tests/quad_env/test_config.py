@@ -16,6 +16,7 @@ import quad_env
         (quad_env.TaskConfig, {"reward_weights": {"tilt": -1.0}}, r"write quad_env\.RewardWeights\(…\)"),
         (quad_env.TaskConfig, {"reward_terms": abs}, r"is a tuple of quad_env\.RewardTerm, got .*; write \(quad_env"),
         (quad_env.TaskConfig, {"reward_terms": (abs,)}, r"is a tuple of quad_env\.RewardTerm"),
+        (quad_env.TaskConfig, {"timestep": 0.0}, r"positive, s, or None, got 0\.0"),
         (quad_env.RewardTerm, {"name": "a b", "function": abs, "weight": 1.0}, "is a word such as"),
         (quad_env.RewardTerm, {"name": "tilt", "function": abs, "weight": 1.0}, "tilt is a reward term of quad_env's"),
         (quad_env.RewardTerm, {"name": "mine", "function": 3, "weight": 1.0}, "must be a function of the state, got 3"),

@@ -18,6 +18,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 import policies
 from evaluate.rollouts.rollout import run
 from policies.files import sole_use
+from quad_env.physics import simulation
 from quad_env.seeding import episode_seeds
 from train.__main__ import COMMANDS, main, parse
 from train.config import load_config, to_dict
@@ -60,6 +61,20 @@ def test_a_run_leaves_bundles_settings_checkpoint_and_log(finished_run):
     assert "checkpoints/000000000256.json" in written
     assert any(name.startswith("tensorboard/") for name in written)
     assert json.loads((finished_run / CONFIG_FILE).read_text())["ppo"]["actor"] == [8]
+
+
+def test_training_goes_by_its_timestep_and_validation_by_the_robots_own(tmp_path, monkeypatch):
+    made, compiled = [], simulation.compile_model
+
+    def noted(*args):
+        model = compiled(*args)
+        made.append((args[1].name, model.opt.timestep))
+        return model
+
+    monkeypatch.setattr(simulation, "compile_model", noted)
+    assert main([*TINY, "--timestep", "0.005", "--steps", "128", "--out", str(tmp_path / "run")]) == 0
+    assert made == [("flat", 0.005), ("push", 0.005), ("flat", 0.002)]
+    assert load_config(tmp_path / "run").timestep == 0.005
 
 
 def test_the_bundle_of_a_run_walks_with_what_was_learned(finished_run):

@@ -368,6 +368,7 @@ def test_a_push_of_35_newton_seconds_on_ice_gives_the_robot_that_momentum() -> N
     [
         ({"scenario": ["flat"]}, "flat, push, rough"),
         ({"autoreset_mode": "sometimes"}, "NEXT_STEP, SAME_STEP, DISABLED"),
+        ({"config": quad_env.TaskConfig(timestep=0.003)}, "0.003 s"),
         ({"config": quad_env.TaskConfig(control_rate=300.0)}, "300"),
         ({"scenario": "moon"}, "flat, push, rough"),
         ({"num_envs": 0}, "num_envs"),
