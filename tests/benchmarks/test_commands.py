@@ -137,6 +137,20 @@ def test_an_interrupted_training_keeps_its_judgements(tmp_path: Path, capsys, mo
     assert kept["trace"] == [{"steps": 0, "seconds": 0.5, "velocity_error": 0.12}]
 
 
+def test_learners_get_the_wall_time_of_ppo_and_begin_as_their_base(tmp_path: Path, capsys, monkeypatch) -> None:
+    from benchmarks import learners
+
+    monkeypatch.setattr(learners, "SHARED", {**learners.SHARED, "learning_starts": 10**9})
+    monkeypatch.setattr(learners, "min", lambda starts, _: starts, raising=False)  # so that nothing is learnt
+    assert run("learners", "--quick", "--learners", "sac", "crossq", "--json", tmp_path / "kept.json") == 0
+    found = figures("learners", tmp_path / "kept.json", capsys.readouterr().out)
+    assert list(found) == ["trot_integral", "ppo", "sac", "crossq"]
+    for name in ("sac", "crossq"):
+        assert found[name]["seconds"] >= found["ppo"]["seconds"]
+        assert found[name]["updates"] == 0 < found["ppo"]["updates"]
+        assert found[name]["scenarios"] == found["trot_integral"]["scenarios"] != found["ppo"]["scenarios"]
+
+
 def test_resume_compares_what_a_killed_run_ends_with(tmp_path: Path, capsys) -> None:
     assert run("resume", "--quick", "--json", tmp_path / "kept.json") == 0
     found = figures("resume", tmp_path / "kept.json", capsys.readouterr().out)
@@ -172,6 +186,7 @@ def test_all_together_names_the_command_of_what_it_does_not_measure(tmp_path: Pa
         ("peers", ["--steps", "0"], "--steps"),
         ("peers", ["--envs", "0"], "--envs"),
         ("training", ["--seeds", "-1"], "--seeds"),
+        ("learners", ["--learners", "dqn"], "unknown learner 'dqn'; there are sac, tqc, crossq"),
         ("training", ["--policy", "walk"], "--policy"),
         ("startup", ["--rounds", "-1"], "--rounds"),
         ("resume", ["--kills", "0"], "--kills"),

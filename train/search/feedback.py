@@ -3,7 +3,7 @@
 CMA-ES over the gait and the gains, from those in force; the outcome and the account of the search go beside the policy.
 A generation's candidates walk the same episodes side by side, and every generation gets new ones, all from the "search"
 family of seeds. The outcome is adopted only where it is better than those in force on episodes of the "validation"
-family. With the defaults it takes about 15 minutes on two cores. After Ctrl-C what has been found so far stands in a
+family. With the defaults it takes 26 minutes of processor time. After Ctrl-C what has been found so far stands in a
 file that ends in .unjudged.json, and another search can go on from it.
 """
 
@@ -59,7 +59,7 @@ SUBJECTS = {
 
 @dataclass(frozen=True)
 class Options(EpisodeEffort):
-    """Search the gait and the gains of trot_feedback or trot_integral: about 15 minutes on two cores."""
+    """Search the gait and the gains of trot_feedback or trot_integral: 26 minutes of processor time."""
 
     policy: Literal["trot_feedback", "trot_integral"] = "trot_feedback"
     """Whose parameters are searched."""
