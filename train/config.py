@@ -230,7 +230,7 @@ class TrainConfig:
     """Factor on the impulse of the pushes and the height of the terrain in training, not in validation."""
     max_episode_steps: int = number(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
-    timestep: float = number(0.002, limits=(1e-4, 0.01))
+    timestep: float = number(0.005, limits=(1e-4, 0.01))
     """Physics step in training, s; a control step of 10 ms is a whole number of them, delays of motors are rounded to
     such a number. Validation and evaluation go by the robot's own, 2 ms."""
     actuator: str = "ideal"
