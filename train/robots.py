@@ -14,7 +14,6 @@ from policies.mirror import command_mirror, joined, of_signs
 from quad_env.columns import Array, of_robots
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import rotation_matrix, to_heading
 from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
@@ -153,7 +152,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             batch.close()
 
     def _privileged(self, infos: Infos) -> FloatArray:
-        pushes = np.concatenate([_push(batch.simulation) for batch in self.batches], axis=1) / PUSH
+        pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH
         return np.concatenate((self._which, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
     def _count_intervals(self, infos: Infos, fell: BoolArray) -> None:
@@ -176,8 +175,11 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._statistics.over_episodes["falls"] += int((finished & self._fell).sum())
 
 
-def _push(simulation: Simulation) -> Array:
+def _push(batch: SimpleQuadVectorEnv) -> Array:
     """Pushing force on every trunk during the last step, heading frame, forward and lateral, (2, n), N."""
+    simulation = batch.simulation
+    if batch.scenario.pushes is None:
+        return np.zeros((2, batch.num_envs))
     rotation = rotation_matrix(of_robots(simulation.quaternion))
     return np.stack(to_heading(rotation, of_robots(simulation.push)))
 
