@@ -3,6 +3,7 @@
 import dataclasses
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -61,14 +62,18 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         batches: made with `AutoresetMode.DISABLED`.
         first_episode_steps: from the robots' seeds the control steps, (n,), after which each one's first episode is
             cut, so that not all are at the same point of their gait and episode; no cut when None.
+        threads: batches that are stepped side by side, each by a thread: the physics of one beside the judging of
+            another. Nothing depends on which is done first.
     """
 
     def __init__(
         self,
         batches: Sequence[SimpleQuadVectorEnv],
         first_episode_steps: Callable[[Sequence[int] | None], NDArray[np.int64]] | None = None,
+        threads: int = 1,
     ) -> None:
         self.batches = tuple(batches)
+        self._pool = ThreadPoolExecutor(threads, "robots") if threads > 1 else None
         ends = np.cumsum([batch.num_envs for batch in batches])
         self._parts = [slice(int(end) - batch.num_envs, int(end)) for end, batch in zip(ends, batches, strict=True)]
         self.num_envs = n = int(ends[-1])
@@ -115,7 +120,9 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
     def step(self, actions: FloatArray) -> Step:
         """Move all robots by one control step."""
-        results = [batch.step(actions[part]) for batch, part in zip(self.batches, self._parts, strict=True)]
+        own = [actions[part] for part in self._parts]
+        each = map if self._pool is None else self._pool.map
+        results = list(each(lambda batch, targets: batch.step(targets), self.batches, own))
         observation, rewards, terminated, truncated = (
             np.concatenate([result[k] for result in results]) for k in range(4)
         )
@@ -148,6 +155,8 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
     def close_extras(self, **_: Any) -> None:
         """Close the batches."""
+        if self._pool is not None:
+            self._pool.shutdown()
         for batch in self.batches:
             batch.close()
 
@@ -215,7 +224,14 @@ def make_robots(config: TrainConfig) -> TrainingRobots:
         return generator.integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
 
     shares = [config.curriculum] * len(robots_per_scenario(config))
-    return TrainingRobots([make_batch(config, number, share) for number, share in enumerate(shares)], cuts)
+    batches = [make_batch(config, number, share) for number, share in enumerate(shares)]
+    return TrainingRobots(batches, cuts, config.threads if side_by_side(config) else 1)
+
+
+def side_by_side(config: TrainConfig) -> bool:
+    """Whether threads step a batch each, rather than one after the other together: where there are enough batches, and
+    no user's code, which need not bear it."""
+    return len(robots_per_scenario(config)) >= config.threads and not config.reward_terms
 
 
 def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVectorEnv:
@@ -224,7 +240,7 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
     return SimpleQuadVectorEnv(
         count,
         scenario=_hardened(practice(eased(find_scenario(name), share), "training", config.seed), config),
-        nthread=config.threads,
+        nthread=1 if side_by_side(config) else config.threads,
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
         config=task_config(config),

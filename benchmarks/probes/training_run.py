@@ -3,16 +3,20 @@
 import functools
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast
 
-from mujoco.batch import Batch
+import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 
+from quad_env.columns import Array
+from quad_env.physics.simulation import Simulation
 from train.config import TrainConfig, ValidationConfig
+from train.robots import TrainingRobots, side_by_side
 from train.run import make_env
 from train.sb3.callbacks import CallbackState, Schedules, Segments, current_policy
 from train.sb3.overlap import OverlappedPPO
@@ -30,10 +34,8 @@ class Shares:
 
     steps: int
     """Steps of the learner, all robots together."""
-    physics: float
-    """`Batch.step`."""
     environment: float
-    """The rest of the environment's step: base policy, commands, observations, rewards, resets."""
+    """The environment's step: physics, base policy, commands, observations, rewards, resets."""
     rollout: float
     """The rest of collecting a rollout: the policy's forward pass, the buffer, advantages."""
     learner: float
@@ -44,7 +46,7 @@ class Shares:
     @property
     def total(self) -> float:
         """Wall time, s."""
-        return self.physics + self.environment + self.rollout + self.learner + self.other
+        return self.environment + self.rollout + self.learner + self.other
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,6 @@ def shares(config: TrainConfig, steps: int) -> Shares:
         if config.ppo.overlap:
             model.drains = lambda: False
         with (
-            _timed(Batch, "step", watch, "physics"),
             _timed(env, "step_wait", watch, "environment"),
             _timed(model, "collect_rollouts", watch, "rollout"),
             _timed(model, "train", watch, "learner"),
@@ -78,6 +79,34 @@ def shares(config: TrainConfig, steps: int) -> Shares:
     finally:
         env.close()
     return piece.shares()
+
+
+def bare(config: TrainConfig, steps: int) -> float:
+    """Seconds of nothing but `Batch.step` for so many steps of the learner: the robots of a run as its base walks them,
+    from the same starts with the same targets, on as many threads."""
+    env = make_env(config)
+    try:
+        robots = cast(TrainingRobots, env.env.unwrapped)
+        simulations = [batch.simulation for batch in robots.batches]
+        env.reset()
+        targets = []
+        still = np.zeros(env.env.action_space.shape or (), np.float32)
+        for _ in range(max(steps // config.ppo.envs, 1)):
+            env.step(still)
+            targets.append([simulation._ctrl.copy() for simulation in simulations])
+        env.reset()
+
+        def advance(simulation: Simulation, held: Array) -> None:
+            simulation._ctrl[:] = held
+            simulation._batch.step(None, config.ppo.hold * simulation.substeps)
+
+        with ThreadPoolExecutor(config.threads if side_by_side(config) else 1) as pool:
+            begin = time.perf_counter()
+            for held in targets:
+                list(pool.map(advance, simulations, held))
+            return time.perf_counter() - begin
+    finally:
+        env.close()
 
 
 class _Piece(BaseCallback):
@@ -100,13 +129,12 @@ class _Piece(BaseCallback):
     def _on_rollout_start(self) -> None:
         if not self._first:
             self._first, self._begin = self.num_timesteps, time.perf_counter()
-            self._watch.update(dict.fromkeys(("physics", "environment", "rollout", "learner"), 0.0))
+            self._watch.update(dict.fromkeys(("environment", "rollout", "learner"), 0.0))
         elif self.num_timesteps - self._first >= self._steps:
             watch, whole = self._watch, time.perf_counter() - self._begin
             self._result = Shares(
                 steps=self.num_timesteps - self._first,
-                physics=watch["physics"],
-                environment=watch["environment"] - watch["physics"],
+                environment=watch["environment"],
                 rollout=watch["rollout"] - watch["environment"],
                 learner=watch["learner"],
                 other=whole - watch["rollout"] - watch["learner"],

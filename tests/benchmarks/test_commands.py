@@ -108,8 +108,9 @@ def test_training_repeats_a_finished_seed_for_other_code_alone(tmp_path: Path, c
     assert run("training", *options) == 0
     found = figures("training", tmp_path / "kept.json", capsys.readouterr().out)
     (piece,) = found["shares"]
-    parts = (piece[name] for name in ("physics", "environment", "rollout", "learner"))
+    parts = (piece[name] for name in ("environment", "rollout", "learner"))
     assert all(seconds > 0 for seconds in parts)
+    assert 0 < found["physics"][0] < piece["environment"] / piece["steps"]
     first = (tmp_path / "training.json").read_bytes()
     (kept,) = json.loads(first)["runs"]
     assert kept["finished"]

@@ -8,7 +8,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
-from train.robots import TrainingRobots, make_robots, segment_steps
+from train.robots import TrainingRobots, make_robots, segment_steps, side_by_side
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
@@ -129,3 +129,22 @@ def test_what_is_privileged_is_the_truth_whatever_the_robots_sense():
 def test_a_segment_is_whole_rollouts_about_as_long_as_an_episode(longest, ppo, rollouts):
     config = TrainConfig(max_episode_steps=longest, ppo=ppo)
     assert segment_steps(config) == rollouts * ppo.rollout_steps * ppo.envs
+
+
+def test_batches_stepped_side_by_side_are_those_stepped_one_after_the_other():
+    one, several = TrainingRobots(batches(3, 2, 2)), TrainingRobots(batches(3, 2, 2), threads=3)
+    seeds = [*SEEDS, 8, 9]
+    np.testing.assert_array_equal(one.reset(seed=seeds)[0], several.reset(seed=seeds)[0])
+    for step in range(20):
+        mine, other = one.step(lunges(step, 7)), several.step(lunges(step, 7))
+        for a, b in zip(mine[:4], other[:4], strict=True):
+            np.testing.assert_array_equal(a, b)
+    several.close()
+
+
+@pytest.mark.parametrize(
+    ("threads", "terms", "side"), [(2, (), True), (3, (), False), (1, (), True), (2, ("a",), False)]
+)
+def test_threads_take_a_batch_each_where_there_are_enough_and_no_users_code(threads, terms, side):
+    config = TrainConfig(threads=threads, mixture=(("flat", 1.0), ("push", 1.0)), reward_terms=terms)
+    assert side_by_side(config) == side
