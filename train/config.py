@@ -141,6 +141,9 @@ class PpoConfig:
     privileged: bool = True
     """Show the value network, which is needed in training only, what the robot cannot know: which scenario it is in,
     its true velocity, who pushes it."""
+    standardise: bool = False
+    """Bring each number that the networks see to zero mean and unit spread, by all that was seen so far; a bundle's
+    network has it in its first layer. Wants a smaller learning rate, such as 3e-4."""
     symmetry: bool = False
     """Show the learner each sample with its mirror image, left and right exchanged, in an epoch half of the samples, in
     the next one the others: what it learns of one side it learns of both."""

@@ -10,10 +10,13 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, cast
 
+import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
+
+from train.sb3.standardised import Standardised
 
 
 class OverlappedPPO(PPO):
@@ -50,13 +53,16 @@ class OverlappedPPO(PPO):
         """Take in the update that was under way; make the next one due, or do it now where nothing may be under way."""
         self._update.result()
         if self.drains() or self.num_timesteps >= self._total_timesteps:
-            super().train()
+            self._learn(self)
             return
         self.rollout_buffer, self._filled, self._due = self._filled, self.rollout_buffer, True
 
     def _learn(self, learner: "OverlappedPPO") -> None:
         super(OverlappedPPO, learner).train()
         self._n_updates = learner._n_updates
+        # Only now: the policy that acted had not taken these in either.
+        if isinstance(extractor := learner.policy.features_extractor, Standardised):
+            extractor.take_in(torch.from_numpy(learner.rollout_buffer.observations).flatten(0, -2))
 
 
 class _Begun:

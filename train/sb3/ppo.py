@@ -9,12 +9,13 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import MlpExtractor
+from stable_baselines3.common.torch_layers import FlattenExtractor, MlpExtractor
 from torch import nn
 
 from policies.network import Network
 from train.config import PpoConfig, TrainConfig
 from train.sb3.overlap import OverlappedPPO
+from train.sb3.standardised import Standardised
 from train.sb3.symmetry import MirroredRolloutBuffer
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -106,6 +107,7 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> OverlappedPPO:
             "activation_fn": ACTIVATIONS[ppo.activation],
             "log_std_init": ppo.log_std_init,
             "ortho_init": True,
+            "features_extractor_class": Standardised if ppo.standardise else FlattenExtractor,
             "privileged": env.privileged,
         },
         rollout_buffer_class=MirroredRolloutBuffer if ppo.symmetry else None,
@@ -120,11 +122,15 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> OverlappedPPO:
 
 
 def actor_network(model: PPO, activation: str) -> Network:
-    """The mean of the policy as the NumPy network that a bundle holds."""
+    """The mean of the policy as the NumPy network that a bundle holds, which is shown observations as they are."""
     actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
     layers = [layer for layer in actor if isinstance(layer, nn.Linear)]
-    weights = tuple(_array(layer.weight.T) for layer in layers)
-    return Network(weights, tuple(_array(layer.bias) for layer in layers), activation)
+    weights, biases = [layer.weight.detach() for layer in layers], [layer.bias.detach() for layer in layers]
+    if isinstance(extractor := model.policy.features_extractor, Standardised):
+        seen = weights[0].shape[1]
+        weights[0] = weights[0] / extractor.spread[:seen]
+        biases[0] = biases[0] - weights[0] @ extractor.mean[:seen]
+    return Network(tuple(_array(weight.T) for weight in weights), tuple(map(_array, biases)), activation)
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:

@@ -38,6 +38,8 @@ VARIANTS: Mapping[str, str] = {
     "authority of 0.6 rad": "--joint-authority 0.6 --hip-authority 0.3",
     "three scenarios": "--mixture flat 0.6 push 0.2 rough 0.2",
     "symmetry": "--ppo.symmetry",
+    "standardised inputs": "--ppo.standardise --ppo.learning-rate 3e-4",
+    "physics by 2 ms": "--timestep 0.002",
 }
 """Name of each variant -> the options in which it differs from the default command."""
 HEADER = (
