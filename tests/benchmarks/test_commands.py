@@ -12,7 +12,8 @@ import pytest
 from benchmarks.support.command import WIDTH
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
-COMMANDS = (*IN_PROCESS, "peers", "training", "startup", "resume", "growth", "rendering", "breaking_points", "cluster")
+COMMANDS = (*IN_PROCESS, "peers", "training", "learners", "startup", "resume", "growth", "rendering")
+COMMANDS += ("breaking_points", "cluster")
 
 
 def run(name: str, *arguments: object) -> int:

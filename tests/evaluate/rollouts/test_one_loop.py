@@ -7,7 +7,7 @@ LOOPS = (ast.For, ast.While, ast.ListComp, ast.SetComp, ast.DictComp, ast.Genera
 OTHERS = (
     "train/robots.py",  # the learner's own
     *(f"benchmarks/{name}.py" for name in ("peers", "vector_env", "policies", "physics")),  # the bare speed of stepping
-    *(f"benchmarks/{name}.py" for name in ("probes/growth_probe", "support/bare")),
+    *(f"benchmarks/{name}.py" for name in ("probes/growth_probe", "probes/training_run", "support/bare")),
 )
 """Modules that may step robots in loops of their own."""
 
