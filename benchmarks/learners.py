@@ -20,18 +20,17 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from torch import nn
 
 import policies
+from benchmarks.probes.training_run import learner
 from benchmarks.support.command import Outcome, Output, command, table
 from benchmarks.support.measure import cores
 from benchmarks.support.progress import stage
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.launcher import launch
+from policies.base import Policy
 from policies.network import Network
-from policies.residual import ResidualPolicy
 from train.config import DEFAULTS, PpoConfig, TrainConfig
-from train.residual_env import ResidualVectorEnv
 from train.run import make_env
-from train.sb3.callbacks import CallbackState, Schedules, Segments, current_policy
-from train.sb3.ppo import build
+from train.sb3.callbacks import CallbackState, Schedules, Segments, corrected_by, current_policy
 from train.validation import success, validate
 
 SHARED: Mapping[str, Any] = {
@@ -70,7 +69,7 @@ class Options(Output):
 class Trained(NamedTuple):
     """What a learner came to."""
 
-    policy: ResidualPolicy
+    policy: Policy
     seconds: float
     """Wall time of the training."""
     steps: int
@@ -97,8 +96,8 @@ def measure(options: Options) -> Outcome:
             trained[name] = _off_policy(config, kind, OWN[name], trained["ppo"].seconds)
             advance()
     judged = replace(config.judged, episodes=1 if options.quick else options.episodes)
-    base = policies.make(config.base)
-    for name, each in {config.base: Trained(cast(ResidualPolicy, base), 0.0, 0, 0), **trained}.items():
+    untrained = Trained(policies.make(config.base), 0.0, 0, 0)
+    for name, each in {config.base: untrained, **trained}.items():
         found = validate(each.policy, judged, config.threads, config.hardware)
         error, minutes = found["flat"]["velocity_error"], each.seconds / 60.0
         rows.add_row(
@@ -126,8 +125,7 @@ def _ppo(config: TrainConfig) -> Trained:
     """The default command, without validation."""
     env, begin = make_env(config), time.perf_counter()
     try:
-        model = build(config, env)
-        model.set_logger(Logger(None, []))
+        model = learner(config, env)
         state = CallbackState()
         model.learn(config.steps, [Schedules(config, state), Segments(config, state)])
         seconds = time.perf_counter() - begin
@@ -156,14 +154,7 @@ def _off_policy(config: TrainConfig, kind: type[OffPolicyAlgorithm], own: Mappin
         nn.init.zeros_(actor.log_std.weight)
         nn.init.constant_(actor.log_std.bias, LOG_STD)
         model.learn(10**12, _Until(begin + seconds))
-        robots = cast(ResidualVectorEnv, env.env)
-        policy = ResidualPolicy(
-            policies.make(config.base),
-            cast(Network, _Actor(model, robots.single_observation_space.shape or (0,))),
-            robots.authority,
-            inputs=config.inputs,
-            hold=config.ppo.hold,
-        )
+        policy = corrected_by(cast(Network, _Actor(model, env.observation_space.shape or (0,))), config, env)
         return Trained(policy, time.perf_counter() - begin, model.num_timesteps, model._n_updates)
     finally:
         env.close()

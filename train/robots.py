@@ -243,15 +243,11 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
         nthread=1 if side_by_side(config) else config.threads,
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
-        config=task_config(config),
+        config=TaskConfig(
+            timestep=config.timestep, reward_weights=config.rewards, reward_terms=load(config.reward_terms)
+        ),
         **dataclasses.asdict(config.hardware),
     )
-
-
-def task_config(config: TrainConfig) -> TaskConfig:
-    """What the environment of a run adds to the physics."""
-    terms = load(config.reward_terms)
-    return TaskConfig(timestep=config.timestep, reward_weights=config.rewards, reward_terms=terms)
 
 
 def _hardened(original: Scenario, config: TrainConfig) -> Scenario:

@@ -66,7 +66,7 @@ def shares(config: TrainConfig, steps: int) -> Shares:
     watch: dict[str, float] = {}
     piece = _Piece(steps, watch)
     try:
-        model = _learner(config, env)
+        model = learner(config, env)
         if config.ppo.overlap:
             model.drains = lambda: False
         with (
@@ -175,7 +175,7 @@ def train_and_judge(
     begin = time.perf_counter()
     env = make_env(config)
     try:
-        model = _learner(config, env)
+        model = learner(config, env)
         judge = _Judge(config, every, episodes, goal, report, begin)
         state = CallbackState()
         model.learn(config.steps, [judge, Schedules(config, state), Segments(config, state)])
@@ -183,7 +183,8 @@ def train_and_judge(
         env.close()
 
 
-def _learner(config: TrainConfig, env: TrainingVecEnv) -> OverlappedPPO:
+def learner(config: TrainConfig, env: TrainingVecEnv) -> OverlappedPPO:
+    """A fresh learner that logs nothing."""
     model = build(config, env)
     model.set_logger(Logger(None, []))
     return model

@@ -20,6 +20,7 @@ from evaluate.records.provenance import REPOSITORY, git_revision
 from evaluate.terminal.command_line import UsageError
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
+from policies.network import Network
 from train.config import TrainConfig, decode, to_dict
 from train.curriculum import next_shares
 from train.display import Display
@@ -121,9 +122,13 @@ class Schedules(BetweenRollouts):
 
 def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     """The actor as it would be shipped: on a fresh base, without exploration noise."""
-    env = cast(ResidualVectorEnv, cast(TrainingVecEnv, model.get_env()).env)
+    return corrected_by(actor_network(model, config.ppo.activation), config, cast(TrainingVecEnv, model.get_env()))
+
+
+def corrected_by(network: Network, config: TrainConfig, robots: TrainingVecEnv) -> ResidualPolicy:
+    """A fresh base corrected by the network as the robots of the run are."""
+    env = cast(ResidualVectorEnv, robots.env)
     base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
-    network = actor_network(model, config.ppo.activation)
     over = (env.shift_authority, env.space, env.shift_time)
     return ResidualPolicy(base, network, env.authority, config.policy, config.inputs, config.ppo.hold, *over)
 
