@@ -23,7 +23,7 @@ def passing(x: Floats, y: Floats, velocity: Vector) -> Planar:
 
 
 def raibert(
-    neutral: Planar, velocity: Vector, stance_time: float, errors: Vector, gains: tuple[float, float, float]
+    neutral: Planar, velocity: Vector, stance_time: Floats | float, errors: Vector, gains: tuple[float, float, float]
 ) -> Planar:
     """Footholds half a stance ahead of the neutral points, and further by gain · error, the yaw's about the trunk."""
     x, y = neutral

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
 from policies.gait import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
+from policies.legs.following import Following
 from policies.legs.foot_path import lift, load
 from policies.legs.footholds import Planar, captured, passing, raibert, swung, within_reach
 from policies.legs.ground import GroundSense
@@ -19,7 +20,7 @@ from policies.legs.level_frame import LevelFrame, Vector
 from policies.legs.memory import Memory
 from policies.legs.proprioception import Senses, hips, length, sense
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
-from quad_env import OBSERVATION
+from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -45,6 +46,12 @@ LARGEST_LEAD = 0.1
 """Shift of the feet in bracing, m."""
 LARGEST_TILT_ERROR = 0.5
 """Tilt that the legs answer to, rad."""
+FELT = ("linear_velocity", "angular_velocity", "projected_gravity", "joint_position")
+"""Terms of the observation that are smoothed: all that is felt."""
+SLOWDOWN_RATE = 3.0
+"""Change of the slowing down of the gait, as a share of its frequency, a second and missing share of movement, 1/s."""
+LARGEST_SLOWDOWN = 0.6
+"""Of the gait, as a share of its frequency."""
 SHORTEST_DROP = 0.08
 """Least distance of a planned foot below the trunk's centre, m."""
 
@@ -72,27 +79,32 @@ class TrotFeedback(GaitedPolicy):
         self._acceleration = np.array([[p.linear_acceleration], [p.linear_acceleration], [p.yaw_acceleration]])
         self._integral = np.array([[p.integral_gain], [p.integral_gain], [p.yaw_integral_gain]])
         self.ground = GroundSense(robot, control_period, p.plane_filter)
-        robots = dict.fromkeys(("brace", "hold", "disturbed"), 0.0)
+        self.following = Following(robot.num_joints, control_period)
+        self._felt_rows = np.concatenate([np.arange(OBSERVATION_SIZE)[OBSERVATION[name]] for name in FELT])
+        robots = dict.fromkeys(("brace", "hold", "disturbed", "slowdown"), 0.0)
         legs = dict.fromkeys(("swinging", "lift"), np.zeros(4))
         feet = np.stack(self._neutral)[..., 0]
         places = {"feet": feet, "start": feet, "speed": np.zeros_like(feet)}
         velocities = dict.fromkeys(("reference", "correction"), np.zeros(3))
         planar = dict.fromkeys(("followed", "error"), np.zeros(2))
-        self._memory = Memory(**robots, **legs, **places, **velocities, **planar)
+        felt = np.zeros(len(self._felt_rows))
+        self._memory = Memory(**robots, **legs, **places, **velocities, **planar, felt=felt)
         super().__init__(robot=robot, control_period=control_period)
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
         self._memory.allocate(num_envs)
         self.ground.memory.allocate(num_envs)
+        self.following.memory.allocate(num_envs)
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         super()._restart(mask)
         self._memory.restart(mask)
         self.ground.memory.restart(mask)
+        self.following.memory.restart(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        columns = np.ascontiguousarray(observation.T, dtype=np.float64)
+        columns = self._smoothed(np.ascontiguousarray(observation.T, dtype=np.float64))
         senses = sense(self.robot, columns)
         command = columns[OBSERVATION["command"]]
         reference = self._reference_velocity(command)
@@ -102,6 +114,7 @@ class TrotFeedback(GaitedPolicy):
         brace = self._brace(excess)
         pushed = (self._memory["disturbed"] > 0.0) | ((brace > 0.0) & (self._memory["hold"] == 0.0))
         undisturbed = ~(pushed | self._lurches(command))
+        self._follow(columns[OBSERVATION["joint_position"]], brace)
         self._advance_clock(errors, brace)
         cycle = self._gait.places((self._phase + self._offsets) % TURN)
         self.ground.update(senses, (~cycle.swing & (cycle.progress > SETTLED)) | (brace > BRACED_LOAD), undisturbed)
@@ -110,7 +123,29 @@ class TrotFeedback(GaitedPolicy):
         feet = self._foot_targets(senses, cycle, errors, brace)
         weight = np.maximum(load(cycle), brace)
         joints = _joints(self.robot, self._levelled(senses, feet, weight, brace), self._force(cycle, brace))
-        return to_actions(self.robot, self._blended(joints, self.parameters.blend_time))
+        targets = self._blended(joints, self.parameters.blend_time)
+        self.following.tell((targets - self.robot.home_pose).T, 1.0 - brace)
+        return to_actions(self.robot, targets)
+
+    def _smoothed(self, columns: Floats) -> Floats:
+        """Observations (k, n) in which what is felt lags by the sensors' filter."""
+        memory, now = self._memory, columns[self._felt_rows]
+        share = self.control_period / (self.control_period + self.parameters.sensor_filter)
+        former = np.where(self._ticks == 0.0, now, memory["felt"])
+        memory["felt"] = columns[self._felt_rows] = former + share * (now - former)
+        return columns
+
+    def _follow(self, joints: Floats, brace: Floats) -> None:
+        """Slow the gait down while the joints, (12, n), rad, fall short of their targets' movement."""
+        self.following.read(joints, 1.0 - brace)
+        missing = (self.parameters.least_following - self.following.ratio) * (1.0 - brace)
+        slowdown = self._memory["slowdown"] + (SLOWDOWN_RATE * self.control_period) * missing
+        self._memory["slowdown"] = np.clip(slowdown, 0.0, LARGEST_SLOWDOWN)
+
+    @property
+    def _period(self) -> Floats:
+        """Of each robot's gait while nothing disturbs it, s, (n,)."""
+        return 1.0 / (self.parameters.frequency * (1.0 - self._memory["slowdown"]))
 
     def _reference_velocity(self, command: Floats) -> Floats:
         """The velocity to have now, (3, n): the command, less of it on bad ground, approached within the limits."""
@@ -150,7 +185,7 @@ class TrotFeedback(GaitedPolicy):
         """Move the clock on: faster while a push is being caught, not at all while all feet are down."""
         p = self.parameters
         faster = 1.0 + p.frequency_gain * np.clip(length(*errors[:2]) - p.capture_threshold, 0.0, 1.0)
-        cycles = (self.control_period * p.frequency) * faster * (1.0 - brace)
+        cycles = self.control_period / self._period * faster * (1.0 - brace)
         self._phase = (self._phase + TURN * cycles) % TURN
         self._ticks = self._ticks + 1.0
 
@@ -175,7 +210,7 @@ class TrotFeedback(GaitedPolicy):
         share = self.control_period / (self.control_period + p.velocity_filter)
         memory["error"] = memory["error"] + share * (np.stack(errors[:2]) - memory["error"])
         error_x, error_y = memory["error"]
-        stance_time = p.neutral_share * p.duty / p.frequency
+        stance_time = p.neutral_share * p.duty * self._period
         gains = (p.raibert_gain, p.raibert_lateral, p.yaw_step)
         x, y = raibert(neutral, gait, stance_time, (error_x, error_y, errors[2]), gains)
         further_x, further_y = captured((error_x, error_y), p.capture_threshold, p.capture_gain)
@@ -193,7 +228,7 @@ class TrotFeedback(GaitedPolicy):
         drift = np.stack(passing(feet[0], feet[1], gait))
         stood_x, stood_y = feet + self.control_period * (drift - p.stance_yield * error)
         stood = within_reach(stood_x, stood_y, neutral)
-        swing_time = (1.0 - p.duty) / p.frequency
+        swing_time = (1.0 - p.duty) * self._period
         planned = np.where(cycle.swing, swung(memory["start"], foothold, drift * swing_time, cycle.progress), stood)
         wide_x, wide_y = (
             wide + memory["hold"] * (held - wide) for wide, held in zip(self._wide, self._hold, strict=True)
@@ -219,7 +254,8 @@ class TrotFeedback(GaitedPolicy):
         tall = p.body_height + brace * (low - p.body_height)
         tall = tall + p.rough_height * ground.roughness + p.slope_height * ground.steepness
         lengthening = p.height_gain * (tall + ground.height) - p.height_damping * senses.velocity[2]
-        lifted = (p.step_height + p.rough_step * ground.roughness) * lift(cycle) * (1.0 - brace)
+        high = p.step_height + p.rough_step * ground.roughness + p.slow_step * memory["slowdown"]
+        lifted = high * lift(cycle) * (1.0 - brace)
         rising = (lifted - memory["lift"]) / self.control_period
         memory["lift"] = lifted
         shortening = p.terrain_compliance * ground.unevenness - lengthening

@@ -67,6 +67,8 @@ class FeedbackParameters(Parameters):
     """Advance of the standing feet's targets per velocity error up to `capture_threshold`, s: legs push against it."""
     yaw_push: float = number(0.03, limits=_GAIN, search=(0.0, 0.1))
     """The same per yaw-rate error, s."""
+    sensor_filter: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 0.06))
+    """Time constant of all that is felt, s: against noise."""
     velocity_filter: float = number(0.018, limits=(1e-3, 100.0), search=(0.005, 0.2))
     """Time constant of the velocity that footholds go by, s."""
     raibert_gain: float = number(0.04, limits=_GAIN, search=(0.0, 0.2))
@@ -81,6 +83,10 @@ class FeedbackParameters(Parameters):
     """Foothold further out per velocity error beyond the threshold, s; √(height / g) is the capture point's."""
     frequency_gain: float = number(0.219, limits=_SHARE, search=(0.0, 0.5))
     """Rise of the frequency, as a share, per m/s of velocity error beyond the threshold."""
+    least_following: float = number(0.0, limits=(0.0, 1.0), search=(0.0, 0.4))
+    """Movement of the joints per movement of their targets below which the gait becomes slower."""
+    slow_step: float = number(0.0, limits=(-1.0, 1.0), search=(0.0, 0.3))
+    """Rise of the steps per share of its frequency by which the gait is slower, m."""
     tilt_gain: float = number(0.3, limits=_GAIN, search=(0.0, 2.5))
     """Legs' answer to a tilt error, as a share of the turn that would undo it."""
     tilt_damping: float = number(0.02, limits=_GAIN, search=(0.0, 0.1))

@@ -25,7 +25,7 @@ AT_REST[:, OBSERVATION["projected_gravity"]] = (0.0, 0.0, -1.0)
 WALKING = AT_REST.copy()
 WALKING[:, OBSERVATION["command"]] = (0.4, 0.1, 0.2)
 ON_ITS_BACK = -AT_REST
-SLACK = 0.08
+SLACK = 0.1
 """What rates of change and blends that end between two steps leave, rad."""
 
 

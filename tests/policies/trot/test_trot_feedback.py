@@ -14,7 +14,13 @@ from evaluate.rollouts import rollout
 from policies.base import CONTROL_PERIOD
 from policies.legs.kinematics import foot_positions, joint_angles
 from policies.parameters import limits_of
-from policies.trot.feedback import BRACE_RANGE, BRACE_TIME, LARGEST_CORRECTION, TrotFeedback
+from policies.trot.feedback import (
+    BRACE_RANGE,
+    BRACE_TIME,
+    LARGEST_CORRECTION,
+    LARGEST_SLOWDOWN,
+    TrotFeedback,
+)
 from policies.trot.feedback_parameters import (
     PARAMETERS_FILE,
     SEARCH_RANGES,
@@ -132,6 +138,63 @@ def test_pitching_forward_lengthens_the_front_legs_by_damping_times_rate_times_a
     share = -moved[standing, 2] / (0.1 * 0.5 * arm[standing])
     assert share[0] == pytest.approx(share[1], rel=0.05)
     assert 0.0 < share[0] <= 1.0
+
+
+def test_what_is_felt_lags_by_its_filter_but_for_the_first_reading():
+    parameters = dataclasses.replace(BARE, tilt_damping=0.1, sensor_filter=3.0 * CONTROL_PERIOD)
+    pitching = observation(angular_velocity=(0.0, 0.5, 0.0))
+    lagging, from_the_start, level = (TrotFeedback(parameters) for _ in range(3))
+    at_once = TrotFeedback(dataclasses.replace(parameters, sensor_filter=0.0))
+    for readings in (observation(), observation(), pitching):
+        late, prompt, usual = lagging.act(readings), at_once.act(readings), level.act(observation())
+        constant = from_the_start.act(pitching)
+    moved, full, always = (feet(action)[:, 2] - feet(usual)[:, 2] for action in (late, prompt, constant))
+    standing = ~level._gait.legs(level.phase).swing[0]
+    np.testing.assert_allclose(moved[standing] / full[standing], 0.25, atol=0.01)  # one period of four
+    np.testing.assert_allclose(always, full, atol=ROUNDING)
+
+
+def test_every_reading_of_the_sensors_is_smoothed_and_no_command():
+    """Planted: a term that is left out goes on at once."""
+    policy = TrotFeedback(dataclasses.replace(BARE, sensor_filter=9.0 * CONTROL_PERIOD))
+    columns = np.zeros((OBSERVATION_SIZE, 1))
+    policy._smoothed(columns.copy())
+    policy._ticks += 1.0
+    smoothed = policy._smoothed(columns + 1.0)[:, 0]
+    for name in ("linear_velocity", "angular_velocity", "projected_gravity", "joint_position"):
+        np.testing.assert_allclose(smoothed[OBSERVATION[name]], 0.1, err_msg=name)
+    assert (smoothed[OBSERVATION["command"]] == 1.0).all()
+
+
+def strides(share, **changes):
+    """The policy after 3 s with joints that move by that share of their targets' movement."""
+    policy = TrotFeedback(dataclasses.replace(BARE, blend_time=0.3, **changes))
+    action = SIMPLE_QUAD.home_pose
+    for _ in range(300):
+        moved = share * (action - SIMPLE_QUAD.home_pose)
+        before, action = policy.phase, policy.act(observation(joint_position=moved))
+    return policy, (policy.phase - before)[0] % (2.0 * np.pi) / (2.0 * np.pi * CONTROL_PERIOD)
+
+
+def test_joints_that_do_not_follow_slow_the_gait_down_and_those_that_do_leave_it_alone():
+    frequency = BARE.frequency
+    assert strides(0.1)[1] == pytest.approx(frequency)  # off
+    assert strides(1.0, least_following=0.4)[1] == pytest.approx(frequency)
+    assert strides(0.1, least_following=0.4)[1] == pytest.approx((1.0 - LARGEST_SLOWDOWN) * frequency)
+
+
+def test_slower_steps_are_higher_and_longer():
+    slow, _ = strides(0.1, least_following=0.4, step_height=0.05, slow_step=0.1)
+    usual = TrotFeedback(dataclasses.replace(BARE, step_height=0.05))
+    lifts, places = [], []
+    for _ in range(200):
+        for policy in (slow, usual):
+            policy.act(observation(command=(0.5, 0.0, 0.0)))
+        lifts.append([policy._memory["lift"].max() for policy in (slow, usual)])
+        places.append([policy._memory["feet"][0, 0, 0] for policy in (slow, usual)])
+    np.testing.assert_allclose(np.max(lifts, axis=0), (0.05 + 0.1 * LARGEST_SLOWDOWN, 0.05), atol=2e-3)
+    longer = np.divide(*np.ptp(places[100:], axis=0))
+    assert longer == pytest.approx(1.0 / (1.0 - LARGEST_SLOWDOWN), rel=0.15)
 
 
 def test_a_robot_that_is_too_low_stands_taller():

@@ -1,0 +1,44 @@
+"""How far joints follow their targets: what is measured, what is not, and that each robot has its own."""
+
+import numpy as np
+
+from policies.legs.following import Following
+
+JOINTS, STEPS = 12, 200
+
+
+def followed(share, delay=0, walking=1.0, robots=1):
+    """After strides whose joints move by that share of their targets' movement, that many control periods late."""
+    following = Following(JOINTS, 0.01)
+    following.memory.allocate(robots)
+    walks = np.full(robots, walking)
+    for step in range(STEPS):
+        targets = 0.3 * np.sin(0.3 * step + np.arange(JOINTS))[:, None] * np.ones(robots)
+        late = 0.3 * np.sin(0.3 * (step - delay) + np.arange(JOINTS))[:, None] * np.ones(robots)
+        following.read(share * late, walks)
+        following.tell(targets, walks)
+    return following
+
+
+def test_the_ratio_is_that_of_the_movements_however_late_the_joints_are():
+    for share in (0.1, 0.5, 1.0):
+        for delay in (0, 1, 8):
+            assert abs(followed(share, delay).ratio[0] - share) <= 0.02, (share, delay)
+
+
+def test_what_a_robot_does_while_it_does_not_walk_teaches_nothing():
+    assert followed(0.1, walking=0.0).ratio[0] == 1.0
+
+
+def test_each_robot_has_its_own_and_a_restart_forgets():
+    following = followed(0.2, robots=3)
+    following.memory.restart(np.array([False, True, False]))
+    np.testing.assert_allclose(following.ratio, [0.2, 1.0, 0.2], atol=0.02)
+
+
+def test_joints_and_targets_at_rest_are_no_division_by_zero():
+    following = Following(JOINTS, 0.01)
+    for _ in range(100_000):
+        following.read(np.zeros((JOINTS, 1)), np.ones(1))
+        following.tell(np.zeros((JOINTS, 1)), np.ones(1))
+    assert np.isfinite(following.ratio).all()
