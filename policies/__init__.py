@@ -6,12 +6,13 @@ action = policy.act(observation)  # (n, k) -> (n, 12) rad
 """
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from policies.base import CONTROL_PERIOD, Policy, PolicyError, Stand
 from policies.bases import BASES
 from policies.behaviour import Behaviour
-from policies.bundle import load
+from policies.bundle import DESCRIPTION, load
 from policies.foreign import Foreign, is_reference
 from policies.residual import ResidualPolicy
 from policies.safety import Safe, SafetyLimits
@@ -21,13 +22,15 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
-"""The trained policies that ship with the project."""
+"""The trained policies that ship with the project, each in a folder with its name."""
+TRAINED = tuple(sorted({"residual", *(file.parent.name for file in MODELS.glob(f"*/{DESCRIPTION}"))}))
+"""Their names; the residual's, whether it is there or not."""
 
 
-def _shipped_residual(*, robot: Robot, control_period: float) -> Policy:
-    if not MODELS.joinpath("residual").is_dir():
-        raise PolicyError(f"no trained residual in {MODELS / 'residual'}; make one with `python -m train`")
-    return _loaded(MODELS / "residual", robot, control_period)
+def _shipped(name: str, *, robot: Robot, control_period: float) -> Policy:
+    if not MODELS.joinpath(name).is_dir():
+        raise PolicyError(f"no trained policy in {MODELS / name}; make one with `python -m train`")
+    return _loaded(MODELS / name, robot, control_period)
 
 
 def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
@@ -44,7 +47,7 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
 _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: base.make for name, base in BASES.items()},
     "behaviour": Behaviour,
-    "residual": _shipped_residual,
+    **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
 
@@ -103,6 +106,7 @@ def resolve(
 
 
 __all__ = [
+    "TRAINED",
     "Behaviour",
     "Foreign",
     "Policy",

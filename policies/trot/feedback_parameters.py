@@ -55,7 +55,7 @@ class FeedbackParameters(Parameters):
     """Feedforward: the gait's yaw rate per reference."""
     yaw_per_lateral: float = number(-0.19, limits=_GAIN, search=(-0.5, 0.1))
     """Feedforward: added to the yaw rate per lateral reference velocity, rad/m: walking sideways turns the robot."""
-    turn_lead: float = number(0.08, limits=_GAIN, search=(0.0, 0.2))
+    turn_lead: float = number(0.08, limits=_GAIN, search=(0.0, 0.4))
     """How far ahead the gait's velocity is turned at the reference yaw rate, s: in a curve the body lags behind."""
     integral_gain: float = number(3.0, limits=_GAIN, search=(0.0, 4.0))
     """Change of the gait's velocity per velocity error and second, 1/s."""
@@ -91,7 +91,7 @@ class FeedbackParameters(Parameters):
     """Legs' answer to a tilt error, as a share of the turn that would undo it."""
     tilt_damping: float = number(0.02, limits=_GAIN, search=(0.0, 0.1))
     """The same per tilt rate, s."""
-    height_gain: float = number(0.3, limits=_GAIN, search=(0.0, 1.5))
+    height_gain: float = number(0.3, limits=_GAIN, search=(-0.3, 1.5))
     """Lengthening of the standing legs per missing height."""
     height_damping: float = number(0.003, limits=_GAIN, search=(0.0, 0.05))
     """Shortening of the standing legs per rising speed, s."""
@@ -101,7 +101,7 @@ class FeedbackParameters(Parameters):
     """Share of the ground's slope that the trunk leans with."""
     terrain_compliance: float = number(0.882, limits=_SHARE, search=(0.0, 1.0))
     """Share of a footprint's height above the plane that its leg is shortened by."""
-    rough_height: float = number(0.538, limits=_GAIN, search=(0.0, 3.0))
+    rough_height: float = number(0.538, limits=_GAIN, search=(-1.0, 3.0))
     """Rise of the trunk per roughness of the ground, m/m."""
     rough_step: float = number(1.56, limits=_GAIN, search=(0.0, 3.0))
     """Rise of the steps per roughness of the ground, m/m."""

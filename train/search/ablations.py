@@ -26,7 +26,7 @@ DEFAULT = "default"
 VARIANTS: Mapping[str, str] = {
     DEFAULT: "",
     "base: trot": "--base trot",
-    "base: trot_feedback": "--base trot_feedback",
+    "base: trot_integral": "--base trot_integral",
     "no memory": "--inputs.lags --inputs.averages",
     "critic sees what the actor sees": "--ppo.no-privileged",
     "no slope far from the command": "--rewards.linear-velocity-error 0 --rewards.yaw-rate-error 0",
@@ -38,7 +38,12 @@ VARIANTS: Mapping[str, str] = {
     "authority of 0.6 rad": "--joint-authority 0.6 --hip-authority 0.3",
     "three scenarios": "--mixture flat 0.6 push 0.2 rough 0.2",
     "symmetry": "--ppo.symmetry",
-    "standardised inputs": "--ppo.standardise --ppo.learning-rate 3e-4",
+    "standardised inputs": "--ppo.standardise",
+    "updates beside the rollouts": "--ppo.overlap",
+    "updates three times as large": "--ppo.learning-rate 1e-3",
+    "noise of 0.22": "--ppo.log-std-init -1.5",
+    "a fall costs 1": "--rewards.fall -1",
+    "curriculum": "--curriculum 0.4",
     "physics by 2 ms": "--timestep 0.002",
 }
 """Name of each variant -> the options in which it differs from the default command."""

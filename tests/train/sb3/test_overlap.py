@@ -15,7 +15,7 @@ from train.sb3.overlap import OverlappedPPO
 CONFIG = TrainConfig(
     threads=1,
     mixture=(("flat", 1.0),),
-    ppo=PpoConfig(envs=4, rollout_steps=3, minibatch=6, epochs=2, actor=(4,), critic=(4,), hold=1),
+    ppo=PpoConfig(envs=4, rollout_steps=3, minibatch=6, epochs=2, actor=(4,), critic=(4,), hold=1, overlap=True),
 )
 ROLLOUT = 12
 
@@ -92,4 +92,3 @@ def test_the_last_update_is_done_before_the_end():
     plain, _ = learnt(lambda: True, rollouts=1)
     assert isinstance(overlapped, OverlappedPPO)
     assert torch.equal(weights(overlapped.policy), weights(plain.policy))
-    assert CONFIG.ppo.overlap

@@ -121,7 +121,7 @@ def test_a_bundle_of_a_run_acts_as_the_learner_does(tmp_path):
 
 
 def test_the_linear_rate_ends_at_zero():
-    rate = learning_rate(PpoConfig(learning_rate=2e-3))
+    rate = learning_rate(PpoConfig(learning_rate=2e-3, learning_rate_schedule="linear"))
     assert rate(-0.01) == 0.0  # the last rollout goes beyond the last step
     assert [rate(1.0), rate(0.5), rate(0.0)] == [2e-3, 1e-3, 0.0]
 
