@@ -7,7 +7,7 @@ from pathlib import Path
 from policies.parameters import Parameters, from_json, number, read, search_ranges_of
 
 PARAMETERS_FILE = Path(__file__).with_name("trot_feedback.json")
-"""The parameters in force, written by `python -m train search feedback`; TROT_FEEDBACK.md is its account."""
+"""The parameters in force; TROT_FEEDBACK.md is the account of the last `python -m train search feedback`."""
 
 _SHARE = (0.0, 2.0)
 _GAIN = (-10.0, 10.0)
