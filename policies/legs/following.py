@@ -3,7 +3,7 @@
 import numpy as np
 
 from policies.gait import Floats
-from policies.legs.memory import Memory
+from policies.legs.memory import Memory, taken_in
 
 MEMORY_TIME = 0.3
 """Time constant of both movements, s: about two strides."""
@@ -15,7 +15,7 @@ class Following:
     """The joints' movement per that of their targets, robots (n,), over the last strides."""
 
     def __init__(self, joints: int, control_period: float) -> None:
-        self._share = control_period / (control_period + MEMORY_TIME)
+        self._share = taken_in(control_period, MEMORY_TIME)
         first = AT_FIRST * control_period * joints
         self.memory = Memory(told=first, made=first, targets=np.zeros(joints), joints=np.zeros(joints))
 

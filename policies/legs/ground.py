@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from policies.gait import Floats
 from policies.legs.ground_plane import above, carried, fitted, renewed, total
 from policies.legs.level_frame import Vector
-from policies.legs.memory import Memory
+from policies.legs.memory import Memory, taken_in
 from policies.legs.proprioception import Senses, length
 from quad_env.robots.robot import Robot
 
@@ -25,7 +25,7 @@ class GroundSense:
 
     def __init__(self, robot: Robot, control_period: float, plane_filter: float) -> None:
         self._period = control_period
-        self._share = control_period / (control_period + plane_filter)
+        self._share = taken_in(control_period, plane_filter)
         self._half_base = float(robot.hip_positions[:, 0].max())  # turns slope into height under a foot
         robots = dict.fromkeys(("known", "height", "forward", "lateral", "roughness", "worst"), 0.0)
         self.memory = Memory(**robots, x=np.zeros(4), y=np.zeros(4), z=np.zeros(4))

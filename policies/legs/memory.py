@@ -6,6 +6,11 @@ from numpy.typing import ArrayLike, NDArray
 from policies.gait import Floats
 
 
+def taken_in(control_period: float, time_constant: float) -> float:
+    """Share of a change that a first-order filter of that time constant takes in within a control period, both s."""
+    return control_period / (control_period + time_constant)
+
+
 class Memory:
     """Named arrays (…, n), each started from a value (…) that is the same for every robot."""
 

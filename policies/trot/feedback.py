@@ -17,7 +17,7 @@ from policies.legs.footholds import Planar, captured, passing, raibert, swung, w
 from policies.legs.ground import GroundSense
 from policies.legs.kinematics import held_up, leg_angles
 from policies.legs.level_frame import LevelFrame, Vector
-from policies.legs.memory import Memory
+from policies.legs.memory import Memory, taken_in
 from policies.legs.proprioception import Senses, hips, length, sense
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
 from quad_env import OBSERVATION, OBSERVATION_SIZE
@@ -130,7 +130,7 @@ class TrotFeedback(GaitedPolicy):
     def _smoothed(self, columns: Floats) -> Floats:
         """Observations (k, n) in which what is felt lags by the sensors' filter."""
         memory, now = self._memory, columns[self._felt_rows]
-        share = self.control_period / (self.control_period + self.parameters.sensor_filter)
+        share = taken_in(self.control_period, self.parameters.sensor_filter)
         former = np.where(self._ticks == 0.0, now, memory["felt"])
         memory["felt"] = columns[self._felt_rows] = former + share * (now - former)
         return columns
@@ -207,7 +207,7 @@ class TrotFeedback(GaitedPolicy):
     def _footholds(self, neutral: Planar, gait: Vector, errors: Vector) -> Planar:
         """Where the swinging feet are to land, by velocity errors smoothed over the sway of a stride."""
         p, memory = self.parameters, self._memory
-        share = self.control_period / (self.control_period + p.velocity_filter)
+        share = taken_in(self.control_period, p.velocity_filter)
         memory["error"] = memory["error"] + share * (np.stack(errors[:2]) - memory["error"])
         error_x, error_y = memory["error"]
         stance_time = p.neutral_share * p.duty * self._period

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
+from policies.legs.memory import taken_in
 from policies.legs.proprioception import motion
 from policies.parameters import from_json, number, read, search_ranges_of
 from policies.trot.open_loop import Trot, TrotParameters
@@ -93,7 +94,7 @@ class TrotIntegral(Trot):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
         p, period = self.parameters, self.control_period
-        self._expected = self._expected + (command - self._expected) * (period / (period + p.settling_time))
+        self._expected = self._expected + (command - self._expected) * taken_in(period, p.settling_time)
         _, (forward, lateral, _), yaw_rate = motion(observation.T.astype(np.float64))
         error = self._expected - np.stack((forward, lateral, yaw_rate), axis=-1)
         counted = np.clip(error, -p.largest_error, p.largest_error)
