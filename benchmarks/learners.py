@@ -48,8 +48,6 @@ OWN: Mapping[str, Mapping[str, Any]] = {
     "crossq": {"gradient_steps": 6, "learning_rate": 1e-3, "ent_coef": "auto_0.05"},
 }
 """Settings of each one; as many gradient steps a step of all robots as leave half of the time to the physics."""
-LOG_STD = -1.5
-"""Logarithm of the noise at first, in shares of the authority, as PPO's."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +150,7 @@ def _off_policy(config: TrainConfig, kind: type[OffPolicyAlgorithm], own: Mappin
         nn.init.zeros_(actor.mu.weight)
         nn.init.zeros_(actor.mu.bias)
         nn.init.zeros_(actor.log_std.weight)
-        nn.init.constant_(actor.log_std.bias, LOG_STD)
+        nn.init.constant_(actor.log_std.bias, config.ppo.log_std_init)
         model.learn(10**12, _Until(begin + seconds))
         policy = corrected_by(cast(Network, _Actor(model, env.observation_space.shape or (0,))), config, env)
         return Trained(policy, time.perf_counter() - begin, model.num_timesteps, model._n_updates)
