@@ -25,10 +25,10 @@ AT_REST[:, OBSERVATION["projected_gravity"]] = (0.0, 0.0, -1.0)
 WALKING = AT_REST.copy()
 WALKING[:, OBSERVATION["command"]] = (0.4, 0.1, 0.2)
 ON_ITS_BACK = -AT_REST
-SLACK = 0.1
+SLACK = 0.08
 """What rates of change and blends that end between two steps leave, rad."""
-MOVEMENT = 0.24
-"""A joint moves by far more, rad."""
+SLACK_OF = {"trot_feedback": 0.1}
+"""The same of a gait that, asked at 50 Hz, has but six steps a cycle."""
 
 
 def ask(policy, observation, seconds):
@@ -36,14 +36,14 @@ def ask(policy, observation, seconds):
     return np.array([policy.act(observation)[0] for _ in range(round(seconds / policy.control_period))])
 
 
-def assert_the_same_in_time(often, seldom):
+def assert_the_same_in_time(often, seldom, slack=SLACK):
     """Actions at 100 Hz and at 50 Hz are the same at the same times, and move a joint by far more.
 
     But for one in twenty, where a motion begins with a leap that one of them may make a step later.
     """
-    same = (np.abs(often[1::2] - seldom) <= SLACK).all(axis=1)
+    same = (np.abs(often[1::2] - seldom) <= slack).all(axis=1)
     assert same.mean() >= 0.95
-    assert np.ptp(seldom, axis=0).max() >= MOVEMENT
+    assert np.ptp(seldom, axis=0).max() >= 3.0 * slack
 
 
 def stride_frequency(control_rate):
@@ -76,7 +76,8 @@ def test_the_clock_advances_by_its_frequency_times_the_control_period(name, peri
 
 @pytest.mark.parametrize("name", [name for name in UNTRAINED if name != "stand"])
 def test_a_policy_asks_for_the_same_at_the_same_time_whatever_its_control_period(name):
-    assert_the_same_in_time(*(ask(policies.make(name, control_period=p), WALKING, 0.8) for p in (0.01, 0.02)))
+    asked = (ask(policies.make(name, control_period=p), WALKING, 0.8) for p in (0.01, 0.02))
+    assert_the_same_in_time(*asked, SLACK_OF.get(name, SLACK))
 
 
 def test_a_change_of_gait_takes_the_same_time():

@@ -1,0 +1,58 @@
+"""The trot with feedback in episodes: that it walks, and where it does what it is asked."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.measures.metrics import measure
+from evaluate.rollouts import rollout
+from policies.trot.feedback import TrotFeedback
+from policies.trot.feedback_parameters import searched_parameters
+from quad_env.scenarios.axes import AXES
+from quad_env.seeding import episode_seeds
+from train.scenarios import practice
+
+
+def walk(axis, severity, count, policy):
+    scenario = practice(AXES[axis].scenario(severity, axis), "search")
+    return measure(rollout.run(policy, scenario, episode_seeds("search", 3, count)))
+
+
+def test_a_reversal_of_its_command_neither_throws_it_off_flat_ground_nor_stops_it():
+    """Search episodes in which it leapt, took that for rough ground and stood still for the rest."""
+    seeds = np.array([890058028297871, 915165469080478, 1041415005289286, 1051791307237338])
+    measures = measure(rollout.run(policies.make("trot_feedback"), "flat", seeds))
+    assert not measures.fell.any()
+    assert measures.mean_velocity_error.max() <= 0.1
+
+
+def test_on_flat_ground_it_follows_commands_without_falling_and_without_a_steady_error():
+    measures = walk("flat", 1.5, 24, policies.make("trot_feedback"))
+    assert not measures.fell.any()
+    assert measures.velocity_error.mean() <= 0.08
+    assert measures.mean_velocity_error.mean() <= 0.03
+    assert measures.yaw_rate_error.mean() <= 0.15
+
+
+@pytest.mark.parametrize(("axis", "severity"), [("rough", 0.12), ("slippery", 0.1), ("force", 60.0)])
+def test_it_mostly_does_what_it_is_asked_where_the_trot_mostly_does_not(axis, severity):
+    feedback, trot = (
+        walk(axis, severity, 16, policies.make(name)).succeeded.mean() for name in ("trot_feedback", "trot")
+    )
+    assert feedback >= 0.5
+    assert feedback >= trot + 0.3
+
+
+@pytest.mark.parametrize(
+    ("axis", "severity", "off"),
+    [("noise", 0.8, {"sensor_filter": 0.0}), ("slow_motors", 5.0, {"least_following": 0.0})],
+)
+def test_the_filter_and_the_slower_gait_are_what_noisy_sensors_and_slow_motors_need(axis, severity, off):
+    with_it, without = (
+        walk(axis, severity, 16, TrotFeedback(parameters)).succeeded.mean()
+        for parameters in (searched_parameters(), dataclasses.replace(searched_parameters(), **off))
+    )
+    assert with_it >= 0.6
+    assert with_it >= without + 0.25
