@@ -189,7 +189,7 @@ class TrainConfig:
     """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
     base: BaseName = "trot_feedback"
     """Base policy that the correction is added to."""
-    steps: Count = number(2_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
+    steps: Count = number(2_500_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
     run: its schedules, at their end already, begin again where they would be in a run of that length; it is not the run
     of that length to the bit."""
@@ -226,7 +226,7 @@ class TrainConfig:
     inputs: Inputs = MEMORY
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""
-    curriculum: float = number(1.0, limits=(0.0, 1.0))
+    curriculum: float = number(0.4, limits=(0.0, 1.0))
     """Share of its severity, from the mildest level of its axis, that each scenario of the mixture begins with; it
     grows as the robots keep to their commands, and shrinks where they no longer do. 1: as named, from the start."""
     pushes: int = number(4, limits=(0, _MOST_PUSHES))

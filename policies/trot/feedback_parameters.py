@@ -137,7 +137,7 @@ class FeedbackParameters(Parameters):
     """`tilt_gain` while it does."""
     brace_tilt_damping: float = number(0.116, limits=_GAIN, search=(0.0, 0.15))
     """`tilt_damping` while it does, s."""
-    brace_release: float = number(0.172, limits=(1e-3, 100.0), search=(0.05, 0.5))
+    brace_release: float = number(0.172, limits=(1e-3, 100.0), search=(0.02, 0.5))
     """From there back to the trot, s."""
 
 

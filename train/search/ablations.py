@@ -33,7 +33,7 @@ VARIANTS: Mapping[str, str] = {
     "corrections at 100 Hz": "--ppo.hold 1 --ppo.gamma 0.99",
     "horizon of 0.4 s": "--ppo.gamma 0.95",
     "feet instead of joints": "--space feet",
-    "gait, too": "--gait-authority.frequency 1.4 --gait-authority.step-height 0.06 --gait-authority.body-height 0.08",
+    "base: trot; its gait, too": "--base trot --gait-authority.frequency 1.4 --gait-authority.step-height 0.06 --gait-authority.body-height 0.08",
     "command, too": "--command-authority 0.5",
     "authority of 0.6 rad": "--joint-authority 0.6 --hip-authority 0.3",
     "three scenarios": "--mixture flat 0.6 push 0.2 rough 0.2",
@@ -43,7 +43,7 @@ VARIANTS: Mapping[str, str] = {
     "updates three times as large": "--ppo.learning-rate 1e-3",
     "noise of 0.22": "--ppo.log-std-init -1.5",
     "a fall costs 1": "--rewards.fall -1",
-    "curriculum": "--curriculum 0.4",
+    "no curriculum": "--curriculum 1",
     "physics by 2 ms": "--timestep 0.002",
 }
 """Name of each variant -> the options in which it differs from the default command."""

@@ -169,7 +169,7 @@ def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Colle
     for name, old in asdict(before).items():
         low_high = ranges.get(name)
         span = f"{low_high[0]:g} … {low_high[1]:g}" if low_high else "fitted" if name in fitted else "fixed"
-        lines.append(f"| {name} | {span} | {old:g} | {getattr(after, name):g} |")
+        lines.append(f"| {name} | {span} | {old:.9g} | {getattr(after, name):.9g} |")
     return lines
 
 
