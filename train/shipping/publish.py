@@ -8,12 +8,14 @@ from typing import Annotated
 
 import tyro
 
+import evaluate.commands.options
 import policies
-from evaluate.analysis.results import Results, analyse
-from evaluate.rollouts import battery
-from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
-from evaluate.rollouts.progress import show_progress
+from evaluate.analysis.results import Results
+from evaluate.commands.options import Flag, available_cores
+from evaluate.commands.plan import check
+from evaluate.records.store import read_run
 from evaluate.terminal.command_line import UsageError, check_numbers
+from policies.bases import describe
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
 from train.config import differences, load_config
@@ -63,8 +65,12 @@ class Options:
     """Episodes of each policy on each scenario."""
     seed: int = number(0, limits=(0, 2**63 - 1))
     """Seed of the evaluation's episodes."""
-    threads: int = number(2, limits=(1, 256))
-    """Threads of the simulation."""
+    out: Path = Path("results/publish")
+    """Folder of the evaluation, with its report."""
+    resume: Flag = False
+    """Carry on the interrupted evaluation in --out."""
+    threads: int = number(available_cores(), limits=(1, 256))
+    """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
 
 
 def main(options: Options) -> int:
@@ -72,8 +78,11 @@ def main(options: Options) -> int:
     check_numbers(options, limits_of(options))
     if not options.runs:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
-    runs = [read_run(folder) for folder in options.runs]
+    runs = [trained_run(folder) for folder in options.runs]
     shipped = choose(runs, options.policy)
+    base = shipped.config.base
+    if describe(policies.load(Path(shipped.label) / BEST).base) != describe(policies.make(base)):
+        raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
     make_writable_folder(options.to)
     card = model_card(runs, shipped, judge(options, runs, shipped))
     for name in ("policy.safetensors", "policy.json"):
@@ -84,20 +93,31 @@ def main(options: Options) -> int:
 
 
 def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
-    """What the runs and the shipped one's base do in the evaluation's episodes. Raises UsageError."""
-    try:
-        scenarios = battery.resolve(options.scenarios)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
-    judged = [LabelledPolicy(shipped.config.base, policies.load(Path(shipped.label) / BEST).base)]
-    judged += [LabelledPolicy(run.label, policies.load(Path(run.label) / BEST)) for run in runs]
-    seeds = evaluation_seeds(options.seed, options.episodes)
-    with show_progress([each.label for each in judged] * len(scenarios)) as progress:
-        found = list(run_cells(judged, scenarios, seeds, Settings(options.threads, progress)))
-    return analyse(found, seed=options.seed, episodes=options.episodes, complete=True, baseline=shipped.config.base)
+    """What the runs and the shipped one's base do in the evaluation's episodes.
+
+    Raises UsageError, and KeyboardInterrupt after a Ctrl-C, once all is kept.
+    """
+    # Only now, so that --help and mistakes answer at once.
+    from evaluate.commands.execution import execute
+    from evaluate.commands.outputs import analysed
+
+    base = shipped.config.base
+    words = evaluate.commands.options.Options(
+        policies=(base, *(run.label for run in runs)),
+        scenarios=options.scenarios,
+        episodes=options.episodes,
+        seed=options.seed,
+        out=options.out,
+        resume=options.resume,
+        baseline=base,
+        film=False,
+        threads=options.threads,
+    )
+    execute(check(words))
+    return analysed(read_run(options.out), base)
 
 
-def read_run(folder: Path) -> TrainedRun:
+def trained_run(folder: Path) -> TrainedRun:
     """What a finished run's folder says about it. Raises UsageError for one that is unfinished, damaged or none."""
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
     from train.sb3.callbacks import CallbackState

@@ -7,6 +7,7 @@ import pytest
 
 from train.__main__ import main
 from train.config import DEFAULTS, differences
+from train.run import make_env
 from train.search import ablations
 from train.search.ablations import DEFAULT, VARIANTS, Found, Options, config, page
 
@@ -23,6 +24,12 @@ def test_a_variant_differs_from_the_default_in_its_options_alone(name):
     assert run.validation == default.validation
     assert run.folder.name == "seed-1"
     assert differences(DEFAULTS["residual"], default)[0].option == "--steps"
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_variant_can_be_trained(name):
+    run = config(OPTIONS, name, 0)
+    make_env(dataclasses.replace(run, ppo=dataclasses.replace(run.ppo, envs=16))).close()
 
 
 def test_the_page_by_hand():

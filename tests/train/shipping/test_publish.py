@@ -9,6 +9,7 @@ import pytest
 import policies
 from evaluate.analysis.comparison import Comparison
 from evaluate.analysis.results import analyse
+from evaluate.records.store import ChunkStore
 from evaluate.terminal.command_line import UsageError
 from train.__main__ import main, parse
 from train.config import DEFAULTS, PpoConfig, to_dict
@@ -90,8 +91,9 @@ def runs(tmp_path_factory):
 
 def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, capsys):
     to = tmp_path / "models" / "residual"
-    arguments = [str(runs / "1"), str(runs / "0"), "--to", str(to), "--scenarios", "flat", "--episodes", "2"]
-    assert publish([*arguments, "--threads", "1"]) == 0
+    words = [str(runs / "1"), str(runs / "0"), "--to", str(to), "--out", str(tmp_path / "out")]
+    words += ["--scenarios", "flat", "--episodes", "2", "--threads", "1"]
+    assert publish(words) == 0
     assert sorted(path.name for path in to.iterdir()) == ["MODEL.md", "policy.json", "policy.safetensors"]
     assert (to / "policy.safetensors").read_bytes() == (runs / "0" / "best" / "policy.safetensors").read_bytes()
     assert policies.load(to).name == "residual"
@@ -103,6 +105,38 @@ def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, caps
     assert card.count(f"minus `{parse([]).base}`") == 1
     assert str(tmp_path) not in card
     assert str(runs) not in card
+
+
+def test_a_stopped_publishing_goes_on_where_it_was(runs, tmp_path, monkeypatch):
+    """What a session, or a machine, ends before its hours are over."""
+    to, out = tmp_path / "model", tmp_path / "out"
+    words = [str(runs / "0"), "--to", str(to), "--out", str(out)]
+    words += ["--scenarios", "flat", "push", "--episodes", "2", "--threads", "1"]
+    save, saved = ChunkStore.save, []
+
+    def interrupted(store, chunk):
+        save(store, chunk)
+        saved.append(chunk.cell.scenario.name)
+        if len(saved) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(ChunkStore, "save", interrupted)
+    assert publish(words) == 130
+    assert not (to / "MODEL.md").exists()
+    assert publish([*words, "--resume"]) == 0
+    assert len(saved) == 4
+    again = ["--to", str(tmp_path / "again"), "--out", str(tmp_path / "new")]
+    assert publish([*words, *again]) == 0
+    assert (to / "MODEL.md").read_text() == (tmp_path / "again" / "MODEL.md").read_text()
+
+
+def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path, monkeypatch, capsys):
+    base = policies.make(parse([]).base)
+    other = type(base)(parameters=dataclasses.replace(base.parameters, frequency=5.0))
+    monkeypatch.setattr(policies, "make", lambda name: other)
+    assert publish([str(runs / "0"), "--to", str(tmp_path / "model")]) == 2
+    assert "other parameters" in capsys.readouterr().err
+    assert not (tmp_path / "model").exists()
 
 
 def test_an_unfinished_run_is_not_published(runs, tmp_path, capsys):
