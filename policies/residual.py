@@ -120,7 +120,7 @@ def check_shiftable(base: Policy, shift_authority: Actions) -> None:
     if not (gait := shift_authority[GAIT]).any():
         return
     if not isinstance(base, ShiftableGait):
-        raise ValueError(f"the gait of {base.name} cannot be shifted; that of trot can")
+        raise ValueError(f"the gait of {base.name} cannot be shifted; those of the trots can")
     if gait[0] >= base.frequency:
         raise ValueError(f"a shift of {gait[0]:g} Hz would stop the gait of {base.name}, of {base.frequency:g} Hz")
 

@@ -159,7 +159,7 @@ class PpoConfig:
 
 @dataclasses.dataclass(frozen=True)
 class GaitAuthority:
-    """Largest shift of the base's gait; 0 for none. The trot alone can be shifted."""
+    """Largest shift of the base's gait; 0 for none. The trots alone can be shifted."""
 
     frequency: float = number(0.0, limits=(0.0, 10.0))
     """Hz."""

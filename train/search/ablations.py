@@ -33,9 +33,7 @@ VARIANTS: Mapping[str, str] = {
     "corrections at 100 Hz": "--ppo.hold 1 --ppo.gamma 0.99",
     "horizon of 0.4 s": "--ppo.gamma 0.95",
     "feet instead of joints": "--space feet",
-    "base: trot; its gait, too": (
-        "--base trot --gait-authority.frequency 1.4 --gait-authority.step-height 0.06 --gait-authority.body-height 0.08"
-    ),
+    "gait, too": "--gait-authority.frequency 2 --gait-authority.step-height 0.06 --gait-authority.body-height 0.08",
     "command, too": "--command-authority 0.5",
     "authority of 0.6 rad": "--joint-authority 0.6 --hip-authority 0.3",
     "three scenarios": "--mixture flat 0.6 push 0.2 rough 0.2",

@@ -290,15 +290,16 @@ def test_shipped_trot_gives_the_actions_that_the_shipped_residual_stands_on():
     np.testing.assert_allclose(action[3], [*legs[0], *legs[1], *legs[2], 0.034696, 1.5, -2.094196], atol=2e-6)
 
 
-def test_a_shifted_gait_is_that_of_other_parameters_and_a_restarted_robot_has_its_own():
+@pytest.mark.parametrize("name", ["trot", "trot_feedback", "trot_integral"])
+def test_a_shifted_gait_is_that_of_other_parameters_and_a_restarted_robot_has_its_own(name):
     command = np.zeros((2, OBSERVATION_SIZE), np.float32)
     command[:, OBSERVATION["command"]] = 0.8, 0.1, 0.3
-    own = policies.make("trot")
+    command[:, OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
+    own, shifted = policies.make(name), policies.make(name)
     p = own.parameters
-    other = policies.Trot(
+    other = type(own)(
         replace(p, frequency=p.frequency - 1.0, step_height=p.step_height + 0.04, body_height=p.body_height + 0.1)
     )
-    shifted = policies.make("trot")
     for policy in (own, other, shifted):
         policy.reset(2)
     for step in range(60):
