@@ -103,17 +103,17 @@ there costs about 1: less than a fall, or it would pay to fall."""
 class PpoConfig:
     """The learner."""
 
-    envs: int = number(512, limits=(1, 65_536))
+    envs: int = number(256, limits=(1, 65_536))
     """Robots simulated side by side."""
     rollout_steps: int = number(24, limits=(1, 65_536))
     """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
-    minibatch: int = number(4096, limits=(2, 2**24))  # advantages are normalised within one
+    minibatch: int = number(1024, limits=(2, 2**24))  # advantages are normalised within one
     """Samples in one gradient step; must divide envs x rollout-steps."""
-    epochs: int = number(3, limits=(1, 1000))
+    epochs: int = number(4, limits=(1, 1000))
     """Passes over each rollout."""
-    learning_rate: float = number(3e-4, limits=(1e-9, 1.0))
+    learning_rate: float = number(4e-4, limits=(1e-9, 1.0))
     """Adam's step size at the start."""
-    learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "constant"
+    learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "linear"
     """linear: down to zero at the last step; adaptive: halved or raised to keep the KL divergence near target-kl."""
     target_kl: float = number(0.015, limits=(1e-6, 10.0))
     """KL divergence of one update that the adaptive schedule steers towards, nat."""

@@ -160,7 +160,7 @@ def test_training_and_validation_walk_on_other_ground_than_the_evaluation():
 def test_robots_train_on_harder_ground_and_pushes_than_they_are_judged_on():
     mixture = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
     ppo = dataclasses.replace(SMALL, envs=8)
-    config = dataclasses.replace(TrainConfig(), mixture=mixture, hardness=2.0, pushes=3, ppo=ppo)
+    config = dataclasses.replace(TrainConfig(), mixture=mixture, curriculum=1.0, hardness=2.0, pushes=3, ppo=ppo)
     flat, push, rough = (batch.scenario for batch in make_robots(config).batches)
     assert flat == SCENARIOS["flat"]
     assert (push.pushes.impulse, push.pushes.count) == (70.0, 3)
