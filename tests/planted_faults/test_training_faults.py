@@ -46,7 +46,13 @@ SETTINGS = PpoConfig(
 )
 JUDGED = ValidationConfig(episodes=1, scenarios=("flat", "push", "rough"))
 SMALL = TrainConfig(
-    threads=1, seed=7, mixture=(("flat", 0.5), ("push", 1 / 6), ("rough", 1 / 3)), pushes=3, hardness=1.5, ppo=SETTINGS
+    threads=1,
+    seed=7,
+    curriculum=1.0,
+    mixture=(("flat", 0.5), ("push", 1 / 6), ("rough", 1 / 3)),
+    pushes=3,
+    hardness=1.5,
+    ppo=SETTINGS,
 )
 
 
