@@ -11,7 +11,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 import policies
 from evaluate.terminal.command_line import UsageError
 from policies.files import sole_use
-from policies.residual import authority_of, check_shiftable
+from policies.residual import authority_of
 from train.config import TrainConfig
 from train.display import Display
 from train.foreign.reward_term import reported
@@ -94,10 +94,9 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
         authority = np.full_like(authority, config.foot_authority)
     shift = np.array([config.command_authority] * 3 + list(dataclasses.astuple(config.gait_authority)), np.float32)
     try:
-        check_shiftable(base, shift)
-    except ValueError as error:
+        env = ResidualVectorEnv(
+            robots, base, authority, config.ppo.hold, config.inputs, shift, config.space, config.shift_time
+        )
+    except ValueError as error:  # robots and base are of one configuration: what can be wrong is the shift alone
         raise UsageError(f"--gait-authority: {error}") from None
-    env = ResidualVectorEnv(
-        robots, base, authority, config.ppo.hold, config.inputs, shift, config.space, config.shift_time
-    )
     return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale, config.ppo.privileged)

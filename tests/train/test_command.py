@@ -100,6 +100,13 @@ def test_a_residual_over_another_base_can_be_trained_and_loaded(tmp_path):
     assert policies.load(tmp_path / "run").base.parameters == policies.make("trot_feedback").parameters
 
 
+def test_a_gait_that_cannot_be_shifted_is_one_line_and_leaves_no_folder(tmp_path, capsys):
+    assert main([*TINY, "--base", "stand", "--gait-authority.frequency", "1", "--out", str(tmp_path / "run")]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "--gait-authority: the gait of stand cannot be shifted" in line
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_folder_in_use_is_refused_and_left_alone(finished_run, capsys):
     before = files(finished_run)
     assert main([*TINY, "--steps", "256", "--out", str(finished_run)]) == 2

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import tyro
 
-import evaluate.commands.options
 import policies
 from evaluate.analysis.results import Results
 from evaluate.commands.options import Flag, available_cores
+from evaluate.commands.options import Options as Evaluation
 from evaluate.commands.plan import check
 from evaluate.records.store import read_run
 from evaluate.terminal.command_line import UsageError, check_numbers
@@ -102,7 +102,7 @@ def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> 
     from evaluate.commands.outputs import analysed
 
     base = shipped.config.base
-    words = evaluate.commands.options.Options(
+    evaluation = Evaluation(
         policies=(base, *(run.label for run in runs)),
         scenarios=options.scenarios,
         episodes=options.episodes,
@@ -113,7 +113,7 @@ def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> 
         film=False,
         threads=options.threads,
     )
-    execute(check(words))
+    execute(check(evaluation))
     return analysed(read_run(options.out), base)
 
 
