@@ -30,7 +30,9 @@ TRAINED = tuple(sorted({"residual", *(file.parent.name for file in MODELS.glob(f
 def _shipped(name: str, *, robot: Robot, control_period: float) -> Policy:
     if not MODELS.joinpath(name).is_dir():
         raise PolicyError(f"no trained policy in {MODELS / name}; make one with `python -m train`")
-    return _loaded(MODELS / name, robot, control_period)
+    policy = _loaded(MODELS / name, robot, control_period)
+    policy.name = name
+    return policy
 
 
 def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:

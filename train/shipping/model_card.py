@@ -27,12 +27,16 @@ class TrainedRun:
     git_revision: str
 
 
-def model_card(runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """The whole MODEL.md; `runs` are all that were judged, and policies of `results` that are no run are baselines."""
+def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """The whole MODEL.md of a policy that ships by that name; `runs` are all that were judged, and policies of
+    `results` that are no run are baselines."""
     config = shipped.config
-    kinds = dict.fromkeys(run.config.policy for run in runs)
-    tables = "\n\n".join(table(kind, runs, shipped, results) for kind in kinds)
-    return f"""# {config.policy}
+    kinds = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
+    tables = "\n\n".join(
+        table(called, [run for run in runs if run.config.policy == kind], shipped, results)
+        for kind, called in kinds.items()
+    )
+    return f"""# {name}
 
 A {" × ".join(map(str, config.ppo.actor))} network ({config.ppo.activation}) that {does(config)}. \
 `policy.json` says what it reads, on what base and with which settings it was trained; `policy.safetensors` \
@@ -85,10 +89,10 @@ def mixture(config: TrainConfig) -> str:
     return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
 
 
-def table(kind: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """The seeds of one kind of policy beside the shipped one's base, a row for each scenario, in Markdown."""
-    first, *others = sorted((run for run in runs if run.config.policy == kind), key=lambda run: run is not shipped)
-    base, name = shipped.config.base, f"{kind} {seed(first, shipped)}"
+def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """The seeds of one policy beside the shipped one's base, a row for each scenario, in Markdown."""
+    first, *others = sorted(runs, key=lambda run: run is not shipped)
+    base, name = shipped.config.base, f"{called} {seed(first, shipped)}"
     rest = ", ".join(str(run.config.seed) for run in others)
     header = (
         "scenario",

@@ -84,7 +84,7 @@ def main(options: Options) -> int:
     if describe(policies.load(Path(shipped.label) / BEST).base) != describe(policies.make(base)):
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
     make_writable_folder(options.to)
-    card = model_card(runs, shipped, judge(options, runs, shipped))
+    card = model_card(options.to.resolve().name, runs, shipped, judge(options, runs, shipped))
     for name in ("policy.safetensors", "policy.json"):
         write_atomically(options.to / name, (Path(shipped.label) / BEST / name).read_bytes())
     write_atomically(options.to / "MODEL.md", card.encode())

@@ -63,17 +63,19 @@ def test_the_command_of_the_card_repeats_the_run(kind):
 
 def test_the_card_says_how_often_and_how_far_the_policy_corrects_its_base():
     config = trained_run().config
-    assert does(config) == "corrects `trot_feedback` at 50 Hz by at most 0.3 rad a joint, 0.15 rad at the hips"
+    assert does(config) == "corrects `trot_integral` at 50 Hz by at most 0.3 rad a joint, 0.15 rad at the hips"
     held = dataclasses.replace(config, command_authority=0.5, ppo=dataclasses.replace(config.ppo, hold=1))
-    assert does(held).startswith("corrects `trot_feedback` at 100 Hz")
+    assert does(held).startswith("corrects `trot_integral` at 100 Hz")
     assert does(held).endswith("; it shifts the command that it is shown by at most 0.5 m/s and rad/s")
 
 
 def test_the_card_speaks_of_motors_and_sensors_that_are_not_ideal():
     nothing = analyse([], seed=0, episodes=1, complete=True, baseline="trot")
     plain, sensing = trained_run(), trained_run(sensors="typical")
-    assert "source revision. Motors: ideal; sensors: typical. The shipped" in model_card([sensing], sensing, nothing)
-    assert "source revision. The shipped" in model_card([plain], plain, nothing)
+    assert "source revision. Motors: ideal; sensors: typical. The shipped" in model_card(
+        "residual", [sensing], sensing, nothing
+    )
+    assert "source revision. The shipped" in model_card("residual", [plain], plain, nothing)
 
 
 def test_the_cards_p_values_are_corrected_for_their_number():
@@ -90,7 +92,7 @@ def runs(tmp_path_factory):
 
 
 def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, capsys):
-    to = tmp_path / "models" / "residual"
+    to = tmp_path / "models" / "walker"
     words = [str(runs / "1"), str(runs / "0"), "--to", str(to), "--out", str(tmp_path / "out")]
     words += ["--scenarios", "flat", "--episodes", "2", "--threads", "1"]
     assert publish(words) == 0
@@ -99,7 +101,8 @@ def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, caps
     assert policies.load(to).name == "residual"
     card = (to / "MODEL.md").read_text()
     (row,) = [line for line in card.splitlines() if line.startswith("| flat |")]
-    assert "| success, residual 0 (shipped) | seeds 1 | median |" in card
+    assert card.startswith("# walker\n")
+    assert "| success, walker 0 (shipped) | seeds 1 | median |" in card
     assert row.count("p\u00a0") == 4
     assert "- Succeeds in less than half of the episodes: " in card
     assert card.count(f"minus `{parse([]).base}`") == 1
@@ -125,9 +128,9 @@ def test_a_stopped_publishing_goes_on_where_it_was(runs, tmp_path, monkeypatch):
     assert not (to / "MODEL.md").exists()
     assert publish([*words, "--resume"]) == 0
     assert len(saved) == 4
-    again = ["--to", str(tmp_path / "again"), "--out", str(tmp_path / "new")]
+    again = ["--to", str(tmp_path / "again" / "model"), "--out", str(tmp_path / "new")]
     assert publish([*words, *again]) == 0
-    assert (to / "MODEL.md").read_text() == (tmp_path / "again" / "MODEL.md").read_text()
+    assert (to / "MODEL.md").read_text() == (tmp_path / "again" / "model" / "MODEL.md").read_text()
 
 
 def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path, monkeypatch, capsys):
