@@ -29,6 +29,7 @@ COMMANDS = {
     "search fall-prediction": Command("train.search.fall_prediction", "threshold of the safety layer's fall predictor"),
     "sweep": Command("train.search.sweep", "settings of the training, by Optuna: a run a trial, a table in the end"),
     "ablations": Command("train.search.ablations", "what each choice of the training is worth: docs/ablations.md"),
+    "trials": Command("train.search.trials", "runs of other settings beside each other: docs/trials.md"),
     "export": Command("train.shipping.export", "a trained residual as an ONNX file"),
     "publish": Command("train.shipping.publish", "judge finished runs, and ship the one of seed 0 with a table of all"),
 }

@@ -1,0 +1,127 @@
+"""Trials of settings beside each other: `python -m train trials FOLDER…` writes docs/trials.md from their runs."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from evaluate.terminal.command_line import UsageError
+from policies.files import write_atomically
+from train.config import DEFAULTS, to_dict
+from train.run_folder import CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE
+
+HEADER = (
+    "| trial | settings other than today's defaults | steps | time, min | judged on | success, % | flat: success, % | "
+    "flat: velocity error, m/s |",
+    "|---|---|---|---|---|---|---|---|",
+)
+_APART = ("policy", "seed", "steps", "validation.")
+"""Settings that have a column of their own, or say no more than how a run was watched."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Which runs, and where their table goes."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders of runs, finished or not, of today's settings or older ones."""
+    page: Path = Path("docs/trials.md")
+    """Where the table goes."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A run as its folder tells of it."""
+
+    name: str
+    settings: Mapping[str, Any]
+    """By the run's own names, as JSON values."""
+    steps: int
+    """Steps that were made."""
+    minutes: float
+    best: Mapping[str, Any] | None
+    """The best validation; None of a run that was stopped before its first."""
+
+
+def main(options: Options) -> int:
+    """Write the page; the exit code. Raises UsageError."""
+    if not options.runs:
+        raise UsageError("name the folders of the runs, as in: runs/residual-0 runs/end-to-end-0")
+    text = page([tried(folder) for folder in options.runs])
+    write_atomically(options.page, text.encode())
+    print(text, end="")
+    return 0
+
+
+def tried(folder: Path) -> Tried:
+    """What a run's folder says. Raises UsageError where there is no run."""
+    try:
+        settings = json.loads((folder / CONFIG_FILE).read_bytes())
+        last = json.loads((folder / METRICS_FILE).read_bytes().splitlines()[-1])
+    except (OSError, ValueError, IndexError):
+        raise UsageError(f"no run in {folder}: {CONFIG_FILE} and {METRICS_FILE} cannot be read") from None
+    path, best = folder / VALIDATIONS_FILE, None
+    if path.exists():
+        found = json.loads(path.read_bytes())
+        best = next((each for each in found["validations"] if each["steps"] == found["best"]), None)
+    return Tried(folder.name, settings, last["steps"], last["time/seconds"] / 60.0, best)
+
+
+def page(trials: Sequence[Tried]) -> str:
+    """The tables of all trials, one for each kind of policy, the most successful first; in Markdown."""
+    lines = [
+        "# Trials of the training's settings",
+        "",
+        "Written by `python -m train trials` from the folders of the runs, those that came to nothing included. Each "
+        "was judged by its best validation, on episodes that no evaluation uses: the mean over the scenarios that it "
+        "names. Times are those of a machine that may have had other work. A setting that is not there any more stands "
+        "under the name that it had.",
+    ]
+    for kind in DEFAULTS:
+        of_kind = [trial for trial in trials if trial.settings["policy"] == kind]
+        if of_kind:
+            lines += ["", f"## {kind}", "", *HEADER, *map(_row, sorted(of_kind, key=_success, reverse=True))]
+    return "\n".join(lines) + "\n"
+
+
+def _success(trial: Tried) -> float:
+    return -1.0 if trial.best is None else float(trial.best["success"])
+
+
+def _row(trial: Tried) -> str:
+    today = dict(_flat(to_dict(DEFAULTS[trial.settings["policy"]])))
+    other = [
+        f"{name} {_words(value)}"
+        for name, value in _flat(trial.settings)
+        if not name.startswith(_APART) and today.get(name, ...) != value
+    ]
+    judged = ["", "stopped", "", ""]
+    if trial.best is not None:
+        scenarios, flat = trial.best["scenarios"], trial.best["scenarios"].get("flat")
+        several = f"{len(scenarios)} scenarios" if len(scenarios) > 3 else ", ".join(scenarios)
+        judged = [
+            f"{several} × {trial.settings['validation']['episodes']}",
+            f"{100.0 * _success(trial):.1f}",
+            *(["", ""] if flat is None else [f"{100.0 * flat['success_rate']:.0f}", f"{flat['velocity_error']:.3f}"]),
+        ]
+    cells = (trial.name, ", ".join(other), f"{trial.steps:,}", f"{trial.minutes:.1f}", *judged)
+    return f"| {' | '.join(cells)} |"
+
+
+def _flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Settings by the names of their options, groups taken apart."""
+    for name, value in settings.items():
+        option = f"{prefix}{name.replace('_', '-')}"
+        if isinstance(value, dict):
+            yield from _flat(value, f"{option}.")
+        else:
+            yield option, value
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, list):
+        return " ".join(map(_words, value)) or "none"
+    return str(value)
