@@ -139,7 +139,7 @@ def test_every_base_that_a_bundle_can_hold_can_be_trained_on():
 
 
 def test_each_policy_has_its_own_defaults_and_options_override_them():
-    assert parse([]).base == "trot_feedback"
+    assert parse([]).base == "trot_integral"
     end_to_end = parse(["--policy", "end-to-end", "--hip-authority", "0.4"])
     assert end_to_end == dataclasses.replace(DEFAULTS["end-to-end"], hip_authority=0.4)
     assert end_to_end.base == "stand"
