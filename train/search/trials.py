@@ -78,7 +78,7 @@ def page(trials: Sequence[Tried]) -> str:
         "Written by `python -m train trials` from the folders of the runs, those that came to nothing included. Each "
         "was judged by its best validation, on episodes that no evaluation uses: the mean over the scenarios that it "
         "names. Times are those of a machine that may have had other work. A setting that is not there any more stands "
-        "under the name that it had.",
+        "under the name that it had; bases may have been searched anew since.",
     ]
     for kind in DEFAULTS:
         of_kind = [trial for trial in trials if trial.settings["policy"] == kind]
