@@ -9,11 +9,12 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from policies.base import CONTROL_PERIOD, Policy, PolicyError, Stand
+from policies.base import CONTROL_PERIOD, Policy, PolicyError
 from policies.bases import BASES
 from policies.behaviour import Behaviour
 from policies.bundle import DESCRIPTION, load
 from policies.foreign import Foreign, is_reference
+from policies.poses import Stand
 from policies.residual import ResidualPolicy
 from policies.safety import Safe, SafetyLimits
 from policies.trot.open_loop import Trot

@@ -100,15 +100,6 @@ class Policy(ABC):
         return
 
 
-class Stand(Policy):
-    """Home pose, always; also the base of a learner that is to have none."""
-
-    name = "stand"
-
-    def _act(self, observation: NDArray[np.float32]) -> Actions:
-        return np.tile(to_actions(self.robot, self.robot.home_pose), (self.num_envs, 1))
-
-
 class GaitedPolicy(Policy):
     """A policy on a clock, which starts at phase 0 and has advanced by one tick when the first action is chosen."""
 

@@ -8,10 +8,11 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from policies.article import Document, DocumentRepaired, PrintedGait
-from policies.base import Policy, Stand
+from policies.base import Policy
 from policies.gaits.parameters import GAITS, GaitParameters
 from policies.gaits.policy import Gaits
 from policies.parameters import Parameters, from_json
+from policies.poses import Crouch, Stand
 from policies.trot.feedback import TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters
 from policies.trot.integral import IntegralParameters, TrotIntegral
@@ -37,6 +38,7 @@ class Base(NamedTuple):
 
 BASES: dict[str, Base] = {
     "bound": Base(partial(Gaits, "bound", name="bound"), GaitParameters),
+    "crouch": Base(Crouch),
     "document": Base(Document, PrintedGait),
     "document_repaired": Base(DocumentRepaired, PrintedGait),
     "gaits": Base(Gaits, GaitParameters),

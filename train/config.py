@@ -53,6 +53,7 @@ OwnTerm = Annotated[
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
     "bound",
+    "crouch",
     "document",
     "document_repaired",
     "gaits",
@@ -186,7 +187,7 @@ class TrainConfig:
     """Train a policy for SimpleQuad-v0 with PPO: a bounded correction on a base policy, or one without a base."""
 
     policy: PolicyKind = "residual"
-    """residual: a correction on --base. end-to-end: the same learner on the standing pose."""
+    """residual: a correction on --base. end-to-end: the same learner on a pose, crouch or stand."""
     base: BaseName = "trot_integral"
     """Base policy that the correction is added to."""
     steps: Count = number(2_500_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
@@ -280,7 +281,7 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
     "residual": TrainConfig(),
     "end-to-end": TrainConfig(
         policy="end-to-end",
-        base="stand",
+        base="crouch",
         joint_authority=1.0,
         hip_authority=0.4,
         steps=2_000_000,

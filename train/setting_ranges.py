@@ -11,6 +11,8 @@ from train.config import LARGEST_SEED, TrainConfig
 from train.foreign.reward_term import OPTION
 from train.foreign.reward_term import check as check_terms
 
+POSES = ("crouch", "stand")
+"""Bases of a policy that is to have none."""
 LARGEST_REWARD_WEIGHT = 1e4
 LARGEST_SHARE = 1e6
 LARGEST_WIDTH, MOST_HIDDEN_LAYERS = 4096, 8
@@ -37,8 +39,8 @@ def check(config: TrainConfig) -> None:
     _check_mixture(config)
     _check_scenarios("--validation.scenarios", config.judged.scenarios)
     _check_hardware(config.hardware)
-    if config.policy == "end-to-end" and config.base != "stand":
-        raise UsageError(f"--policy end-to-end learns on --base stand, not on {config.base}: leave --base out")
+    if config.policy == "end-to-end" and config.base not in POSES:
+        raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
 
 
 def _check_range(option: str, value: float, low: float, high: float) -> None:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import policies
+from policies.legs.kinematics import foot_positions
 from policies.network import Network
 from policies.residual import ResidualPolicy
 from quad_env import OBSERVATION, OBSERVATION_SIZE
@@ -21,7 +22,7 @@ def small_residual():
 
 MAKERS = {
     "behaviour": lambda: policies.make("behaviour"),
-    **{name: partial(policies.make, name) for name in ("bound", "gaits", "pace", "pronk", "stand", "walk")},
+    **{name: partial(policies.make, name) for name in ("bound", "crouch", "gaits", "pace", "pronk", "stand", "walk")},
     "document": lambda: policies.make("document"),
     "document_repaired": lambda: policies.make("document_repaired"),
     "safe": lambda: policies.make("safe:trot"),
@@ -144,10 +145,19 @@ def test_stand_holds_the_home_pose():
     )
 
 
+def test_crouch_puts_its_feet_under_the_thigh_joints():
+    policy = policies.make("crouch")
+    np.testing.assert_array_equal(policy.act(readings(1, 1)[0, 0]), policy.pose.astype(np.float32))
+    feet = foot_positions(SIMPLE_QUAD, policy.pose.reshape(4, 3))
+    side = SIMPLE_QUAD.side
+    expected = np.stack([0.0 * side, SIMPLE_QUAD.hip_offset * side, np.full(4, -0.62 * 0.6)], axis=-1)
+    np.testing.assert_allclose(feet, expected, atol=1e-12)
+
+
 def test_names_are_sorted_and_every_one_can_be_made():
     ours = (
-        "behaviour, bound, document, document_repaired, gaits, pace, pronk, residual, stand, trot, "
-        "trot_feedback, trot_integral, walk"
+        "behaviour, bound, crouch, document, document_repaired, gaits, pace, pronk, residual, stand, "
+        "trot, trot_feedback, trot_integral, walk"
     )
     assert ", ".join(policies.names()) == ours
     for name in policies.names():

@@ -110,7 +110,7 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--rewards.fall inf", "--rewards.fall must be from"),
         ("--validation.interval -1", "--validation.interval must be from 0"),
         ("--validation.scenarios flat flat", "--validation.scenarios names a scenario twice"),
-        ("--policy end-to-end --base trot", "leave --base out"),
+        ("--policy end-to-end --base trot", "--base crouch or stand, not on trot"),
         ("--ppo.envs 10 --ppo.rollout-steps 3 --ppo.minibatch 20", "must divide"),
         ("--mixture moon 1.0", "unknown scenario 'moon'"),
         ("--validation.scenarios moon", "unknown scenario 'moon'"),
@@ -142,7 +142,7 @@ def test_each_policy_has_its_own_defaults_and_options_override_them():
     assert parse([]).base == "trot_integral"
     end_to_end = parse(["--policy", "end-to-end", "--hip-authority", "0.4"])
     assert end_to_end == dataclasses.replace(DEFAULTS["end-to-end"], hip_authority=0.4)
-    assert end_to_end.base == "stand"
+    assert end_to_end.base == "crouch"
 
 
 def test_the_residual_keeps_to_the_authority_of_the_contract():
