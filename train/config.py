@@ -284,7 +284,7 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
         base="crouch",
         joint_authority=1.0,
         hip_authority=0.4,
-        steps=2_000_000,
+        steps=1_200_000,
         inputs=Inputs(clock=3.5),
         mixture=(("flat", 1.0),),
         curriculum=1.0,

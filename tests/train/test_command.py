@@ -114,12 +114,13 @@ def test_a_folder_in_use_is_refused_and_left_alone(finished_run, capsys):
     assert files(finished_run) == before
 
 
-def test_end_to_end_is_the_same_learner_on_the_standing_pose(tmp_path):
+@pytest.mark.parametrize(("words", "pose"), [([], "crouch"), (["--base", "stand"], "stand")])
+def test_end_to_end_is_the_same_learner_on_a_pose(words, pose, tmp_path):
     folder = tmp_path / "run"
-    assert main(["--policy", "end-to-end", *TINY, "--steps", "128", "--out", str(folder)]) == 0
+    assert main(["--policy", "end-to-end", *words, *TINY, "--steps", "128", "--out", str(folder)]) == 0
     policy = policies.load(folder / "last")
     assert policy.name == "end-to-end"
-    assert policy.base.name == "stand"
+    assert policy.base.name == pose
 
 
 @pytest.mark.parametrize(("out", "remedy"), [("file", "is a file: name a folder"), ("file/run", "another --out")])
