@@ -1,5 +1,7 @@
 """Policies that hold a pose: what a learner begins from that is to have no gait for a base."""
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +17,7 @@ class Stand(Policy):
 
     name = "stand"
 
-    @property
+    @cached_property
     def pose(self) -> Floats:
         """Joint angles that it holds, rad, (12,)."""
         return self.robot.home_pose
@@ -29,7 +31,7 @@ class Crouch(Stand):
 
     name = "crouch"
 
-    @property
+    @cached_property
     def pose(self) -> Floats:
         """Joint angles that it holds, rad, (12,)."""
         outboard = self.robot.side * self.robot.hip_offset
