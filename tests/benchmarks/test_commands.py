@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.support.command import WIDTH
+from train.config import DEFAULTS
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
 COMMANDS = (*IN_PROCESS, "peers", "training", "learners", "startup", "resume", "growth", "rendering")
@@ -146,11 +147,12 @@ def test_learners_get_the_wall_time_of_ppo_and_begin_as_their_base(tmp_path: Pat
     monkeypatch.setattr(learners, "min", lambda starts, _: starts, raising=False)  # so that nothing is learnt
     assert run("learners", "--quick", "--learners", "sac", "crossq", "--json", tmp_path / "kept.json") == 0
     found = figures("learners", tmp_path / "kept.json", capsys.readouterr().out)
-    assert list(found) == ["trot_feedback", "ppo", "sac", "crossq"]
+    base = DEFAULTS["residual"].base
+    assert list(found) == [base, "ppo", "sac", "crossq"]
     for name in ("sac", "crossq"):
         assert found[name]["seconds"] >= found["ppo"]["seconds"]
         assert found[name]["updates"] == 0 < found["ppo"]["updates"]
-        assert found[name]["scenarios"] == found["trot_feedback"]["scenarios"] != found["ppo"]["scenarios"]
+        assert found[name]["scenarios"] == found[base]["scenarios"] != found["ppo"]["scenarios"]
 
 
 def test_resume_compares_what_a_killed_run_ends_with(tmp_path: Path, capsys) -> None:
