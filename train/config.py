@@ -375,16 +375,18 @@ class Change(NamedTuple):
 
 def differences(old: TrainConfig, new: TrainConfig) -> list[Change]:
     """What differs between two runs' settings, as far as it decides their result."""
-    return list(_differences("--", to_dict(old), to_dict(new)))
+    after = dict(flat(to_dict(new)))
+    return [Change(f"--{name}", value, after[name]) for name, value in flat(to_dict(old)) if value != after[name]]
 
 
-def _differences(prefix: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:
-    for key in old:
-        option = prefix + key.replace("_", "-")
-        if isinstance(old[key], dict):
-            yield from _differences(f"{option}.", old[key], new[key])
-        elif old[key] != new[key]:
-            yield Change(option, old[key], new[key])
+def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Settings as `to_dict` gives them by the names of their options, groups taken apart."""
+    for key, value in settings.items():
+        name = prefix + key.replace("_", "-")
+        if isinstance(value, dict):
+            yield from flat(value, f"{name}.")
+        else:
+            yield name, value
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:

@@ -30,13 +30,14 @@ def _words_of(change: Change) -> str:
     if isinstance(change.new, bool):
         group, dot, name = change.option.removeprefix("--").rpartition(".")
         return change.option if change.new else f"--{group}{dot}no-{name}"
-    return f"{change.option} {_words(change.new)}"
+    return f"{change.option} {words(change.new)}"
 
 
-def _words(value: Any) -> str:
+def words(value: Any) -> str:
+    """A setting's value, a JSON one, as a command line has it; none of an empty list."""
     if isinstance(value, dict):
         return shlex.quote(str(FileTerm(**value)))
-    return " ".join(_words(entry) for entry in value) if isinstance(value, list) else str(value)
+    return " ".join(words(entry) for entry in value) if isinstance(value, list) else str(value)
 
 
 def write_settings(config: TrainConfig, steps: int) -> list[str]:
@@ -65,6 +66,17 @@ def _sessions(path: Path) -> list[dict[str, Any]]:
 def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str, Any]]) -> None:
     """Write all validations, the last of a finished run being the final one, and the steps of the best."""
     write_atomically(folder / VALIDATIONS_FILE, _lines({"best": best, "validations": validations}))
+
+
+def best_validation(folder: Path) -> dict[str, Any]:
+    """The best of a run's validations. Raises OSError where there are none."""
+    found = json.loads((folder / VALIDATIONS_FILE).read_bytes())
+    return next(each for each in found["validations"] if each["steps"] == found["best"])
+
+
+def last_metrics(folder: Path) -> dict[str, Any]:
+    """Figures of a run's last rollout. Raises OSError where there are none, IndexError before the first."""
+    return dict(json.loads((folder / METRICS_FILE).read_bytes().splitlines()[-1]))
 
 
 def _lines(record: Mapping[str, Any]) -> bytes:

@@ -20,7 +20,8 @@ from policies.base import Floats
 from policies.files import write_atomically
 from policies.parameters import limits_of, number
 from train.config import DEFAULTS, Count, TrainConfig, differences, load_config
-from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
+from train.run_folder import VALIDATIONS_FILE, has_checkpoint, steps_done
+from train.run_record import last_metrics
 
 DEFAULT = "default"
 VARIANTS: Mapping[str, str] = {
@@ -136,17 +137,13 @@ def finish(run: TrainConfig) -> None:
 def found(name: str, runs: Sequence[TrainConfig]) -> Found:
     """What finished runs came to."""
     last = [json.loads((run.folder / VALIDATIONS_FILE).read_bytes())["validations"][-1] for run in runs]
-    seconds = [json.loads(_last_line(run.folder / METRICS_FILE))["time/seconds"] for run in runs]
+    seconds = [last_metrics(run.folder)["time/seconds"] for run in runs]
     return Found(
         name,
         tuple(100.0 * each["success"] for each in last),
         tuple(each["scenarios"]["flat"]["velocity_error"] for each in last),
         tuple(second / 60.0 for second in seconds),
     )
-
-
-def _last_line(path: Path) -> bytes:
-    return path.read_bytes().splitlines()[-1]
 
 
 def page(options: Options, variants: Sequence[Found]) -> str:

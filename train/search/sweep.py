@@ -8,7 +8,6 @@ in one go.
 """
 
 import dataclasses
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
@@ -20,7 +19,8 @@ from evaluate.terminal.launcher import raise_on_interrupt
 from policies.files import make_writable_folder, sole_use, write_atomically
 from policies.parameters import limits_of, number
 from train.config import DEFAULTS, Count, PolicyKind, TrainConfig, load_config, to_dict
-from train.run_folder import VALIDATIONS_FILE, has_checkpoint, steps_done
+from train.run_folder import has_checkpoint, steps_done
+from train.run_record import best_validation
 from train.setting_ranges import check
 
 if TYPE_CHECKING:
@@ -178,15 +178,9 @@ def _run(study: "Study", trial: "Trial | FrozenTrial", options: Options, start: 
     study.tell(trial.number, worth(folder))
 
 
-def best(folder: Path) -> dict[str, Any]:
-    """The best validation of a trial's run."""
-    found = json.loads((folder / VALIDATIONS_FILE).read_bytes())
-    return next(each for each in found["validations"] if each["steps"] == found["best"])
-
-
 def worth(folder: Path) -> float:
     """What the best trial has least of."""
-    found = best(folder)
+    found = best_validation(folder)
     return float(FAILURES * (1.0 - found["success"]) + found["score"])
 
 
@@ -196,7 +190,7 @@ def table(trials: "list[FrozenTrial]", folder: Path) -> list[str]:
     lines = [f"| {' | '.join(['run', 'success', 'error, m/s', *names])} |", "|---" * (3 + len(names)) + "|"]
     for trial in sorted(trials, key=lambda trial: float("inf") if trial.value is None else trial.value):
         run = _folder_of(trial, folder)
-        found = None if trial.value is None else best(run)
+        found = None if trial.value is None else best_validation(run)
         judged = ["failed", ""] if found is None else [f"{found['success']:.1%}", f"{found['score']:.3f}"]
         lines.append(f"| {' | '.join([run.name, *judged, *(f'{trial.params[name]:.4g}' for name in names)])} |")
     return lines

@@ -1,7 +1,7 @@
 """Trials of settings beside each other: `python -m train trials FOLDER…` writes docs/trials.md from their runs."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,8 +10,9 @@ import tyro
 
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
-from train.config import DEFAULTS, to_dict
+from train.config import DEFAULTS, flat, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE
+from train.run_record import best_validation, last_metrics, words
 
 HEADER = (
     "| trial | settings other than today's defaults | steps | time, min | judged on | success, % | flat: success, % | "
@@ -60,13 +61,10 @@ def tried(folder: Path) -> Tried:
     """What a run's folder says. Raises UsageError where there is no run."""
     try:
         settings = json.loads((folder / CONFIG_FILE).read_bytes())
-        last = json.loads((folder / METRICS_FILE).read_bytes().splitlines()[-1])
+        last = last_metrics(folder)
     except (OSError, ValueError, IndexError):
         raise UsageError(f"no run in {folder}: {CONFIG_FILE} and {METRICS_FILE} cannot be read") from None
-    path, best = folder / VALIDATIONS_FILE, None
-    if path.exists():
-        found = json.loads(path.read_bytes())
-        best = next((each for each in found["validations"] if each["steps"] == found["best"]), None)
+    best = best_validation(folder) if (folder / VALIDATIONS_FILE).exists() else None
     return Tried(folder.name, settings, last["steps"], last["time/seconds"] / 60.0, best)
 
 
@@ -83,7 +81,9 @@ def page(trials: Sequence[Tried]) -> str:
     for kind in DEFAULTS:
         of_kind = [trial for trial in trials if trial.settings["policy"] == kind]
         if of_kind:
-            lines += ["", f"## {kind}", "", *HEADER, *map(_row, sorted(of_kind, key=_success, reverse=True))]
+            today = dict(flat(to_dict(DEFAULTS[kind])))
+            rows = [_row(trial, today) for trial in sorted(of_kind, key=_success, reverse=True)]
+            lines += ["", f"## {kind}", "", *HEADER, *rows]
     return "\n".join(lines) + "\n"
 
 
@@ -91,37 +91,24 @@ def _success(trial: Tried) -> float:
     return -1.0 if trial.best is None else float(trial.best["success"])
 
 
-def _row(trial: Tried) -> str:
-    today = dict(_flat(to_dict(DEFAULTS[trial.settings["policy"]])))
+def _row(trial: Tried, today: Mapping[str, Any]) -> str:
     other = [
-        f"{name} {_words(value)}"
-        for name, value in _flat(trial.settings)
+        f"{name} {words(value) or 'none'}"
+        for name, value in flat(trial.settings)
         if not name.startswith(_APART) and today.get(name, ...) != value
     ]
     judged = ["", "stopped", "", ""]
     if trial.best is not None:
-        scenarios, flat = trial.best["scenarios"], trial.best["scenarios"].get("flat")
+        scenarios, on_flat = trial.best["scenarios"], trial.best["scenarios"].get("flat")
         several = f"{len(scenarios)} scenarios" if len(scenarios) > 3 else ", ".join(scenarios)
         judged = [
             f"{several} × {trial.settings['validation']['episodes']}",
             f"{100.0 * _success(trial):.1f}",
-            *(["", ""] if flat is None else [f"{100.0 * flat['success_rate']:.0f}", f"{flat['velocity_error']:.3f}"]),
+            *(["", ""] if on_flat is None else _on_flat(on_flat)),
         ]
     cells = (trial.name, ", ".join(other), f"{trial.steps:,}", f"{trial.minutes:.1f}", *judged)
     return f"| {' | '.join(cells)} |"
 
 
-def _flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Settings by the names of their options, groups taken apart."""
-    for name, value in settings.items():
-        option = f"{prefix}{name.replace('_', '-')}"
-        if isinstance(value, dict):
-            yield from _flat(value, f"{option}.")
-        else:
-            yield option, value
-
-
-def _words(value: Any) -> str:
-    if isinstance(value, list):
-        return " ".join(map(_words, value)) or "none"
-    return str(value)
+def _on_flat(means: Mapping[str, float]) -> list[str]:
+    return [f"{100.0 * means['success_rate']:.0f}", f"{means['velocity_error']:.3f}"]
