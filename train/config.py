@@ -104,13 +104,13 @@ there costs about 1: less than a fall, or it would pay to fall."""
 class PpoConfig:
     """The learner."""
 
-    envs: int = number(256, limits=(1, 65_536))
+    envs: int = number(1024, limits=(1, 65_536))
     """Robots simulated side by side."""
     rollout_steps: int = number(24, limits=(1, 65_536))
     """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
-    minibatch: int = number(1024, limits=(2, 2**24))  # advantages are normalised within one
+    minibatch: int = number(4096, limits=(2, 2**24))  # advantages are normalised within one
     """Samples in one gradient step; must divide envs x rollout-steps."""
-    epochs: int = number(4, limits=(1, 1000))
+    epochs: int = number(3, limits=(1, 1000))
     """Passes over each rollout."""
     learning_rate: float = number(1e-3, limits=(1e-9, 1.0))
     """Adam's step size at the start."""
@@ -190,7 +190,7 @@ class TrainConfig:
     """residual: a correction on --base. end-to-end: the same learner on a pose, crouch or stand."""
     base: BaseName = "trot_integral"
     """Base policy that the correction is added to."""
-    steps: Count = number(2_500_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
+    steps: Count = number(5_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
     run: its schedules, at their end already, begin again where they would be in a run of that length; it is not the run
     of that length to the bit."""

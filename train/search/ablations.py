@@ -43,7 +43,7 @@ VARIANTS: Mapping[str, str] = {
     "updates beside the rollouts": "--ppo.overlap",
     "gentler updates": "--ppo.learning-rate 4e-4",
     "a rate that stays": "--ppo.learning-rate-schedule constant",
-    "fewer, larger updates": "--ppo.envs 512 --ppo.minibatch 4096 --ppo.epochs 3",
+    "more, smaller updates": "--ppo.envs 256 --ppo.minibatch 1024 --ppo.epochs 4",
     "noise of 0.1": "--ppo.log-std-init -2.3",
     "a fall costs 1": "--rewards.fall -1",
     "no curriculum": "--curriculum 1",
