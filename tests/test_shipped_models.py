@@ -1,38 +1,80 @@
-"""The trained policies that ship with the project are there and follow commands better than what they correct."""
+"""The trained policies that ship are what their cards say: judged again on other episodes, over the base in force."""
 
-import numpy as np
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
 import pytest
+from scipy.stats import fisher_exact
 
 import policies
-from evaluate.measures.metrics import Measures, measure
+from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
+from policies.bases import describe
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
 
 EPISODES = 24
-MOST = {"flat": (0.75, 0.6), "push": (0.85, 0.65), "rough": (0.65, 0.6)}
-"""Velocity and yaw-rate error of the residual, as a share of the trot's: what it is shipped for."""
+ASKED = ("flat", "push", "rough", "slope", "payload=20", "surprise")
+"""Scenarios of a card that are judged again."""
+UNLIKELY = 1e-3
+"""Chance at which a row fails though the card is true."""
+SHARE = r"(\d+) %"
 
 
-@pytest.fixture(scope="module", params=MOST)
-def measured(request: pytest.FixtureRequest) -> tuple[str, Measures, Measures]:
-    """The trot and the shipped residual in the same episodes, on ground and seeds that no training has seen."""
-    seeds, scenario = episode_seeds("search", 3, EPISODES), practice(request.param, "search")
-    trot, residual = (measure(rollout.run(policies.make(name), scenario, seeds)) for name in ("trot", "residual"))
-    return request.param, trot, residual
+@dataclass(frozen=True)
+class Card:
+    """What a MODEL.md says in its first table."""
+
+    episodes: int
+    success: dict[str, tuple[float, float]]
+    """By scenario: the share of success of the base and of the policy."""
 
 
-def test_the_shipped_residual_falls_and_errs_less_than_the_trot(measured: tuple[str, Measures, Measures]) -> None:
-    scenario, trot, residual = measured
-    np.testing.assert_array_equal(residual.commands, trot.commands)  # paired
-    assert not residual.fell.any()
-    for error, most in zip(("velocity_error", "yaw_rate_error"), MOST[scenario], strict=True):
-        assert getattr(residual, error).mean() <= most * getattr(trot, error).mean(), error
+def card(folder: Path) -> Card:
+    """The card of a shipped policy."""
+    text = (folder / "MODEL.md").read_text(encoding="utf-8").replace("\u00a0", " ")
+    episodes = re.search(r"^(\d+) episodes of 10 s a scenario", text, re.MULTILINE)
+    assert episodes is not None
+    table = text.split("## Results")[1].split("\n\n")[2]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+    return Card(int(episodes[1]), {row[0]: (_share(row[1]), _share(row[2])) for row in rows})
 
 
-def test_the_shipped_residual_is_over_the_shipped_trot() -> None:
-    """A bundle trained before the last search would be judged beside another gait than its own."""
-    residual = policies.make("residual")
-    assert isinstance(residual, policies.ResidualPolicy)
-    assert isinstance(residual.base, policies.Trot)
-    assert residual.base.parameters == policies.make("trot").parameters
+def _share(cell: str) -> float:
+    found = re.match(SHARE, cell)
+    assert found is not None, cell
+    return int(found[1]) / 100.0
+
+
+def succeeded(policy: policies.Policy, scenario: str) -> int:
+    """Episodes of success on ground and seeds that neither training nor the card has seen."""
+    seeds = episode_seeds("search", 3, EPISODES)
+    return int(measure(rollout.run(policy, practice(scenario, "search"), seeds)).succeeded.sum())
+
+
+def chance(claimed: float, of: int, seen: int) -> float:
+    """How likely so different a count is, were the claim of `of` episodes true."""
+    hits = round(claimed * of)
+    return float(fisher_exact([[hits, of - hits], [seen, EPISODES - seen]]).pvalue)
+
+
+@pytest.mark.parametrize("name", policies.TRAINED)
+def test_a_shipped_policy_succeeds_as_often_as_its_card_says(name: str) -> None:
+    said = card(policies.MODELS / name)
+    policy = policies.make(name)
+    for scenario in ASKED:
+        seen = succeeded(policy, scenario)
+        assert chance(said.success[scenario][1], said.episodes, seen) > UNLIKELY, (scenario, seen, said)
+
+
+@pytest.mark.parametrize("name", policies.TRAINED)
+def test_a_shipped_policy_is_over_the_base_in_force(name: str) -> None:
+    """A bundle trained before the last search would be judged beside another base than its own."""
+    policy = policies.make(name)
+    assert isinstance(policy, policies.ResidualPolicy)
+    assert describe(policy.base) == describe(policies.make(policy.base.name))
+
+
+def test_a_claim_too_high_is_told_from_a_true_one() -> None:
+    assert chance(0.9, 512, seen=12) <= UNLIKELY < chance(0.9, 512, seen=20)
