@@ -13,7 +13,7 @@ from evaluate.rollouts.hardware import Hardware
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
-WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral", "residual")
+WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust")
 DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "engine", "address", "resume", "gate", "baseline", "film", "trust")

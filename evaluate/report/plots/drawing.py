@@ -18,7 +18,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 """Okabe and Ito's, and two of Tol's: told apart by colour-blind readers and, with the marks, in grey print."""
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 """Matplotlib's name -> the same mark in text."""
-OWN = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral")
+OWN = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
 """Policies that have a colour of their own, the first of COLOURS, in every report."""
 FONT = "DejaVu Sans"
 WIDTH = 3.6
