@@ -1,0 +1,112 @@
+"""What a robot feels without a sensor in its feet: the force on each, what else pushes it, and how slippery it is.
+
+Over the last control period the equations of motion hold on average. What the motion needed less what the servos gave
+is the ground's: the leg joints' part tells the force on each foot, and what these forces leave of the trunk's part is
+the wrench of a push, a load or the wind. A momentum observer in its simplest form; see De Luca and Mattone, "Sensorless
+robot collision detection and hybrid force/motion control", ICRA 2005.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.gait import Floats
+from policies.legs.memory import taken_in
+from policies.mpc.motion import Motion
+from policies.mpc.parameters import MpcParameters
+from quad_env.physics.dynamics import RigidBodies
+from quad_env.robots.robot import Robot
+
+LARGEST_WRENCH = np.array([300.0, 300.0, 400.0, 60.0, 60.0, 60.0])
+"""That is taken for a wrench, N and N·m."""
+LARGEST_LIFT = 40.0
+"""The same upward, N: loads press."""
+IMPACT = 300.0
+"""Force of a foot, N, from which a control period is an impact, too short to tell of anything else."""
+SAFE_SHARE = 0.7
+"""Of the friction that a slip has shown, what is relied on: the pyramid's edges reach that much further."""
+LEAST_GRIP = 0.05
+"""Friction that is always relied on."""
+SLIP_SHARE = 0.3
+"""Of what a slip shows, what is taken in within a control period."""
+_SINGULAR = 1e-4
+"""Added to the squared Jacobian of a leg, m²: a straight one feels no force along itself."""
+
+
+class ContactSense:
+    """Feels n robots, control period by control period."""
+
+    def __init__(self, robot: Robot, parameters: MpcParameters, period: float) -> None:
+        self._robot, self._parameters, self._period = robot, parameters, period
+        p = parameters
+        self._shares = np.full(6, taken_in(period, p.disturbance_time))
+        self._shares[2] = taken_in(period, p.load_time)
+        self.allocate(1)
+
+    def allocate(self, num_envs: int) -> None:
+        """Fresh state for so many robots."""
+        self._known = np.zeros(num_envs, np.bool_)
+        self._before = np.zeros((num_envs, 18 + 12))
+        self.wrench = np.zeros((num_envs, 6))
+        """Smoothed, that no foot explains: force in the level frame, N, and moment about the trunk's centre in the base
+        frame, N·m, (n, 6)."""
+        self.grip = np.full(num_envs, self._parameters.friction)
+        """Friction that is relied on, (n,)."""
+
+    def restart(self, mask: NDArray[np.bool_]) -> None:
+        """Fresh state for those robots."""
+        self._known &= ~mask
+        self.wrench[mask] = 0.0
+        self.grip[mask] = self._parameters.friction
+
+    def feel(self, motion: Motion) -> Floats:
+        """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`."""
+        forces, wrench = self._explained(motion)
+        impact = forces[:, :, 2].max(axis=1) >= IMPACT
+        bounded = np.clip(wrench, -LARGEST_WRENCH, LARGEST_WRENCH)
+        bounded[:, 2] = np.minimum(bounded[:, 2], LARGEST_LIFT)
+        self.wrench += np.where(impact[:, None], 0.0, self._shares) * (bounded - self.wrench)
+        self._feel_slip(forces, motion.feet_velocity)
+        return forces
+
+    def _explained(self, motion: Motion) -> tuple[Floats, Floats]:
+        """Forces of the feet, (n, 4, 3), and the wrench that they leave unexplained, (n, 6)."""
+        robot, period, bodies, now = self._robot, self._period, motion.bodies, motion.generalised
+        state = np.concatenate((now, motion.angles), axis=1)
+        before = np.where(self._known[:, None], self._before, state)
+        self._before, self._known = state, np.ones_like(self._known)
+        acceleration = (now - before[:, :18]) / period
+        # The level frame has turned with the robot.
+        acceleration[:, 0] -= motion.turning[:, 2] * now[:, 1]
+        acceleration[:, 1] += motion.turning[:, 2] * now[:, 0]
+        # Mean angle of the cubic between both angles with both speeds.
+        angle = 0.5 * (motion.angles + before[:, 18:]) - period / 12.0 * (now[:, 6:] - before[:, 6:18])
+        speed = (motion.angles - before[:, 18:]) / period
+        torque = robot.servo_stiffness * (motion.targets - angle) - robot.servo_damping * speed
+        needed = np.einsum("nij,nj->ni", bodies.inertia, acceleration) + bodies.bias
+        needed[:, 6:] -= np.clip(torque, -robot.rated_torque, robot.rated_torque)
+        legs = np.stack([bodies.jacobians[:, i, :, 6 + 3 * i : 9 + 3 * i] for i in range(4)], axis=1)
+        squares = np.einsum("nlxj,nlyj->nlxy", legs, legs) + _SINGULAR * np.eye(3)
+        aims = np.einsum("nlxj,nlj->nlx", legs, needed[:, 6:].reshape(-1, 4, 3))
+        forces = np.linalg.solve(squares, aims[..., None])[..., 0]
+        # The ground does not pull: that is a joint at its limit, or two links that touch.
+        forces = np.where(forces[..., 2:] < 0.0, 0.0, forces)
+        return forces, needed[:, :6] - np.einsum("nlxk,nlx->nk", bodies.jacobians[..., :6], forces)
+
+    def _feel_slip(self, forces: Floats, velocity: Floats) -> None:
+        """Take the ratio of the forces of a foot that slides for the friction; forget it slowly."""
+        p = self._parameters
+        speed, across = np.hypot(velocity[..., 0], velocity[..., 1]), np.hypot(forces[..., 0], forces[..., 1])
+        sliding = (speed > p.slip_speed) & (forces[..., 2] > 2.0 * p.touch_force)
+        ratio = np.where(sliding, across / np.maximum(forces[..., 2], 1e-9), 0.0).max(axis=1)
+        shown = np.maximum(SAFE_SHARE * ratio, LEAST_GRIP)
+        slips = sliding.any(axis=1) & (shown < self.grip)
+        self.grip = self.grip + np.where(slips, SLIP_SHARE * (shown - self.grip), 0.0)
+        self.grip += self._period / p.grip_memory * (p.friction - self.grip)
+
+
+def as_accelerations(bodies: RigidBodies, rotation: Floats, mass: float, wrench: Floats) -> Floats:
+    """Linear and angular acceleration of each robot as one rigid body by such wrenches, (n, 6), m/s² and rad/s²."""
+    force = wrench[:, :3]
+    turn = np.einsum("nij,nj->ni", rotation, wrench[:, 3:]) - np.cross(bodies.centre, force)
+    angular = np.linalg.solve(bodies.rotational_inertia, turn[..., None])[..., 0]
+    return np.concatenate((force / mass, angular), axis=1)

@@ -1,0 +1,125 @@
+"""Where the feet of a robot under model-predictive control go; level frame, arrays (n, 4, …)."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.gait import Floats, smoothstep
+from policies.legs.footholds import swung
+from policies.mpc.motion import Motion
+from policies.mpc.parameters import MpcParameters
+from quad_env.config import GRAVITY
+from quad_env.robots.robot import Robot
+
+LARGEST_REACH = 0.35
+"""Farthest that a foothold is off its neutral point, m."""
+LARGEST_SHIFT = 0.2
+"""Farthest that a lasting force shifts the feet, m."""
+HIP_ANGLE = 0.42
+"""Largest angle of a hip at a foothold, rad: short of its limit."""
+CROUCH = 0.05
+"""How much lower than planned a trunk may be when a foot lands, m."""
+
+_NEAR = 1e-3
+"""Progress of a swing over which its speed is taken."""
+
+
+class Ground(NamedTuple):
+    """The ground under n robots: height under the trunk's centre relative to it, and rise per metre; (n,)."""
+
+    height: Floats
+    forward: Floats
+    lateral: Floats
+
+    def at(self, x: Floats, y: Floats) -> Floats:
+        """Height there, m, (n, 4)."""
+        height: Floats = self.height[:, None] + self.forward[:, None] * x + self.lateral[:, None] * y
+        return height
+
+
+def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:
+    """Footholds in place relative to the centre of mass, (4, 2), m."""
+    before = np.sign(robot.hip_positions[:, 0])
+    return np.stack((before * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
+
+
+def footholds(robot: Robot, p: MpcParameters, motion: Motion, pushed: Floats, stance_time: Floats) -> Floats:
+    """Footholds, (n, 4, 2), m: under the body halfway through the stance, further out by the velocity error, and to
+    where they bear a lasting acceleration `pushed`, (n, 2), m/s². `stance_time`: (n,), s."""
+    velocity, centre, command = motion.bodies.centre_velocity, motion.bodies.centre, motion.command
+    shift = np.clip(p.lean_gain * p.height / GRAVITY * pushed, -LARGEST_SHIFT, LARGEST_SHIFT)
+    place = neutral_feet(robot, p) + (centre[:, :2] + shift)[:, None]
+    turned = command[:, 2, None, None] * np.stack((-place[..., 1], place[..., 0]), axis=-1)
+    reach = 0.5 * stance_time[:, None, None] * (velocity[:, None, :2] + turned)
+    reach = reach + p.step_gain * (velocity[:, :2] - command[:, :2])[:, None]
+    size = np.hypot(reach[..., 0], reach[..., 1])
+    aim = place + reach * np.minimum(1.0, LARGEST_REACH / np.maximum(size, 1e-9))[..., None]
+    beside = robot.hip_positions[:, 1] + robot.side * robot.hip_offset
+    wide = (p.height - CROUCH) * np.tan(HIP_ANGLE)
+    aim[..., 1] = np.clip(aim[..., 1], beside - wide, beside + wide)
+    return aim
+
+
+class Swing(NamedTuple):
+    """Where swinging feet are to be and how they are to move, relative to the trunk; (n, 4, 3), m, m/s, m/s²."""
+
+    place: Floats
+    velocity: Floats
+    acceleration: Floats
+
+
+def swing(
+    p: MpcParameters,
+    start: Floats,
+    aim: Floats,
+    passing: Floats,
+    progress: Floats,
+    time: Floats,
+    period: float,
+    ground: Ground,
+) -> Swing:
+    """The swing at that progress, (n, 4), from `start` to `aim`, (n, 4, 2).
+
+    It leaves and lands with the velocity of the ground, `passing`, (n, 4, 2), m/s, and ends a little below it. `time`:
+    of a swing, (n,), s; the acceleration is the mean one over a control period from now on.
+    """
+    slope = passing * time[:, None, None]
+    step = (period / time)[:, None]
+
+    def at(t: Floats) -> Floats:
+        x, y = (swung(start[..., i], aim[..., i], slope[..., i], t) for i in range(2))
+        arc = 4.0 * t * (1.0 - t)
+        z = ground.at(x, y) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
+        return np.stack((x, y, z), axis=-1)
+
+    def speed(t: Floats) -> Floats:
+        return (at(t + _NEAR) - at(t - _NEAR)) / (2.0 * _NEAR * time[:, None, None])
+
+    now, then = speed(progress), speed(progress + step)
+    return Swing(at(progress), now, (then - now) / period)
+
+
+def arms(
+    feet: Floats,
+    aim: Floats,
+    centre: Floats,
+    velocity: Floats,
+    stands: NDArray[np.bool_],
+    since: Floats,
+    times: Floats,
+    z: Floats,
+) -> Floats:
+    """Feet from the centre of mass over a horizon of N steps, (n, N, 4, 3), m.
+
+    A foot that stands stays where it is while the body goes on at `velocity`, (n, 2); one that lands stays at `aim`.
+    `stands`: (n, N, 4); `since`: time since the landing, (n, N, 4), s; `times`: middle of each step, (N,), s; `z`: the
+    ground below the centre of mass, (n,), m.
+    """
+    lasting = np.cumprod(stands, axis=1).astype(np.bool_)[..., None]
+    away = velocity[:, None, None]
+    stood = feet[:, None, :, :2] - away * times[:, None, None]
+    landed = aim[:, None] - away * np.where(stands, since, 0.0)[..., None]
+    place = np.where(lasting, stood, landed) - centre[:, None, None, :2]
+    below = np.broadcast_to(z[:, None, None, None], (*place.shape[:-1], 1))
+    return np.concatenate((place, below), axis=-1)

@@ -1,0 +1,75 @@
+"""What a robot is doing now, from its observation, with the dynamics of its bodies there."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.gait import Floats
+from quad_env import OBSERVATION
+from quad_env.physics.dynamics import Dynamics, RigidBodies
+from quad_env.robots.robot import Robot
+
+
+class Motion(NamedTuple):
+    """Motion of n robots, in the level frame at the trunk's centre with x ahead."""
+
+    tilt: Floats
+    """Roll and pitch, (n, 2), rad."""
+    rotation: Floats
+    """From the base to the level frame, (n, 3, 3)."""
+    velocity: Floats
+    """Of the trunk's centre, (n, 3), m/s."""
+    turning: Floats
+    """Angular velocity, (n, 3), rad/s."""
+    generalised: Floats
+    """Generalised velocity, (n, 18), as `quad_env.physics.dynamics` has it."""
+    angles: Floats
+    """Of the joints, (n, 12), rad."""
+    targets: Floats
+    """Joint targets of the control period that has passed, (n, 12), rad."""
+    command: Floats
+    """(n, 3), m/s, m/s and rad/s."""
+    bodies: RigidBodies
+    feet_velocity: Floats
+    """(n, 4, 3), m/s."""
+
+
+def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32]) -> Motion:
+    """Motion that observations (n, k) tell of."""
+    felt = observation.astype(np.float64)
+    up = -felt[:, OBSERVATION["projected_gravity"]]
+    roll, pitch = np.arctan2(up[:, 1], up[:, 2]), -np.arcsin(np.clip(up[:, 0], -1.0, 1.0))
+    rotation = _rotation(roll, pitch)
+    turning = felt[:, OBSERVATION["angular_velocity"]]
+    velocity = np.einsum("nij,nj->ni", rotation, felt[:, OBSERVATION["linear_velocity"]])
+    angles = felt[:, OBSERVATION["joint_position"]] + robot.home_pose
+    speeds = felt[:, OBSERVATION["joint_velocity"]]
+    generalised = np.concatenate((velocity, turning, speeds), axis=1)
+    bodies = dynamics.at(_quaternion(roll, pitch), velocity, turning, angles, speeds)
+    return Motion(
+        tilt=np.stack((roll, pitch), axis=-1),
+        rotation=rotation,
+        velocity=velocity,
+        turning=np.einsum("nij,nj->ni", rotation, turning),
+        generalised=generalised,
+        angles=angles,
+        targets=felt[:, OBSERVATION["previous_action"]] + robot.home_pose,
+        command=felt[:, OBSERVATION["command"]],
+        bodies=bodies,
+        feet_velocity=np.einsum("nlxk,nk->nlx", bodies.jacobians, generalised),
+    )
+
+
+def _rotation(roll: Floats, pitch: Floats) -> Floats:
+    """From the base to the level frame, (n, 3, 3): a turn by `roll` about x, then by `pitch` about y."""
+    (cr, sr), (cp, sp) = (np.cos(roll), np.sin(roll)), (np.cos(pitch), np.sin(pitch))
+    zero = np.zeros_like(cr)
+    rows = ((cp, sp * sr, sp * cr), (zero, cr, -sr), (-sp, cp * sr, cp * cr))
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+
+
+def _quaternion(roll: Floats, pitch: Floats) -> Floats:
+    """The same as quaternions (w, x, y, z), (n, 4)."""
+    (cr, sr), (cp, sp) = (np.cos(roll / 2), np.sin(roll / 2)), (np.cos(pitch / 2), np.sin(pitch / 2))
+    return np.stack((cp * cr, cp * sr, sp * cr, -sp * sr), axis=-1)

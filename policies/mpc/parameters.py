@@ -1,0 +1,79 @@
+"""Parameters of the model-predictive controllers."""
+
+from dataclasses import dataclass
+
+from policies.parameters import Parameters, number, search_ranges_of
+
+
+@dataclass(frozen=True)
+class MpcParameters(Parameters):
+    """Gait, cost and gains."""
+
+    frequency: float = number(2.5, limits=(0.1, 20.0), search=(1.8, 4.5))
+    """Gait cycles a second, Hz."""
+    frequency_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 3.0))
+    """How much faster it steps per velocity error beyond 0.4 m/s, Hz per m/s."""
+    most_faster: float = number(2.0, limits=(0.0, 20.0))
+    """Hz."""
+    duty: float = number(0.5, limits=(0.05, 0.95), search=(0.45, 0.65))
+    """Share of the cycle that a foot is on the ground."""
+    height: float = number(0.40, limits=(0.1, 1.0), search=(0.34, 0.48))
+    """Trunk's centre above the ground, m."""
+    step_height: float = number(0.08, limits=(0.0, 0.5), search=(0.05, 0.2))
+    """Lift of a swinging foot, m."""
+    width: float = number(0.5, limits=(0.1, 1.0), search=(0.42, 0.62))
+    """Between the lines of the left and the right feet, m."""
+    length: float = number(0.5, limits=(0.1, 1.0), search=(0.4, 0.6))
+    """Between the lines of the fore and the hind feet, m."""
+    shift: float = number(0.0, limits=(-0.3, 0.3), search=(-0.05, 0.05))
+    """Middle of the feet ahead of the centre of mass, m."""
+    step_gain: float = number(0.06, limits=(-1.0, 1.0), search=(0.0, 0.2))
+    """A foot is put further out by this times the velocity error, s."""
+    horizon_step: float = number(0.04, limits=(0.005, 0.2))
+    """Of the prediction, s."""
+    roll_weight: float = number(10.0, limits=(0.0, 1e6))
+    pitch_weight: float = number(10.0, limits=(0.0, 1e6))
+    yaw_weight: float = number(2.0, limits=(0.0, 1e6))
+    height_weight: float = number(100.0, limits=(0.0, 1e6))
+    turn_weight: float = number(0.1, limits=(0.0, 1e6))
+    """Of the rates of roll and pitch."""
+    yaw_rate_weight: float = number(0.3, limits=(0.0, 1e6))
+    velocity_weight: float = number(2.0, limits=(0.0, 1e6))
+    """Of the horizontal velocity error."""
+    vertical_weight: float = number(0.5, limits=(0.0, 1e6))
+    """Of the vertical velocity."""
+    force_weight: float = number(1e-5, limits=(1e-9, 1e3))
+    """Per squared newton."""
+    friction: float = number(0.65, limits=(0.01, 2.0), search=(0.2, 0.7))
+    """Horizontal force of a foot along each axis, per vertical."""
+    swing_stiffness: float = number(300.0, limits=(0.0, 1e5), search=(100.0, 1500.0))
+    """Acceleration of a swinging foot per distance from its path, 1/s²."""
+    swing_damping: float = number(30.0, limits=(0.0, 1e4), search=(10.0, 80.0))
+    """The same per velocity error, 1/s."""
+    stance_damping: float = number(20.0, limits=(0.0, 1e4))
+    """Deceleration asked of a standing foot, 1/s."""
+    disturbance_time: float = number(0.3, limits=(0.02, 1e6), search=(0.1, 2.0))
+    """Time constant with which the rigid body's acceleration is corrected by what was observed, s."""
+    load_time: float = number(0.06, limits=(0.0, 1e6), search=(0.02, 0.5))
+    """The same of the vertical force, s."""
+    most_force: float = number(1.2, limits=(0.1, 100.0), search=(0.7, 2.0))
+    """Largest vertical force of a foot, per weight of the robot and its load."""
+    slope_time: float = number(0.2, limits=(0.0, 1e3), search=(0.05, 1.0))
+    """Time constant with which the slope under the feet is taken in, s."""
+    touch_force: float = number(15.0, limits=(0.0, 1e3))
+    """Vertical force, N, from which a foot is taken to touch the ground."""
+    early_force: float = number(40.0, limits=(0.0, 1e3))
+    """Vertical force, N, from which a foot has touched the ground before its time."""
+    search_speed: float = number(0.5, limits=(0.0, 10.0), search=(0.1, 1.5))
+    """Downward speed of a foot that should stand and does not touch the ground, m/s."""
+    landing_depth: float = number(0.01, limits=(0.0, 0.2), search=(0.0, 0.04))
+    """How far below the ground the path of a swinging foot ends, m: feet follow it late."""
+    lean_gain: float = number(1.0, limits=(0.0, 10.0), search=(0.0, 1.5))
+    """Shift of the footholds against a lasting force, as a share of what balances it."""
+    slip_speed: float = number(0.25, limits=(0.0, 10.0), search=(0.1, 0.6))
+    """Horizontal speed of a loaded foot that is taken for slipping, m/s."""
+    grip_memory: float = number(3.0, limits=(0.01, 1e6), search=(0.5, 20.0))
+    """Time constant with which a slip is forgotten, s."""
+
+
+SEARCH_RANGES = search_ranges_of(MpcParameters)

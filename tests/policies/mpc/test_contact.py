@@ -1,0 +1,153 @@
+"""What a robot feels in its joints, against the forces that MuJoCo applies."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import policies
+from policies.mpc.contact import ContactSense, as_accelerations
+from policies.mpc.motion import Motion, motion
+from policies.mpc.parameters import MpcParameters
+from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.config import GRAVITY
+from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+PERIOD, SUBSTEPS = 0.01, 5
+DYNAMICS = Dynamics(SIMPLE_QUAD)
+
+
+class Trotting:
+    """The trot on flat ground, with a force on the trunk, world frame, N."""
+
+    def __init__(self, force: tuple[float, float, float] = (0.0, 0.0, 0.0), yaw: float = 0.0) -> None:
+        self.model = mujoco.MjModel.from_xml_path(str(SIMPLE_QUAD.mjcf))
+        self.data = mujoco.MjData(self.model)
+        mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
+        self.data.qpos[3:7] = np.cos(yaw / 2.0), 0.0, 0.0, np.sin(yaw / 2.0)
+        self.trunk = self.model.body("base_link").id
+        self.data.xfrc_applied[self.trunk, :3] = force
+        self.policy = policies.make("trot")
+        self.policy.reset()
+        self.target = SIMPLE_QUAD.home_pose.copy()
+        self.forces = np.zeros((4, 3))
+
+    def observation(self) -> np.ndarray:
+        rotation = self.rotation
+        seen = np.zeros(OBSERVATION_SIZE)
+        for name, value in (
+            ("projected_gravity", -rotation[2]),
+            ("angular_velocity", self.data.qvel[3:6]),
+            ("linear_velocity", rotation.T @ self.data.qvel[:3]),
+            ("joint_position", self.data.qpos[7:] - SIMPLE_QUAD.home_pose),
+            ("joint_velocity", self.data.qvel[6:]),
+            ("previous_action", self.target - SIMPLE_QUAD.home_pose),
+        ):
+            seen[OBSERVATION[name]] = value
+        return seen.astype(np.float32)
+
+    @property
+    def rotation(self) -> np.ndarray:
+        matrix = np.empty(9)
+        mujoco.mju_quat2Mat(matrix, self.data.qpos[3:7])
+        return matrix.reshape(3, 3)
+
+    def step(self) -> Motion:
+        """A control period; `forces` are then the mean ones of the feet, world frame, N."""
+        self.target = self.policy.act(self.observation()).astype(np.float64)
+        self.data.ctrl[:] = self.target
+        self.forces = np.zeros((4, 3))
+        for _ in range(SUBSTEPS):
+            mujoco.mj_step(self.model, self.data)
+            self.forces += self._contacts() / SUBSTEPS
+        return motion(SIMPLE_QUAD, DYNAMICS, self.observation()[None])
+
+    def _contacts(self) -> np.ndarray:
+        found, wrench = np.zeros((4, 3)), np.empty(6)
+        feet = [self.model.geom(f"{leg}_foot").id for leg in SIMPLE_QUAD.leg_names]
+        for index, contact in enumerate(self.data.contact):
+            mujoco.mj_contactForce(self.model, self.data, index, wrench)
+            force = contact.frame.reshape(3, 3).T @ wrench[:3]
+            for geom, sign in ((contact.geom1, -1.0), (contact.geom2, 1.0)):
+                if geom in feet:
+                    found[feet.index(geom)] += sign * force
+        return found
+
+    def turned(self, vectors: np.ndarray) -> np.ndarray:
+        """World vectors in the level frame."""
+        ahead = self.rotation[:2, 0] / np.linalg.norm(self.rotation[:2, 0])
+        cos, sin = ahead
+        return vectors @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_forces_of_the_feet_are_felt_without_sensors() -> None:
+    robot, sense = Trotting(yaw=0.7), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
+    felt, true = [], []
+    for step in range(150):
+        now = robot.step()
+        forces = sense.feel(now)[0]
+        if step >= 50:
+            felt.append(forces)
+            true.append(robot.turned(robot.forces))
+    error = np.array(felt) - np.array(true)
+    loaded = np.array(true)[..., 2] > 20.0
+    assert loaded.mean() > 0.3
+    assert np.sqrt((error[loaded] ** 2).mean(axis=0)).max() < 15.0
+    assert np.abs(error[~loaded]).mean() < 5.0
+    right = (np.array(felt)[..., 2] > MpcParameters().touch_force) == (
+        np.array(true)[..., 2] > MpcParameters().touch_force
+    )
+    assert right.mean() > 0.97
+
+
+@pytest.mark.parametrize("force", [(0.0, 40.0, 0.0), (30.0, -10.0, 0.0), (0.0, 0.0, -60.0)])
+def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tuple[float, float, float]) -> None:
+    robot = Trotting(force, yaw=0.7)
+    sense = ContactSense(SIMPLE_QUAD, MpcParameters(disturbance_time=0.3, load_time=0.3), PERIOD)
+    felt, true, accelerations = [], [], []
+    for step in range(250):
+        now = robot.step()
+        sense.feel(now)
+        if step >= 150:
+            felt.append(sense.wrench[0, :3])
+            true.append(robot.turned(np.array(force)))
+            accelerations.append(as_accelerations(now.bodies, now.rotation, DYNAMICS.mass, sense.wrench)[0, :3])
+    np.testing.assert_allclose(np.mean(felt, axis=0), np.mean(true, axis=0), atol=4.0)
+    np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / DYNAMICS.mass, atol=0.3)
+
+
+def test_feet_bear_the_weight_of_a_standing_robot() -> None:
+    robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
+    robot.policy = policies.make("stand")
+    for _ in range(100):
+        forces = sense.feel(robot.step())[0]
+    assert forces[:, 2].sum() == pytest.approx(DYNAMICS.mass * GRAVITY, rel=0.02)
+    np.testing.assert_allclose(sense.wrench[0], 0.0, atol=1.5)
+
+
+def test_a_slip_lowers_what_is_relied_on_and_is_forgotten() -> None:
+    parameters = MpcParameters(grip_memory=1.0)
+    sense, velocity = ContactSense(SIMPLE_QUAD, parameters, PERIOD), np.zeros((2, 4, 3))
+    sense.allocate(2)
+    forces = np.tile([8.0, 0.0, 80.0], (2, 4, 1))
+    velocity[1, 2, 0] = 0.5  # one foot of the second robot slides, at a tenth of its load
+    for _ in range(30):
+        sense._feel_slip(forces, velocity)
+    assert sense.grip[0] == parameters.friction
+    assert sense.grip[1] == pytest.approx(0.07, abs=0.03)
+    for _ in range(300):
+        sense._feel_slip(forces, 0.0 * velocity)
+    assert sense.grip[1] > 0.9 * parameters.friction
+
+
+def test_a_restarted_robot_has_no_past() -> None:
+    robot, sense = Trotting((0.0, 40.0, 0.0)), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
+    for _ in range(50):
+        now = robot.step()
+        sense.feel(now)
+    assert np.abs(sense.wrench).max() > 5.0
+    sense.restart(np.array([True]))
+    assert not sense.wrench.any()
+    first = sense.feel(now)
+    again = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
+    np.testing.assert_array_equal(first, again.feel(now))

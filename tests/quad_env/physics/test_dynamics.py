@@ -1,0 +1,105 @@
+"""Dynamics of the bodies against finite differences, energies and the sum over the bodies."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from quad_env.config import GRAVITY
+from quad_env.physics.dynamics import Dynamics, RigidBodies
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+DYNAMICS = Dynamics(SIMPLE_QUAD)
+STEP = 1e-6
+
+
+class State:
+    """A robot that moves in every way."""
+
+    def __init__(self, seed: int) -> None:
+        random = np.random.default_rng(seed)
+        turn = random.normal(size=4)
+        self.orientation = turn / np.linalg.norm(turn)
+        self.velocity, self.turning = random.normal(size=3), random.normal(size=3)
+        self.angles = SIMPLE_QUAD.home_pose + 0.3 * random.normal(size=12)
+        self.speeds = 2.0 * random.normal(size=12)
+        self.position = np.zeros(3)
+
+    def bodies(self) -> RigidBodies:
+        """What the dynamics say of it, without the first axis."""
+        parts = (self.orientation, self.velocity, self.turning, self.angles, self.speeds)
+        return RigidBodies(*(each[0] for each in DYNAMICS.at(*(part[None] for part in parts))))
+
+    def moved(self, step: float) -> "State":
+        """The same, a little later, at the same generalised velocity."""
+        later = State.__new__(State)
+        later.__dict__.update(self.__dict__)
+        later.orientation = self.orientation.copy()
+        mujoco.mju_quatIntegrate(later.orientation, self.turning, step)
+        later.position, later.angles = self.position + step * self.velocity, self.angles + step * self.speeds
+        return later
+
+    def difference(self, name: str) -> np.ndarray:
+        """Change of a place a second, world frame."""
+        before, after = self.moved(-STEP), self.moved(STEP)
+        change = getattr(after.bodies(), name) - getattr(before.bodies(), name)
+        return (change + (after.position - before.position)) / (2.0 * STEP)
+
+    @property
+    def generalised(self) -> np.ndarray:
+        return np.concatenate((self.velocity, self.turning, self.speeds))
+
+
+@pytest.fixture(params=range(4))
+def state(request: pytest.FixtureRequest) -> State:
+    return State(request.param)
+
+
+def test_jacobians_give_the_velocities_of_the_feet(state: State) -> None:
+    np.testing.assert_allclose(state.bodies().jacobians @ state.generalised, state.difference("feet"), atol=1e-7)
+
+
+def test_drift_is_the_change_of_the_feet_s_velocities_at_a_constant_generalised_one(state: State) -> None:
+    after, before = (state.moved(step).bodies().jacobians @ state.generalised for step in (STEP, -STEP))
+    np.testing.assert_allclose(state.bodies().drift, (after - before) / (2.0 * STEP), atol=1e-6)
+
+
+def test_the_centre_of_mass_moves_as_it_says(state: State) -> None:
+    np.testing.assert_allclose(state.bodies().centre_velocity, state.difference("centre"), atol=1e-7)
+
+
+def test_the_bias_at_rest_is_the_weight(state: State) -> None:
+    state.velocity, state.turning, state.speeds = np.zeros(3), np.zeros(3), np.zeros(12)
+    bias = state.bodies().bias
+
+    def height(index: int, step: float) -> float:
+        other = State.__new__(State)
+        other.__dict__.update(state.__dict__)
+        rates = np.eye(18)[index]
+        other.velocity, other.turning, other.speeds = rates[:3], rates[3:6], rates[6:]
+        later = other.moved(step)
+        return float(later.bodies().centre[2] + later.position[2])
+
+    slope = [(height(index, STEP) - height(index, -STEP)) / (2.0 * STEP) for index in range(18)]
+    np.testing.assert_allclose(bias, DYNAMICS.mass * GRAVITY * np.array(slope), atol=1e-4)
+
+
+def test_the_inertia_is_that_of_the_bodies(state: State) -> None:
+    """Momentum of the whole robot by the centre of mass, and of the locked robot by its rotational inertia."""
+    bodies = state.bodies()
+    momentum = bodies.inertia @ state.generalised
+    np.testing.assert_allclose(momentum[:3], DYNAMICS.mass * bodies.centre_velocity, atol=1e-9)
+    state.speeds = np.zeros(12)
+    locked, rotation = state.bodies(), np.empty(9)
+    mujoco.mju_quat2Mat(rotation, state.orientation)
+    turn = rotation.reshape(3, 3)
+    about_centre = locked.rotational_inertia @ (turn @ state.turning)
+    carried = np.cross(locked.centre, DYNAMICS.mass * locked.centre_velocity)
+    angular = turn.T @ (about_centre + carried)
+    np.testing.assert_allclose((locked.inertia @ state.generalised)[3:6], angular, atol=1e-9)
+
+
+def test_joint_damping_is_part_of_the_bias(state: State) -> None:
+    """0.2 N·m·s/rad of the MJCF's joints: power lost where nothing else changes with the sign of the motion."""
+    bias = state.bodies().bias[6:]
+    state.velocity, state.turning, state.speeds = -state.velocity, -state.turning, -state.speeds
+    np.testing.assert_allclose(0.5 * (bias - state.bodies().bias[6:]), -0.2 * state.speeds, atol=1e-9)
