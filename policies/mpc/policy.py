@@ -22,6 +22,7 @@ from policies.mpc.quadratic_program import solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Priorities, Wish, torques
 from quad_env.config import GRAVITY
+from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -68,8 +69,6 @@ class MpcWbc(GaitedPolicy):
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        from quad_env.physics.dynamics import Dynamics  # here, since MuJoCo takes long to import
-
         self.parameters = p = parameters if parameters is not None else MpcParameters()
         self.frequency = p.frequency
         self._dynamics = Dynamics(robot)

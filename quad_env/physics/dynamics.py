@@ -7,7 +7,6 @@ any level one, such as that at the trunk's centre with x ahead.
 
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,6 +41,9 @@ class Dynamics:
     """Works out the dynamics of robots without a payload, with ideal servos, on no ground."""
 
     def __init__(self, robot: Robot) -> None:
+        import mujoco  # here, since it takes long, and whoever asks for a policy's name needs none
+
+        self._mujoco = mujoco
         self._model = mujoco.MjModel.from_xml_path(str(robot.mjcf))
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
         self._data = mujoco.MjData(self._model)
@@ -62,7 +64,7 @@ class Dynamics:
         return RigidBodies(*(np.stack(part) for part in zip(*found, strict=True)))
 
     def _of_one(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> Any:
-        model, data, size = self._model, self._data, self._model.nv
+        mujoco, model, data, size = self._mujoco, self._model, self._data, self._model.nv
         data.qpos[:3], data.qpos[3:7], data.qpos[7:] = 0.0, orientation, angles
         data.qvel[:3], data.qvel[3:6], data.qvel[6:] = velocity, turning, speeds
         mujoco.mj_fwdPosition(model, data)
