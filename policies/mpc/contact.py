@@ -16,12 +16,19 @@ from policies.mpc.parameters import MpcParameters
 from quad_env.physics.dynamics import RigidBodies
 from quad_env.robots.robot import Robot
 
-LARGEST_WRENCH = np.array([300.0, 300.0, 400.0, 60.0, 60.0, 60.0])
+LARGEST_WRENCH = np.array([80.0, 80.0, 400.0, 15.0, 15.0, 15.0])
 """That is taken for a wrench, N and N·m."""
 LARGEST_LIFT = 40.0
 """The same upward, N: loads press."""
 IMPACT = 300.0
 """Force of a foot, N, from which a control period is an impact, too short to tell of anything else."""
+FIRM = 30.0
+"""Force of a foot that stands firmly, N; a robot that does not stand on two such feet, tilted or in the air, may touch
+the ground with whatever it likes."""
+UPRIGHT = 0.2
+"""Largest tilt, rad, at which what no foot explains is believed."""
+FIRST = 5.0
+"""Looks that the first one counts as: until there are many the wrench is their mean, whatever the time constants."""
 SAFE_SHARE = 0.7
 """Of the friction that a slip has shown, what is relied on: the pyramid's edges reach that much further."""
 LEAST_GRIP = 0.05
@@ -46,6 +53,8 @@ class ContactSense:
         """Fresh state for so many robots."""
         self._known = np.zeros(num_envs, np.bool_)
         self._before = np.zeros((num_envs, 18 + 12))
+        self._looks = np.zeros(num_envs)
+        self._sliding = np.zeros((num_envs, 4), np.bool_)
         self.wrench = np.zeros((num_envs, 6))
         """Smoothed, that no foot explains: force in the level frame, N, and moment about the trunk's centre in the base
         frame, N·m, (n, 6)."""
@@ -55,16 +64,21 @@ class ContactSense:
     def restart(self, mask: NDArray[np.bool_]) -> None:
         """Fresh state for those robots."""
         self._known &= ~mask
+        self._looks[mask] = 0.0
+        self._sliding[mask] = False
         self.wrench[mask] = 0.0
         self.grip[mask] = self._parameters.friction
 
     def feel(self, motion: Motion) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`."""
         forces, wrench = self._explained(motion)
-        impact = forces[:, :, 2].max(axis=1) >= IMPACT
+        firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2
+        telling = firm & (forces[..., 2].max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
         bounded = np.clip(wrench, -LARGEST_WRENCH, LARGEST_WRENCH)
         bounded[:, 2] = np.minimum(bounded[:, 2], LARGEST_LIFT)
-        self.wrench += np.where(impact[:, None], 0.0, self._shares) * (bounded - self.wrench)
+        shares = np.maximum(self._shares, 1.0 / (FIRST + self._looks[:, None]))
+        self.wrench += np.where(telling[:, None], shares, 0.0) * (bounded - self.wrench)
+        self._looks += telling
         self._feel_slip(forces, motion.feet_velocity)
         return forces
 
@@ -97,6 +111,7 @@ class ContactSense:
         p = self._parameters
         speed, across = np.hypot(velocity[..., 0], velocity[..., 1]), np.hypot(forces[..., 0], forces[..., 1])
         sliding = (speed > p.slip_speed) & (forces[..., 2] > 2.0 * p.touch_force)
+        sliding, self._sliding = sliding & self._sliding, sliding  # a foot that lands slides for a moment
         ratio = np.where(sliding, across / np.maximum(forces[..., 2], 1e-9), 0.0).max(axis=1)
         shown = np.maximum(SAFE_SHARE * ratio, LEAST_GRIP)
         slips = sliding.any(axis=1) & (shown < self.grip)

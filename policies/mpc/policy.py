@@ -81,12 +81,12 @@ class MpcWbc(GaitedPolicy):
             np.array([p.velocity_weight, p.velocity_weight, p.vertical_weight]),
             p.force_weight,
         )
-        self.contacts = ContactSense(robot, p, control_period)
+        self.sense = ContactSense(robot, p, control_period)
         super().__init__(robot=robot, control_period=control_period)
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
-        self.contacts.allocate(num_envs)
+        self.sense.allocate(num_envs)
         self._new = np.ones(num_envs, np.bool_)
         self._swinging = np.zeros((num_envs, 4), np.bool_)
         self._start = np.zeros((num_envs, 4, 2))
@@ -100,7 +100,7 @@ class MpcWbc(GaitedPolicy):
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         super()._restart(mask)
-        self.contacts.restart(mask)
+        self.sense.restart(mask)
         self._new |= mask
         self._swinging[mask] = False
         self._slope[:, mask] = 0.0
@@ -113,10 +113,10 @@ class MpcWbc(GaitedPolicy):
         p, now = self.parameters, motion(self.robot, self._dynamics, observation)
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
-        forces = self.contacts.feel(now)
+        forces = self.sense.feel(now)
         contacts = self._touching(cycle, forces[..., 2])
         ground = self._ground(now, contacts.landed)
-        pushed = as_accelerations(now.bodies, now.rotation, self._dynamics.mass, self.contacts.wrench)
+        pushed = as_accelerations(now.bodies, now.rotation, self._dynamics.mass, self.sense.wrench)
         aim = footholds(self.robot, p, now, pushed[:, :2], p.duty / self._frequencies)
         wished = self._feet(now, cycle, contacts, aim, ground)
         stands, since = self._schedule(contacts.standing)
@@ -235,8 +235,8 @@ class MpcWbc(GaitedPolicy):
 
     def _friction(self, i: int) -> Friction:
         """Bounds of the force of a robot's foot, by what it weighs with its load."""
-        weight = self._dynamics.mass * GRAVITY - min(self.contacts.wrench[i, 2], 0.0)
-        return Friction(self.contacts.grip[i], 0.0, self.parameters.most_force * weight)
+        weight = self._dynamics.mass * GRAVITY - min(self.sense.wrench[i, 2], 0.0)
+        return Friction(self.sense.grip[i], 0.0, self.parameters.most_force * weight)
 
     def _aim(
         self, i: int, now: Motion, pushed: Floats, places: Floats, feet: Floats, standing: NDArray[np.bool_]
@@ -247,7 +247,7 @@ class MpcWbc(GaitedPolicy):
         forces = self._forces[i, 0]
         turn = now.rotation[i].T @ (np.einsum("lax,lx->a", moments, forces) + pushed[3:])
         wish = Wish(turn, feet, forces, standing)
-        wrench = self.contacts.wrench[i]
+        wrench = self.sense.wrench[i]
         found = torques(now.bodies, i, wish, wrench, self._friction(i), robot.rated_torque, Priorities())
         if not found.solution.solved:
             self.failures[i] += 1

@@ -112,8 +112,21 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
             felt.append(sense.wrench[0, :3])
             true.append(robot.turned(np.array(force)))
             accelerations.append(as_accelerations(now.bodies, now.rotation, DYNAMICS.mass, sense.wrench)[0, :3])
-    np.testing.assert_allclose(np.mean(felt, axis=0), np.mean(true, axis=0), atol=4.0)
-    np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / DYNAMICS.mass, atol=0.3)
+    np.testing.assert_allclose(np.mean(felt, axis=0), np.mean(true, axis=0), atol=6.0)
+    np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / DYNAMICS.mass, atol=0.45)
+
+
+def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
+    """35 N·s within 0.1 s: what is left of it a second later would lean the robot against nothing."""
+    robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
+    largest = 0.0
+    for step in range(250):
+        robot.data.xfrc_applied[robot.trunk, 1] = 350.0 if 100 <= step < 110 else 0.0
+        sense.feel(robot.step())
+        if step >= 100:
+            largest = max(largest, float(np.abs(sense.wrench[0, :2]).max()))
+    assert largest < 40.0
+    assert np.abs(sense.wrench[0, :2]).max() < 10.0
 
 
 def test_feet_bear_the_weight_of_a_standing_robot() -> None:
@@ -131,6 +144,8 @@ def test_a_slip_lowers_what_is_relied_on_and_is_forgotten() -> None:
     sense.allocate(2)
     forces = np.tile([8.0, 0.0, 80.0], (2, 4, 1))
     velocity[1, 2, 0] = 0.5  # one foot of the second robot slides, at a tenth of its load
+    sense._feel_slip(forces, velocity)
+    assert (sense.grip == parameters.friction).all()  # a foot that lands slides for a moment
     for _ in range(30):
         sense._feel_slip(forces, velocity)
     assert sense.grip[0] == parameters.friction
