@@ -37,7 +37,7 @@ Bools = NDArray[np.bool_]
 class Options:
     """Compare successes on two sets of surfaces."""
 
-    policies: tuple[str, ...] = ("document_repaired", "trot", "trot_feedback", "residual")
+    policies: tuple[str, ...] = ("document_repaired", "trot", "trot_feedback", "robust")
     """Names or folders of policies."""
     scenarios: tuple[str, ...] = ("rough", "rough:4")
     """Scenarios on random ground."""

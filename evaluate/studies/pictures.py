@@ -37,7 +37,7 @@ MOVING = (".webp", ".gif")
 class Options:
     """Draw policies walking."""
 
-    policies: tuple[str, ...] = ("document_repaired", "trot", "trot_feedback", "residual")
+    policies: tuple[str, ...] = ("document_repaired", "trot", "trot_feedback", "robust")
     """Names of policies, folders of trained ones, or files, as of python -m evaluate."""
     trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
