@@ -116,7 +116,7 @@ class MpcWbc(GaitedPolicy):
         forces = self.sense.feel(now)
         contacts = self._touching(cycle, forces[..., 2])
         ground = self._ground(now, contacts.landed)
-        pushed = as_accelerations(now.bodies, now.rotation, self._dynamics.mass, self.sense.wrench)
+        pushed = as_accelerations(now.bodies, now.rotation, self.robot.mass, self.sense.wrench)
         aim = footholds(self.robot, p, now, pushed[:, :2], p.duty / self._frequencies)
         wished = self._feet(now, cycle, contacts, aim, ground)
         stands, since = self._schedule(contacts.standing)
@@ -218,7 +218,7 @@ class MpcWbc(GaitedPolicy):
             position=np.array([0.0, 0.0, -(ground.height[i] + p.height)]),
             turning=now.turning[i],
             velocity=bodies.centre_velocity[i],
-            mass=self._dynamics.mass,
+            mass=self.robot.mass,
             inertia=bodies.rotational_inertia[i],
             acceleration=pushed,
         )
@@ -235,7 +235,7 @@ class MpcWbc(GaitedPolicy):
 
     def _friction(self, i: int) -> Friction:
         """Bounds of the force of a robot's foot, by what it weighs with its load."""
-        weight = self._dynamics.mass * GRAVITY - min(self.sense.wrench[i, 2], 0.0)
+        weight = self.robot.mass * GRAVITY - min(self.sense.wrench[i, 2], 0.0)
         return Friction(self.sense.grip[i], 0.0, self.parameters.most_force * weight)
 
     def _aim(

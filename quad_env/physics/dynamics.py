@@ -5,6 +5,8 @@ frame, m/s, its angular velocity in the base frame, rad/s, and the joint speeds,
 any level one, such as that at the trunk's centre with x ahead.
 """
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,20 +39,34 @@ class RigidBodies(NamedTuple):
     """Of the robot as one rigid body, about the centre of mass, world frame, (n, 3, 3), kg·m²."""
 
 
+class _Model(NamedTuple):
+    """What MuJoCo works with."""
+
+    mujoco: Any
+    """The package, which is imported where it is needed, since that takes long."""
+    model: Any
+    data: Any
+    trunk: int
+    feet: list[int]
+
+
+@dataclass(frozen=True)
 class Dynamics:
-    """Works out the dynamics of robots without a payload, with ideal servos, on no ground."""
+    """Works out the dynamics of a robot without a payload, with ideal servos, on no ground."""
 
-    def __init__(self, robot: Robot) -> None:
-        import mujoco  # here, since it takes long, and whoever asks for a policy's name needs none
+    robot: Robot
 
-        self._mujoco = mujoco
-        self._model = mujoco.MjModel.from_xml_path(str(robot.mjcf))
-        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
-        self._data = mujoco.MjData(self._model)
-        self._trunk = self._model.body("base_link").id
-        self._sites = [self._model.site(f"{leg}_foot").id for leg in robot.leg_names]
-        self.mass = float(self._model.body_subtreemass[self._trunk])
-        """Of the whole robot, kg."""
+    def __reduce__(self) -> tuple[type["Dynamics"], tuple[Robot]]:
+        return Dynamics, (self.robot,)
+
+    @cached_property
+    def _compiled(self) -> _Model:
+        import mujoco
+
+        model = mujoco.MjModel.from_xml_path(str(self.robot.mjcf))
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
+        feet = [model.site(f"{leg}_foot").id for leg in self.robot.leg_names]
+        return _Model(mujoco, model, mujoco.MjData(model), model.body("base_link").id, feet)
 
     def at(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> RigidBodies:
         """Dynamics with the trunk's centre in the origin.
@@ -64,31 +80,32 @@ class Dynamics:
         return RigidBodies(*(np.stack(part) for part in zip(*found, strict=True)))
 
     def _of_one(self, orientation: Floats, velocity: Floats, turning: Floats, angles: Floats, speeds: Floats) -> Any:
-        mujoco, model, data, size = self._mujoco, self._model, self._data, self._model.nv
+        mujoco, model, data, trunk, sites = self._compiled
+        size = model.nv
         data.qpos[:3], data.qpos[3:7], data.qpos[7:] = 0.0, orientation, angles
         data.qvel[:3], data.qvel[3:6], data.qvel[6:] = velocity, turning, speeds
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         inertia = np.empty((size, size))
         mujoco.mj_fullM(model, data, inertia)
-        jacobians, changes = np.empty((len(self._sites), 3, size)), np.empty((3, size))
-        drift = np.empty((len(self._sites), 3))
-        feet = data.site_xpos[self._sites]
-        for leg, site in enumerate(self._sites):
+        jacobians, changes = np.empty((len(sites), 3, size)), np.empty((3, size))
+        drift = np.empty((len(sites), 3))
+        feet = data.site_xpos[sites]
+        for leg, site in enumerate(sites):
             mujoco.mj_jacSite(model, data, jacobians[leg], None, site)
             mujoco.mj_jacDot(model, data, changes, None, feet[leg], model.site_bodyid[site])
             drift[leg] = changes @ data.qvel
         centre_jacobian = np.empty((3, size))
-        mujoco.mj_jacSubtreeCom(model, data, centre_jacobian, self._trunk)
+        mujoco.mj_jacSubtreeCom(model, data, centre_jacobian, trunk)
         return (
             inertia,
             data.qfrc_bias - data.qfrc_passive,
             feet,
             jacobians,
             drift,
-            data.subtree_com[self._trunk].copy(),
+            data.subtree_com[trunk].copy(),
             centre_jacobian @ data.qvel,
-            _symmetric(data.crb[self._trunk]),
+            _symmetric(data.crb[trunk]),
         )
 
 

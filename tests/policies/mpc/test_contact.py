@@ -111,9 +111,9 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
         if step >= 150:
             felt.append(sense.wrench[0, :3])
             true.append(robot.turned(np.array(force)))
-            accelerations.append(as_accelerations(now.bodies, now.rotation, DYNAMICS.mass, sense.wrench)[0, :3])
+            accelerations.append(as_accelerations(now.bodies, now.rotation, SIMPLE_QUAD.mass, sense.wrench)[0, :3])
     np.testing.assert_allclose(np.mean(felt, axis=0), np.mean(true, axis=0), atol=6.0)
-    np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / DYNAMICS.mass, atol=0.45)
+    np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / SIMPLE_QUAD.mass, atol=0.45)
 
 
 def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
@@ -134,7 +134,7 @@ def test_feet_bear_the_weight_of_a_standing_robot() -> None:
     robot.policy = policies.make("stand")
     for _ in range(100):
         forces = sense.feel(robot.step())[0]
-    assert forces[:, 2].sum() == pytest.approx(DYNAMICS.mass * GRAVITY, rel=0.02)
+    assert forces[:, 2].sum() == pytest.approx(SIMPLE_QUAD.mass * GRAVITY, rel=0.02)
     np.testing.assert_allclose(sense.wrench[0], 0.0, atol=1.5)
 
 

@@ -1,5 +1,7 @@
 """The model-predictive controller walks, in any batch alike, and goes on where a program has no solution."""
 
+import pickle
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,9 +9,11 @@ import pytest
 import policies
 import policies.mpc.policy
 from evaluate.measures.metrics import Measures, measure
+from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
 from policies.mpc import whole_body
 from policies.mpc.contact import ContactSense
+from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from policies.mpc.quadratic_program import Program, Solution, solve
 from quad_env.seeding import episode_seeds
@@ -60,6 +64,14 @@ def test_a_restarted_robot_begins_anew() -> None:
     one.reset_where(np.array([False, True]))
     other.reset(num_envs=2)
     np.testing.assert_array_equal(one.act(rows)[1], other.act(rows)[1])
+
+
+def test_it_can_be_sent_to_another_process_and_named_by_its_digest() -> None:
+    policy = MpcWbc()
+    sent = pickle.loads(pickle.dumps(policy))
+    assert policy_digest(sent) == policy_digest(policy)
+    assert policy_digest(policy) != policy_digest(MpcWbc(MpcParameters(frequency=2.4)))
+    np.testing.assert_array_equal(sent.act(observations(1)), policy.act(observations(1)))
 
 
 def unsolved(program: Program) -> Solution:

@@ -80,20 +80,20 @@ def test_the_bias_at_rest_is_the_weight(state: State) -> None:
         return float(later.bodies().centre[2] + later.position[2])
 
     slope = [(height(index, STEP) - height(index, -STEP)) / (2.0 * STEP) for index in range(18)]
-    np.testing.assert_allclose(bias, DYNAMICS.mass * GRAVITY * np.array(slope), atol=1e-4)
+    np.testing.assert_allclose(bias, SIMPLE_QUAD.mass * GRAVITY * np.array(slope), atol=1e-4)
 
 
 def test_the_inertia_is_that_of_the_bodies(state: State) -> None:
     """Momentum of the whole robot by the centre of mass, and of the locked robot by its rotational inertia."""
     bodies = state.bodies()
     momentum = bodies.inertia @ state.generalised
-    np.testing.assert_allclose(momentum[:3], DYNAMICS.mass * bodies.centre_velocity, atol=1e-9)
+    np.testing.assert_allclose(momentum[:3], SIMPLE_QUAD.mass * bodies.centre_velocity, atol=1e-9)
     state.speeds = np.zeros(12)
     locked, rotation = state.bodies(), np.empty(9)
     mujoco.mju_quat2Mat(rotation, state.orientation)
     turn = rotation.reshape(3, 3)
     about_centre = locked.rotational_inertia @ (turn @ state.turning)
-    carried = np.cross(locked.centre, DYNAMICS.mass * locked.centre_velocity)
+    carried = np.cross(locked.centre, SIMPLE_QUAD.mass * locked.centre_velocity)
     angular = turn.T @ (about_centre + carried)
     np.testing.assert_allclose((locked.inertia @ state.generalised)[3:6], angular, atol=1e-9)
 
