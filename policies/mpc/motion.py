@@ -6,8 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait import Floats
+from policies.legs.level_frame import level_frame
 from quad_env import OBSERVATION
+from quad_env.columns import of_robots
 from quad_env.physics.dynamics import Dynamics, RigidBodies
+from quad_env.physics.state import rotation_matrix
 from quad_env.robots.robot import Robot
 
 
@@ -38,15 +41,16 @@ class Motion(NamedTuple):
 def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32]) -> Motion:
     """Motion that observations (n, k) tell of."""
     felt = observation.astype(np.float64)
-    up = -felt[:, OBSERVATION["projected_gravity"]]
-    roll, pitch = np.arctan2(up[:, 1], up[:, 2]), -np.arcsin(np.clip(up[:, 0], -1.0, 1.0))
-    rotation = _rotation(roll, pitch)
+    frame = level_frame(felt[:, OBSERVATION["projected_gravity"]].T)
+    roll, pitch = frame.roll, frame.pitch
+    orientation = _quaternion(roll, pitch)
+    rotation = np.moveaxis(np.array(rotation_matrix(of_robots(orientation))), -1, 0)
     turning = felt[:, OBSERVATION["angular_velocity"]]
     velocity = np.einsum("nij,nj->ni", rotation, felt[:, OBSERVATION["linear_velocity"]])
     angles = felt[:, OBSERVATION["joint_position"]] + robot.home_pose
     speeds = felt[:, OBSERVATION["joint_velocity"]]
     generalised = np.concatenate((velocity, turning, speeds), axis=1)
-    bodies = dynamics.at(_quaternion(roll, pitch), velocity, turning, angles, speeds)
+    bodies = dynamics.at(orientation, velocity, turning, angles, speeds)
     return Motion(
         tilt=np.stack((roll, pitch), axis=-1),
         rotation=rotation,
@@ -61,15 +65,7 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32]) -
     )
 
 
-def _rotation(roll: Floats, pitch: Floats) -> Floats:
-    """From the base to the level frame, (n, 3, 3): a turn by `roll` about x, then by `pitch` about y."""
-    (cr, sr), (cp, sp) = (np.cos(roll), np.sin(roll)), (np.cos(pitch), np.sin(pitch))
-    zero = np.zeros_like(cr)
-    rows = ((cp, sp * sr, sp * cr), (zero, cr, -sr), (-sp, cp * sr, cp * cr))
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
-
-
 def _quaternion(roll: Floats, pitch: Floats) -> Floats:
-    """The same as quaternions (w, x, y, z), (n, 4)."""
+    """From the base to the level frame, (w, x, y, z), (n, 4): a turn by `roll` about x, then by `pitch` about y."""
     (cr, sr), (cp, sp) = (np.cos(roll / 2), np.sin(roll / 2)), (np.cos(pitch / 2), np.sin(pitch / 2))
     return np.stack((cp * cr, cp * sr, sp * cr, -sp * sr), axis=-1)

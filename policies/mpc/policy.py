@@ -131,8 +131,9 @@ class MpcWbc(GaitedPolicy):
             ground.height - now.bodies.centre[:, 2],
         )
         for robot in range(self.num_envs):
-            self._plan(robot, now, ground, pushed[robot], places[robot], stands[robot])
-            self._aim(robot, now, pushed[robot], places[robot], wished[robot], contacts.standing[robot])
+            friction = self._friction(robot)
+            self._plan(robot, now, ground, pushed[robot], places[robot], stands[robot], friction)
+            self._aim(robot, now, pushed[robot], places[robot], wished[robot], contacts.standing[robot], friction)
         self._new[:] = False
         return to_actions(self.robot, self._targets)
 
@@ -207,7 +208,14 @@ class MpcWbc(GaitedPolicy):
         return stands, cycle.progress * (self.parameters.duty / self._frequencies)[:, None, None]
 
     def _plan(
-        self, i: int, now: Motion, ground: Ground, pushed: Floats, places: Floats, stands: NDArray[np.bool_]
+        self,
+        i: int,
+        now: Motion,
+        ground: Ground,
+        pushed: Floats,
+        places: Floats,
+        stands: NDArray[np.bool_],
+        friction: Friction,
     ) -> None:
         """Forces of a robot's feet over the horizon; those planned before where no others are found."""
         p, horizon, bodies = self.parameters, self._horizon, now.bodies
@@ -226,7 +234,7 @@ class MpcWbc(GaitedPolicy):
         speed = np.array([ahead, left, forward * ahead + lateral * left])
         turn, times, same = np.array([0.0, 0.0, yaw_rate]), horizon.times[:, None], np.zeros((HORIZON, 3))
         wanted = Reference(times * turn, times * speed, same + turn, same + speed)
-        program = horizon.program(body, places, stands, wanted, self._weights, self._friction(i))
+        program = horizon.program(body, places, stands, wanted, self._weights, friction)
         solution = solve(program)
         if solution.solved:
             self._forces[i] = horizon.spread(solution.value, stands)
@@ -239,7 +247,14 @@ class MpcWbc(GaitedPolicy):
         return Friction(self.sense.grip[i], 0.0, self.parameters.most_force * weight)
 
     def _aim(
-        self, i: int, now: Motion, pushed: Floats, places: Floats, feet: Floats, standing: NDArray[np.bool_]
+        self,
+        i: int,
+        now: Motion,
+        pushed: Floats,
+        places: Floats,
+        feet: Floats,
+        standing: NDArray[np.bool_],
+        friction: Friction,
     ) -> None:
         """Joint targets of a robot; those of before where no torques are found."""
         robot, half = self.robot, 0.5 * self.control_period
@@ -248,7 +263,7 @@ class MpcWbc(GaitedPolicy):
         turn = now.rotation[i].T @ (np.einsum("lax,lx->a", moments, forces) + pushed[3:])
         wish = Wish(turn, feet, forces, standing)
         wrench = self.sense.wrench[i]
-        found = torques(now.bodies, i, wish, wrench, self._friction(i), robot.rated_torque, Priorities())
+        found = torques(now.bodies, i, wish, wrench, friction, robot.rated_torque, Priorities())
         if not found.solution.solved:
             self.failures[i] += 1
             return
