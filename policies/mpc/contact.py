@@ -69,13 +69,20 @@ class ContactSense:
         self.wrench[mask] = 0.0
         self.grip[mask] = self._parameters.friction
 
-    def feel(self, motion: Motion) -> Floats:
-        """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`."""
+    def feel(self, motion: Motion, weight: Floats) -> Floats:
+        """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.
+
+        `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6).
+        """
         forces, wrench = self._explained(motion)
         firm = (forces[..., 2] > FIRM).sum(axis=1) >= 2
         telling = firm & (forces[..., 2].max(axis=1) < IMPACT) & (np.abs(motion.tilt).max(axis=1) < UPRIGHT)
-        bounded = np.clip(wrench, -LARGEST_WRENCH, LARGEST_WRENCH)
+        bounded = np.clip(wrench + weight, -LARGEST_WRENCH, LARGEST_WRENCH)
         bounded[:, 2] = np.minimum(bounded[:, 2], LARGEST_LIFT)
+        # What pushes stays where it is in the world while the level frame turns with the robot.
+        turned = self._period * motion.turning[:, 2]
+        cosine, sine, (x, y) = np.cos(turned), np.sin(turned), self.wrench[:, :2].T.copy()
+        self.wrench[:, 0], self.wrench[:, 1] = cosine * x + sine * y, cosine * y - sine * x
         shares = np.maximum(self._shares, 1.0 / (FIRST + self._looks[:, None]))
         self.wrench += np.where(telling[:, None], shares, 0.0) * (bounded - self.wrench)
         self._looks += telling
@@ -119,9 +126,9 @@ class ContactSense:
         self.grip += self._period / p.grip_memory * (p.friction - self.grip)
 
 
-def as_accelerations(bodies: RigidBodies, rotation: Floats, mass: float, wrench: Floats) -> Floats:
+def as_accelerations(bodies: RigidBodies, rotation: Floats, mass: Floats, wrench: Floats) -> Floats:
     """Linear and angular acceleration of each robot as one rigid body by such wrenches, (n, 6), m/s² and rad/s²."""
     force = wrench[:, :3]
     turn = np.einsum("nij,nj->ni", rotation, wrench[:, 3:]) - np.cross(bodies.centre, force)
     angular = np.linalg.solve(bodies.rotational_inertia, turn[..., None])[..., 0]
-    return np.concatenate((force / mass, angular), axis=1)
+    return np.concatenate((force / mass[:, None], angular), axis=1)

@@ -9,7 +9,7 @@ from policies.parameters import Parameters, number, search_ranges_of
 class MpcParameters(Parameters):
     """Gait, cost and gains."""
 
-    frequency: float = number(2.5, limits=(0.1, 20.0), search=(1.8, 4.5))
+    frequency: float = number(3.0, limits=(0.1, 20.0), search=(1.8, 4.5))
     """Gait cycles a second, Hz."""
     frequency_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 3.0))
     """How much faster it steps per velocity error beyond 0.4 m/s, Hz per m/s."""
@@ -17,9 +17,9 @@ class MpcParameters(Parameters):
     """Hz."""
     duty: float = number(0.5, limits=(0.05, 0.95), search=(0.45, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    height: float = number(0.40, limits=(0.1, 1.0), search=(0.34, 0.48))
+    height: float = number(0.36, limits=(0.1, 1.0), search=(0.34, 0.48))
     """Trunk's centre above the ground, m."""
-    step_height: float = number(0.08, limits=(0.0, 0.5), search=(0.05, 0.2))
+    step_height: float = number(0.06, limits=(0.0, 0.5), search=(0.04, 0.2))
     """Lift of a swinging foot, m."""
     width: float = number(0.5, limits=(0.1, 1.0), search=(0.42, 0.62))
     """Between the lines of the left and the right feet, m."""
@@ -50,19 +50,29 @@ class MpcParameters(Parameters):
     """Acceleration of a swinging foot per distance from its path, 1/s²."""
     swing_damping: float = number(30.0, limits=(0.0, 1e4), search=(10.0, 80.0))
     """The same per velocity error, 1/s."""
+    turning_priority: float = number(1.0, limits=(1e-6, 1e6), search=(0.1, 20.0))
+    """Weight of the trunk's angular acceleration in the whole body's program, s⁴/rad²."""
+    standing_priority: float = number(10.0, limits=(1e-6, 1e6), search=(0.5, 100.0))
+    """The same of the accelerations of standing feet, s⁴/m²."""
+    swinging_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.02, 2.0))
+    """The same of swinging feet."""
+    force_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.005, 2.0))
+    """The same of the feet's forces, 1/N²."""
     stance_damping: float = number(20.0, limits=(0.0, 1e4))
     """Deceleration asked of a standing foot, 1/s."""
     disturbance_time: float = number(0.3, limits=(0.02, 1e6), search=(0.1, 2.0))
     """Time constant with which the rigid body's acceleration is corrected by what was observed, s."""
     load_time: float = number(0.06, limits=(0.0, 1e6), search=(0.02, 0.5))
     """The same of the vertical force, s."""
+    load_height: float = number(0.15, limits=(-1.0, 2.0))
+    """Centre of a load above the trunk's centre, m."""
     most_force: float = number(1.2, limits=(0.1, 100.0), search=(0.7, 2.0))
     """Largest vertical force of a foot, per weight of the robot and its load."""
     slope_time: float = number(0.2, limits=(0.0, 1e3), search=(0.05, 1.0))
     """Time constant with which the slope under the feet is taken in, s."""
     touch_force: float = number(15.0, limits=(0.0, 1e3))
     """Vertical force, N, from which a foot is taken to touch the ground."""
-    early_force: float = number(40.0, limits=(0.0, 1e3))
+    early_force: float = number(20.0, limits=(0.0, 1e3))
     """Vertical force, N, from which a foot has touched the ground before its time."""
     search_speed: float = number(0.5, limits=(0.0, 10.0), search=(0.1, 1.5))
     """Downward speed of a foot that should stand and does not touch the ground, m/s."""

@@ -16,6 +16,7 @@ from policies.legs.level_frame import Vector
 from policies.legs.memory import taken_in
 from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.footing import Ground, arms, footholds, swing
+from policies.mpc.load import loaded, told_by
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.quadratic_program import solve
@@ -81,6 +82,7 @@ class MpcWbc(GaitedPolicy):
             np.array([p.velocity_weight, p.velocity_weight, p.vertical_weight]),
             p.force_weight,
         )
+        self._priorities = Priorities(p.turning_priority, p.standing_priority, p.swinging_priority, p.force_priority)
         self.sense = ContactSense(robot, p, control_period)
         super().__init__(robot=robot, control_period=control_period)
 
@@ -93,6 +95,8 @@ class MpcWbc(GaitedPolicy):
         self._prints = np.zeros((3, 4, num_envs))
         self._slope = np.zeros((2, num_envs))
         self._frequencies = np.full(num_envs, self.frequency)
+        self._mass = np.full(num_envs, self.robot.mass)
+        self._push = np.zeros((num_envs, 6))
         self._forces = np.zeros((num_envs, HORIZON, 4, 3))
         self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
         self.failures = np.zeros(num_envs, np.int64)
@@ -111,12 +115,17 @@ class MpcWbc(GaitedPolicy):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         p, now = self.parameters, motion(self.robot, self._dynamics, observation)
+        load = told_by(self.sense.wrench, p.load_height)
+        bodies = loaded(now.bodies, now.rotation, now.generalised, self.robot.mass, load)
+        now = now._replace(bodies=bodies)
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
-        forces = self.sense.feel(now)
+        weight = load.pressing(now.rotation)
+        forces = self.sense.feel(now, weight)
+        self._mass, self._push = self.robot.mass + load.mass, self.sense.wrench - weight
         contacts = self._touching(cycle, forces[..., 2])
         ground = self._ground(now, contacts.landed)
-        pushed = as_accelerations(now.bodies, now.rotation, self.robot.mass, self.sense.wrench)
+        pushed = as_accelerations(now.bodies, now.rotation, self._mass, self._push)
         aim = footholds(self.robot, p, now, pushed[:, :2], p.duty / self._frequencies)
         wished = self._feet(now, cycle, contacts, aim, ground)
         stands, since = self._schedule(contacts.standing)
@@ -226,7 +235,7 @@ class MpcWbc(GaitedPolicy):
             position=np.array([0.0, 0.0, -(ground.height[i] + p.height)]),
             turning=now.turning[i],
             velocity=bodies.centre_velocity[i],
-            mass=self.robot.mass,
+            mass=self._mass[i],
             inertia=bodies.rotational_inertia[i],
             acceleration=pushed,
         )
@@ -243,7 +252,7 @@ class MpcWbc(GaitedPolicy):
 
     def _friction(self, i: int) -> Friction:
         """Bounds of the force of a robot's foot, by what it weighs with its load."""
-        weight = self.robot.mass * GRAVITY - min(self.sense.wrench[i, 2], 0.0)
+        weight = self._mass[i] * GRAVITY
         return Friction(self.sense.grip[i], 0.0, self.parameters.most_force * weight)
 
     def _aim(
@@ -262,8 +271,8 @@ class MpcWbc(GaitedPolicy):
         forces = self._forces[i, 0]
         turn = now.rotation[i].T @ (np.einsum("lax,lx->a", moments, forces) + pushed[3:])
         wish = Wish(turn, feet, forces, standing)
-        wrench = self.sense.wrench[i]
-        found = torques(now.bodies, i, wish, wrench, friction, robot.rated_torque, Priorities())
+        wrench = self._push[i]
+        found = torques(now.bodies, i, wish, wrench, friction, robot.rated_torque, self._priorities)
         if not found.solution.solved:
             self.failures[i] += 1
             return

@@ -37,13 +37,13 @@ class Wish(NamedTuple):
 class Priorities(NamedTuple):
     """Weights of the squares of what is missed."""
 
-    turning: float = 1.0
+    turning: float
     """Of the trunk's angular acceleration."""
-    standing: float = 10.0
+    standing: float
     """Of the accelerations of feet that stand."""
-    swinging: float = 0.2
+    swinging: float
     """The same of feet that swing."""
-    force: float = 0.01
+    force: float
     """Of the feet's forces."""
     joints: float = 1e-5
     """Of joint accelerations, which makes the program definite."""

@@ -154,7 +154,7 @@ def page(options: Options, variants: Sequence[Found]) -> str:
         "# What each choice of the training is worth",
         "",
         f"Written by `python -m train ablations --steps {options.steps} --seeds {options.seeds} "
-        f"--episodes {options.episodes}`: each variant differs from the default command, `python -m train`, in the "
+        f"--episodes {options.episodes}{_chosen(variants)}`: each variant differs from the default command, `python -m train`, in the "
         f"options shown alone, and trains {options.steps:,} steps from each of {options.seeds} seeds. Success is the "
         f"mean over {len(scenarios)} scenarios ({', '.join(scenarios)}), {options.episodes} validation episodes each; "
         "no evaluation uses these. Differences are of means over seeds, in percentage points, with 95 % intervals over "
@@ -164,6 +164,12 @@ def page(options: Options, variants: Sequence[Found]) -> str:
         *(_row(each, default) for each in variants),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _chosen(variants: Sequence[Found]) -> str:
+    """The option that names the variants, where it is not all of them."""
+    names = [each.name for each in variants]
+    return "" if set(names) == set(VARIANTS) else f" --variants {' '.join(map(repr, names))}"
 
 
 def _row(each: Found, default: Found) -> str:

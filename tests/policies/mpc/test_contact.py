@@ -15,6 +15,8 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PERIOD, SUBSTEPS = 0.01, 5
 DYNAMICS = Dynamics(SIMPLE_QUAD)
+NO_LOAD = np.zeros((1, 6))
+MASS = np.array([SIMPLE_QUAD.mass])
 
 
 class Trotting:
@@ -85,7 +87,7 @@ def test_forces_of_the_feet_are_felt_without_sensors() -> None:
     felt, true = [], []
     for step in range(150):
         now = robot.step()
-        forces = sense.feel(now)[0]
+        forces = sense.feel(now, NO_LOAD)[0]
         if step >= 50:
             felt.append(forces)
             true.append(robot.turned(robot.forces))
@@ -107,11 +109,11 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
     felt, true, accelerations = [], [], []
     for step in range(250):
         now = robot.step()
-        sense.feel(now)
+        sense.feel(now, NO_LOAD)
         if step >= 150:
             felt.append(sense.wrench[0, :3])
             true.append(robot.turned(np.array(force)))
-            accelerations.append(as_accelerations(now.bodies, now.rotation, SIMPLE_QUAD.mass, sense.wrench)[0, :3])
+            accelerations.append(as_accelerations(now.bodies, now.rotation, MASS, sense.wrench)[0, :3])
     np.testing.assert_allclose(np.mean(felt, axis=0), np.mean(true, axis=0), atol=6.0)
     np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / SIMPLE_QUAD.mass, atol=0.45)
 
@@ -122,7 +124,7 @@ def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
     largest = 0.0
     for step in range(250):
         robot.data.xfrc_applied[robot.trunk, 1] = 350.0 if 100 <= step < 110 else 0.0
-        sense.feel(robot.step())
+        sense.feel(robot.step(), NO_LOAD)
         if step >= 100:
             largest = max(largest, float(np.abs(sense.wrench[0, :2]).max()))
     assert largest < 40.0
@@ -133,7 +135,7 @@ def test_feet_bear_the_weight_of_a_standing_robot() -> None:
     robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
     robot.policy = policies.make("stand")
     for _ in range(100):
-        forces = sense.feel(robot.step())[0]
+        forces = sense.feel(robot.step(), NO_LOAD)[0]
     assert forces[:, 2].sum() == pytest.approx(SIMPLE_QUAD.mass * GRAVITY, rel=0.02)
     np.testing.assert_allclose(sense.wrench[0], 0.0, atol=1.5)
 
@@ -159,10 +161,10 @@ def test_a_restarted_robot_has_no_past() -> None:
     robot, sense = Trotting((0.0, 40.0, 0.0)), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
     for _ in range(50):
         now = robot.step()
-        sense.feel(now)
+        sense.feel(now, NO_LOAD)
     assert np.abs(sense.wrench).max() > 5.0
     sense.restart(np.array([True]))
     assert not sense.wrench.any()
-    first = sense.feel(now)
+    first = sense.feel(now, NO_LOAD)
     again = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
-    np.testing.assert_array_equal(first, again.feel(now))
+    np.testing.assert_array_equal(first, again.feel(now, NO_LOAD))

@@ -1,0 +1,96 @@
+"""Loads in the model of the whole body, against MuJoCo's model of a robot that carries one."""
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+from policies.mpc.load import LEAST, MOST, Load, loaded, told_by
+from policies.mpc.policy import MpcWbc
+from quad_env import Scenario
+from quad_env.config import GRAVITY
+from quad_env.physics.dynamics import Dynamics, RigidBodies
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.disturbances import Payload
+
+MASS, PLACE = 12.0, np.array([0.13, -0.08, 0.17])
+DYNAMICS = Dynamics(SIMPLE_QUAD)
+
+
+@pytest.fixture
+def state() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(3)
+    orientation = rng.normal(size=4)
+    return {
+        "orientation": (orientation / np.linalg.norm(orientation))[None],
+        "velocity": rng.normal(size=(1, 3)),
+        "turning": rng.normal(size=(1, 3)),
+        "angles": SIMPLE_QUAD.home_pose + rng.uniform(-0.4, 0.4, (1, 12)),
+        "speeds": rng.normal(size=(1, 12)),
+    }
+
+
+def with_point_mass(state: dict[str, np.ndarray]) -> RigidBodies:
+    """MuJoCo's dynamics of the robot with a point of MASS at PLACE on its trunk."""
+    spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
+    tiny = 1e-9
+    load = {"name": "load", "pos": PLACE, "mass": MASS, "inertia": [tiny] * 3, "explicitinertial": True}
+    spec.body("base_link").add_body(ipos=[0.0, 0.0, 0.0], **load)
+    carrying = Dynamics(SIMPLE_QUAD)
+    bare = carrying._compiled
+    model = spec.compile()
+    model.opt.disableflags = bare.model.opt.disableflags
+    carrying.__dict__["_compiled"] = bare._replace(model=model, data=mujoco.MjData(model))
+    return carrying.at(**state)
+
+
+def test_a_load_changes_the_bodies_as_mujoco_says(state: dict[str, np.ndarray]) -> None:
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, state["orientation"][0])
+    generalised = np.concatenate((state["velocity"], state["turning"], state["speeds"]), axis=1)
+    load = Load(np.array([MASS]), PLACE[None])
+    found = loaded(DYNAMICS.at(**state), rotation.reshape(1, 3, 3), generalised, SIMPLE_QUAD.mass, load)
+    for name, value in with_point_mass(state)._asdict().items():
+        np.testing.assert_allclose(getattr(found, name), value, atol=1e-6, err_msg=name)
+
+
+def test_no_load_changes_nothing(state: dict[str, np.ndarray]) -> None:
+    bodies = DYNAMICS.at(**state)
+    none = Load(np.zeros(1), PLACE[None])
+    same = loaded(bodies, np.eye(3)[None], np.ones((1, 18)), SIMPLE_QUAD.mass, none)
+    for before, after in zip(bodies, same, strict=True):
+        np.testing.assert_array_equal(before, after)
+
+
+def test_a_level_robots_load_is_told_by_its_weight() -> None:
+    load = Load(np.array([MASS, 0.0]), np.stack((PLACE, (0.0, 0.0, PLACE[2]))))
+    found = told_by(load.pressing(np.stack((np.eye(3),) * 2)), PLACE[2])
+    np.testing.assert_allclose(found.mass, load.mass)
+    np.testing.assert_allclose(found.place, load.place)
+
+
+@pytest.mark.parametrize(
+    ("force", "mass"),
+    [
+        pytest.param(30.0, 0.0, id="lift is no load"),
+        pytest.param(-0.5 * LEAST * GRAVITY, 0.0, id="what the model may be wrong by"),
+        pytest.param(-1e4, MOST, id="more than is believed"),
+    ],
+)
+def test_loads_are_bounded(force: float, mass: float) -> None:
+    assert told_by(np.array([[0.0, 0.0, force, 0.0, 0.0, 0.0]]), 0.15).mass == mass
+
+
+def test_a_walking_robot_feels_what_it_carries() -> None:
+    scenario = Scenario("load", payload=Payload(15.0, reach=(0.0, 0.0)))
+    env = gym.make("quad_env:SimpleQuad-v0", scenario=scenario)
+    observation, _ = env.reset(seed=1, options={"command": (0.5, 0.0, 0.0)})
+    policy = MpcWbc()
+    policy.reset()
+    felt = []
+    for _ in range(200):
+        observation, _, fell, _, _ = env.step(policy.act(observation))
+        assert not fell
+        felt.append(told_by(policy.sense.wrench, policy.parameters.load_height))
+    assert np.mean([load.mass for load in felt[100:]]) == pytest.approx(15.0, rel=0.1)
+    assert np.abs(np.mean([load.place[0, :2] for load in felt[100:]], axis=0)).max() < 0.03
