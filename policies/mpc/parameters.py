@@ -31,6 +31,8 @@ class MpcParameters(Parameters):
     """A foot is put further out by this times the velocity error, s."""
     horizon_step: float = number(0.04, limits=(0.005, 0.2))
     """Of the prediction, s."""
+    plan_period: float = number(0.0, limits=(0.0, 0.2))
+    """Between two plans while the feet stand as planned, s; 0 for one at every control step."""
     roll_weight: float = number(10.0, limits=(0.0, 1e6))
     pitch_weight: float = number(10.0, limits=(0.0, 1e6))
     yaw_weight: float = number(2.0, limits=(0.0, 1e6))
