@@ -20,7 +20,7 @@ from policies.mpc.leg_torques import leg_torques
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.plans import Plans
-from policies.mpc.quadratic_program import solve
+from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Rows, Weights
 from policies.mpc.whole_body import Priorities, Wish, torques
 from policies.safety.stop import Stop
@@ -65,8 +65,8 @@ class MpcWbc(GaitedPolicy):
 
     Args:
         parameters: gait, cost and gains.
-        deadline: for each program, s on the wall clock, so that actions depend on the machine; None for the solver's
-            limit of iterations alone.
+        solver: of its programs; `functools.partial(solve, deadline=0.002)` is one whose answers are late after 2 ms on
+            the wall clock, so that actions depend on the machine.
 
     A robot without a solution, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
     """
@@ -80,7 +80,7 @@ class MpcWbc(GaitedPolicy):
         *,
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
-        deadline: float | None = None,
+        solver: Solver = solve,
     ) -> None:
         self.parameters = p = parameters if parameters is not None else MpcParameters()
         self.frequency = p.frequency
@@ -96,7 +96,7 @@ class MpcWbc(GaitedPolicy):
         self._horizon = Horizon(HORIZON, p.horizon_step, weights)
         self._plans = Plans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
         self._stop = Stop(robot, control_period)
-        self._deadline = deadline
+        self._solver = solver
         self._at_rest = np.zeros(observation_table(robot).size, np.float32)
         self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
         self.sense = ContactSense(robot, p, control_period)
@@ -274,7 +274,7 @@ class MpcWbc(GaitedPolicy):
         failed = np.zeros(self.num_envs, np.bool_)
         failed[robots] = True
         for rows, programs in horizon.programs(body, places[robots], stands[robots], wanted, friction.of(robots)):
-            solutions = solve(programs, self._deadline)
+            solutions = self._solver(programs)
             good, value = rows[solutions.solved], solutions.value[solutions.solved]
             which = robots[good]
             self._plans.renew(which, horizon.spread(value, stands[which]), stands[which], places[which])
@@ -303,7 +303,7 @@ class MpcWbc(GaitedPolicy):
         turning = np.einsum("nlax,nlx->na", moments, forces) + pushed[:, 3:]
         turn = np.einsum("nij,ni->nj", now.rotation, turning)
         wish = Wish(turn, feet, forces, standing)
-        found = torques(now.bodies, wish, wrench, friction, robot.rated_torque, Priorities(), self._deadline)
+        found = torques(now.bodies, wish, wrench, friction, robot.rated_torque, Priorities(), self._solver)
         torque, joints = found.torque, found.acceleration
         if not found.found.all():
             by_leg = leg_torques(now.bodies, wish, wrench, robot.mass, robot.rated_torque)

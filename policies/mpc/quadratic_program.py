@@ -1,5 +1,6 @@
 """Small dense quadratic programs of one shape: minimise ½ xᵀHx + gᵀx where lower ≤ Ax ≤ upper."""
 
+from collections.abc import Callable
 from time import perf_counter
 from typing import NamedTuple
 
@@ -66,6 +67,9 @@ class Solutions(NamedTuple):
     solved: NDArray[np.bool_]
     """Whether the solver says so, and the residuals too; (g,)."""
     residuals: Residuals
+
+
+Solver = Callable[[Programs], Solutions]
 
 
 def solve(programs: Programs, deadline: float | None = None) -> Solutions:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.mpc.quadratic_program import Programs, solve
+from policies.mpc.quadratic_program import Programs, Solver, solve
 from policies.mpc.rigid_body import Friction, Rows, alike, friction_rows
 from quad_env.physics.dynamics import RigidBodies
 
@@ -70,13 +70,13 @@ def torques(
     friction: Friction,
     limit: float,
     priorities: Priorities,
-    deadline: float | None = None,
+    solver: Solver = solve,
 ) -> Torques:
-    """The programs of the bodies, solved; see `programs`, and `solve` for the deadline."""
+    """The programs of the bodies, solved; see `programs`."""
     count, size = bodies.bias.shape
     torque, acceleration, found = np.zeros((count, size - 6)), np.zeros((count, size - 6)), np.zeros(count, np.bool_)
     for robots, each in programs(bodies, wish, wrench, friction, limit, priorities):
-        solutions = solve(each, deadline)
+        solutions = solver(each)
         needed = np.matmul(each.rows[:, 6:size], solutions.value[..., None])[..., 0]
         torque[robots] = np.where(solutions.solved[:, None], needed + bodies.bias[robots, 6:], 0.0)
         acceleration[robots] = np.where(solutions.solved[:, None], solutions.value[:, 6:size], 0.0)

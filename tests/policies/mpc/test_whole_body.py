@@ -105,6 +105,17 @@ def test_legs_alone_give_much_the_same_torques_as_the_whole_body(speed: float) -
     assert missed.mean() < 0.4 * size.mean()  # the forces and the turning that are wished do not agree
 
 
+def test_legs_move_the_feet_as_wished() -> None:
+    """With the trunk as the forces move it."""
+    of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))
+    wished = wish(of)
+    found = leg_torques(of, wished, wrench, ROBOT.mass, LIMIT)
+    trunk = (wished.forces.sum(axis=1) + wrench[:, :3]) / ROBOT.mass - [0.0, 0.0, GRAVITY]
+    motion = np.concatenate((trunk, wished.turning, found.acceleration), axis=1)
+    feet = np.einsum("nlxk,nk->nlx", of.jacobians, motion) + of.drift
+    np.testing.assert_allclose(feet, wished.feet, atol=0.3)  # legs that are nearly straight miss a little
+
+
 def test_legs_hold_a_robot_that_stands() -> None:
     """Their forces and gravity: -Jᵀf and h, and nothing else."""
     of = bodies(0.0)
