@@ -84,8 +84,12 @@ class Policy(ABC):
                 "reset(num_envs=n) sets the number of robots"
             )
         if not np.isfinite(rows).all():
-            raise ValueError("observation must be finite")
+            rows = self._mended(rows)
         return rows, single
+
+    def _mended(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What a policy makes of observations (n, k) that are not finite; one that can do without does so here."""
+        raise ValueError("observation must be finite")
 
     @abstractmethod
     def _act(self, observation: NDArray[np.float32]) -> Actions:

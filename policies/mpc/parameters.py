@@ -9,7 +9,7 @@ from policies.parameters import Parameters, number, search_ranges_of
 class MpcParameters(Parameters):
     """Gait, cost and gains."""
 
-    frequency: float = number(3.0, limits=(0.1, 20.0), search=(1.8, 4.5))
+    frequency: float = number(2.5, limits=(0.1, 20.0), search=(1.8, 4.5))
     """Gait cycles a second, Hz."""
     frequency_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 3.0))
     """How much faster it steps per velocity error beyond 0.4 m/s, Hz per m/s."""
@@ -19,7 +19,7 @@ class MpcParameters(Parameters):
     """Share of the cycle that a foot is on the ground."""
     height: float = number(0.36, limits=(0.1, 1.0), search=(0.34, 0.48))
     """Trunk's centre above the ground, m."""
-    step_height: float = number(0.06, limits=(0.0, 0.5), search=(0.04, 0.2))
+    step_height: float = number(0.08, limits=(0.0, 0.5), search=(0.04, 0.2))
     """Lift of a swinging foot, m."""
     width: float = number(0.5, limits=(0.1, 1.0), search=(0.42, 0.62))
     """Between the lines of the left and the right feet, m."""
@@ -31,6 +31,8 @@ class MpcParameters(Parameters):
     """A foot is put further out by this times the velocity error, s."""
     horizon_step: float = number(0.04, limits=(0.005, 0.2))
     """Of the prediction, s."""
+    plan_period: float = number(0.0, limits=(0.0, 0.2))
+    """Between two plans while the feet stand as planned, s; 0 for one at every control step."""
     roll_weight: float = number(10.0, limits=(0.0, 1e6))
     pitch_weight: float = number(10.0, limits=(0.0, 1e6))
     yaw_weight: float = number(2.0, limits=(0.0, 1e6))

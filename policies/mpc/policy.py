@@ -16,16 +16,21 @@ from policies.legs.level_frame import Vector
 from policies.legs.memory import taken_in
 from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.footing import Ground, arms, footholds, swing
+from policies.mpc.leg_torques import leg_torques
 from policies.mpc.load import loaded, told_by
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
-from policies.mpc.quadratic_program import solve
-from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
+from policies.mpc.plans import Plans
+from policies.mpc.quadratic_program import Solver, solve
+from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Rows, Weights
 from policies.mpc.whole_body import Priorities, Wish, torques
+from policies.safety.stop import Stop
+from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.task.observations import observation_table
 
 HORIZON = 10
 """Steps of the prediction."""
@@ -39,6 +44,8 @@ USUAL_ERROR = 0.4
 """Velocity error, m/s, up to which it steps at its usual frequency."""
 HURRY = 0.3
 """Of a change of frequency, what is made in a control period."""
+PATIENCE = 0.1
+"""For how long a robot goes on without solutions, s: half a step of the gait."""
 FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the inverted PD law counts on at most."""
 
@@ -57,7 +64,12 @@ class Contacts(NamedTuple):
 class MpcWbc(GaitedPolicy):
     """Convex model-predictive control with a whole-body program.
 
-    Works on one robot after the other: about 2 ms each.
+    Args:
+        parameters: gait, cost and gains.
+        solver: of its programs; `functools.partial(solve, deadline=0.002)` is one whose answers are late after 2 ms on
+            the wall clock, so that actions depend on the machine.
+
+    A robot without a solution, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
     """
 
     name = "mpc_wbc"
@@ -69,13 +81,13 @@ class MpcWbc(GaitedPolicy):
         *,
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
+        solver: Solver = solve,
     ) -> None:
         self.parameters = p = parameters if parameters is not None else MpcParameters()
         self.frequency = p.frequency
         self._dynamics = Dynamics(robot)
         self._gait = Gait(TROT_OFFSETS, p.duty)
-        self._horizon = Horizon(HORIZON, p.horizon_step)
-        self._weights = Weights(
+        weights = Weights(
             np.array([p.roll_weight, p.pitch_weight, p.yaw_weight]),
             np.array([0.0, 0.0, p.height_weight]),
             np.array([p.turn_weight, p.turn_weight, p.yaw_rate_weight]),
@@ -83,6 +95,12 @@ class MpcWbc(GaitedPolicy):
             p.force_weight,
         )
         self._priorities = Priorities(p.turning_priority, p.standing_priority, p.swinging_priority, p.force_priority)
+        self._horizon = Horizon(HORIZON, p.horizon_step, weights)
+        self._plans = Plans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
+        self._stop = Stop(robot, control_period)
+        self._solver = solver
+        self._at_rest = np.zeros(observation_table(robot).size, np.float32)
+        self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
         self.sense = ContactSense(robot, p, control_period)
         super().__init__(robot=robot, control_period=control_period)
 
@@ -97,10 +115,15 @@ class MpcWbc(GaitedPolicy):
         self._frequencies = np.full(num_envs, self.frequency)
         self._mass = np.full(num_envs, self.robot.mass)
         self._push = np.zeros((num_envs, 6))
-        self._forces = np.zeros((num_envs, HORIZON, 4, 3))
+        self._plans.allocate(num_envs)
+        self._stop.reset(num_envs)
         self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
+        self._seen = np.tile(self._at_rest, (num_envs, 1))
+        self._lost, self._unsolved = np.zeros(num_envs, np.bool_), np.zeros(num_envs, np.int64)
         self.failures = np.zeros(num_envs, np.int64)
-        """Programs of each robot without a solution since its start, (n,); it then goes on with the last ones'."""
+        """Programs of each robot without a solution since its start, (n,); it then goes on with the last plan."""
+        self.stopped = np.zeros(num_envs, np.bool_)
+        """Robots that it has given up and stopped, (n,)."""
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         super()._restart(mask)
@@ -109,11 +132,13 @@ class MpcWbc(GaitedPolicy):
         self._swinging[mask] = False
         self._slope[:, mask] = 0.0
         self._frequencies[mask] = self.frequency
-        self._forces[mask] = 0.0
-        self._targets[mask] = self.robot.home_pose
-        self.failures[mask] = 0
+        self._plans.restart(mask)
+        self._targets[mask], self._seen[mask] = self.robot.home_pose, self._at_rest
+        self.failures[mask], self._unsolved[mask] = 0, 0
+        self._lost[mask] = self.stopped[mask] = False
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
+        lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p, now = self.parameters, motion(self.robot, self._dynamics, observation)
         load = told_by(self.sense.wrench, p.load_height)
         bodies = loaded(now.bodies, now.rotation, now.generalised, self.robot.mass, load)
@@ -139,12 +164,21 @@ class MpcWbc(GaitedPolicy):
             self._horizon.middles,
             ground.height - now.bodies.centre[:, 2],
         )
-        for robot in range(self.num_envs):
-            friction = self._friction(robot)
-            self._plan(robot, now, ground, pushed[robot], places[robot], stands[robot], friction)
-            self._aim(robot, now, pushed[robot], places[robot], wished[robot], contacts.standing[robot], friction)
+        friction = self._friction()
+        self._plans.advance(self.control_period)
+        due = self._plans.due(contacts.standing, p.plan_period)
+        failed = np.zeros(self.num_envs, np.bool_)
+        if due.any():
+            failed = self._plan(np.flatnonzero(due), now, ground, pushed, places, stands, friction)
+        failed |= self._aim(now, pushed, places[:, 0], wished, contacts.standing, friction)
+        self._give_way(failed | lost, observation, now.angles)
         self._new[:] = False
         return to_actions(self.robot, self._targets)
+
+    def _mended(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Observations, those of before where they are not finite: such a robot goes on blindly for a while."""
+        self._lost[:] = ~np.isfinite(rows).all(axis=1)
+        return np.where(self._lost[:, None], self._seen, rows)
 
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""
@@ -218,68 +252,89 @@ class MpcWbc(GaitedPolicy):
 
     def _plan(
         self,
-        i: int,
+        robots: Rows,
         now: Motion,
         ground: Ground,
         pushed: Floats,
         places: Floats,
         stands: NDArray[np.bool_],
         friction: Friction,
-    ) -> None:
-        """Forces of a robot's feet over the horizon; those planned before where no others are found."""
+    ) -> NDArray[np.bool_]:
+        """Renew the plans of these robots, (g,); which have none, (n,): they go on with the one before."""
         p, horizon, bodies = self.parameters, self._horizon, now.bodies
-        forward, lateral = ground.forward[i], ground.lateral[i]
-        lean = np.array([np.arctan(lateral), -np.arctan(forward)])
+        forward, lateral, height = ground.forward[robots], ground.lateral[robots], ground.height[robots]
+        zero = np.zeros(len(robots))
         body = Body(
-            angles=np.append(now.tilt[i] - lean, 0.0),
-            position=np.array([0.0, 0.0, -(ground.height[i] + p.height)]),
-            turning=now.turning[i],
-            velocity=bodies.centre_velocity[i],
-            mass=self._mass[i],
-            inertia=bodies.rotational_inertia[i],
-            acceleration=pushed,
+            angles=np.column_stack(
+                (now.tilt[robots, 0] - np.arctan(lateral), now.tilt[robots, 1] + np.arctan(forward), zero)
+            ),
+            position=np.column_stack((zero, zero, -(height + p.height))),
+            turning=now.turning[robots],
+            velocity=bodies.centre_velocity[robots],
+            mass=self._mass[robots],
+            inertia=bodies.rotational_inertia[robots],
+            acceleration=pushed[robots],
         )
-        ahead, left, yaw_rate = now.command[i]
-        speed = np.array([ahead, left, forward * ahead + lateral * left])
-        turn, times, same = np.array([0.0, 0.0, yaw_rate]), horizon.times[:, None], np.zeros((HORIZON, 3))
+        ahead, left, yaw_rate = now.command[robots].T
+        speed = np.column_stack((ahead, left, forward * ahead + lateral * left))[:, None]
+        turn = np.column_stack((zero, zero, yaw_rate))[:, None]
+        times, same = horizon.times[:, None], np.zeros((HORIZON, 3))
         wanted = Reference(times * turn, times * speed, same + turn, same + speed)
-        program = horizon.program(body, places, stands, wanted, self._weights, friction)
-        solution = solve(program)
-        if solution.solved:
-            self._forces[i] = horizon.spread(solution.value, stands)
-        else:
-            self.failures[i] += 1
+        failed = np.zeros(self.num_envs, np.bool_)
+        failed[robots] = True
+        for rows, programs in horizon.programs(body, places[robots], stands[robots], wanted, friction.of(robots)):
+            solutions = self._solver(programs)
+            good, value = rows[solutions.solved], solutions.value[solutions.solved]
+            which = robots[good]
+            self._plans.renew(which, horizon.spread(value, stands[which]), stands[which], places[which])
+            failed[which] = False
+        self.failures += failed
+        return failed
 
-    def _friction(self, i: int) -> Friction:
-        """Bounds of the force of a robot's foot, by what it weighs with its load."""
-        weight = self._mass[i] * GRAVITY
-        return Friction(self.sense.grip[i], 0.0, self.parameters.most_force * weight)
+    def _friction(self) -> Friction:
+        """Bounds of the forces of the robots' feet, by what they weigh with their load."""
+        weight = self._mass * GRAVITY
+        return Friction(self.sense.grip, np.zeros(self.num_envs), self.parameters.most_force * weight)
 
     def _aim(
         self,
-        i: int,
         now: Motion,
         pushed: Floats,
         places: Floats,
         feet: Floats,
         standing: NDArray[np.bool_],
         friction: Friction,
-    ) -> None:
-        """Joint targets of a robot; those of before where no torques are found."""
-        robot, half = self.robot, 0.5 * self.control_period
-        moments = self._horizon.moments(now.bodies.rotational_inertia[i], places[:1])[0]
-        forces = self._forces[i, 0]
-        turn = now.rotation[i].T @ (np.einsum("lax,lx->a", moments, forces) + pushed[3:])
+    ) -> NDArray[np.bool_]:
+        """Find joint targets; for which robots no torques were found, (n,): their legs bear what is planned alone."""
+        robot, half, wrench = self.robot, 0.5 * self.control_period, self._push
+        moments = self._horizon.moments(now.bodies.rotational_inertia, places[:, None])[:, 0]
+        forces = self._plans.now(standing, places, friction)
+        turning = np.einsum("nlax,nlx->na", moments, forces) + pushed[:, 3:]
+        turn = np.einsum("nij,ni->nj", now.rotation, turning)
         wish = Wish(turn, feet, forces, standing)
-        wrench = self._push[i]
-        found = torques(now.bodies, i, wish, wrench, friction, robot.rated_torque, self._priorities)
-        if not found.solution.solved:
-            self.failures[i] += 1
-            return
-        acceleration = np.clip(found.acceleration, -FASTEST_JOINT, FASTEST_JOINT)
-        angle = now.angles[i] + half * now.generalised[i, 6:] + 0.5 * half**2 * acceleration
-        speed = now.generalised[i, 6:] + half * acceleration
-        self._targets[i] = angle + (found.torque + robot.servo_damping * speed) / robot.servo_stiffness
+        found = torques(now.bodies, wish, wrench, friction, robot.rated_torque, self._priorities, self._solver)
+        torque, joints = found.torque, found.acceleration
+        if not found.found.all():
+            by_leg = leg_torques(now.bodies, wish, wrench, self._mass, robot.rated_torque)
+            torque = np.where(found.found[:, None], torque, by_leg.torque)
+            joints = np.where(found.found[:, None], joints, by_leg.acceleration)
+            self.failures += ~found.found
+        acceleration = np.clip(joints, -FASTEST_JOINT, FASTEST_JOINT)
+        angle = now.angles + half * now.generalised[:, 6:] + 0.5 * half**2 * acceleration
+        speed = now.generalised[:, 6:] + half * acceleration
+        targets: Floats = angle + (torque + robot.servo_damping * speed) / robot.servo_stiffness
+        finite = np.isfinite(targets)
+        self._targets = np.where(finite.all(axis=1, keepdims=True), targets, self._targets)
+        return ~found.found | ~finite.all(axis=1)
+
+    def _give_way(self, failed: NDArray[np.bool_], observation: NDArray[np.float32], joints: Floats) -> None:
+        """Hand robots over to a controlled stop, until a reset, whose programs have failed for `PATIENCE`."""
+        self._unsolved = np.where(failed, self._unsolved + 1, 0)
+        giving_up = np.greater(self._unsolved * self.control_period, PATIENCE) & ~self.stopped
+        self._stop.start(giving_up, self._targets[giving_up])
+        self.stopped |= giving_up
+        if len(rows := np.flatnonzero(self.stopped)):
+            self._targets[rows] = self._stop.targets(rows, observation[rows].astype(np.float64), joints[rows])
 
 
 def _vector(components: Floats) -> Vector:

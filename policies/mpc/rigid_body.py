@@ -9,35 +9,41 @@ tilts and a constant inertia make the prediction linear: with accelerations cons
 where a_j = Σ_i f_ij / m + g, and the same for angles with α_j = I⁻¹ Σ_i r_ij × f_ij.
 """
 
+from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.mpc.quadratic_program import Program
+from policies.mpc.quadratic_program import Programs
 from quad_env.config import GRAVITY
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+Ids = slice | Rows
+
+LEGS = 4
 
 
 class Body(NamedTuple):
-    """One robot's rigid body now, in a level frame with its origin at the centre of mass, x ahead."""
+    """Rigid bodies of n robots now, each in a level frame with its origin at the centre of mass, x ahead."""
 
     angles: Floats
-    """Roll, pitch and yaw, (3,), rad."""
+    """Roll, pitch and yaw, (n, 3), rad."""
     position: Floats
-    """Of the centre of mass, the origin being where it is to be; (3,), m."""
+    """Of the centre of mass, the origin being where it is to be; (n, 3), m."""
     turning: Floats
-    """Angular velocity, (3,), rad/s."""
+    """Angular velocity, (n, 3), rad/s."""
     velocity: Floats
-    """(3,), m/s."""
-    mass: float
-    """kg."""
+    """(n, 3), m/s."""
+    mass: Floats
+    """(n,), kg."""
     inertia: Floats
-    """About the centre of mass, (3, 3), kg·m²."""
+    """About the centre of mass, (n, 3, 3), kg·m²."""
     acceleration: Floats
-    """What no foot explains: linear, m/s², and angular, rad/s², (6,)."""
+    """What no foot explains: linear, m/s², and angular, rad/s², (n, 6)."""
 
 
 class Weights(NamedTuple):
@@ -51,7 +57,7 @@ class Weights(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """Where the body is to be after each step of the horizon, (N, 3) each."""
+    """Where n bodies are to be after each step of the horizon, (n, N, 3) each."""
 
     angles: Floats
     position: Floats
@@ -60,21 +66,25 @@ class Reference(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """Bounds of the force of a standing foot."""
+    """Bounds of the force of a standing foot of each robot."""
 
-    share: float
-    """Largest horizontal force along each axis, per vertical."""
-    least: float
-    """Vertical, N."""
-    most: float
-    """Vertical, N."""
+    share: Floats
+    """Largest horizontal force along each axis, per vertical; (n,)."""
+    least: Floats
+    """Vertical, (n,), N."""
+    most: Floats
+    """Vertical, (n,), N."""
+
+    def of(self, robots: Ids) -> "Friction":
+        """Those of some robots."""
+        return Friction(*(bound[robots] for bound in self))
 
 
 class Horizon:
-    """A prediction over `steps` steps of `period` s."""
+    """A prediction over `steps` steps of `period` s, and what its cost weighs."""
 
-    def __init__(self, steps: int, period: float) -> None:
-        self.steps, self.period = steps, period
+    def __init__(self, steps: int, period: float, weights: Weights) -> None:
+        self.steps, self.period, self.weights = steps, period, weights
         k, j = np.arange(1, steps + 1)[:, None], np.arange(steps)
         before = j < k
         self.rate = np.where(before, period, 0.0)
@@ -85,71 +95,83 @@ class Horizon:
         """Ends of the steps, (N,), s."""
         self.middles: Floats = self.times - 0.5 * period
         """Their middles, (N,), s."""
-        self._rate_square, self._place_square = self.rate.T @ self.rate, self.place.T @ self.place
+        turned = [self._root(*each) for each in zip(weights.angles, weights.turning, strict=True)]
+        moved = [self._root(*each) for each in zip(weights.position, weights.velocity, strict=True)]
+        self._turned = np.stack(turned, axis=1).transpose(2, 1, 0)  # (step, axis, row of the root)
+        table = np.zeros((steps, LEGS, 3, steps, LEGS, 3))
+        for axis, root in enumerate(moved):
+            table[:, :, axis, :, :, axis] = (root.T @ root)[:, None, :, None]
+        self._moved = table.reshape(3 * LEGS * steps, 3 * LEGS * steps)
+
+    def _root(self, place: float, rate: float) -> Floats:
+        """R with RᵀR the cost's matrix of the accelerations along one axis, (N, N)."""
+        stacked = np.concatenate((np.sqrt(place) * self.place, np.sqrt(rate) * self.rate))
+        return np.linalg.qr(stacked)[1]
 
     @staticmethod
     def moments(inertia: Floats, arms: Floats) -> Floats:
-        """Angular acceleration of a body of that inertia, (3, 3), per force of each foot in each step, (N, 4, 3, 3),
-        from `arms`, (N, 4, 3), m, of the feet from the centre of mass."""
-        x, y, z = np.moveaxis(arms, -1, 0)
-        zero = np.zeros_like(x)
-        crossed = np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=-1).reshape(*x.shape, 3, 3)
-        return np.asarray(np.linalg.inv(inertia) @ crossed)
+        """Angular acceleration of bodies of that inertia, (n, 3, 3), per force of each foot in each step,
+        (n, N, 4, 3, 3), from `arms`, (n, N, 4, 3), m, of the feet from the centre of mass."""
+        count, steps, legs, _ = arms.shape
+        return _turned_by(inertia, arms).reshape(count, 3, steps, legs, 3).transpose(0, 2, 3, 1, 4)
 
     def free(self, body: Body) -> Reference:
-        """Where the body goes by itself, gravity and what no foot explains included."""
-        linear, angular = body.acceleration[:3] - (0.0, 0.0, GRAVITY), body.acceleration[3:]
+        """Where the bodies go by themselves, gravity and what no foot explains included."""
+        linear, angular = body.acceleration[:, None, :3] - (0.0, 0.0, GRAVITY), body.acceleration[:, None, 3:]
         t = self.times[:, None]
+        turning, velocity = body.turning[:, None], body.velocity[:, None]
         return Reference(
-            body.angles + t * body.turning + 0.5 * t * t * angular,
-            body.position + t * body.velocity + 0.5 * t * t * linear,
-            body.turning + t * angular,
-            body.velocity + t * linear,
+            body.angles[:, None] + t * turning + 0.5 * t * t * angular,
+            body.position[:, None] + t * velocity + 0.5 * t * t * linear,
+            turning + t * angular,
+            velocity + t * linear,
         )
 
-    def program(
-        self, body: Body, arms: Floats, standing: Bools, wanted: Reference, weights: Weights, friction: Friction
-    ) -> Program:
-        """The forces' program; variables are those of the feet that stand, (step, foot, axis) in order.
+    def programs(
+        self, body: Body, arms: Floats, standing: Bools, wanted: Reference, friction: Friction
+    ) -> Iterator[tuple[Rows, Programs]]:
+        """The forces' programs, those of one shape together, with the robots whose they are.
 
-        `arms`: feet from the centre of mass in each step, (N, 4, 3), m; `standing`: which of them stand, (N, 4).
+        Variables are those of the feet that stand, (step, foot, axis) in order. `arms`: feet from the centre of mass in
+        each step, (n, N, 4, 3), m; `standing`: which of them stand, (n, N, 4).
         """
-        steps, legs = standing.shape
-        moments = self.moments(body.inertia, arms).transpose(0, 2, 1, 3).reshape(steps, 3, 3 * legs)
-        forces = np.tile(np.eye(3) / body.mass, (1, legs))
+        weights, count = self.weights, len(arms)
+        moments = np.ascontiguousarray(_turned_by(body.inertia, arms).transpose(0, 2, 1))  # (n, variable, axis)
         free = self.free(body)
-        turned = weights.angles[:, None, None] * self._place_square + weights.turning[:, None, None] * self._rate_square
-        moved = (
-            weights.position[:, None, None] * self._place_square + weights.velocity[:, None, None] * self._rate_square
-        )
-        size = steps * 3 * legs
-        weighted = np.einsum("jax,ajl->jxal", moments, turned)
-        hessian = np.einsum("jxal,lay->jxly", weighted, moments)
-        hessian += np.einsum("ax,ajl,ay->jxly", forces, moved, forces, optimize=True)
-        angular = self.place.T @ (weights.angles * (free.angles - wanted.angles)) + self.rate.T @ (
-            weights.turning * (free.turning - wanted.turning)
-        )
-        linear = self.place.T @ (weights.position * (free.position - wanted.position)) + self.rate.T @ (
-            weights.velocity * (free.velocity - wanted.velocity)
-        )
-        gradient = np.einsum("jax,ja->jx", moments, angular) + linear @ forces
-        kept = np.repeat(standing.reshape(-1), 3)
-        dense = hessian.reshape(size, size)[np.ix_(kept, kept)]
-        dense[np.diag_indices_from(dense)] += weights.force
-        rows, lower, upper = friction_rows(int(standing.sum()), friction)
-        return Program(dense, gradient.reshape(size)[kept], rows, lower, upper)
+        angular = np.matmul(self.place.T, weights.angles * (free.angles - wanted.angles))
+        angular += np.matmul(self.rate.T, weights.turning * (free.turning - wanted.turning))
+        linear = np.matmul(self.place.T, weights.position * (free.position - wanted.position))
+        linear += np.matmul(self.rate.T, weights.velocity * (free.velocity - wanted.velocity))
+        turn = np.repeat(angular, 3 * LEGS, axis=1)
+        gradient = moments[..., 0] * turn[..., 0] + moments[..., 1] * turn[..., 1] + moments[..., 2] * turn[..., 2]
+        gradient += np.repeat(linear / body.mass[:, None, None], LEGS, axis=1).reshape(count, -1)
+        kept = np.repeat(standing.reshape(count, -1), 3, axis=1)
+        for robots in alike(standing.sum(axis=(1, 2))):
+            chosen = np.nonzero(kept[robots])[1].reshape(len(robots), -1)
+            of_these = robots[:, None]
+            roots = self._turned[chosen // (3 * LEGS)] * moments[of_these, chosen][..., None]
+            roots = roots.reshape(*chosen.shape, -1)
+            hessian = np.matmul(roots, roots.transpose(0, 2, 1))
+            hessian += self._moved[chosen[:, :, None], chosen[:, None, :]] / body.mass[robots, None, None] ** 2
+            np.einsum("nii->ni", hessian)[:] += weights.force
+            yield (
+                robots,
+                Programs(
+                    hessian, gradient[of_these, chosen], *friction_rows(chosen.shape[1] // 3, friction.of(robots))
+                ),
+            )
 
     def spread(self, solution: Floats, standing: Bools) -> Floats:
-        """Forces of every foot in every step, (N, 4, 3), N, zero where it does not stand."""
+        """Forces of every foot in every step, (g, N, 4, 3), N, zero where it does not stand, of solutions (g, k)."""
         forces = np.zeros((*standing.shape, 3))
         forces[standing] = solution.reshape(-1, 3)
         return forces
 
     def predicted(self, body: Body, arms: Floats, forces: Floats) -> Reference:
-        """Where the body goes under these forces, (N, 4, 3), N."""
+        """Where the bodies go under these forces, (n, N, 4, 3), N."""
         free = self.free(body)
-        linear = forces.sum(axis=1) / body.mass
-        angular = np.einsum("jlax,jlx->ja", self.moments(body.inertia, arms), forces)
+        linear = forces.sum(axis=2) / body.mass[:, None, None]
+        angular = np.einsum("njlax,njlx->nja", self.moments(body.inertia, arms), forces)
         return Reference(
             free.angles + self.place @ angular,
             free.position + self.place @ linear,
@@ -158,10 +180,42 @@ class Horizon:
         )
 
 
+def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
+    """Robots with the same count, (n,), of feet that stand, the smallest count first."""
+    for count in sorted(set(counts.tolist())):
+        yield np.flatnonzero(counts == count)
+
+
+def crossed(arms: Floats) -> Floats:
+    """Matrices of the cross products r × …, (…, 3, 3), of arms r, (…, 3)."""
+    matrices = np.zeros((*arms.shape, 3))
+    matrices[..., (2, 0, 1), (1, 2, 0)] = arms
+    matrices[..., (1, 2, 0), (2, 0, 1)] = -arms
+    return matrices
+
+
+def _turned_by(inertia: Floats, arms: Floats) -> Floats:
+    """Angular acceleration, (n, 3, N * 4 * 3), by a force of each foot along each axis in each step."""
+    by_axis = np.moveaxis(crossed(arms), -2, 1).reshape(len(arms), 3, -1)
+    turned: Floats = np.matmul(np.linalg.inv(inertia), by_axis)
+    return turned
+
+
+@cache
+def _pyramids(feet: int) -> tuple[Floats, Rows, Rows]:
+    """Rows of the forces of so many feet without friction, and where it stands in them: rows and columns."""
+    one = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
+    across = np.arange(5 * feet).reshape(feet, 5)[:, :4]
+    return np.kron(np.eye(feet), one), across, 3 * np.arange(feet)[:, None] + 2
+
+
 def friction_rows(feet: int, friction: Friction) -> tuple[Floats, Floats, Floats]:
-    """Rows of the forces of so many feet, (5 feet, 3 feet), with their bounds: a pyramid, and the vertical force."""
-    share = friction.share
-    one = np.array([[1, 0, -share], [-1, 0, -share], [0, 1, -share], [0, -1, -share], [0, 0, 1.0]])
-    lower = np.array([-np.inf] * 4 + [friction.least])
-    upper = np.array([0.0] * 4 + [friction.most])
-    return np.kron(np.eye(feet), one), np.tile(lower, feet), np.tile(upper, feet)
+    """Rows of the forces of so many feet of each robot, (n, 5 feet, 3 feet), with their bounds: a pyramid, and the
+    vertical force."""
+    template, across, up = _pyramids(feet)
+    rows = np.repeat(template[None], len(friction.share), axis=0)
+    rows[:, across, up] = -friction.share[:, None, None]
+    lower, upper = np.full((2, len(rows), feet, 5), -np.inf)
+    upper[..., :4] = 0.0
+    lower[..., 4], upper[..., 4] = friction.least[:, None], friction.most[:, None]
+    return rows, lower.reshape(len(rows), -1), upper.reshape(len(rows), -1)

@@ -5,13 +5,14 @@ mass to move as planned, standing feet are to rest, swinging ones to follow thei
 forces lie within friction, torques within the motors' limits.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.mpc.quadratic_program import Program, Solution, solve
-from policies.mpc.rigid_body import Friction, friction_rows
+from policies.mpc.quadratic_program import Programs, Solver, solve
+from policies.mpc.rigid_body import Friction, Rows, alike, friction_rows
 from quad_env.physics.dynamics import RigidBodies
 
 Floats = NDArray[np.float64]
@@ -22,16 +23,16 @@ TRUNK = slice(3, 6)
 
 
 class Wish(NamedTuple):
-    """What one robot's body is to do now."""
+    """What the bodies of n robots are to do now."""
 
     turning: Floats
-    """Angular acceleration of the trunk, base frame, (3,), rad/s²."""
+    """Angular accelerations of the trunks, base frame, (n, 3), rad/s²."""
     feet: Floats
-    """Accelerations of the feet, world frame, (4, 3), m/s²."""
+    """Accelerations of the feet, world frame, (n, 4, 3), m/s²."""
     forces: Floats
-    """Of the standing feet, world frame, (4, 3), N."""
+    """Of the standing feet, world frame, (n, 4, 3), N."""
     standing: Bools
-    """(4,)."""
+    """(n, 4)."""
 
 
 class Priorities(NamedTuple):
@@ -52,51 +53,72 @@ class Priorities(NamedTuple):
 
 
 class Torques(NamedTuple):
-    """What one robot's joints are to do."""
+    """What the joints of n robots are to do."""
 
     torque: Floats
-    """(12,), N·m."""
+    """(n, 12), N·m."""
     acceleration: Floats
-    """Of the joints, (12,), rad/s²."""
-    solution: Solution
+    """Of the joints, (n, 12), rad/s²."""
+    found: Bools
+    """For which robots there is an answer; the others' is zero, (n,)."""
 
 
 def torques(
     bodies: RigidBodies,
-    robot: int,
     wish: Wish,
     wrench: Floats,
     friction: Friction,
     limit: float,
     priorities: Priorities,
+    solver: Solver = solve,
 ) -> Torques:
-    """The program of that robot of the bodies, solved; `wrench` pushes its trunk, (6,), N and N·m."""
-    inertia, bias = bodies.inertia[robot], bodies.bias[robot].copy()
-    bias[:6] -= wrench
-    jacobians, drift, standing = bodies.jacobians[robot], bodies.drift[robot], wish.standing
-    contact = jacobians[standing].reshape(-1, len(bias))
-    moves, forces = slice(len(bias)), slice(len(bias), len(bias) + len(contact))
-    diagonal, gradient = np.zeros(forces.stop), np.zeros(forces.stop)
-    diagonal[moves], diagonal[:6], diagonal[forces] = priorities.joints, priorities.base, priorities.force
-    diagonal[TRUNK] += priorities.turning
-    gradient[TRUNK] = -priorities.turning * wish.turning
-    gradient[forces] = -priorities.force * wish.forces[standing].reshape(-1)
-    hessian = np.diag(diagonal)
-    for chosen, weight in ((standing, priorities.standing), (~standing, priorities.swinging)):
-        task, aim = jacobians[chosen].reshape(-1, len(bias)), (wish.feet[chosen] - drift[chosen]).reshape(-1)
-        hessian[moves, moves] += weight * task.T @ task
-        gradient[moves] -= weight * task.T @ aim
-    needed = np.concatenate((inertia, -contact.T), axis=1)  # less bias: what the motors have to give
-    pyramid, lower, upper = friction_rows(len(contact) // 3, friction)
-    friction_only = np.concatenate((np.zeros((len(pyramid), len(bias))), pyramid), axis=1)
-    most = np.concatenate((np.zeros(6), np.full(len(bias) - 6, limit)))  # the floating base has no motor
-    program = Program(
-        hessian,
-        gradient,
-        np.concatenate((needed, friction_only)),
-        np.concatenate((-most - bias, lower)),
-        np.concatenate((most - bias, upper)),
-        equalities=6,
-    )
-    found = solve(program)
-    return Torques(needed[6:] @ found.value + bias[6:], found.value[6 : len(bias)], found)
+    """The programs of the bodies, solved; see `programs`."""
+    count, size = bodies.bias.shape
+    torque, acceleration, found = np.zeros((count, size - 6)), np.zeros((count, size - 6)), np.zeros(count, np.bool_)
+    for robots, each in programs(bodies, wish, wrench, friction, limit, priorities):
+        solutions = solver(each)
+        needed = np.matmul(each.rows[:, 6:size], solutions.value[..., None])[..., 0]
+        torque[robots] = np.where(solutions.solved[:, None], needed + bodies.bias[robots, 6:], 0.0)
+        acceleration[robots] = np.where(solutions.solved[:, None], solutions.value[:, 6:size], 0.0)
+        found[robots] = solutions.solved
+    return Torques(torque, acceleration, found)
+
+
+def programs(
+    bodies: RigidBodies, wish: Wish, wrench: Floats, friction: Friction, limit: float, priorities: Priorities
+) -> Iterator[tuple[Rows, Programs]]:
+    """Programs over generalised acceleration and forces of the standing feet, those of one shape together, with the
+    robots whose they are. `wrench` pushes their trunks, (n, 6), N and N·m; `limit`: of a torque, N·m."""
+    size = bodies.bias.shape[1]
+    bias = bodies.bias.copy()
+    bias[:, :6] -= wrench
+    aims = wish.feet - bodies.drift
+    most = np.concatenate((np.zeros(6), np.full(size - 6, limit)))  # the floating base has no motor
+    for robots in alike(wish.standing.sum(axis=1)):
+        standing, group = wish.standing[robots], len(robots)
+
+        def of_feet(values: Floats, chosen: Bools, robots: Rows = robots) -> Floats:
+            """Of the chosen feet, their three axes under each other."""
+            return values[robots][chosen].reshape(len(robots), -1, *values.shape[3:])
+
+        contact = of_feet(bodies.jacobians, standing)
+        forces = slice(size, size + contact.shape[1])
+        diagonal = np.zeros(forces.stop)
+        diagonal[:size], diagonal[:6], diagonal[forces] = priorities.joints, priorities.base, priorities.force
+        diagonal[TRUNK] += priorities.turning
+        hessian = np.tile(np.diag(diagonal), (group, 1, 1))
+        gradient = np.zeros((group, forces.stop))
+        gradient[:, TRUNK] = -priorities.turning * wish.turning[robots]
+        gradient[:, forces] = -priorities.force * of_feet(wish.forces, standing)
+        for chosen, weight in ((standing, priorities.standing), (~standing, priorities.swinging)):
+            turned = of_feet(bodies.jacobians, chosen).transpose(0, 2, 1)
+            hessian[:, :size, :size] += weight * np.matmul(turned, turned.transpose(0, 2, 1))
+            gradient[:, :size] -= weight * np.matmul(turned, of_feet(aims, chosen)[..., None])[..., 0]
+        pyramid, lower, upper = friction_rows(contact.shape[1] // 3, friction.of(robots))
+        rows = np.zeros((group, size + pyramid.shape[1], forces.stop))
+        rows[:, :size, :size] = bodies.inertia[robots]
+        rows[:, :size, forces] = -contact.transpose(0, 2, 1)  # less bias: what the motors have to give
+        rows[:, size:, forces] = pyramid
+        lower = np.concatenate((-most - bias[robots], lower), axis=1)
+        upper = np.concatenate((most - bias[robots], upper), axis=1)
+        yield robots, Programs(hessian, gradient, rows, lower, upper, equalities=6)

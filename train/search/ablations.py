@@ -154,7 +154,8 @@ def page(options: Options, variants: Sequence[Found]) -> str:
         "# What each choice of the training is worth",
         "",
         f"Written by `python -m train ablations --steps {options.steps} --seeds {options.seeds} "
-        f"--episodes {options.episodes}{_chosen(variants)}`: each variant differs from the default command, `python -m train`, in the "
+        f"--episodes {options.episodes}{_chosen(variants)}`: each variant differs from the default command, "
+        "`python -m train`, in the "
         f"options shown alone, and trains {options.steps:,} steps from each of {options.seeds} seeds. Success is the "
         f"mean over {len(scenarios)} scenarios ({', '.join(scenarios)}), {options.episodes} validation episodes each; "
         "no evaluation uses these. Differences are of means over seeds, in percentage points, with 95 % intervals over "

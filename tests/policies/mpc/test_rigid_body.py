@@ -4,63 +4,75 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from policies.mpc.quadratic_program import Program, solve
+from policies.mpc.quadratic_program import Programs, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights, friction_rows
 from quad_env.config import GRAVITY
 
 STEPS, PERIOD, MASS = 6, 0.04, 14.2
-HORIZON = Horizon(STEPS, PERIOD)
-FRICTION = Friction(0.6, 0.0, 170.0)
 WEIGHTS = Weights(
     np.array([10.0, 9.0, 2.0]), np.array([1.0, 2.0, 100.0]), np.array([0.1, 0.2, 0.3]), np.array([2.0, 3.0, 0.5]), 1e-5
 )
+HORIZON = Horizon(STEPS, PERIOD, WEIGHTS)
+
+
+def friction(share: float = 0.6) -> Friction:
+    """Of one robot."""
+    return Friction(np.array([share]), np.array([0.0]), np.array([170.0]))
 
 
 def body() -> Body:
     return Body(
-        angles=np.array([0.05, -0.04, 0.01]),
-        position=np.array([0.01, -0.02, -0.03]),
-        turning=np.array([0.3, 0.2, -0.1]),
-        velocity=np.array([0.5, 0.1, -0.05]),
-        mass=MASS,
-        inertia=np.array([[0.97, 0.01, -0.07], [0.01, 1.17, 0.02], [-0.07, 0.02, 1.2]]),
-        acceleration=np.array([0.5, -0.2, 0.1, 0.3, -0.1, 0.05]),
+        angles=np.array([[0.05, -0.04, 0.01]]),
+        position=np.array([[0.01, -0.02, -0.03]]),
+        turning=np.array([[0.3, 0.2, -0.1]]),
+        velocity=np.array([[0.5, 0.1, -0.05]]),
+        mass=np.array([MASS]),
+        inertia=np.array([[[0.97, 0.01, -0.07], [0.01, 1.17, 0.02], [-0.07, 0.02, 1.2]]]),
+        acceleration=np.array([[0.5, -0.2, 0.1, 0.3, -0.1, 0.05]]),
     )
 
 
 def arms() -> np.ndarray:
     feet = np.array([[0.29, 0.25], [0.29, -0.25], [-0.21, 0.25], [-0.21, -0.25]])
     moved = feet - np.arange(STEPS)[:, None, None] * 0.02
-    return np.concatenate((moved, np.full((STEPS, 4, 1), -0.35)), axis=-1)
+    return np.concatenate((moved, np.full((STEPS, 4, 1), -0.35)), axis=-1)[None]
 
 
 def standing() -> np.ndarray:
     first = np.array([True, False, False, True])
-    return np.array([first] * 3 + [~first] * 3)
+    return np.array([[first] * 3 + [~first] * 3])
 
 
 def wanted() -> Reference:
     rows = np.ones((STEPS, 1))
-    return Reference(0.01 * rows * [0, 0, 1], 0.02 * rows * [1, 0, 0], rows * [0, 0, 0.2], rows * [0.6, 0.0, 0.0])
+    aims = (0.01 * rows * [0, 0, 1], 0.02 * rows * [1, 0, 0], rows * [0, 0, 0.2], rows * [0.6, 0.0, 0.0])
+    return Reference(*(aim[None] for aim in aims))
+
+
+def of_one(share: float = 0.6) -> Programs:
+    """The robot's program."""
+    ((robots, programs),) = HORIZON.programs(body(), arms(), standing(), wanted(), friction(share))
+    assert robots.tolist() == [0]
+    return programs
 
 
 def test_the_prediction_is_what_steps_of_newton_s_and_euler_s_laws_give() -> None:
-    now, forces = body(), np.random.default_rng(0).normal(50.0, 20.0, (STEPS, 4, 3)) * standing()[..., None]
-    angles, position, turning, velocity = now.angles, now.position, now.turning, now.velocity
-    for step, (arm, force) in enumerate(zip(arms(), forces, strict=True)):
-        linear = force.sum(axis=0) / MASS - [0.0, 0.0, GRAVITY] + now.acceleration[:3]
-        angular = np.linalg.solve(now.inertia, np.cross(arm, force).sum(axis=0)) + now.acceleration[3:]
+    now, forces = body(), np.random.default_rng(0).normal(50.0, 20.0, (1, STEPS, 4, 3)) * standing()[..., None]
+    angles, position, turning, velocity = now.angles[0], now.position[0], now.turning[0], now.velocity[0]
+    for step, (arm, force) in enumerate(zip(arms()[0], forces[0], strict=True)):
+        linear = force.sum(axis=0) / MASS - [0.0, 0.0, GRAVITY] + now.acceleration[0, :3]
+        angular = np.linalg.solve(now.inertia[0], np.cross(arm, force).sum(axis=0)) + now.acceleration[0, 3:]
         position = position + PERIOD * velocity + 0.5 * PERIOD**2 * linear
         angles = angles + PERIOD * turning + 0.5 * PERIOD**2 * angular
         velocity, turning = velocity + PERIOD * linear, turning + PERIOD * angular
         found = HORIZON.predicted(now, arms(), forces)
         for name, value in (("angles", angles), ("position", position), ("turning", turning), ("velocity", velocity)):
-            np.testing.assert_allclose(getattr(found, name)[step], value, atol=1e-10, err_msg=name)
+            np.testing.assert_allclose(getattr(found, name)[0, step], value, atol=1e-10, err_msg=name)
 
 
 def test_a_force_under_the_fore_feet_lifts_the_nose_and_one_under_the_left_feet_the_left_side() -> None:
     up = np.array([0.0, 0.0, 100.0])
-    turning = HORIZON.moments(body().inertia, arms())[0] @ up
+    turning = HORIZON.moments(body().inertia, arms())[0, 0] @ up
     roll, pitch = turning[:, 0], turning[:, 1]
     assert (pitch[:2] < 0.0).all()
     assert (pitch[2:] > 0.0).all()  # the trunk's pitch is positive with the nose down
@@ -78,48 +90,43 @@ def cost(forces: np.ndarray) -> float:
 
 
 def test_the_program_s_cost_is_that_of_the_prediction() -> None:
-    program = HORIZON.program(body(), arms(), standing(), wanted(), WEIGHTS, FRICTION)
-    random = np.random.default_rng(1)
-    rest = cost(np.zeros((STEPS, 4, 3)))
+    program, random = of_one(), np.random.default_rng(1)
+    rest = cost(np.zeros((1, STEPS, 4, 3)))
     for _ in range(5):
-        x = random.normal(0.0, 50.0, len(program.gradient))
-        value = 0.5 * x @ program.hessian @ x + program.gradient @ x
+        x = random.normal(0.0, 50.0, program.gradient.shape[1])
+        value = 0.5 * x @ program.hessian[0] @ x + program.gradient[0] @ x
         assert value == pytest.approx(cost(HORIZON.spread(x, standing())) - rest, rel=1e-9)
 
 
 def test_the_forces_found_are_the_best_within_friction() -> None:
     """Against SciPy's SLSQP on the cost of the prediction itself."""
-    program = HORIZON.program(body(), arms(), standing(), wanted(), WEIGHTS, FRICTION._replace(share=0.05))
-    found = solve(program)
-    assert found.solved
-    assert found.violation < 1e-6
-    assert found.stationarity < 1e-6
-    reached = program.rows @ found.value
-    assert (reached <= program.upper + 1e-6).all()
-    assert (reached >= program.lower - 1e-6).all()
-    assert np.isclose(reached, program.upper, atol=1e-6).any()  # friction binds, else this tells little
+    programs = of_one(share=0.05)
+    found = solve(programs)
+    assert found.solved.all()
+    assert found.residuals.worst < 1e-6
+    hessian, gradient, rows, lower, upper = (part[0] for part in programs[:5])
+    (x,) = found.value
+    assert (rows @ x <= upper + 1e-6).all()
+    assert (rows @ x >= lower - 1e-6).all()
+    assert np.isclose(rows @ x, upper, atol=1e-6).any()  # friction binds, else this tells little
+    low = np.isfinite(lower)
+    one_sided, most = np.concatenate((rows, -rows[low])), np.concatenate((upper, -lower[low]))
     other = minimize(
-        lambda x: 0.5 * x @ program.hessian @ x + program.gradient @ x,
-        np.tile([0.0, 0.0, 70.0], len(found.value) // 3),
-        jac=lambda x: program.hessian @ x + program.gradient,
+        lambda x: 0.5 * x @ hessian @ x + gradient @ x,
+        np.tile([0.0, 0.0, 70.0], len(x) // 3),
+        jac=lambda x: hessian @ x + gradient,
         constraints=[
             {"type": "ineq", "fun": lambda x, row=row, most=most: most - row @ x, "jac": lambda x, row=row: -row}
-            for row, most in zip(*_one_sided(program), strict=True)
+            for row, most in zip(one_sided, most, strict=True)
         ],
         method="SLSQP",
         options={"ftol": 1e-14, "maxiter": 500},
     )
-    value = 0.5 * found.value @ program.hessian @ found.value + program.gradient @ found.value
-    assert value <= other.fun + 1e-6 * abs(other.fun)
-
-
-def _one_sided(program: Program) -> tuple[np.ndarray, np.ndarray]:
-    low = np.isfinite(program.lower)
-    return np.concatenate((program.rows, -program.rows[low])), np.concatenate((program.upper, -program.lower[low]))
+    assert 0.5 * x @ hessian @ x + gradient @ x <= other.fun + 1e-6 * abs(other.fun)
 
 
 def test_friction_holds_a_force_within_its_pyramid() -> None:
-    rows, lower, upper = friction_rows(2, FRICTION)
+    rows, lower, upper = (part[0] for part in friction_rows(2, friction()))
 
     def allowed(first: list[float], second: list[float]) -> bool:
         reached = rows @ np.array([*first, *second])
@@ -133,13 +140,55 @@ def test_friction_holds_a_force_within_its_pyramid() -> None:
     assert not allowed(held, [0.0, 0.0, 170.1])
 
 
+def small(rows: list, lower: list, upper: list, equalities: int = 0) -> Programs:
+    """½ |x|² over two variables."""
+    parts = (np.eye(2), np.zeros(2), np.array(rows), np.array(lower), np.array(upper))
+    return Programs(*(part[None] for part in parts), equalities=equalities)
+
+
 def test_a_program_that_contradicts_itself_is_not_solved() -> None:
-    rows = np.array([[1.0, 0.0], [1.0, 0.0]])
-    found = solve(Program(np.eye(2), np.zeros(2), rows, np.array([1.0, -np.inf]), np.array([np.inf, 0.0])))
-    assert not found.solved
+    found = solve(small([[1.0, 0.0], [1.0, 0.0]], [1.0, -np.inf], [np.inf, 0.0]))
+    assert not found.solved.any()
 
 
 def test_equalities_hold() -> None:
-    rows = np.array([[1.0, 1.0], [1.0, 0.0]])
-    program = Program(np.eye(2), np.zeros(2), rows, np.array([2.0, -np.inf]), np.array([2.0, 0.5]), equalities=1)
-    np.testing.assert_allclose(solve(program).value, [0.5, 1.5], atol=1e-9)
+    programs = small([[1.0, 1.0], [1.0, 0.0]], [2.0, -np.inf], [2.0, 0.5], equalities=1)
+    np.testing.assert_allclose(solve(programs).value, [[0.5, 1.5]], atol=1e-9)
+
+
+def several() -> tuple[Body, np.ndarray, np.ndarray, Reference, Friction]:
+    """What the programs of five robots are made of, some with other feet on the ground."""
+    random, count = np.random.default_rng(3), 5
+    bodies = Body(
+        *(
+            np.repeat(part, count, axis=0) * (1.0 + 0.2 * random.random((count, *(1,) * (part.ndim - 1))))
+            for part in body()
+        )
+    )
+    stands = np.repeat(standing(), count, axis=0)
+    stands[1, 0] = stands[4, 0] = True
+    stands[2, 0, 0] = False
+    goal = Reference(*(np.repeat(part, count, axis=0) for part in wanted()))
+    bounds = Friction(0.3 + 0.5 * random.random(count), np.zeros(count), 150.0 + 50.0 * random.random(count))
+    return (
+        bodies,
+        np.repeat(arms(), count, axis=0) + 0.02 * random.normal(size=(count, STEPS, 4, 3)),
+        stands,
+        goal,
+        bounds,
+    )
+
+
+def test_programs_of_many_robots_are_those_of_each() -> None:
+    bodies, feet, stands, goal, bounds = several()
+    seen = []
+    for robots, together in HORIZON.programs(bodies, feet, stands, goal, bounds):
+        for place, robot in enumerate(robots):
+            one = slice(robot, robot + 1)
+            alone_body = Body(*(part if isinstance(part, float) else part[one] for part in bodies))
+            alone_goal = Reference(*(part[one] for part in goal))
+            ((_, alone),) = HORIZON.programs(alone_body, feet[one], stands[one], alone_goal, bounds.of(one))
+            for name in ("hessian", "gradient", "rows", "lower", "upper"):
+                np.testing.assert_array_equal(getattr(together, name)[place], getattr(alone, name)[0], err_msg=name)
+            seen.append(robot)
+    assert sorted(seen) == [0, 1, 2, 3, 4]

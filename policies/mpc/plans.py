@@ -1,0 +1,86 @@
+"""Plans in force: forces of the feet over the horizon, each as old as the time since it was found.
+
+A plan that is not renewed goes on where it was left: at its age. It says which feet were to stand then; where others
+do, those share the wrench that the planned forces have about the centre of mass.
+"""
+
+import numpy as np
+
+from policies.mpc.rigid_body import Bools, Floats, Friction, Ids, Rows, crossed
+
+_SINGULAR = 1e-4
+"""Added to the squared arms, m², and to the number of feet: two feet bear no moment about their line."""
+_TICK = 1e-6
+"""Rounding of a clock, s."""
+
+
+class Plans:
+    """Plans of n robots for N steps of `period` s; at first every foot bears a quarter of `weight`, N, for ever."""
+
+    def __init__(self, steps: int, period: float, weight: float) -> None:
+        self._steps, self._period, self._weight = steps, period, weight
+        self.allocate(1)
+
+    def allocate(self, num_envs: int) -> None:
+        """Fresh state for so many robots."""
+        self.forces = np.zeros((num_envs, self._steps, 4, 3))
+        """Level frame, N."""
+        self.age = np.zeros(num_envs)
+        """Time since the forces were found, (n,), s."""
+        self._stands = np.zeros((num_envs, self._steps, 4), np.bool_)
+        self._moments = np.zeros((num_envs, self._steps, 3))
+        self.restart(np.ones(num_envs, np.bool_))
+
+    def restart(self, mask: Bools) -> None:
+        """Fresh state for those robots."""
+        self.forces[mask] = [0.0, 0.0, 0.25 * self._weight]
+        self._stands[mask], self._moments[mask], self.age[mask] = True, 0.0, np.inf
+
+    def advance(self, time: float) -> None:
+        """So many s have passed."""
+        self.age += time
+
+    def due(self, standing: Bools, interval: float) -> Bools:
+        """Which robots need another plan, (n,): after `interval` s, or where other feet stand than was planned."""
+        others: Bools = (self._stands[self._robots, self._step] != standing).any(axis=1)
+        return others | (self.age > interval - _TICK)
+
+    def renew(self, robots: Ids, forces: Floats, stands: Bools, arms: Floats) -> None:
+        """Plans from now on of g robots: forces (g, N, 4, 3), which feet stand, (g, N, 4), and the feet from the centre
+        of mass, (g, N, 4, 3), m."""
+        self.forces[robots], self._stands[robots], self.age[robots] = forces, stands, 0.0
+        self._moments[robots] = np.einsum("njlax,njlx->nja", crossed(arms), forces)
+
+    def now(self, standing: Bools, arms: Floats, friction: Friction) -> Floats:
+        """Forces of the feet now, (n, 4, 3), N. `arms`: of the feet from the centre of mass, (n, 4, 3), m."""
+        robots, step = self._robots, self._step
+        forces: Floats = self.forces[robots, step]
+        as_planned = (self._stands[robots, step] == standing).all(axis=1)
+        if as_planned.all():
+            return forces
+        wrench = np.concatenate((forces.sum(axis=1), self._moments[robots, step]), axis=1)
+        return np.where(as_planned[:, None, None], forces, shared(wrench, standing, arms, friction))
+
+    @property
+    def _robots(self) -> Rows:
+        return np.arange(len(self.age))
+
+    @property
+    def _step(self) -> Rows:
+        """Step of its plan that each robot is in, the last one afterwards, (n,)."""
+        return np.minimum((self.age + _TICK) / self._period, self._steps - 1).astype(np.intp)
+
+
+def shared(wrench: Floats, standing: Bools, arms: Floats, friction: Friction) -> Floats:
+    """The smallest forces of the standing feet, (n, 4, 3), N, that together have that wrench about the centre of mass,
+    (n, 6), N and N·m, as near as may be; then drawn into the friction's bounds."""
+    count = len(arms)
+    per_force = np.concatenate((np.broadcast_to(np.eye(3), (count, 4, 3, 3)), crossed(arms)), axis=2)
+    per_force = np.where(standing[..., None, None], per_force, 0.0).transpose(0, 2, 1, 3).reshape(count, 6, 12)
+    square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + _SINGULAR * np.eye(6)
+    share = np.linalg.solve(square, wrench[..., None])
+    forces = np.matmul(per_force.transpose(0, 2, 1), share).reshape(count, 4, 3)
+    up = np.clip(forces[..., 2], friction.least[:, None], friction.most[:, None])
+    across = friction.share[:, None, None] * up[..., None]
+    drawn = np.concatenate((np.clip(forces[..., :2], -across, across), up[..., None]), axis=-1)
+    return np.where(standing[..., None], drawn, 0.0)

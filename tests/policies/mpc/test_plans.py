@@ -1,0 +1,75 @@
+"""A plan goes on where it was left, whichever feet stand."""
+
+import numpy as np
+import pytest
+
+from policies.mpc.plans import Plans, shared
+from policies.mpc.rigid_body import Friction
+
+STEPS, PERIOD, WEIGHT = 5, 0.04, 140.0
+FEET = np.array([[0.25, 0.25, -0.4], [0.25, -0.25, -0.4], [-0.25, 0.25, -0.4], [-0.25, -0.25, -0.4]])
+FIRST = np.array([True, False, False, True])
+FRICTION = Friction(np.array([0.6]), np.array([0.0]), np.array([170.0]))
+
+
+def planned() -> tuple[Plans, np.ndarray]:
+    """One robot's plan: two steps on a pair of feet, three on the other; and its forces, (5, 4, 3)."""
+    plans = Plans(STEPS, PERIOD, WEIGHT)
+    stands = np.array([[FIRST] * 2 + [~FIRST] * 3])
+    forces = np.random.default_rng(5).normal([5.0, -3.0, 70.0], 3.0, (1, STEPS, 4, 3)) * stands[..., None]
+    plans.renew(np.array([0]), forces, stands, np.tile(FEET, (1, STEPS, 1, 1)))
+    return plans, forces[0]
+
+
+@pytest.mark.parametrize(("time", "step"), [(0.0, 0), (0.03, 0), (0.04, 1), (0.08, 2), (0.19, 4), (3.0, 4)])
+def test_a_plan_is_followed_at_its_age(time: float, step: int) -> None:
+    plans, forces = planned()
+    for _ in range(round(time / 0.01)):
+        plans.advance(0.01)
+    standing = FIRST if step < 2 else ~FIRST
+    np.testing.assert_array_equal(plans.now(standing[None], FEET[None], FRICTION)[0], forces[step])
+
+
+@pytest.mark.parametrize(("period", "late"), [(0.0, 0), (0.01, 1), (0.03, 3)])
+def test_a_plan_is_due_after_its_time(period: float, late: int) -> None:
+    plans, _ = planned()
+    for step in range(5):
+        assert plans.due(FIRST[None], period)[0] == (step >= late)
+        plans.advance(0.01)
+
+
+def test_a_plan_is_due_where_other_feet_stand_than_planned() -> None:
+    plans, _ = planned()
+    assert not plans.due(FIRST[None], 0.1)
+    assert plans.due(np.array([[True, True, False, True]]), 0.1)
+    for _ in range(8):
+        plans.advance(0.01)
+    assert plans.due(FIRST[None], 0.1)
+    assert not plans.due(~FIRST[None], 0.1)
+
+
+def test_other_feet_share_the_wrench_that_was_planned() -> None:
+    plans, forces = planned()
+    standing = np.ones((1, 4), np.bool_)
+    found = plans.now(standing, FEET[None], FRICTION)[0]
+    np.testing.assert_allclose(found.sum(axis=0), forces[0].sum(axis=0), atol=0.05)
+    moment, other = np.cross(FEET, found).sum(axis=0), np.cross(FEET, forces[0]).sum(axis=0)
+    np.testing.assert_allclose(moment, other, atol=0.05)
+    assert (found[:, 2] > 10.0).all()
+
+
+def test_shared_forces_stay_within_friction() -> None:
+    wrench = np.array([[300.0, 0.0, 100.0, 200.0, 0.0, 0.0]])
+    found = shared(wrench, FIRST[None], FEET[None], FRICTION)[0]
+    assert (found[~FIRST] == 0.0).all()
+    assert (found[:, 2] >= 0.0).all()
+    assert (np.abs(found[:, :2]) <= 0.6 * found[:, 2:] + 1e-9).all()
+    assert found[:, 0].max() > 1.0
+
+
+def test_before_any_plan_the_feet_bear_the_weight() -> None:
+    plans = Plans(STEPS, PERIOD, WEIGHT)
+    assert plans.due(FIRST[None], 10.0)
+    found = plans.now(FIRST[None], FEET[None], FRICTION)[0]
+    np.testing.assert_allclose(found.sum(axis=0), [0.0, 0.0, WEIGHT], atol=0.05)
+    np.testing.assert_allclose(found[FIRST, 2], WEIGHT / 2.0, atol=0.05)

@@ -1,0 +1,131 @@
+"""Torques of the whole body and of the legs alone obey the equations of motion and do what is wished."""
+
+import numpy as np
+import pytest
+
+from policies.mpc.leg_torques import leg_torques
+from policies.mpc.quadratic_program import solve
+from policies.mpc.rigid_body import Friction
+from policies.mpc.whole_body import Priorities, Torques, Wish, programs, torques
+from quad_env.config import GRAVITY
+from quad_env.physics.dynamics import Dynamics, RigidBodies
+from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
+
+COUNT, LIMIT = 6, 60.0
+WEIGHT = ROBOT.mass * GRAVITY
+PRIORITIES = Priorities(turning=1.0, standing=10.0, swinging=0.2, force=0.01)
+FRICTION = Friction(np.full(COUNT, 0.6), np.zeros(COUNT), np.full(COUNT, 1.5 * WEIGHT))
+NOTHING = np.zeros((COUNT, 6))
+MASSES = np.full(COUNT, ROBOT.mass)
+
+
+def bodies(speed: float = 0.5) -> RigidBodies:
+    """Robots near the home pose that move a little."""
+    random = np.random.default_rng(7)
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (COUNT, 1))
+    angles = ROBOT.home_pose + 0.1 * random.normal(size=(COUNT, 12))
+    velocity, turning = speed * random.normal(size=(2, COUNT, 3))
+    return Dynamics(ROBOT).at(level, velocity, turning, angles, speed * random.normal(size=(COUNT, 12)))
+
+
+def wish(of: RigidBodies) -> Wish:
+    """Some stand on all feet, some on two, one on three; the standing feet rest."""
+    standing = np.ones((COUNT, 4), np.bool_)
+    standing[1:4, 1:3] = standing[4, 0] = False
+    random = np.random.default_rng(8)
+    feet = np.where(standing[..., None], 0.0, 5.0 * random.normal(size=(COUNT, 4, 3)))
+    forces = np.zeros((COUNT, 4, 3))
+    forces[..., 2] = WEIGHT / standing.sum(axis=1, keepdims=True)
+    return Wish(0.5 * random.normal(size=(COUNT, 3)), feet, forces * standing[..., None], standing)
+
+
+def whole(of: RigidBodies, wished: Wish, wrench: np.ndarray = NOTHING, friction: Friction = FRICTION) -> Torques:
+    return torques(of, wished, wrench, friction, LIMIT, PRIORITIES)
+
+
+def test_the_torques_are_those_of_the_equations_of_motion() -> None:
+    """Each program's own solution, put into M q̈ + h = Sᵀτ + Jᵀf + w by hand."""
+    of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))
+    wished = wish(of)
+    found = whole(of, wished, wrench)
+    assert found.found.all()
+    for robots, each in programs(of, wished, wrench, FRICTION, LIMIT, PRIORITIES):
+        for robot, x in zip(robots, solve(each).value, strict=True):
+            forces = np.zeros((4, 3))
+            forces[wished.standing[robot]] = x[18:].reshape(-1, 3)
+            pushed = np.concatenate((wrench[robot], found.torque[robot]))
+            pushed += np.einsum("lxk,lx->k", of.jacobians[robot], forces)
+            np.testing.assert_allclose(of.inertia[robot] @ x[:18] + of.bias[robot], pushed, atol=1e-6)
+            np.testing.assert_array_equal(found.acceleration[robot], x[6:18])
+            assert (np.abs(forces[:, :2]) <= 0.6 * forces[:, 2:] + 1e-6).all()
+
+
+def test_many_robots_get_what_each_gets() -> None:
+    of = bodies()
+    wished = wish(of)
+    together = whole(of, wished)
+    for robot in range(COUNT):
+        one = slice(robot, robot + 1)
+        alone = torques(
+            RigidBodies(*(part[one] for part in of)),
+            Wish(*(part[one] for part in wished)),
+            NOTHING[one],
+            FRICTION.of(one),
+            LIMIT,
+            PRIORITIES,
+        )
+        np.testing.assert_array_equal(alone.torque[0], together.torque[robot])
+        np.testing.assert_array_equal(alone.acceleration[0], together.acceleration[robot])
+
+
+def test_torques_stay_within_their_limit() -> None:
+    of = bodies()
+    wished = wish(of)
+    largest = np.abs(whole(of, wished).torque).max()
+    found = torques(of, wished, NOTHING, FRICTION, 0.7 * largest, PRIORITIES)
+    assert found.found.all()
+    assert np.abs(found.torque).max() <= 0.7 * largest + 1e-6
+
+
+def test_a_robot_without_torques_gets_none_and_the_others_theirs() -> None:
+    of = bodies()
+    wished, most = wish(of), FRICTION.most.copy()
+    most[2] = -1.0  # below the least force
+    found = whole(of, wished, friction=FRICTION._replace(most=most))
+    assert found.found.tolist() == [True, True, False, True, True, True]
+    assert (found.torque[2] == 0.0).all()
+    np.testing.assert_array_equal(found.torque[3], whole(of, wished).torque[3])
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5])
+def test_legs_alone_give_much_the_same_torques_as_the_whole_body(speed: float) -> None:
+    of = bodies(speed)
+    wished = wish(of)
+    together, alone = whole(of, wished), leg_torques(of, wished, NOTHING, MASSES, LIMIT)
+    assert alone.found.all()
+    missed, size = np.abs(alone.torque - together.torque), np.abs(together.torque)
+    assert missed.mean() < 0.4 * size.mean()  # the forces and the turning that are wished do not agree
+
+
+def test_legs_move_the_feet_as_wished() -> None:
+    """With the trunk as the forces move it."""
+    of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))
+    wished = wish(of)
+    found = leg_torques(of, wished, wrench, MASSES, LIMIT)
+    trunk = (wished.forces.sum(axis=1) + wrench[:, :3]) / ROBOT.mass - [0.0, 0.0, GRAVITY]
+    motion = np.concatenate((trunk, wished.turning, found.acceleration), axis=1)
+    feet = np.einsum("nlxk,nk->nlx", of.jacobians, motion) + of.drift
+    np.testing.assert_allclose(feet, wished.feet, atol=0.3)  # legs that are nearly straight miss a little
+
+
+def test_legs_hold_a_robot_that_stands() -> None:
+    """Their forces and gravity: -Jᵀf and h, and nothing else."""
+    of = bodies(0.0)
+    wished = wish(of)._replace(standing=np.ones((COUNT, 4), np.bool_), turning=np.zeros((COUNT, 3)))
+    forces = np.zeros((COUNT, 4, 3))
+    forces[..., 2] = WEIGHT / 4.0
+    wished = wished._replace(forces=forces, feet=np.zeros((COUNT, 4, 3)))
+    found = leg_torques(of, wished, NOTHING, MASSES, LIMIT)
+    held = of.bias[:, 6:] - np.einsum("nlxk,nlx->nk", of.jacobians, forces)[:, 6:]
+    np.testing.assert_allclose(found.torque, held, atol=1e-9)
+    np.testing.assert_allclose(found.acceleration, 0.0, atol=1e-9)
