@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.support.command import WIDTH
@@ -14,7 +15,7 @@ from train.config import DEFAULTS
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
 COMMANDS = (*IN_PROCESS, "peers", "training", "learners", "startup", "resume", "growth", "rendering")
-COMMANDS += ("breaking_points", "cluster")
+COMMANDS += ("breaking_points", "cluster", "mpc", "solvers")
 
 
 def run(name: str, *arguments: object) -> int:
@@ -56,6 +57,27 @@ def test_cluster_has_the_bytes_of_worker_processes_though_workers_are_killed(tmp
     assert len(found["killed_after_s"]) <= 1  # none where the run ends before its moment
     assert found["identical"]
     assert found["core_hours"] > 0.0
+
+
+def test_mpc_counts_every_call_of_one_robot(tmp_path: Path, capsys) -> None:
+    assert run("mpc", "--quick", "--json", tmp_path / "kept.json") == 0
+    found = figures("mpc", tmp_path / "kept.json", capsys.readouterr().out)
+    plan, torques, action = (np.array(pairs) for pairs in found["one_robot_ms"].values())
+    assert len(plan) == len(torques) == len(action) == 10
+    assert (plan[:, 0] + torques[:, 0] < action[:, 0]).all()
+    assert set(found["real_time"]["0.0"]) == {"1", "2"}
+
+
+def test_solvers_are_held_to_a_reference(tmp_path: Path, capsys) -> None:
+    pytest.importorskip("clarabel")
+    assert run("solvers", "--quick", "--json", tmp_path / "kept.json") == 0
+    found = figures("solvers", tmp_path / "kept.json", capsys.readouterr().out)
+    for kind in ("MPC", "WBC"):
+        used = found[f"{kind}, DAQP, as used"]
+        assert used["failed"] == 0
+        assert 0.0 < used["cost"] < 1e-4
+        assert used["violation"] < 1e-4
+        assert used["residual"] < 1e-8
 
 
 def test_single_env_figures_are_those_of_its_rounds(tmp_path: Path, capsys) -> None:
