@@ -168,3 +168,16 @@ def test_a_restarted_robot_has_no_past() -> None:
     first = sense.feel(now, NO_LOAD)
     again = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
     np.testing.assert_array_equal(first, again.feel(now, NO_LOAD))
+
+
+@pytest.mark.parametrize("yaw_rate", [0.0, 1.5, -1.5])
+def test_what_pushes_stays_where_it_is_in_the_world(yaw_rate: float) -> None:
+    sense = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
+    sense.wrench[:, :3] = 40.0, 10.0, -20.0
+    now = Trotting().step()
+    tilted = now._replace(tilt=np.full((1, 2), 0.5), turning=np.array([[0.0, 0.0, yaw_rate]]))  # nothing new is felt
+    for _ in range(100):
+        sense.feel(tilted, NO_LOAD)
+    cos, sin = np.cos(yaw_rate), np.sin(yaw_rate)  # the level frame has turned by this in a second
+    world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ sense.wrench[0, :3]
+    np.testing.assert_allclose(world, [40.0, 10.0, -20.0], atol=1e-9)
