@@ -114,7 +114,7 @@ def test_a_program_without_a_solution_leaves_targets_near_the_last_ones(kind: st
     solver.out_of_order = True
     after = policy.act(rows[0])
     assert policy.failures[0] == 1
-    assert np.abs(after - before).max() < 0.2
+    assert 1e-4 < np.abs(after - before).max() < 0.2  # the legs go on by themselves
     assert not policy.stopped.any()
 
 
