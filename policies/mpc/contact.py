@@ -105,7 +105,7 @@ class ContactSense:
         torque = robot.servo_stiffness * (motion.targets - angle) - robot.servo_damping * speed
         needed = np.einsum("nij,nj->ni", bodies.inertia, acceleration) + bodies.bias
         needed[:, 6:] -= np.clip(torque, -robot.rated_torque, robot.rated_torque)
-        legs = np.stack([bodies.jacobians[:, i, :, 6 + 3 * i : 9 + 3 * i] for i in range(4)], axis=1)
+        legs = bodies.leg_jacobians
         squares = np.einsum("nlxj,nlyj->nlxy", legs, legs) + _SINGULAR * np.eye(3)
         aims = np.einsum("nlxj,nlj->nlx", legs, needed[:, 6:].reshape(-1, 4, 3))
         forces = np.linalg.solve(squares, aims[..., None])[..., 0]

@@ -21,7 +21,7 @@ def leg_torques(bodies: RigidBodies, wish: Wish, wrench: Floats, mass: Floats, l
     linear = (forces.sum(axis=1) + wrench[:, :3]) / mass[:, None] - (0.0, 0.0, GRAVITY)
     trunk = np.concatenate((linear, wish.turning), axis=1)
     carried = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk)
-    legs = np.stack([bodies.jacobians[:, i, :, 6 + 3 * i : 9 + 3 * i] for i in range(4)], axis=1)
+    legs = bodies.leg_jacobians
     across = legs.swapaxes(2, 3)
     squares = np.matmul(across, legs) + _SINGULAR * np.eye(3)
     asked = np.matmul(across, (wish.feet - bodies.drift - carried)[..., None])

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.gait import Floats
+from policies.mpc.rigid_body import crossed
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import RigidBodies
 
@@ -54,11 +55,11 @@ def loaded(bodies: RigidBodies, rotation: Floats, generalised: Floats, mass: flo
     drift = np.einsum("nij,nj->ni", rotation, np.cross(turning, np.cross(turning, load.place)))
     jacobian = np.zeros((len(arm), 3, generalised.shape[1]))
     jacobian[:, :, :3] = np.eye(3)
-    jacobian[:, :, 3:6] = -rotation @ _crossing(load.place)
+    jacobian[:, :, 3:6] = -rotation @ crossed(load.place)
     velocity = np.einsum("nxk,nk->nx", jacobian, generalised)
     held = drift + np.array([0.0, 0.0, GRAVITY])
     share = added / (mass + added)
-    apart = _crossing(arm - bodies.centre)
+    apart = crossed(arm - bodies.centre)
     reduced = (share * mass)[..., None]
     return bodies._replace(
         inertia=bodies.inertia + added[..., None] * np.einsum("nxi,nxj->nij", jacobian, jacobian),
@@ -67,10 +68,3 @@ def loaded(bodies: RigidBodies, rotation: Floats, generalised: Floats, mass: flo
         centre_velocity=bodies.centre_velocity + share * (velocity - bodies.centre_velocity),
         rotational_inertia=bodies.rotational_inertia - reduced * (apart @ apart),
     )
-
-
-def _crossing(vectors: Floats) -> Floats:
-    """Matrices, (n, 3, 3), that take a vector u to v × u, for the vectors v, (n, 3)."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=-1).reshape(-1, 3, 3)

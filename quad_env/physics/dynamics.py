@@ -38,6 +38,11 @@ class RigidBodies(NamedTuple):
     rotational_inertia: Floats
     """Of the robot as one rigid body, about the centre of mass, world frame, (n, 3, 3), kg·m²."""
 
+    @property
+    def leg_jacobians(self) -> Floats:
+        """Of each foot by the joints of its own leg, world frame, (n, 4, 3, 3)."""
+        return np.stack([self.jacobians[:, i, :, 6 + 3 * i : 9 + 3 * i] for i in range(4)], axis=1)
+
 
 class _Model(NamedTuple):
     """What MuJoCo works with."""
