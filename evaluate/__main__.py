@@ -31,6 +31,7 @@ COMMANDS = {
     "jump": Command("evaluate.studies.jump", "how high standing robots jump, and how many land standing"),
     "safety": Command("evaluate.studies.safety", "falls that the safety layer averts, and its false alarms"),
     "ground": Command("evaluate.studies.ground", "whether success hangs on the very surfaces of random ground"),
+    "estimation": Command("evaluate.studies.estimation", "errors of attitude and velocity as sensors tell them"),
     "pictures": Command("evaluate.studies.pictures", "strips of frames and moving pictures of policies walking"),
     "calibration": Command("evaluate.statistics.calibration", "whether intervals and tests err as often as they say"),
     "readme": Command("evaluate.commands.readme", "the README's results table"),

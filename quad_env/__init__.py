@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from quad_env.scenarios.named import SCENARIOS, scenario
     from quad_env.scenarios.scenario import Scenario
     from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
+    from quad_env.sensing.estimators import ESTIMATORS
     from quad_env.sensing.suite import SENSORS, Encoders, FootContact, Imu, JointTorque, SensorSuite
     from quad_env.task.observations import OBSERVATION, OBSERVATION_SIZE
 
@@ -47,6 +48,7 @@ __all__ = [
     "ACTUATORS",
     "AXES",
     "ENV_ID",
+    "ESTIMATORS",
     "FALL_REASONS",
     "FALL_RULE",
     "JOINT_NAMES",
@@ -99,6 +101,7 @@ _MODULES = (
     "scenarios.named",
     "scenarios.scenario",
     "scenarios.terrain",
+    "sensing.estimators",
     "sensing.suite",
     "task.observations",
 )

@@ -10,6 +10,7 @@ from quad_env.config import FALL_REASONS, FALL_RULE, TaskConfig
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis
+from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.suite import SENSORS, TRUTH
 from quad_env.task.observations import observation_table
 
@@ -56,6 +57,7 @@ def _rest() -> Iterator[str]:
     yield f"falls        rule {FALL_RULE}: {', '.join(FALL_REASONS[1:])}"
     yield f"actuator=    {', '.join(ACTUATORS)}"
     yield f"sensors=     {', '.join((TRUTH, *SENSORS))}"
+    yield f"estimator=   {', '.join(ESTIMATORS)}"
 
 
 def _axes() -> Iterator[str]:

@@ -244,6 +244,8 @@ class TrainConfig:
     sensors: str = "truth"
     """What observations are built from in training and validation: the truth, or one of quad_env.SENSORS: ideal or
     typical. What --ppo.privileged shows stays the truth."""
+    estimator: str = "complementary"
+    """What makes gravity and velocity of the sensors' readings, one of quad_env.ESTIMATORS: complementary or kalman."""
     reward_terms: tuple[OwnTerm, ...] = ()
     """Reward terms of yours: a function in a Python file, from the state of n robots to the term's n values, paid at
     every control step as weight x value x control period."""
@@ -268,7 +270,7 @@ class TrainConfig:
     @property
     def hardware(self) -> Hardware:
         """Hardware of the robots."""
-        return Hardware(self.actuator, self.sensors)
+        return Hardware(self.actuator, self.sensors, self.estimator)
 
     @property
     def judged(self) -> ValidationConfig:

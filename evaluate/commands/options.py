@@ -49,6 +49,8 @@ class Options:
     """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
     """What observations are built from: the truth, or one of quad_env.SENSORS: ideal or typical."""
+    estimator: str = "complementary"
+    """What makes gravity and velocity of the sensors' readings, one of quad_env.ESTIMATORS: complementary or kalman."""
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
     out: Path = Path("results/evaluation")
@@ -80,7 +82,7 @@ class Options:
     @property
     def hardware(self) -> Hardware:
         """Hardware of the robots."""
-        return Hardware(self.actuator, self.sensors)
+        return Hardware(self.actuator, self.sensors, self.estimator)
 
     @property
     def battery(self) -> tuple[str, ...]:

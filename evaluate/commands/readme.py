@@ -15,14 +15,15 @@ import tyro
 from evaluate.analysis.results import with_nan
 from evaluate.analysis.score import Score
 from evaluate.commands.options import command
+from evaluate.report.places import insert
 from evaluate.report.plots import drawing, success
 from evaluate.report.results_page import every_figure, newcomers_table, scenarios_of
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
 
-RESULTS, MORE = "results", "more"
-"""Names of the places: between `<!-- results -->` and `<!-- /results -->`."""
+MORE = "more"
+"""Name of the page's second place."""
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """Words for the picture."""
 
@@ -103,13 +104,3 @@ def _made_by(found: dict[str, Any]) -> str:
 def limited(labels: Iterable[str], only_on: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
     """What --policies must be given for those policies, of which some are limited to scenarios."""
     return tuple(f"{label}@{','.join(only_on[label])}" if label in only_on else label for label in labels)
-
-
-def insert(text: str, lines: list[str], place: str = RESULTS) -> str:
-    """The text with the lines between the markers of that place; UsageError where it has none."""
-    begin, end = f"<!-- {place} -->", f"<!-- /{place} -->"
-    if begin not in text or end not in text:
-        raise UsageError(f"no {begin} and {end} in the file that is to hold the results")
-    head, rest = text.split(begin, 1)
-    inserted = "\n".join(lines)
-    return f"{head}{begin}\n{inserted}\n{end}{rest.split(end, 1)[1]}"

@@ -17,7 +17,9 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.observation import shown_by
+from quad_env.sensing.estimator import Estimator
+from quad_env.sensing.estimators import check_estimator
+from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
 from quad_env.task.observations import observation_table
@@ -54,6 +56,7 @@ class QuadEnvBase:
         config: TaskConfig | None,
         actuator: str | Actuator,
         sensors: str | SensorSuite | None,
+        estimator: str,
         robot: Robot,
         readings: bool = False,
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
@@ -73,6 +76,7 @@ class QuadEnvBase:
         self.dt = 1 / rate
         """Control period, s."""
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
+        check_estimator(estimator, suite)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
         self._weights = step_weights(self.config.reward_weights, self.dt, self.config.reward_terms)
         feet = look_at_feet(self._weights, self.config.reward_terms)
@@ -80,11 +84,16 @@ class QuadEnvBase:
             *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet), self.config.timestep
         )
         self._wires = wires_of(robot, self.scenario, num_envs, self.dt)
-        self._sensors = shown_by(suite, self.simulation, self.scenario, num_envs, rate)
+        self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)
         self._table = table = observation_table(robot)
         self._lower, self._upper = robot.joint_lower, robot.joint_upper
         actions = Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
         return Box(-table.bound, table.bound), actions
+
+    @property
+    def estimator(self) -> Estimator | None:
+        """What gravity and velocity of the observation are estimated by; None where they are the truth."""
+        return self._sensors.estimator if isinstance(self._sensors, SensedObservation) else None
 
     def _start(self, rows: Rows, episodes: Sequence[Episode]) -> None:
         """Start these episodes of those robots."""

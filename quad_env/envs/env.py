@@ -20,6 +20,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import fresh_seeds, seeds_of
+from quad_env.sensing.estimators import COMPLEMENTARY
 from quad_env.sensing.observation import SensedObservation
 from quad_env.sensing.suite import SensorSuite
 from quad_env.task.rewards import reward_terms
@@ -48,6 +49,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its value, and
             `sensor_<name>_time`, s since the start of the episode, when it was measured, to the infos.
         robot: the `quad_env.Robot` that is simulated.
+        estimator: what makes gravity and velocity of the sensors' readings: a name of `quad_env.ESTIMATORS`.
     """
 
     _KEPT = ("spec", "_seed", "_next_episode")
@@ -65,11 +67,13 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         actuator: str | Actuator = "ideal",
         sensors: str | SensorSuite | None = None,
         robot: Robot = SIMPLE_QUAD,
+        estimator: str = COMPLEMENTARY,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        self.observation_space, self.action_space = self._assemble(1, 1, scenario, config, actuator, sensors, robot)
+        spaces = self._assemble(1, 1, scenario, config, actuator, sensors, estimator, robot)
+        self.observation_space, self.action_space = spaces
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode

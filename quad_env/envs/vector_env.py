@@ -22,6 +22,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import Schedule
+from quad_env.sensing.estimators import COMPLEMENTARY
 from quad_env.sensing.observation import SensedObservation
 from quad_env.sensing.suite import SensorSuite
 from quad_env.task.readings import readings as readings_of
@@ -69,6 +70,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         actuator: str | Actuator = "ideal",
         sensors: str | SensorSuite | None = None,
         robot: Robot = SIMPLE_QUAD,
+        estimator: str = COMPLEMENTARY,
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
@@ -80,7 +82,9 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = arguments.find_autoreset_mode(autoreset_mode)
-        spaces = self._assemble(num_envs, nthread, scenario, config, actuator, sensors, robot, readings)
+        spaces = self._assemble(
+            *(num_envs, nthread, scenario, config, actuator, sensors, estimator, robot), readings=readings
+        )
         self.single_observation_space, self.single_action_space = spaces
         self.metadata = {
             "render_modes": list(RENDER_MODES),

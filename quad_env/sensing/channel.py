@@ -57,6 +57,11 @@ class Channel:
         """The sample before that of `value`, (k, width); the first has itself before it."""
         return self.value(clock - self.period, rows, late)
 
+    def fresh(self, clock: Clock, late: int) -> NDArray[np.bool_]:
+        """Whose sample of `value` was not there one control step earlier, (k,)."""
+        fresh: NDArray[np.bool_] = np.logical_and(clock >= late, (clock - late) % self.period == 0)
+        return fresh
+
     def time(self, clock: Clock) -> Array:
         """When the sample of `value` was taken, s since the start of the episode, (k,)."""
         return self._number(clock, None) * self.period / self._control_rate

@@ -18,7 +18,7 @@ al., State estimation for legged robots, RSS 2012, in the form of a filter with 
     v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(when the legs say so))
 """
 
-from typing import NamedTuple, cast
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -46,14 +46,57 @@ class Read(NamedTuple):
     """rad, one sample of the encoders earlier, (k, 12)"""
     standing: Mask
     """Feet that stood at both, (k, 4)"""
+    contact: Mask
+    """Feet that stand at the later one, (k, 4)"""
+    fresh: Mask
+    """Whose sample of the encoders is new, (k,)"""
 
     def of(self, which: Mask) -> "Read":
         """Readings of some of the robots."""
         return Read._make(readings[which] for readings in self)
 
 
-class Estimator:
-    """Estimates of n robots, base frame, moved on by `dt`, s, at a time; `spacing`, s, is between encoder samples."""
+class Estimate(NamedTuple):
+    """What is estimated of n robots."""
+
+    gravity: Array
+    """Unit vectors, (n, 3)"""
+    velocity: Array
+    """Of the trunk's centre, m/s, (n, 3)"""
+
+
+class Estimator(Protocol):
+    """Estimates of n robots, base frame, moved on by a control period at a time."""
+
+    gravity: Array
+    """Unit vectors of now, (n, 3)"""
+    velocity: Array
+    """Velocity of the trunk's centre now, m/s, (n, 3)"""
+    gyro_bias: Array
+    """rad/s, (n, 3)"""
+
+    @property
+    def then(self) -> Estimate:
+        """Of the moment that all sensors have reported."""
+
+    @property
+    def covariance(self) -> Array | None:
+        """Of the error of that estimate and of what else belongs to it, (n, k, k); None where it is not known."""
+
+    def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
+        """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
+
+    def move_on(self, read: Read, rows: Rows) -> None:
+        """One control period later those robots' sensors read this."""
+
+
+class ComplementaryFilter:
+    """Estimates of n robots, base frame, moved on by `dt`, s, at a time; `spacing`, s, is between encoder samples.
+
+    They are of the moment that all sensors have reported; what the gyroscope says is taken as it is.
+    """
+
+    covariance = None
 
     def __init__(self, robot: Robot, num_envs: int, dt: float, spacing: float) -> None:
         self._robot, self._dt, self._spacing = robot, dt, spacing
@@ -61,11 +104,18 @@ class Estimator:
         """Unit vectors"""
         self.velocity = np.zeros((num_envs, 3))
         """Velocity of the trunk's centre, m/s"""
+        self.gyro_bias = np.zeros((num_envs, 3))
+        """Not looked for: 0 rad/s"""
         self._gyro = np.zeros((num_envs, 3))
 
-    def begin(self, rows: Rows, at_rest: Array, gyro: Array) -> None:
+    @property
+    def then(self) -> Estimate:
+        """The same that is shown now."""
+        return Estimate(self.gravity.copy(), self.velocity.copy())
+
+    def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
         """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
-        self.gravity[rows], self.velocity[rows], self._gyro[rows] = -_unit(at_rest), 0.0, gyro
+        self.gravity[rows], self.velocity[rows], self._gyro[rows] = -_unit(at_rest), 0.0, read.gyro
 
     def move_on(self, read: Read, rows: Rows) -> None:
         """One `dt` later those robots' sensors read this."""

@@ -14,7 +14,8 @@ from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.channel import Clock
 from quad_env.sensing.disturbance import Sensors
-from quad_env.sensing.estimator import Estimator, Read
+from quad_env.sensing.estimator import Read
+from quad_env.sensing.estimators import make_estimator
 from quad_env.sensing.instruments import Instruments
 from quad_env.sensing.suite import SensorSuite
 from quad_env.task.observations import observation_table
@@ -23,9 +24,10 @@ from quad_env.task.observations import observation_table
 class SensedObservation:
     """Puts what sensors read in place of what is true.
 
-    `angular_velocity` is the gyroscope's, `joint_position` the encoders', `joint_velocity` the difference of their last
-    two samples by the time between; `projected_gravity` and `linear_velocity` are estimated from readings of the same
-    moment, that of the slowest of the sensors that take part. A scenario's noise and latency come on top: `disturbed`.
+    `angular_velocity` is the gyroscope's, less the bias that the estimator makes out, `joint_position` the encoders',
+    `joint_velocity` the difference of their last two samples by the time between; `projected_gravity` and
+    `linear_velocity` are estimated from readings of the same moment, that of the slowest of the sensors that take part.
+    A scenario's noise and latency come on top: `disturbed`.
     """
 
     def __init__(
@@ -35,14 +37,15 @@ class SensedObservation:
         probe: Probe,
         num_envs: int,
         control_rate: float,
+        estimator: str,
         disturbed: Sensors | None = None,
     ) -> None:
         self._probe, self._disturbed = probe, disturbed
         self._home, self._table = robot.home_pose, observation_table(robot)
         self._bound = self._table.bound[self._table.sensed]
         self._instruments = Instruments(robot, suite, num_envs, control_rate)
-        encoders = self._instruments.channels["joint_position"]
-        self._estimator = Estimator(robot, num_envs, 1 / control_rate, encoders.spacing)
+        self.estimator = make_estimator(estimator, robot, suite, self._instruments, num_envs, 1 / control_rate)
+        """Where gravity and velocity are from."""
         self._looked = np.full(num_envs, -1)
         """Control step of each robot's last look, since its start."""
         self._shown = np.zeros((num_envs, len(self._bound)), np.float32)
@@ -82,9 +85,9 @@ class SensedObservation:
         encoders = channels["joint_position"]
         joints = encoders.value(clock, rows)
         in_order = {
-            "projected_gravity": self._estimator.gravity[rows],
-            "angular_velocity": channels["gyro"].value(clock, rows),
-            "linear_velocity": self._estimator.velocity[rows],
+            "projected_gravity": self.estimator.gravity[rows],
+            "angular_velocity": channels["gyro"].value(clock, rows) - self.estimator.gyro_bias[rows],
+            "linear_velocity": self.estimator.velocity[rows],
             "joint_position": joints - self._home,
             "joint_velocity": (joints - encoders.before(clock, rows)) / encoders.spacing,
         }
@@ -98,24 +101,32 @@ class SensedObservation:
         read = self._read(clock, rows)
         if (first := clock == 0).any():
             at_rest = self._instruments.at_rest(up[first], rows[first])
-            self._estimator.begin(rows[first], at_rest, read.gyro[first])
+            self.estimator.begin(rows[first], at_rest, read.of(first))
         if (moved := clock > self._instruments.aligned).any():
-            self._estimator.move_on(read.of(moved), rows[moved])
+            self.estimator.move_on(read.of(moved), rows[moved])
 
     def _read(self, clock: Clock, rows: Rows) -> Read:
         late, channels = self._instruments.aligned, self._instruments.channels
         encoders, feet = channels["joint_position"], channels["foot_contact"]
+        contact = feet.value(clock, rows, late) > 0
         return Read(
             channels["gyro"].value(clock, rows, late),
             channels["accelerometer"].value(clock, rows, late),
             encoders.value(clock, rows, late),
             encoders.before(clock, rows, late),
-            (feet.value(clock, rows, late) > 0) & (feet.before(clock, rows, late) > 0),
+            contact & (feet.before(clock, rows, late) > 0),
+            contact,
+            encoders.fresh(clock, late),
         )
 
 
 def shown_by(
-    suite: SensorSuite | None, simulation: Simulation, scenario: Scenario, num_envs: int, control_rate: float
+    suite: SensorSuite | None,
+    estimator: str,
+    simulation: Simulation,
+    scenario: Scenario,
+    num_envs: int,
+    control_rate: float,
 ) -> SensedObservation | Sensors | None:
     """What stands between the robots' states and their observations; None where they show every reading as it is."""
     robot, dt = simulation.robot, 1 / control_rate
@@ -124,4 +135,4 @@ def shown_by(
     if suite is None:
         return disturbed
     assert simulation.probe is not None, "a simulation of robots without sensors"
-    return SensedObservation(robot, suite, simulation.probe, num_envs, control_rate, disturbed)
+    return SensedObservation(robot, suite, simulation.probe, num_envs, control_rate, estimator, disturbed)

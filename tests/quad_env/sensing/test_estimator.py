@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.sensing.estimator import TILT_TIME, VELOCITY_TIME, Estimator, Read, leg_velocity
+from quad_env.sensing.estimator import TILT_TIME, VELOCITY_TIME, ComplementaryFilter, Read, leg_velocity
 
 DT, ROW = 0.01, np.zeros(1, np.intp)
 DOWN, STILL = np.array([[0.0, 0.0, -1.0]]), np.zeros((1, 3))
@@ -14,12 +14,13 @@ REST = np.array([[0.0, 0.0, 9.81]])
 
 def read(gyro=STILL, force=REST, joints=SIMPLE_QUAD.home_pose, before=None, standing=ALL) -> Read:
     joints = np.reshape(joints, (1, 12))
-    return Read(np.array(gyro), np.array(force), joints, joints if before is None else before.reshape(1, 12), standing)
+    before = joints if before is None else before.reshape(1, 12)
+    return Read(np.array(gyro), np.array(force), joints, before, standing, standing, np.ones(1, bool))
 
 
-def estimator(at_rest=REST, gyro=STILL) -> Estimator:
-    out = Estimator(SIMPLE_QUAD, 1, DT, DT)
-    out.begin(ROW, at_rest, np.array(gyro))
+def estimator(at_rest=REST, gyro=STILL) -> ComplementaryFilter:
+    out = ComplementaryFilter(SIMPLE_QUAD, 1, DT, DT)
+    out.begin(ROW, at_rest, read(gyro=gyro))
     return out
 
 

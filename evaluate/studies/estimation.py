@@ -1,0 +1,228 @@
+"""How well the sensors' readings tell attitude and velocity: `python -m evaluate estimation`.
+
+The same episodes of a trot that walks by what is estimated, at 0.5 to 1 m/s, once with each estimator. An error is that
+of the estimate of the moment that all sensors have reported, or of what the observation shows, which is a control step
+later with sensors of that delay; roots of mean squares over robots and control steps, after the first second and before
+a fall.
+
+NEES is the normalised estimation error squared eᵀ P⁻¹ e of the tilt, two entries, and the velocity, three, P being the
+covariance that the estimator claims: 5 on average if it claims what is true. Of the mean over n runs 95 % lie in the
+band that χ² of 5 n degrees of freedom has (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
+Navigation, 2001).
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import policies
+from evaluate.report.places import insert
+from evaluate.rollouts.hardware import Hardware, check
+from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.rollout import STEPS, roll_out
+from evaluate.terminal.command_line import UsageError, check_numbers
+from policies.base import Floats
+from policies.files import write_atomically
+from quad_env import SCENARIOS, SENSORS
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import SmoothRandom
+from quad_env.seeding import episode_seeds
+from quad_env.sensing.channel import steps_late
+from quad_env.sensing.error_state import TILT, VELOCITY
+from quad_env.sensing.estimators import ESTIMATORS
+
+SETTLING = 100
+"""Control steps from the start that do not count."""
+ENTRIES = 5
+"""Of the error that NEES is of."""
+FORWARD, YAW_RATE = (0.5, 1.0), (-1.2, 1.2)
+"""Commands, m/s and rad/s."""
+_LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure the estimators."""
+
+    policy: str = "trot"
+    """Policy that walks: a name or a folder, as of python -m evaluate."""
+    sensors: str = "typical"
+    """Sensors that it walks by, one of quad_env.SENSORS: ideal or typical."""
+    episodes: int = 32
+    """Episodes of 10 s on each ground with each estimator (count)."""
+    seed: int = 0
+    """Which set of episodes (whole number from 0)."""
+    seeds: Literal["search", "validation", "evaluation"] = "validation"
+    """Family of seeds."""
+    ground: int = 1
+    """Field of the rough ground: 0 is the evaluation's, 1 that of validations, 2 that of searches."""
+    threads: int = 1
+    """Threads of the simulation."""
+    page: Path | None = None
+    """File with the lines <!-- results --> and <!-- /results -->, between which the table goes, such as
+    docs/estimation.md."""
+
+
+class Errors(NamedTuple):
+    """Of one estimator in n episodes; entries after a fall are not a number."""
+
+    tilt: Floats
+    """Roll and pitch of the moment of the readings, rad, (steps, n, 2)"""
+    velocity: Floats
+    """Of that moment, m/s, (steps, n, 3)"""
+    shown: Floats
+    """Velocity that the observation shows, m/s, (steps, n, 3)"""
+    nees: Floats
+    """(steps, n); not a number where no covariance is claimed"""
+
+
+def main(options: Options) -> int:
+    """Measure, print, and write the table; the exit code. Raises UsageError."""
+    check_numbers(options, _LIMITS)
+    try:
+        check(Hardware(sensors=options.sensors, estimator=ESTIMATORS[-1]))
+    except ValueError as error:
+        raise UsageError(f"--sensors: {error}") from error
+    text = None if options.page is None else _read(options.page)
+    lines = list(table(options))
+    if options.page is not None and text is not None:
+        write_atomically(options.page, insert(text, lines).encode())
+    print("\n".join(lines))
+    return 0
+
+
+def table(options: Options) -> Iterator[str]:
+    """Lines of a Markdown table: a row a ground and estimator."""
+    yield "| walk | estimator | velocity, m/s | shown | of it level | roll, pitch, ° | NEES | steps within |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for name, scenario in walks(options.ground).items():
+        for estimator in ESTIMATORS:
+            found = errors(options, scenario, estimator)
+            roll, pitch = np.degrees(rms(found.tilt[..., 0])), np.degrees(rms(found.tilt[..., 1]))
+            velocity, shown, level = map(norm, (found.velocity, found.shown, found.shown[..., :2]))
+            cells = [name, estimator, *(f"{each:.3f}" for each in (velocity, shown, level)), f"{roll:.2f}, {pitch:.2f}"]
+            yield f"| {' | '.join([*cells, *consistency(found.nees)])} |"
+    low, high = band(options.episodes)
+    words = f"`{options.policy}`, sensors `{options.sensors}`, {options.episodes} episodes of each row"
+    yield ""
+    yield f"{words}, {options.seeds} seeds; 95 % band of NEES {low:.2f} to {high:.2f}."
+
+
+def walks(ground: int) -> dict[str, Scenario]:
+    """What is walked, by name; the rough ground is the field of that number."""
+    flat, rough = (_forward(SCENARIOS[name]) for name in ("flat", "rough"))
+    assert isinstance(rough.terrain, SmoothRandom)
+    straight = replace(flat, commands=replace(flat.commands, yaw_rate=(0.0, 0.0)))
+    rough = replace(rough, terrain=replace(rough.terrain, seed=ground))
+    return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
+
+
+def _forward(scenario: Scenario) -> Scenario:
+    commands = replace(scenario.commands, forward=FORWARD, lateral=(0.0, 0.0), yaw_rate=YAW_RATE, zero_fraction=0.0)
+    return replace(scenario, commands=commands)
+
+
+def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
+    """Errors of that estimator in the walks of the options."""
+    suite = SENSORS[options.sensors]
+    policy = policies.resolve(options.policy)
+    parts = suite.imu, suite.encoders, suite.feet
+    late = max(steps_late(part.delay, 1 / policy.control_period) for part in parts)
+    seeds = episode_seeds(options.seeds, options.seed, options.episodes)
+    falls, watch = Falls(len(seeds), STEPS), _Watch(late)
+    hardware = Hardware(sensors=options.sensors, estimator=estimator)
+    roll_out(policy, scenario, seeds, falls, watch, nthread=options.threads, hardware=hardware)
+    return watch.errors(falls.step)
+
+
+def rms(values: Floats) -> float:
+    """Root of the mean square of all that are numbers."""
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def norm(vectors: Floats) -> float:
+    """Root of the mean squared length, (…, k)."""
+    return float(np.sqrt(np.nanmean((vectors**2).sum(axis=-1))))
+
+
+def band(runs: int) -> tuple[float, float]:
+    """95 % of the means of NEES over so many runs lie between these."""
+    from scipy.stats import chi2
+
+    low, high = chi2.ppf((0.025, 0.975), ENTRIES * runs) / runs
+    return float(low), float(high)
+
+
+def consistency(nees: Floats) -> tuple[str, str]:
+    """Mean of NEES, (steps, n), over runs and steps, and the share of the steps whose mean over runs is in the band."""
+    if np.isnan(nees).all():
+        return "–", "–"
+    means, (low, high) = np.nanmean(nees, axis=1), band(nees.shape[1])
+    return f"{np.nanmean(nees):.2f}", f"{((means >= low) & (means <= high)).mean():.0%}"
+
+
+class _Watch:
+    """Observer of the errors of what is estimated `late` control steps ago and shown now."""
+
+    def __init__(self, late: int) -> None:
+        self._truths: deque[tuple[Floats, Floats]] = deque(maxlen=late + 1)
+        self._rows: list[tuple[Floats, ...]] = []
+
+    def __call__(self, step: Step) -> None:
+        count = len(step.observation)
+        state, estimator = step.env.simulation.state((np.zeros(count),) * 3), step.env.estimator
+        assert estimator is not None
+        gravity, velocity = np.transpose(state.projected_gravity), np.transpose(state.linear_velocity)
+        self._truths.append((gravity, velocity))
+        if step.number <= SETTLING:
+            return
+        then, (true_gravity, true_velocity) = estimator.then, self._truths[0]
+        turned, moved = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
+        tilt = np.stack([roll_pitch(true_gravity)[i] - roll_pitch(then.gravity)[i] for i in (0, 1)], axis=-1)
+        nees = np.full(count, np.nan)
+        if (covariance := estimator.covariance) is not None:
+            nees = normalised(then.gravity, turned, moved, covariance)
+        self._rows.append((tilt, moved, velocity - estimator.velocity, nees))
+
+    def errors(self, fall_step: NDArray[np.int64]) -> Errors:
+        """The finished record, but for what follows falls."""
+        found = Errors._make(np.array(column) for column in zip(*self._rows, strict=True))
+        fallen = np.arange(SETTLING, SETTLING + len(found.nees))[:, None] >= fall_step
+        for each in found:
+            each[fallen] = np.nan
+        return found
+
+
+def roll_pitch(gravity: Floats) -> tuple[Floats, Floats]:
+    """Angles of unit vectors of gravity in the base frame, rad, (n,): left side up, and nose down."""
+    return np.arctan2(-gravity[:, 1], -gravity[:, 2]), np.arcsin(np.clip(gravity[:, 0], -1.0, 1.0))
+
+
+def normalised(gravity: Floats, turned: Floats, moved: Floats, covariance: Floats) -> Floats:
+    """NEES of errors of tilt, rad, and velocity, m/s, (n, 3) each, beside estimates of gravity, (n,).
+
+    The tilt about gravity itself is none; the two entries are along axes across it.
+    """
+    across = np.cross(gravity, (1.0, 0.0, 0.0))
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    entries = np.zeros((len(gravity), ENTRIES, 6))
+    entries[:, 0, :3], entries[:, 1, :3], entries[:, 2:, 3:] = across, np.cross(gravity, across), np.eye(3)
+    places = np.r_[TILT, VELOCITY]
+    error = (entries @ np.concatenate((turned, moved), axis=1)[..., None])[..., 0]
+    claimed = entries @ covariance[:, places][:, :, places] @ np.swapaxes(entries, -1, -2)
+    weighed: Floats = (error[:, None] @ np.linalg.solve(claimed, error[..., None]))[:, 0, 0]
+    return weighed
+
+
+def _read(page: Path) -> str:
+    try:
+        text = page.read_text()
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"--page: cannot read {page} ({error})") from error
+    insert(text, [])
+    return text

@@ -1,0 +1,174 @@
+"""Motion of a robot whose feet stand, as its own sensors feel it: how it goes on, and how an error of it does.
+
+Vectors are in the base frame: g the unit vector of gravity, v the velocity of the trunk's centre, p the centre of each
+foot from the trunk's centre; ω what the gyroscope says less its bias, f the accelerometer's mean less its bias, G
+9.81 m/s². Over a control period dt the base frame turns by ω dt; D = Exp(-ω dt) brings a vector into the new frame:
+
+    g ← D g,    v ← D v + dt (½ (D + 1) f + G g),    p ← D p - ½ dt (D v_before + v) + c × (-r g)
+
+The last term is the roll of a ball-shaped foot of radius r, c being what its calf has turned by. There is no heading
+and no place: neither can be observed. The model is that of Bloesch et al., State estimation for legged robots (RSS
+2012), and of Hartley et al., Contact-aided invariant extended Kalman filtering (IJRR 2020), seen from the robot, with
+gravity alone kept of the attitude.
+
+An error is a vector of `size` entries, at the places `TILT` (a small turn: the true g is Exp(error) g), `VELOCITY`,
+`GYRO_BIAS`, `ACCELEROMETER_BIAS` and `foot(i)`: the truth less the estimate.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quad_env.columns import Array
+from quad_env.config import GRAVITY
+from quad_env.robots.kinematics import foot_positions
+from quad_env.robots.robot import Robot
+from quad_env.sensing.estimator import cross
+
+TILT, VELOCITY, GYRO_BIAS, ACCELEROMETER_BIAS = (slice(start, start + 3) for start in range(0, 12, 3))
+FEET = slice(12, None)
+ONE = np.eye(3)
+
+
+class BodyMotion(NamedTuple):
+    """Motion of k robots."""
+
+    gravity: Array
+    """Unit vectors, (k, 3)"""
+    velocity: Array
+    """Of the trunk's centre, m/s, (k, 3)"""
+    gyro_bias: Array
+    """rad/s, (k, 3)"""
+    accelerometer_bias: Array
+    """m/s², (k, 3)"""
+    feet: Array
+    """Centres of the feet from the trunk's centre, m, (k, 4, 3)"""
+
+
+class Felt(NamedTuple):
+    """What k robots felt in a control period."""
+
+    turning: Array
+    """Mean angular velocity by the gyroscope, rad/s, (k, 3)"""
+    force: Array
+    """Mean specific force by the accelerometer, m/s², (k, 3)"""
+    joints_before: Array
+    """Angles at its start, rad, (k, 4, 3)"""
+    joints: Array
+    """Angles at its end, rad, (k, 4, 3)"""
+
+
+def size(robot: Robot) -> int:
+    """Entries of an error."""
+    return FEET.start + 3 * len(robot.leg_names)
+
+
+def foot(number: int) -> slice:
+    """Place of a foot's position in an error."""
+    return slice(FEET.start + 3 * number, FEET.start + 3 * number + 3)
+
+
+def predicted(robot: Robot, motion: BodyMotion, felt: Felt, dt: float) -> BodyMotion:
+    """The motion one `dt`, s, later."""
+    turn, force = _turn_and_force(motion, felt, dt)
+    gravity, before = unit(times(turn, motion.gravity)), times(turn, motion.velocity)
+    velocity = before + dt * (times(0.5 * (turn + ONE), force) + GRAVITY * gravity)
+    rolled = -robot.foot_radius * cross(_calf_turn(motion, felt, dt), gravity[:, None])
+    feet = times(turn[:, None], motion.feet) - 0.5 * dt * (before + velocity)[:, None] + rolled
+    return motion._replace(gravity=gravity, velocity=velocity, feet=feet)
+
+
+def transition(robot: Robot, motion: BodyMotion, felt: Felt, dt: float) -> Array:
+    """Derivatives of the error after `predicted` by the error before, (k, size, size)."""
+    turn, force = _turn_and_force(motion, felt, dt)
+    gravity, velocity = times(turn, motion.gravity), times(turn, motion.velocity)
+    down, half = skew(gravity), 0.5 * (turn + ONE)
+    biased = dt * (ONE - 0.5 * dt * skew(felt.turning - motion.gyro_bias))
+    out = np.zeros((len(turn), size(robot), size(robot)))
+    out[:, TILT, TILT] = out[:, VELOCITY, VELOCITY] = turn
+    out[:, TILT, GYRO_BIAS] = biased
+    out[:, GYRO_BIAS, GYRO_BIAS] = out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = ONE
+    out[:, VELOCITY, TILT] = -dt * GRAVITY * (down @ turn)
+    moved = skew(velocity) + 0.5 * dt * skew(times(turn, force)) + dt * GRAVITY * down
+    out[:, VELOCITY, GYRO_BIAS] = -moved @ biased
+    out[:, VELOCITY, ACCELEROMETER_BIAS] = -dt * half
+    calves, feet = skew(_calf_turn(motion, felt, dt)), times(turn[:, None], motion.feet)
+    for leg in range(len(robot.leg_names)):
+        here, rolled = foot(leg), robot.foot_radius * (calves[:, leg] @ down)
+        out[:, here] = -0.5 * dt * out[:, VELOCITY]
+        out[:, here, VELOCITY] -= 0.5 * dt * turn
+        out[:, here, TILT] += rolled @ turn
+        still = skew(feet[:, leg] - 0.5 * dt * velocity)
+        out[:, here, GYRO_BIAS] += (rolled - still) @ biased - robot.foot_radius * dt * down
+        out[:, here, here] = turn
+    return out
+
+
+def corrected(motion: BodyMotion, error: Array) -> BodyMotion:
+    """The motion that is off from `motion` by an error, (k, size)."""
+    return BodyMotion(
+        unit(times(rotation(error[:, TILT]), motion.gravity)),
+        motion.velocity + error[:, VELOCITY],
+        motion.gyro_bias + error[:, GYRO_BIAS],
+        motion.accelerometer_bias + error[:, ACCELEROMETER_BIAS],
+        motion.feet + error[:, FEET].reshape(motion.feet.shape),
+    )
+
+
+def foot_jacobians(robot: Robot, joints: Array) -> Array:
+    """Derivatives of `foot_positions` by the leg's joints, m/rad, (k, 4, 3, 3)."""
+    hip, thigh, knee = joints[..., 0], joints[..., 1], joints[..., 1] + joints[..., 2]
+    at = foot_positions(robot, joints)
+    out = np.zeros((*joints.shape, 3))
+    out[..., 1, 0], out[..., 2, 0] = -at[..., 2], at[..., 1]
+    of_thigh = -robot.thigh_length * np.cos(thigh), robot.thigh_length * np.sin(thigh)
+    of_calf = -robot.calf_length * np.cos(knee), robot.calf_length * np.sin(knee)
+    for joint, (ahead, up) in enumerate((np.add(of_thigh, of_calf), of_calf), start=1):
+        out[..., 0, joint] = ahead
+        out[..., 1, joint], out[..., 2, joint] = -up * np.sin(hip), up * np.cos(hip)
+    return out
+
+
+def skew(vectors: Array) -> Array:
+    """Matrices of the cross products v ×, (…, 3, 3)."""
+    out = np.zeros((*vectors.shape, 3))
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
+    return out
+
+
+def rotation(turns: Array) -> Array:
+    """Rotation matrices Exp(φ) of turns, rad, (…, 3, 3), by Rodrigues' formula."""
+    angle = np.sqrt(np.maximum((turns * turns).sum(axis=-1), 1e-16))[..., None, None]
+    axis = skew(turns)
+    sines, cosines = np.sin(angle) / angle, 0.5 * (np.sin(0.5 * angle) / (0.5 * angle)) ** 2
+    out: Array = ONE + sines * axis + cosines * (axis @ axis)
+    return out
+
+
+def times(matrices: Array, vectors: Array) -> Array:
+    """Each matrix, (…, 3, 3), times its vector, (…, 3)."""
+    out: Array = (matrices @ vectors[..., None])[..., 0]
+    return out
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors of length one, (…, 3)."""
+    out: Array = vectors / np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
+    return out
+
+
+def _turn_and_force(motion: BodyMotion, felt: Felt, dt: float) -> tuple[Array, Array]:
+    """D and f of the module's formulas."""
+    turning = felt.turning - motion.gyro_bias
+    return rotation(-dt * turning), felt.force - motion.accelerometer_bias
+
+
+def _calf_turn(motion: BodyMotion, felt: Felt, dt: float) -> Array:
+    """What each calf turns by in the period, rad, (k, 4, 3)."""
+    change, hip = felt.joints - felt.joints_before, 0.5 * (felt.joints + felt.joints_before)[..., 0]
+    bend = change[..., 1] + change[..., 2]
+    by_joints = np.stack((change[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
+    out: Array = dt * (felt.turning - motion.gyro_bias)[:, None] + by_joints
+    return out

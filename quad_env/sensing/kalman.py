@@ -1,0 +1,270 @@
+"""Attitude, velocity, biases and feet of n robots by an error-state Kalman filter whose standing feet rest.
+
+The motion and the derivatives of its error are those of `error_state`; the encoders measure where the feet are. What is
+noise follows from what is known of the sensors, their `SensorSuite`, but for the figures below, which were found on
+search episodes of a trot, flat and rough. Of errors that do not change within an episode only the biases of the IMU are
+states; its place, its mounting and the encoders' zeros are counted in the noise.
+
+A foot that probably does not stand is given a large noise of its own, one that has just touched down a smaller one, and
+one that is farther from where it was than its covariance explains, as a foot that slides, as much as explains it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quad_env.columns import Array, Rows
+from quad_env.config import GRAVITY
+from quad_env.robots.kinematics import foot_positions
+from quad_env.robots.robot import Robot
+from quad_env.sensing import error_state
+from quad_env.sensing.contact_probability import SWING_SPEED, standing_probability
+from quad_env.sensing.error_state import (
+    ACCELEROMETER_BIAS,
+    FEET,
+    GYRO_BIAS,
+    ONE,
+    TILT,
+    VELOCITY,
+    BodyMotion,
+    Felt,
+    foot_jacobians,
+    rotation,
+    skew,
+    times,
+    unit,
+)
+from quad_env.sensing.estimator import Estimate, Read
+from quad_env.sensing.suite import SensorSuite
+
+BETWEEN = 0.35
+"""Share of the change from one sample of the gyroscope to the next by which their mean is not that of the time between
+them."""
+FORCE_SHARE = 0.01
+"""Share of the acceleration by which the accelerometer's axes and the mean of the turning trunk's leave it unknown."""
+LEVER_SHARE = 0.5
+"""Share of the IMU's distance from the trunk's centre that counts as noise at each sample; the velocity that the
+turning trunk gives it comes and goes with every stride."""
+SLIP_SPEED = 0.015
+"""m/s, standard deviation of the speed of a standing foot along each axis."""
+STANCE_SAMPLES = 8.0
+"""Factor on the noise by the encoders' zeros, which is nearly the same from sample to sample of a stance."""
+LANDING_SPEED, SETTLING_TIME = 1.2, 0.013
+"""m/s along the vertical, standard deviation of the speed of a foot that has just touched down, and s in which it falls
+to 1/e: soft ground gives way and comes back."""
+SLIDING = 4.0
+"""Factor on what a standing foot's distance from where it was is beyond its covariance, as a variance."""
+BIAS_WALK = 0.025
+"""m/s² in √s that the accelerometer's bias may change, since what is left unsaid above looks like one that does."""
+DOUBT = 0.05
+"""Share of the speed of a foot that moves, though its sensor has long said that it stands, by which the velocity is
+doubted at each sample: what slides may be the estimate."""
+LONG = 0.025
+"""s of an uninterrupted reading that are long."""
+START_SPEED = 0.2
+"""m/s, standard deviation of the velocity along each axis at the start."""
+TREND = 0.8
+"""Share of the last change of the acceleration that goes on until now, as seen from the moment of the readings."""
+STALE = 1e3
+"""rad, standard deviation of angles of which there is no new sample."""
+
+
+class SensorErrors(NamedTuple):
+    """Standard deviations of what is known of the sensors' errors; none is nothing, so that covariances are regular."""
+
+    gyro: float
+    """rad/s"""
+    gyro_bias: float
+    """rad/s"""
+    accelerometer: float
+    """m/s²"""
+    accelerometer_bias: float
+    """m/s²"""
+    angle: float
+    """Of an encoder's sample, noise and rounding, rad"""
+    zero: float
+    """Of an encoder's zero, rad"""
+    lever: float
+    """Of the IMU's place along each axis, m"""
+    mounting: float
+    """Of the IMU's axes about each axis, rad"""
+
+
+def sensor_errors(suite: SensorSuite) -> SensorErrors:
+    """What a data sheet says of these sensors; of place and mounting of the IMU only the size is taken."""
+    imu, encoders = suite.imu, suite.encoders
+    return SensorErrors(
+        gyro=max(imu.gyro_noise, 1e-4),
+        gyro_bias=max(imu.gyro_bias, 1e-5),
+        accelerometer=max(imu.accelerometer_noise, 1e-3),
+        accelerometer_bias=max(imu.accelerometer_bias, 1e-3),
+        angle=max(float(np.hypot(encoders.noise, encoders.step / np.sqrt(12.0))), 1e-4),
+        zero=encoders.zero_offset,
+        lever=float(np.sqrt(np.mean(np.square(imu.position)))),
+        mounting=float(np.sqrt(np.mean(np.square(imu.rotation)))),
+    )
+
+
+class KalmanFilter:
+    """Estimates of n robots, base frame, moved on by `dt`, s, at a time.
+
+    Args:
+        robot, num_envs, dt: what they are of.
+        suite: sensors that they are from.
+        late: control steps from the moment of the readings to now.
+    """
+
+    def __init__(self, robot: Robot, suite: SensorSuite, num_envs: int, dt: float, late: int) -> None:
+        legs = len(robot.leg_names)
+        self._robot, self._dt, self._late, self._errors = robot, dt, late, sensor_errors(suite)
+        self.gravity, self.velocity, self.gyro_bias = (np.zeros((num_envs, 3)) for _ in range(3))
+        """Of now: unit vectors, and velocity of the trunk's centre, m/s; bias of the gyroscope, rad/s"""
+        shapes = [(num_envs, 3)] * 4 + [(num_envs, legs, 3)]
+        self.motion = BodyMotion._make(map(np.zeros, shapes))
+        """Of the moment of the readings"""
+        self._covariance = np.zeros((num_envs, error_state.size(robot), error_state.size(robot)))
+        self.standing = np.zeros((num_envs, legs))
+        """Probability that each foot stands, (n, 4)"""
+        self._rest = np.zeros((num_envs, legs))
+        """s that each foot has stood"""
+        self._read = np.zeros((num_envs, legs))
+        """s that its sensor has said so"""
+        self._gyro, self._joints = np.zeros((num_envs, 3)), np.zeros((num_envs, legs, 3))
+        self._acceleration = np.zeros((num_envs, 3))
+
+    @property
+    def then(self) -> Estimate:
+        """Of the moment of the readings."""
+        return Estimate(self.motion.gravity.copy(), self.motion.velocity.copy())
+
+    @property
+    def covariance(self) -> Array:
+        """Of the error of `motion`, the IMU's mounting with it; (n, 24, 24), in the order of `error_state`."""
+        out = self._covariance.copy()
+        out[:, TILT, TILT] += self._errors.mounting**2 * ONE
+        return out
+
+    def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
+        """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
+        errors, joints = self._errors, read.joints.reshape(-1, *self._joints.shape[1:])
+        gravity, still = -unit(at_rest), np.zeros_like(at_rest)
+        feet = self._robot.hip_positions + foot_positions(self._robot, joints)
+        self._keep(rows, BodyMotion(gravity, still, still, still, feet))
+        # A bias of the accelerometer is a tilt of what it reads at rest.
+        tilt, bias = skew(gravity) / GRAVITY, errors.accelerometer_bias**2 * ONE
+        covariance = np.zeros((len(rows), *self._covariance.shape[1:]))
+        covariance[:, TILT, TILT] = tilt @ bias @ _transposed(tilt) + 1e-6 * ONE
+        covariance[:, TILT, ACCELEROMETER_BIAS] = tilt @ bias
+        covariance[:, ACCELEROMETER_BIAS, TILT] = _transposed(tilt @ bias)
+        covariance[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = bias
+        covariance[:, VELOCITY, VELOCITY] = START_SPEED**2 * ONE
+        covariance[:, GYRO_BIAS, GYRO_BIAS] = errors.gyro_bias**2 * ONE
+        covariance[:, FEET, FEET] = 1e-4 * np.eye(feet[0].size)
+        self._covariance[rows], self.standing[rows] = covariance, 0.5 * read.contact
+        self._rest[rows] = self._read[rows] = 0.0
+        self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, 0.0
+        self.gravity[rows], self.velocity[rows], self.gyro_bias[rows] = gravity, 0.0, 0.0
+
+    def move_on(self, read: Read, rows: Rows) -> None:
+        """One `dt` later those robots' sensors read this."""
+        before = BodyMotion._make(values[rows] for values in self.motion)
+        joints = read.joints.reshape(-1, *self._joints.shape[1:])
+        felt = Felt(0.5 * (self._gyro[rows] + read.gyro), read.accelerometer, self._joints[rows], joints)
+        motion = error_state.predicted(self._robot, before, felt, self._dt)
+        turn = rotation(-self._dt * (felt.turning - before.gyro_bias))
+        force = times(0.5 * (turn + ONE), felt.force - before.accelerometer_bias)
+        acceleration = force + GRAVITY * motion.gravity
+        covariance = self._predicted_covariance(rows, before, felt, read.gyro - self._gyro[rows], acceleration)
+        error, self._covariance[rows] = self._measured(rows, read, motion, felt, covariance)
+        motion = error_state.corrected(motion, error)
+        self._keep(rows, motion)
+        self._show(rows, motion, read.gyro, acceleration, times(turn, self._acceleration[rows]))
+        self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, acceleration
+
+    def _predicted_covariance(
+        self, rows: Rows, motion: BodyMotion, felt: Felt, change: Array, acceleration: Array
+    ) -> Array:
+        """Before the feet are looked at; `change` is that of the angular velocity, rad/s, in this period."""
+        errors, dt = self._errors, self._dt
+        onward = error_state.transition(self._robot, motion, felt, dt)
+        out: Array = onward @ self._covariance[rows] @ _transposed(onward)
+        by_turning, by_force = onward[:, :, GYRO_BIAS].copy(), onward[:, :, ACCELEROMETER_BIAS].copy()
+        by_turning[:, GYRO_BIAS] = by_force[:, ACCELEROMETER_BIAS] = 0.0
+        turning = errors.gyro**2 + BETWEEN**2 / 3 * _squared(change)
+        pushed, lever = errors.accelerometer**2 + FORCE_SHARE**2 * _squared(acceleration), skew(change)
+        shaken = (LEVER_SHARE * errors.lever / dt) ** 2 * (lever @ _transposed(lever))
+        out += by_turning @ (turning * _transposed(by_turning))
+        out += by_force @ (pushed * ONE + shaken) @ _transposed(by_force)
+        out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] += BIAS_WALK**2 * dt * ONE
+        return out
+
+    def _measured(
+        self, rows: Rows, read: Read, motion: BodyMotion, felt: Felt, covariance: Array
+    ) -> tuple[Array, Array]:
+        """The error that the encoders show, (k, 24), and the covariance after them."""
+        errors, dt, robot = self._errors, self._dt, self._robot
+        jacobians = foot_jacobians(robot, felt.joints)
+        change = jacobians - foot_jacobians(robot, felt.joints_before)
+        down = motion.gravity[:, None, :, None] * motion.gravity[:, None, None, :]
+        landing = (LANDING_SPEED * np.exp(-self._rest[rows] / SETTLING_TIME))[..., None, None]
+        offset = (STANCE_SAMPLES * errors.zero) ** 2 * (change @ _transposed(change))
+        moved = dt * dt * (SLIP_SPEED**2 * ONE + landing * landing * down) + offset
+        angles = np.where(read.fresh, errors.angle, STALE)[:, None, None, None]
+        noise = angles * angles * (jacobians @ _transposed(jacobians))
+        innovation = robot.hip_positions + foot_positions(robot, felt.joints) - motion.feet
+        expected = _blocks(covariance, len(robot.leg_names)) + moved + noise
+        standing = standing_probability(self.standing[rows], read.contact, innovation, expected, dt)
+        self.standing[rows] = standing
+        self._rest[rows] = standing * (self._rest[rows] + dt)
+        self._read[rows] = read.contact * (self._read[rows] + dt)
+        doubted = np.where(self._read[rows] > LONG, 1.0 - standing, 0.0) * (innovation * innovation).sum(axis=-1)
+        covariance[:, VELOCITY, VELOCITY] += (DOUBT / dt) ** 2 * doubted.sum(axis=-1)[:, None, None] * ONE
+        _add(covariance, moved + _loose(standing, innovation, expected, dt)[..., None, None] * ONE)
+        seen = covariance[:, FEET, FEET].copy()
+        _add(seen, noise, 0)
+        gain = np.linalg.solve(seen, covariance[:, FEET])
+        error = (innovation.reshape(len(rows), 1, -1) @ gain)[:, 0]
+        out = covariance - _transposed(covariance[:, FEET]) @ gain
+        return error, 0.5 * (out + _transposed(out))
+
+    def _show(self, rows: Rows, motion: BodyMotion, gyro: Array, acceleration: Array, earlier: Array) -> None:
+        """Go on from the moment of the readings to now, the trunk turning as it does and pushed as it is."""
+        turn = rotation(-self._late * self._dt * (gyro - motion.gyro_bias))
+        gained = self._late * self._dt * (acceleration + TREND * (acceleration - earlier))
+        self.gravity[rows] = unit(times(turn, motion.gravity))
+        self.velocity[rows] = times(turn, motion.velocity + gained)
+        self.gyro_bias[rows] = motion.gyro_bias
+
+    def _keep(self, rows: Rows, motion: BodyMotion) -> None:
+        for kept, values in zip(self.motion, motion, strict=True):
+            kept[rows] = values
+
+
+def _loose(standing: Array, innovation: Array, expected: Array, dt: float) -> Array:
+    """Variance along each axis of what a foot moves by beyond one that surely stands, m², (k, 4)."""
+    swing = (SLIP_SPEED * dt) ** 2 * ((SWING_SPEED / SLIP_SPEED) ** (2.0 * (1.0 - standing)) - 1.0)
+    beyond = (innovation * innovation).sum(axis=-1) - (expected * ONE).sum(axis=(-2, -1))
+    out: Array = swing + SLIDING / 3 * standing * np.maximum(beyond, 0.0)
+    return out
+
+
+def _blocks(covariance: Array, legs: int) -> Array:
+    """Covariance of each foot's own place, (k, 4, 3, 3)."""
+    return np.stack([covariance[:, error_state.foot(leg), error_state.foot(leg)] for leg in range(legs)], axis=1)
+
+
+def _add(matrices: Array, blocks: Array, start: int = FEET.start) -> None:
+    """Add blocks, (k, 4, 3, 3), along the diagonal of matrices from that place on."""
+    for leg in range(blocks.shape[1]):
+        place = slice(start + 3 * leg, start + 3 * leg + 3)
+        matrices[:, place, place] += blocks[:, leg]
+
+
+def _squared(vectors: Array) -> Array:
+    """Squared lengths, (k, 1, 1)."""
+    out: Array = (vectors * vectors).sum(axis=-1)[:, None, None]
+    return out
+
+
+def _transposed(matrices: Array) -> Array:
+    return np.swapaxes(matrices, -1, -2)

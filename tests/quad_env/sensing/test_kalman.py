@@ -1,0 +1,140 @@
+"""The error-state filter: its derivatives, its frames, its covariance, and many robots at once."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import policies
+from quad_env.config import GRAVITY
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.kinematics import foot_positions
+from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
+from quad_env.sensing import error_state
+from quad_env.sensing.error_state import BodyMotion, Felt, foot_jacobians, rotation, unit
+from quad_env.sensing.estimators import ESTIMATORS, KALMAN
+from quad_env.sensing.kalman import KalmanFilter
+from quad_env.task.observations import OBSERVATION
+
+DT, SMALL = 0.01, 1e-6
+GRAVITY_SEEN, VELOCITY_SEEN = OBSERVATION["projected_gravity"], OBSERVATION["linear_velocity"]
+
+
+def motion(random: np.random.Generator) -> BodyMotion:
+    gravity = unit(np.array([[0.2, -0.3, -1.0]]))
+    feet = ROBOT.hip_positions + foot_positions(ROBOT, ROBOT.home_pose.reshape(1, 4, 3))
+    return BodyMotion(gravity, *(0.5 * random.normal(size=(3, 1, 3))), feet)
+
+
+def felt(random: np.random.Generator) -> Felt:
+    joints = ROBOT.home_pose.reshape(1, 4, 3)
+    later = joints + 0.05 * random.normal(size=joints.shape)
+    return Felt(random.normal(size=(1, 3)), GRAVITY * np.array([[0.1, 0.2, 1.0]]), joints, later)
+
+
+def error_between(truth: BodyMotion, estimate: BodyMotion) -> np.ndarray:
+    """The small error for which `corrected` leads from the estimate to the truth."""
+    tilt = np.cross(estimate.gravity, truth.gravity)
+    feet = (truth.feet - estimate.feet).reshape(1, -1)
+    return np.concatenate((tilt, *(t - e for t, e in list(zip(truth, estimate, strict=True))[1:4]), feet), axis=1)[0]
+
+
+def test_the_transition_is_the_derivative_of_the_prediction() -> None:
+    random = np.random.default_rng(0)
+    start, seen = motion(random), felt(random)
+    found = error_state.transition(ROBOT, start, seen, DT)[0]
+    after = error_state.predicted(ROBOT, start, seen, DT)
+    for entry in range(error_state.size(ROBOT)):
+        error = np.zeros((1, error_state.size(ROBOT)))
+        error[0, entry] = SMALL
+        if entry < 3:  # a turn about gravity itself is no error of it
+            error[0, :3] -= start.gravity[0] * (start.gravity[0] @ error[0, :3])
+        moved = error_state.predicted(ROBOT, error_state.corrected(start, error), seen, DT)
+        expected = found @ error[0]
+        expected[:3] -= after.gravity[0] * (after.gravity[0] @ expected[:3])
+        np.testing.assert_allclose(error_between(moved, after) / SMALL, expected / SMALL, atol=3e-5)
+
+
+def test_the_jacobians_of_the_feet_are_derivatives() -> None:
+    joints = ROBOT.home_pose.reshape(1, 4, 3) + 0.3 * np.random.default_rng(1).normal(size=(1, 4, 3))
+    found = foot_jacobians(ROBOT, joints)
+    for joint in range(3):
+        step = SMALL * np.eye(3)[joint]
+        change = foot_positions(ROBOT, joints + step) - foot_positions(ROBOT, joints - step)
+        np.testing.assert_allclose(found[..., joint], change / (2.0 * SMALL), atol=1e-8)
+
+
+def test_a_turn_takes_the_world_the_other_way() -> None:
+    """A trunk that has rolled to its right by Exp(-ω dt) sees gravity on its right, where y is left."""
+    roll = np.array([[0.5, 0.0, 0.0]])
+    gravity = error_state.times(rotation(-roll), np.array([[0.0, 0.0, -1.0]]))
+    np.testing.assert_allclose(gravity, [[0.0, -np.sin(0.5), -np.cos(0.5)]], atol=1e-12)
+
+
+def walk(sensors: str, num_envs: int, seeds: list[int], steps: int, estimator: str = KALMAN):
+    """Errors of gravity and velocity as shown, (steps, n, 3) each, and the filter; robots walk ahead by the truth."""
+    options = {"command": (0.8, 0.0, 0.3)}
+    made = [
+        SimpleQuadVectorEnv(num_envs, sensors=which, estimator=by, readings=True)
+        for which, by in ((sensors, estimator), ("truth", ESTIMATORS[0]))
+    ]
+    (seen, _), (true, _) = (vec.reset(seed=seeds, options=options) for vec in made)
+    policy = policies.make("trot")
+    policy.reset(num_envs=num_envs)
+    errors = []
+    for _ in range(steps):
+        action = policy.act(true)
+        seen, true = (vec.step(action)[0] for vec in made)
+        errors.append(seen - true)
+    errors = np.array(errors, dtype=np.float64)
+    return errors[..., GRAVITY_SEEN], errors[..., VELOCITY_SEEN], made[0].estimator
+
+
+def test_it_is_nearer_to_the_truth_than_the_complementary_filter() -> None:
+    by_kalman, by_complementary = (walk("typical", 8, list(range(8)), 400, name)[1] for name in (KALMAN, ESTIMATORS[0]))
+    assert np.sqrt(np.mean(by_kalman[100:] ** 2)) < 0.7 * np.sqrt(np.mean(by_complementary[100:] ** 2))
+
+
+def test_ideal_sensors_leave_next_to_nothing() -> None:
+    tilt, velocity, _ = walk("ideal", 4, [1, 2, 3, 4], 300)
+    assert np.sqrt(np.mean(tilt[100:] ** 2)) < 0.01
+    assert np.sqrt(np.mean(velocity[100:] ** 2)) < 0.05
+
+
+def test_robots_are_estimated_each_by_itself() -> None:
+    together = walk("typical", 3, [5, 6, 7], 150)[2]
+    alone = walk("typical", 1, [6], 150)[2]
+    for of_all, of_one in ((together.gravity, alone.gravity), (together.velocity, alone.velocity)):
+        np.testing.assert_allclose(of_all[1], of_one[0], atol=1e-9)
+    np.testing.assert_allclose(together.covariance[1], alone.covariance[0], atol=1e-9)
+
+
+def test_the_covariance_stays_one() -> None:
+    covariance = walk("typical", 2, [8, 9], 300)[2].covariance
+    np.testing.assert_allclose(covariance, np.swapaxes(covariance, 1, 2), atol=1e-12)
+    assert np.linalg.eigvalsh(covariance).min() > 0.0
+
+
+def test_a_reset_forgets_one_robot_alone() -> None:
+    vec = SimpleQuadVectorEnv(2, sensors="typical", estimator=KALMAN)
+    vec.reset(seed=[1, 2])
+    stand = np.tile(ROBOT.home_pose, (2, 1)).astype(np.float32)
+    for _ in range(50):
+        vec.step(stand)
+    filter_ = vec.estimator
+    assert isinstance(filter_, KalmanFilter)
+    kept = filter_.covariance[1].copy()
+    vec.reset(seed=[3, 4], options={"reset_mask": np.array([True, False])})
+    np.testing.assert_array_equal(filter_.covariance[1], kept)
+    assert not filter_.velocity[0].any()
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        pytest.param({"estimator": "ekf", "sensors": "typical"}, "valid: complementary, kalman", id="unknown"),
+        pytest.param({"estimator": KALMAN}, "has no sensors to estimate from", id="of the truth"),
+    ],
+)
+def test_a_wrong_estimator_is_refused(settings: dict[str, str], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        gym.make("quad_env:SimpleQuad-v0", **settings)
