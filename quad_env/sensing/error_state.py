@@ -25,8 +25,8 @@ from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import cross
 
-TILT, VELOCITY, GYRO_BIAS, ACCELEROMETER_BIAS = (slice(start, start + 3) for start in range(0, 12, 3))
-FEET = slice(12, None)
+TILT, VELOCITY, GYRO_BIAS, ACCELEROMETER_BIAS = (slice(3 * part, 3 * part + 3) for part in range(4))
+FEET = slice(ACCELEROMETER_BIAS.stop, None)
 ONE = np.eye(3)
 
 
