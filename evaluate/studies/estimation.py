@@ -28,6 +28,7 @@ from evaluate.rollouts.rollout import STEPS, roll_out
 from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.base import Floats
 from policies.files import write_atomically
+from policies.legs.level_frame import level_frame
 from quad_env import SCENARIOS, SENSORS
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
@@ -183,7 +184,7 @@ class _Watch:
             return
         then, (true_gravity, true_velocity) = estimator.then, self._truths[0]
         turned, moved = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
-        tilt = np.stack([roll_pitch(true_gravity)[i] - roll_pitch(then.gravity)[i] for i in (0, 1)], axis=-1)
+        tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)
         nees = np.full(count, np.nan)
         if (covariance := estimator.covariance) is not None:
             nees = normalised(then.gravity, turned, moved, covariance)
@@ -198,9 +199,10 @@ class _Watch:
         return found
 
 
-def roll_pitch(gravity: Floats) -> tuple[Floats, Floats]:
-    """Angles of unit vectors of gravity in the base frame, rad, (n,): left side up, and nose down."""
-    return np.arctan2(-gravity[:, 1], -gravity[:, 2]), np.arcsin(np.clip(gravity[:, 0], -1.0, 1.0))
+def roll_pitch(gravity: Floats) -> Floats:
+    """Angles of unit vectors of gravity in the base frame, rad, (n, 2): left side up, and nose down."""
+    frame = level_frame(gravity.T)
+    return np.stack((frame.roll, frame.pitch), axis=-1)
 
 
 def normalised(gravity: Floats, turned: Floats, moved: Floats, covariance: Floats) -> Floats:

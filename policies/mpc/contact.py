@@ -126,9 +126,9 @@ class ContactSense:
         self.grip += self._period / p.grip_memory * (p.friction - self.grip)
 
 
-def as_accelerations(bodies: RigidBodies, rotation: Floats, mass: Floats, wrench: Floats) -> Floats:
+def as_accelerations(bodies: RigidBodies, rotation: Floats, wrench: Floats) -> Floats:
     """Linear and angular acceleration of each robot as one rigid body by such wrenches, (n, 6), m/s² and rad/s²."""
     force = wrench[:, :3]
     turn = np.einsum("nij,nj->ni", rotation, wrench[:, 3:]) - np.cross(bodies.centre, force)
     angular = np.linalg.solve(bodies.rotational_inertia, turn[..., None])[..., 0]
-    return np.concatenate((force / mass[:, None], angular), axis=1)
+    return np.concatenate((force / bodies.mass[:, None], angular), axis=1)

@@ -15,10 +15,10 @@ _SINGULAR = 1e-4
 """Added to the squared Jacobian of a leg, m²: a straight one does not accelerate along itself."""
 
 
-def leg_torques(bodies: RigidBodies, wish: Wish, wrench: Floats, mass: Floats, limit: float) -> Torques:
-    """Torques of robots of these masses, (n,), kg, whose trunks a wrench pushes, (n, 6), N and N·m; `limit`: N·m."""
+def leg_torques(bodies: RigidBodies, wish: Wish, wrench: Floats, limit: float) -> Torques:
+    """Torques of robots whose trunks a wrench pushes, (n, 6), N and N·m; `limit`: N·m."""
     forces = np.where(wish.standing[..., None], wish.forces, 0.0)
-    linear = (forces.sum(axis=1) + wrench[:, :3]) / mass[:, None] - (0.0, 0.0, GRAVITY)
+    linear = (forces.sum(axis=1) + wrench[:, :3]) / bodies.mass[:, None] - (0.0, 0.0, GRAVITY)
     trunk = np.concatenate((linear, wish.turning), axis=1)
     carried = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk)
     legs = bodies.leg_jacobians

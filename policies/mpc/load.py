@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.gait import Floats
-from policies.mpc.rigid_body import crossed
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import RigidBodies
+from quad_env.physics.rotations import skew
 
 MOST = 40.0
 """Largest load that is believed, kg."""
@@ -47,21 +47,22 @@ def told_by(wrench: Floats, height: float) -> Load:
     return Load(mass, np.stack((ahead, left, np.full_like(mass, height)), axis=-1))
 
 
-def loaded(bodies: RigidBodies, rotation: Floats, generalised: Floats, mass: float, load: Load) -> RigidBodies:
-    """The bodies of robots of that mass, kg, with their loads. `rotation`: from the base to the world frame,
-    (n, 3, 3); `generalised`: velocity, (n, 18)."""
-    turning, added = generalised[:, 3:6], load.mass[:, None]
+def loaded(bodies: RigidBodies, rotation: Floats, generalised: Floats, load: Load) -> RigidBodies:
+    """The bodies with their loads. `rotation`: from the base to the world frame, (n, 3, 3); `generalised`: velocity,
+    (n, 18)."""
+    turning, mass, added = generalised[:, 3:6], bodies.mass[:, None], load.mass[:, None]
     arm = np.einsum("nij,nj->ni", rotation, load.place)
     drift = np.einsum("nij,nj->ni", rotation, np.cross(turning, np.cross(turning, load.place)))
     jacobian = np.zeros((len(arm), 3, generalised.shape[1]))
     jacobian[:, :, :3] = np.eye(3)
-    jacobian[:, :, 3:6] = -rotation @ crossed(load.place)
+    jacobian[:, :, 3:6] = -rotation @ skew(load.place)
     velocity = np.einsum("nxk,nk->nx", jacobian, generalised)
     held = drift + np.array([0.0, 0.0, GRAVITY])
     share = added / (mass + added)
-    apart = crossed(arm - bodies.centre)
+    apart = skew(arm - bodies.centre)
     reduced = (share * mass)[..., None]
     return bodies._replace(
+        mass=bodies.mass + load.mass,
         inertia=bodies.inertia + added[..., None] * np.einsum("nxi,nxj->nij", jacobian, jacobian),
         bias=bodies.bias + added * np.einsum("nxk,nx->nk", jacobian, held),
         centre=bodies.centre + share * (arm - bodies.centre),

@@ -6,7 +6,9 @@ do, those share the wrench that the planned forces have about the centre of mass
 
 import numpy as np
 
-from policies.mpc.rigid_body import Bools, Floats, Friction, Ids, Rows, crossed
+from policies.mpc.rigid_body import Bools, Floats, Friction
+from quad_env.columns import Ids, Rows
+from quad_env.physics.rotations import skew
 
 _SINGULAR = 1e-4
 """Added to the squared arms, m², and to the number of feet: two feet bear no moment about their line."""
@@ -49,7 +51,7 @@ class Plans:
         """Plans from now on of g robots: forces (g, N, 4, 3), which feet stand, (g, N, 4), and the feet from the centre
         of mass, (g, N, 4, 3), m."""
         self.forces[robots], self._stands[robots], self.age[robots] = forces, stands, 0.0
-        self._moments[robots] = np.einsum("njlax,njlx->nja", crossed(arms), forces)
+        self._moments[robots] = np.einsum("njlax,njlx->nja", skew(arms), forces)
 
     def now(self, standing: Bools, arms: Floats, friction: Friction) -> Floats:
         """Forces of the feet now, (n, 4, 3), N. `arms`: of the feet from the centre of mass, (n, 4, 3), m."""
@@ -75,7 +77,7 @@ def shared(wrench: Floats, standing: Bools, arms: Floats, friction: Friction) ->
     """The smallest forces of the standing feet, (n, 4, 3), N, that together have that wrench about the centre of mass,
     (n, 6), N and N·m, as near as may be; then drawn into the friction's bounds."""
     count = len(arms)
-    per_force = np.concatenate((np.broadcast_to(np.eye(3), (count, 4, 3, 3)), crossed(arms)), axis=2)
+    per_force = np.concatenate((np.broadcast_to(np.eye(3), (count, 4, 3, 3)), skew(arms)), axis=2)
     per_force = np.where(standing[..., None, None], per_force, 0.0).transpose(0, 2, 1, 3).reshape(count, 6, 12)
     square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + _SINGULAR * np.eye(6)
     share = np.linalg.solve(square, wrench[..., None])

@@ -22,10 +22,11 @@ from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
-from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Rows, Weights
+from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Priorities, Wish, torques
 from policies.safety.stop import Stop
 from quad_env import OBSERVATION
+from quad_env.columns import Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
@@ -113,8 +114,6 @@ class MpcWbc(GaitedPolicy):
         self._prints = np.zeros((3, 4, num_envs))
         self._slope = np.zeros((2, num_envs))
         self._frequencies = np.full(num_envs, self.frequency)
-        self._mass = np.full(num_envs, self.robot.mass)
-        self._push = np.zeros((num_envs, 6))
         self._plans.allocate(num_envs)
         self._stop.reset(num_envs)
         self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
@@ -141,16 +140,15 @@ class MpcWbc(GaitedPolicy):
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p, now = self.parameters, motion(self.robot, self._dynamics, observation)
         load = told_by(self.sense.wrench, p.load_height)
-        bodies = loaded(now.bodies, now.rotation, now.generalised, self.robot.mass, load)
-        now = now._replace(bodies=bodies)
+        now = now._replace(bodies=loaded(now.bodies, now.rotation, now.generalised, load))
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
         weight = load.pressing(now.rotation)
         forces = self.sense.feel(now, weight)
-        self._mass, self._push = self.robot.mass + load.mass, self.sense.wrench - weight
+        push = self.sense.wrench - weight
         contacts = self._touching(cycle, forces[..., 2])
         ground = self._ground(now, contacts.landed)
-        pushed = as_accelerations(now.bodies, now.rotation, self._mass, self._push)
+        pushed = as_accelerations(now.bodies, now.rotation, push)
         aim = footholds(self.robot, p, now, pushed[:, :2], p.duty / self._frequencies)
         wished = self._feet(now, cycle, contacts, aim, ground)
         stands, since = self._schedule(contacts.standing)
@@ -164,13 +162,13 @@ class MpcWbc(GaitedPolicy):
             self._horizon.middles,
             ground.height - now.bodies.centre[:, 2],
         )
-        friction = self._friction()
+        friction = self._friction(now)
         self._plans.advance(self.control_period)
         due = self._plans.due(contacts.standing, p.plan_period)
         failed = np.zeros(self.num_envs, np.bool_)
         if due.any():
             failed = self._plan(np.flatnonzero(due), now, ground, pushed, places, stands, friction)
-        failed |= self._aim(now, pushed, places[:, 0], wished, contacts.standing, friction)
+        failed |= self._aim(now, push, pushed, places[:, 0], wished, contacts.standing, friction)
         self._give_way(failed | lost, observation, now.angles)
         self._new[:] = False
         return to_actions(self.robot, self._targets)
@@ -271,7 +269,7 @@ class MpcWbc(GaitedPolicy):
             position=np.column_stack((zero, zero, -(height + p.height))),
             turning=now.turning[robots],
             velocity=bodies.centre_velocity[robots],
-            mass=self._mass[robots],
+            mass=bodies.mass[robots],
             inertia=bodies.rotational_inertia[robots],
             acceleration=pushed[robots],
         )
@@ -291,14 +289,15 @@ class MpcWbc(GaitedPolicy):
         self.failures += failed
         return failed
 
-    def _friction(self) -> Friction:
+    def _friction(self, now: Motion) -> Friction:
         """Bounds of the forces of the robots' feet, by what they weigh with their load."""
-        weight = self._mass * GRAVITY
+        weight = now.bodies.mass * GRAVITY
         return Friction(self.sense.grip, np.zeros(self.num_envs), self.parameters.most_force * weight)
 
     def _aim(
         self,
         now: Motion,
+        push: Floats,
         pushed: Floats,
         places: Floats,
         feet: Floats,
@@ -306,16 +305,16 @@ class MpcWbc(GaitedPolicy):
         friction: Friction,
     ) -> NDArray[np.bool_]:
         """Find joint targets; for which robots no torques were found, (n,): their legs bear what is planned alone."""
-        robot, half, wrench = self.robot, 0.5 * self.control_period, self._push
+        robot, half = self.robot, 0.5 * self.control_period
         moments = self._horizon.moments(now.bodies.rotational_inertia, places[:, None])[:, 0]
         forces = self._plans.now(standing, places, friction)
         turning = np.einsum("nlax,nlx->na", moments, forces) + pushed[:, 3:]
         turn = np.einsum("nij,ni->nj", now.rotation, turning)
         wish = Wish(turn, feet, forces, standing)
-        found = torques(now.bodies, wish, wrench, friction, robot.rated_torque, self._priorities, self._solver)
+        found = torques(now.bodies, wish, push, friction, robot.rated_torque, self._priorities, self._solver)
         torque, joints = found.torque, found.acceleration
         if not found.found.all():
-            by_leg = leg_torques(now.bodies, wish, wrench, self._mass, robot.rated_torque)
+            by_leg = leg_torques(now.bodies, wish, push, robot.rated_torque)
             torque = np.where(found.found[:, None], torque, by_leg.torque)
             joints = np.where(found.found[:, None], joints, by_leg.acceleration)
             self.failures += ~found.found

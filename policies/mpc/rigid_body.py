@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.mpc.quadratic_program import Programs
+from quad_env.columns import Ids, Rows
 from quad_env.config import GRAVITY
+from quad_env.physics.rotations import skew
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Rows = NDArray[np.intp]
-Ids = slice | Rows
 
 LEGS = 4
 
@@ -186,17 +186,9 @@ def alike(counts: NDArray[np.int64]) -> Iterator[Rows]:
         yield np.flatnonzero(counts == count)
 
 
-def crossed(arms: Floats) -> Floats:
-    """Matrices of the cross products r × …, (…, 3, 3), of arms r, (…, 3)."""
-    matrices = np.zeros((*arms.shape, 3))
-    matrices[..., (2, 0, 1), (1, 2, 0)] = arms
-    matrices[..., (1, 2, 0), (2, 0, 1)] = -arms
-    return matrices
-
-
 def _turned_by(inertia: Floats, arms: Floats) -> Floats:
     """Angular acceleration, (n, 3, N * 4 * 3), by a force of each foot along each axis in each step."""
-    by_axis = np.moveaxis(crossed(arms), -2, 1).reshape(len(arms), 3, -1)
+    by_axis = np.moveaxis(skew(arms), -2, 1).reshape(len(arms), 3, -1)
     turned: Floats = np.matmul(np.linalg.inv(inertia), by_axis)
     return turned
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.mpc.quadratic_program import Programs, Solver, solve
-from policies.mpc.rigid_body import Friction, Rows, alike, friction_rows
+from policies.mpc.rigid_body import Friction, alike, friction_rows
+from quad_env.columns import Rows
 from quad_env.physics.dynamics import RigidBodies
 
 Floats = NDArray[np.float64]

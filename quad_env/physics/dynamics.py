@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 class RigidBodies(NamedTuple):
     """Dynamics of n robots, each in its state."""
 
+    mass: Floats
+    """(n,), kg."""
     inertia: Floats
     """Joint-space inertia matrix, (n, 18, 18), armatures included."""
     bias: Floats
@@ -41,7 +43,7 @@ class RigidBodies(NamedTuple):
     @property
     def leg_jacobians(self) -> Floats:
         """Of each foot by the joints of its own leg, world frame, (n, 4, 3, 3)."""
-        return np.stack([self.jacobians[:, i, :, 6 + 3 * i : 9 + 3 * i] for i in range(4)], axis=1)
+        return np.stack([self.jacobians[:, i, :, 6 + 3 * i : 9 + 3 * i] for i in range(self.feet.shape[1])], axis=1)
 
 
 class _Model(NamedTuple):
@@ -103,6 +105,7 @@ class Dynamics:
         centre_jacobian = np.empty((3, size))
         mujoco.mj_jacSubtreeCom(model, data, centre_jacobian, trunk)
         return (
+            np.round(model.body_subtreemass[trunk], 9),
             inertia,
             data.qfrc_bias - data.qfrc_passive,
             feet,

@@ -1,4 +1,4 @@
-"""Quaternions (w, x, y, z) of n robots, (n, 4)."""
+"""Quaternions (w, x, y, z) of n robots, (n, 4), and matrices of cross products."""
 
 import numpy as np
 
@@ -21,3 +21,11 @@ def product(first: tuple[float, float, float, float], then: Array) -> Array:
     real, i = w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c
     j, k = w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a
     return np.stack((real, i, j, k), axis=1)
+
+
+def skew(vectors: Array) -> Array:
+    """Matrices of the cross products v × …, (…, 3, 3), of vectors v, (…, 3)."""
+    matrices = np.zeros((*vectors.shape, 3))
+    matrices[..., (2, 0, 1), (1, 2, 0)] = vectors
+    matrices[..., (1, 2, 0), (2, 0, 1)] = -vectors
+    return matrices

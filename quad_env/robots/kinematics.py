@@ -58,6 +58,13 @@ def feet_motion_in_world(robot: Robot, rotation: Array, qpos: Array, qvel: Array
     return qpos[:, None, :3] + turned[:, :legs], qvel[:, None, :3] + turned[:, legs:]
 
 
+def foot_jacobians(robot: Robot, joints: Array) -> Array:
+    """Derivatives of `foot_positions` by the angles of a leg's own joints, m/rad, (n, 4, 3, 3)."""
+    each = np.eye(3)[:, None, None]
+    feet = np.broadcast_to(foot_positions(robot, joints), (len(each), *joints.shape))
+    return np.moveaxis(_foot_velocities(robot, joints, each, feet), 0, -1)
+
+
 def _foot_velocities(robot: Robot, angles: Array, rates: Array, feet: Array) -> Array:
     """Time derivative of `foot_positions`, whose value `feet` are; all (n, 4, 3)."""
     hip, thigh, knee = angles[..., 0], angles[..., 1], angles[..., 1] + angles[..., 2]

@@ -21,9 +21,9 @@ import numpy as np
 
 from quad_env.columns import Array
 from quad_env.config import GRAVITY
-from quad_env.robots.kinematics import foot_positions
+from quad_env.physics.rotations import skew
 from quad_env.robots.robot import Robot
-from quad_env.sensing.estimator import cross
+from quad_env.sensing.estimator import cross, unit
 
 TILT, VELOCITY, GYRO_BIAS, ACCELEROMETER_BIAS = (slice(3 * part, 3 * part + 3) for part in range(4))
 FEET = slice(ACCELEROMETER_BIAS.stop, None)
@@ -70,7 +70,7 @@ def foot(number: int) -> slice:
 
 def predicted(robot: Robot, motion: BodyMotion, felt: Felt, dt: float) -> BodyMotion:
     """The motion one `dt`, s, later."""
-    turn, force = _turn_and_force(motion, felt, dt)
+    turn, force = turn_and_force(motion, felt, dt)
     gravity, before = unit(times(turn, motion.gravity)), times(turn, motion.velocity)
     velocity = before + dt * (times(0.5 * (turn + ONE), force) + GRAVITY * gravity)
     rolled = -robot.foot_radius * cross(_calf_turn(motion, felt, dt), gravity[:, None])
@@ -80,7 +80,7 @@ def predicted(robot: Robot, motion: BodyMotion, felt: Felt, dt: float) -> BodyMo
 
 def transition(robot: Robot, motion: BodyMotion, felt: Felt, dt: float) -> Array:
     """Derivatives of the error after `predicted` by the error before, (k, size, size)."""
-    turn, force = _turn_and_force(motion, felt, dt)
+    turn, force = turn_and_force(motion, felt, dt)
     gravity, velocity = times(turn, motion.gravity), times(turn, motion.velocity)
     down, half = skew(gravity), 0.5 * (turn + ONE)
     biased = dt * (ONE - 0.5 * dt * skew(felt.turning - motion.gyro_bias))
@@ -115,29 +115,6 @@ def corrected(motion: BodyMotion, error: Array) -> BodyMotion:
     )
 
 
-def foot_jacobians(robot: Robot, joints: Array) -> Array:
-    """Derivatives of `foot_positions` by the leg's joints, m/rad, (k, 4, 3, 3)."""
-    hip, thigh, knee = joints[..., 0], joints[..., 1], joints[..., 1] + joints[..., 2]
-    at = foot_positions(robot, joints)
-    out = np.zeros((*joints.shape, 3))
-    out[..., 1, 0], out[..., 2, 0] = -at[..., 2], at[..., 1]
-    of_thigh = -robot.thigh_length * np.cos(thigh), robot.thigh_length * np.sin(thigh)
-    of_calf = -robot.calf_length * np.cos(knee), robot.calf_length * np.sin(knee)
-    for joint, (ahead, up) in enumerate((np.add(of_thigh, of_calf), of_calf), start=1):
-        out[..., 0, joint] = ahead
-        out[..., 1, joint], out[..., 2, joint] = -up * np.sin(hip), up * np.cos(hip)
-    return out
-
-
-def skew(vectors: Array) -> Array:
-    """Matrices of the cross products v ×, (…, 3, 3)."""
-    out = np.zeros((*vectors.shape, 3))
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
-    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
-    return out
-
-
 def rotation(turns: Array) -> Array:
     """Rotation matrices Exp(φ) of turns, rad, (…, 3, 3), by Rodrigues' formula."""
     angle = np.sqrt(np.maximum((turns * turns).sum(axis=-1), 1e-16))[..., None, None]
@@ -153,14 +130,8 @@ def times(matrices: Array, vectors: Array) -> Array:
     return out
 
 
-def unit(vectors: Array) -> Array:
-    """Vectors of length one, (…, 3)."""
-    out: Array = vectors / np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
-    return out
-
-
-def _turn_and_force(motion: BodyMotion, felt: Felt, dt: float) -> tuple[Array, Array]:
-    """D and f of the module's formulas."""
+def turn_and_force(motion: BodyMotion, felt: Felt, dt: float) -> tuple[Array, Array]:
+    """D, (k, 3, 3), and f, m/s², (k, 3), of the module's formulas."""
     turning = felt.turning - motion.gyro_bias
     return rotation(-dt * turning), felt.force - motion.accelerometer_bias
 

@@ -115,14 +115,14 @@ class ComplementaryFilter:
 
     def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
         """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
-        self.gravity[rows], self.velocity[rows], self._gyro[rows] = -_unit(at_rest), 0.0, read.gyro
+        self.gravity[rows], self.velocity[rows], self._gyro[rows] = -unit(at_rest), 0.0, read.gyro
 
     def move_on(self, read: Read, rows: Rows) -> None:
         """One `dt` later those robots' sensors read this."""
         dt, gravity, velocity = self._dt, self.gravity[rows], self.velocity[rows]
         turning = 0.5 * (self._gyro[rows] + read.gyro)
         self._gyro[rows] = read.gyro
-        gravity = _unit(gravity + dt * cross(gravity, turning))
+        gravity = unit(gravity + dt * cross(gravity, turning))
         acceleration = read.accelerometer + GRAVITY * gravity - cross(turning, velocity)
         velocity = velocity + dt * acceleration
         by_feet, known = leg_velocity(self._robot, read, turning, gravity, self._spacing)
@@ -130,7 +130,7 @@ class ComplementaryFilter:
         velocity = np.where(known, velocity + min(1.0, dt / VELOCITY_TIME) * error, velocity)
         measured = (cross(read.gyro, velocity) - read.accelerometer) / GRAVITY
         gravity = gravity + dt / TILT_TIME * (measured - gravity)
-        self.gravity[rows], self.velocity[rows] = _unit(gravity), velocity
+        self.gravity[rows], self.velocity[rows] = unit(gravity), velocity
 
 
 def leg_velocity(robot: Robot, read: Read, turning: Array, gravity: Array, spacing: float) -> tuple[Array, Mask]:
@@ -159,7 +159,8 @@ def cross(a: Array, b: Array) -> Array:
     return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
 
 
-def _unit(vectors: Array) -> Array:
+def unit(vectors: Array) -> Array:
+    """Vectors of length one in the last axis, (…, 3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     length = np.sqrt(x * x + y * y + z * z)
     return cast("Array", vectors / np.maximum(length, 1e-6)[..., None])

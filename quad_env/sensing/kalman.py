@@ -15,7 +15,8 @@ import numpy as np
 
 from quad_env.columns import Array, Rows
 from quad_env.config import GRAVITY
-from quad_env.robots.kinematics import foot_positions
+from quad_env.physics.rotations import skew
+from quad_env.robots.kinematics import foot_jacobians, foot_positions
 from quad_env.robots.robot import Robot
 from quad_env.sensing import error_state
 from quad_env.sensing.contact_probability import SWING_SPEED, standing_probability
@@ -28,13 +29,10 @@ from quad_env.sensing.error_state import (
     VELOCITY,
     BodyMotion,
     Felt,
-    foot_jacobians,
     rotation,
-    skew,
     times,
-    unit,
 )
-from quad_env.sensing.estimator import Estimate, Read
+from quad_env.sensing.estimator import Estimate, Read, unit
 from quad_env.sensing.suite import SensorSuite
 
 BETWEEN = 0.35
@@ -171,9 +169,8 @@ class KalmanFilter:
         joints = read.joints.reshape(-1, *self._joints.shape[1:])
         felt = Felt(0.5 * (self._gyro[rows] + read.gyro), read.accelerometer, self._joints[rows], joints)
         motion = error_state.predicted(self._robot, before, felt, self._dt)
-        turn = rotation(-self._dt * (felt.turning - before.gyro_bias))
-        force = times(0.5 * (turn + ONE), felt.force - before.accelerometer_bias)
-        acceleration = force + GRAVITY * motion.gravity
+        turn, force = error_state.turn_and_force(before, felt, self._dt)
+        acceleration = times(0.5 * (turn + ONE), force) + GRAVITY * motion.gravity
         covariance = self._predicted_covariance(rows, before, felt, read.gyro - self._gyro[rows], acceleration)
         error, self._covariance[rows] = self._measured(rows, read, motion, felt, covariance)
         motion = error_state.corrected(motion, error)

@@ -16,7 +16,6 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 PERIOD, SUBSTEPS = 0.01, 5
 DYNAMICS = Dynamics(SIMPLE_QUAD)
 NO_LOAD = np.zeros((1, 6))
-MASS = np.array([SIMPLE_QUAD.mass])
 
 
 class Trotting:
@@ -113,7 +112,7 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
         if step >= 150:
             felt.append(sense.wrench[0, :3])
             true.append(robot.turned(np.array(force)))
-            accelerations.append(as_accelerations(now.bodies, now.rotation, MASS, sense.wrench)[0, :3])
+            accelerations.append(as_accelerations(now.bodies, now.rotation, sense.wrench)[0, :3])
     np.testing.assert_allclose(np.mean(felt, axis=0), np.mean(true, axis=0), atol=6.0)
     np.testing.assert_allclose(np.mean(accelerations, axis=0), np.mean(true, axis=0) / SIMPLE_QUAD.mass, atol=0.45)
 

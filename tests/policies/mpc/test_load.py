@@ -49,7 +49,7 @@ def test_a_load_changes_the_bodies_as_mujoco_says(state: dict[str, np.ndarray]) 
     mujoco.mju_quat2Mat(rotation, state["orientation"][0])
     generalised = np.concatenate((state["velocity"], state["turning"], state["speeds"]), axis=1)
     load = Load(np.array([MASS]), PLACE[None])
-    found = loaded(DYNAMICS.at(**state), rotation.reshape(1, 3, 3), generalised, SIMPLE_QUAD.mass, load)
+    found = loaded(DYNAMICS.at(**state), rotation.reshape(1, 3, 3), generalised, load)
     for name, value in with_point_mass(state)._asdict().items():
         np.testing.assert_allclose(getattr(found, name), value, atol=1e-6, err_msg=name)
 
@@ -57,7 +57,7 @@ def test_a_load_changes_the_bodies_as_mujoco_says(state: dict[str, np.ndarray]) 
 def test_no_load_changes_nothing(state: dict[str, np.ndarray]) -> None:
     bodies = DYNAMICS.at(**state)
     none = Load(np.zeros(1), PLACE[None])
-    same = loaded(bodies, np.eye(3)[None], np.ones((1, 18)), SIMPLE_QUAD.mass, none)
+    same = loaded(bodies, np.eye(3)[None], np.ones((1, 18)), none)
     for before, after in zip(bodies, same, strict=True):
         np.testing.assert_array_equal(before, after)
 

@@ -16,7 +16,6 @@ WEIGHT = ROBOT.mass * GRAVITY
 PRIORITIES = Priorities(turning=1.0, standing=10.0, swinging=0.2, force=0.01)
 FRICTION = Friction(np.full(COUNT, 0.6), np.zeros(COUNT), np.full(COUNT, 1.5 * WEIGHT))
 NOTHING = np.zeros((COUNT, 6))
-MASSES = np.full(COUNT, ROBOT.mass)
 
 
 def bodies(speed: float = 0.5) -> RigidBodies:
@@ -101,7 +100,7 @@ def test_a_robot_without_torques_gets_none_and_the_others_theirs() -> None:
 def test_legs_alone_give_much_the_same_torques_as_the_whole_body(speed: float) -> None:
     of = bodies(speed)
     wished = wish(of)
-    together, alone = whole(of, wished), leg_torques(of, wished, NOTHING, MASSES, LIMIT)
+    together, alone = whole(of, wished), leg_torques(of, wished, NOTHING, LIMIT)
     assert alone.found.all()
     missed, size = np.abs(alone.torque - together.torque), np.abs(together.torque)
     assert missed.mean() < 0.4 * size.mean()  # the forces and the turning that are wished do not agree
@@ -111,7 +110,7 @@ def test_legs_move_the_feet_as_wished() -> None:
     """With the trunk as the forces move it."""
     of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))
     wished = wish(of)
-    found = leg_torques(of, wished, wrench, MASSES, LIMIT)
+    found = leg_torques(of, wished, wrench, LIMIT)
     trunk = (wished.forces.sum(axis=1) + wrench[:, :3]) / ROBOT.mass - [0.0, 0.0, GRAVITY]
     motion = np.concatenate((trunk, wished.turning, found.acceleration), axis=1)
     feet = np.einsum("nlxk,nk->nlx", of.jacobians, motion) + of.drift
@@ -125,7 +124,7 @@ def test_legs_hold_a_robot_that_stands() -> None:
     forces = np.zeros((COUNT, 4, 3))
     forces[..., 2] = WEIGHT / 4.0
     wished = wished._replace(forces=forces, feet=np.zeros((COUNT, 4, 3)))
-    found = leg_torques(of, wished, NOTHING, MASSES, LIMIT)
+    found = leg_torques(of, wished, NOTHING, LIMIT)
     held = of.bias[:, 6:] - np.einsum("nlxk,nlx->nk", of.jacobians, forces)[:, 6:]
     np.testing.assert_allclose(found.torque, held, atol=1e-9)
     np.testing.assert_allclose(found.acceleration, 0.0, atol=1e-9)

@@ -7,10 +7,11 @@ import pytest
 import policies
 from quad_env.config import GRAVITY
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.kinematics import foot_positions
+from quad_env.robots.kinematics import foot_jacobians, foot_positions
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
 from quad_env.sensing import error_state
-from quad_env.sensing.error_state import BodyMotion, Felt, foot_jacobians, rotation, unit
+from quad_env.sensing.error_state import BodyMotion, Felt, rotation
+from quad_env.sensing.estimator import unit
 from quad_env.sensing.estimators import ESTIMATORS, KALMAN
 from quad_env.sensing.kalman import KalmanFilter
 from quad_env.task.observations import OBSERVATION
