@@ -138,6 +138,7 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload, trunk_height: float) -> 
     cube = spec.body("base_link").add_body(
         name=PAYLOAD,
         pos=(0.0, 0.0, (trunk_height + payload.edge) / 2),
+        ipos=(0.0, 0.0, 0.0),  # else MuJoCo's specification takes `pos` for it, and the mass sits twice as high
         mass=payload.mass,
         inertia=(moment, moment, moment),
         explicitinertial=True,

@@ -75,6 +75,18 @@ def com_of_the_bare_robot() -> np.ndarray:
     return np.array(data.subtree_com[1, :2] - data.xpos[1, :2])
 
 
+def test_a_payloads_mass_is_where_its_cube_is_drawn() -> None:
+    payload = Payload(6.0)
+    simulation = start(
+        Simulation(SIMPLE_QUAD, Scenario("made", payload=payload), 1, 1, 100.0), np.array([(0.1, -0.05)])
+    )
+    data, cube = simulation.snapshot(0), simulation.model.body("payload").id
+    geom = simulation.model.geom("payload").id
+    np.testing.assert_allclose(data.xipos[cube], data.geom_xpos[geom], atol=1e-12)
+    top = SIMPLE_QUAD.trunk_size[2] / 2
+    assert data.xipos[cube, 2] - data.xpos[1, 2] == pytest.approx(top + payload.edge / 2)
+
+
 def test_the_legs_under_a_payload_carry_it() -> None:
     simulation = start(
         Simulation(SIMPLE_QUAD, Scenario("made", payload=Payload(6.0)), 2, 1, 100.0),
