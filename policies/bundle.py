@@ -27,6 +27,7 @@ from policies.network import ACTIVATIONS, Network
 from policies.parameters import is_number
 from policies.residual import (
     COMMAND,
+    FOOTHOLD,
     GAIT,
     NO_SHIFT,
     Features,
@@ -66,6 +67,7 @@ _LATER_FIELDS = {
     "hold": 1,
     "command_authority": NO_SHIFT[COMMAND].tolist(),
     "gait_authority": NO_SHIFT[GAIT].tolist(),
+    "foothold_authority": NO_SHIFT[FOOTHOLD].tolist(),
     "space": "joints",
     "shift_time": 0.0,
 }
@@ -106,6 +108,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "shift_time": policy.shift_time,
         "command_authority": policy.shift_authority[COMMAND].tolist(),
         "gait_authority": policy.shift_authority[GAIT].tolist(),
+        "foothold_authority": policy.shift_authority[FOOTHOLD].tolist(),
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
         "training": dict(training),
@@ -143,7 +146,7 @@ def assembled(place: Path, description: dict[str, Any], network: Callable[[int, 
     except ValueError as error:
         _fail(place, str(error))
     inputs = _inputs(place, description["inputs"])
-    over = (("command_authority", COMMAND), ("gait_authority", GAIT))
+    over = (("command_authority", COMMAND), ("gait_authority", GAIT), ("foothold_authority", FOOTHOLD))
     shifts = np.concatenate([_authority(place, name, description[name], len(NO_SHIFT[part])) for name, part in over])
     try:
         check_shiftable(base, shifts)

@@ -17,7 +17,7 @@ from quad_env.task.observations import observation_table
 
 _VECTOR, _TURN, _COMMAND, _JOINTS = (1, -1, 1), (-1, 1, -1), (1, -1, -1), (-1, 1, 1)
 """Signs of x, y, z of a vector and of an angular velocity, of forward, lateral and yaw rate, of hip, thigh and calf."""
-_SHIFT = np.array((*_COMMAND, 1, 1, 1))
+_SHIFT = np.array((*_COMMAND, 1, 1, 1, 1, -1))
 """Those of what a base is shifted by, `policies.residual.SHIFTED`."""
 
 

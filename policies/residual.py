@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, Floats, GaitedPolicy, Policy, ShiftableGait, within_limits
+from policies.base import Actions, Floats, GaitedPolicy, Policy, ShiftableFootholds, ShiftableGait, within_limits
 from policies.history import History, Inputs
 from policies.legs.kinematics import foot_positions, joint_angles
 from policies.network import Network
@@ -16,10 +16,15 @@ Space = Literal["joints", "feet"]
 """What a correction is added to: the base's joint targets, or the places of the feet that these stand for."""
 PRESENT = Inputs()
 """Those of a network that sees the present observation and its base alone."""
-SHIFTED = ("forward", "lateral", "yaw_rate", "frequency", "step_height", "body_height")
-"""What of its base a residual can shift: the command that this is shown, m/s, m/s and rad/s, and its gait, Hz, m, m."""
-COMMAND, GAIT = slice(0, 3), slice(3, 6)
-"""Which of them are the command's, and which the gait's."""
+SHIFTED = (
+    *("forward", "lateral", "yaw_rate"),
+    *("frequency", "step_height", "body_height"),
+    *("foothold_forward", "foothold_lateral"),
+)
+"""What of its base a residual can shift: the command that this is shown, m/s, m/s and rad/s, its gait, Hz, m, m, and
+where its feet land, m."""
+COMMAND, GAIT, FOOTHOLD = slice(0, 3), slice(3, 6), slice(6, 8)
+"""Which of them are the command's, the gait's and the footholds'."""
 NO_SHIFT = np.zeros(len(SHIFTED), np.float32)
 """Authority over these of a residual over joints alone."""
 
@@ -64,7 +69,7 @@ class Features:
     def see(
         self, observation: NDArray[np.float32], base_action: Actions, shift: NDArray[np.float32] = NO_SHIFT
     ) -> NDArray[np.float32]:
-        """Features (n, `width`) of observations (n, k) that the base, shifted by (n, 6), has just answered with its
+        """Features (n, `width`) of observations (n, k) that the base, shifted by (n, 8), has just answered with its
         action, (n, 12)."""
         self.ticks += 1.0
         scaled = observation * self._table.scale
@@ -93,10 +98,10 @@ def parted(
     share: float = 1.0,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What a correction (n, k) of any size does within -1 … 1: shares of the joints' authority, (n, 12), and the shift
-    of the base, in the units of SHIFTED, (n, 6).
+    of the base, in the units of SHIFTED, (n, 8).
 
     With a share of 1 the correction is the shift, in shares of the authority; with a smaller one it changes the shift
-    from what it was before, (n, 6), by at most that share of the authority.
+    from what it was before, (n, 8), by at most that share of the authority.
     """
     one = np.float32(1.0)
     joints, shares = np.split(np.clip(correction, -one, one), [robot.num_joints], axis=1)
@@ -116,20 +121,24 @@ def shift_share(shift_time: float, hold: int, control_period: float) -> float:
 
 
 def check_shiftable(base: Policy, shift_authority: Actions) -> None:
-    """Raise ValueError, one line, if so large a shift, (6,), is more than the base can walk by."""
+    """Raise ValueError, one line, if so large a shift, (8,), is more than the base can walk by."""
+    if shift_authority[FOOTHOLD].any() and not isinstance(base, ShiftableFootholds):
+        raise ValueError(f"the footholds of {base.name} cannot be shifted; those of mpc_wbc can")
     if not (gait := shift_authority[GAIT]).any():
         return
     if not isinstance(base, ShiftableGait):
-        raise ValueError(f"the gait of {base.name} cannot be shifted; those of the trots can")
+        raise ValueError(f"the gait of {base.name} cannot be shifted; those of the trots and of mpc_wbc can")
     if gait[0] >= base.frequency:
         raise ValueError(f"a shift of {gait[0]:g} Hz would stop the gait of {base.name}, of {base.frequency:g} Hz")
 
 
 def answer(base: Policy, observation: NDArray[np.float32], shift: NDArray[np.float32]) -> Actions:
     """Actions (n, 12) of the base for observations (n, k), its gait and the command that it is shown shifted by
-    (n, 6)."""
+    (n, 8)."""
     if isinstance(base, ShiftableGait):
         base.gait_shift = shift[:, GAIT].astype(np.float64)
+    if isinstance(base, ShiftableFootholds):
+        base.foothold_shift = shift[:, FOOTHOLD].astype(np.float64)
     if shift[:, COMMAND].any():
         observation = observation.copy()
         observation[:, observation_table(base.robot).slices["command"]] += shift[:, COMMAND]
@@ -176,7 +185,7 @@ class ResidualPolicy(Policy):
     base_action: Actions
     """The base's latest action, rad, shape (n, 12); the home pose before the first."""
     shift: NDArray[np.float32]
-    """What the base is shifted by next, in the units of SHIFTED, shape (n, 6); zero at first."""
+    """What the base is shifted by next, in the units of SHIFTED, shape (n, 8); zero at first."""
 
     def __init__(
         self,
@@ -199,7 +208,7 @@ class ResidualPolicy(Policy):
         check_shiftable(base, shift_authority)
         self.features = Features(base, inputs, shift_authority)
         self.shift_authority = shift_authority
-        """Largest shift of the base, in the units of SHIFTED, (6,)."""
+        """Largest shift of the base, in the units of SHIFTED, (8,)."""
         outputs = correction_width(robot, shift_authority)
         self.hold = hold
         """Control steps that a correction is held, while the base goes on at every one."""

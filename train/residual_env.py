@@ -53,7 +53,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
         inputs: what the learner sees besides the present observation and the base.
-        shift_authority: largest shift of the base, in the units of `policies.residual.SHIFTED`, shape (6,); an action
+        shift_authority: largest shift of the base, in the units of `policies.residual.SHIFTED`, shape (8,); an action
             has one number more for each that is not zero.
         space: what a correction is added to; over feet the authority is in m.
         shift_time: s from no shift to the largest; at 0 an action is the shift itself, otherwise its change.

@@ -92,11 +92,12 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
     if config.space == "feet":
         authority = np.full_like(authority, config.foot_authority)
-    shift = np.array([config.command_authority] * 3 + list(dataclasses.astuple(config.gait_authority)), np.float32)
+    gait = dataclasses.astuple(config.gait_authority)
+    shift = np.array([config.command_authority] * 3 + [*gait] + [config.foothold_authority] * 2, np.float32)
     try:
         env = ResidualVectorEnv(
             robots, base, authority, config.ppo.hold, config.inputs, shift, config.space, config.shift_time
         )
     except ValueError as error:  # robots and base are of one configuration: what can be wrong is the shift alone
-        raise UsageError(f"--gait-authority: {error}") from None
+        raise UsageError(f"--base {config.base}: {error}") from None
     return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale, config.ppo.privileged)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
+from policies.base import CONTROL_PERIOD, Actions, ShiftableFootholds, to_actions
 from policies.gait import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
 from policies.legs.ground_plane import carried, fitted, renewed
 from policies.legs.level_frame import Vector
@@ -62,7 +62,7 @@ class Contacts(NamedTuple):
     """Whose places tell of the ground."""
 
 
-class MpcWbc(GaitedPolicy):
+class MpcWbc(ShiftableFootholds):
     """Convex model-predictive control with a whole-body program.
 
     Args:
@@ -149,7 +149,8 @@ class MpcWbc(GaitedPolicy):
         contacts = self._touching(cycle, forces[..., 2])
         ground = self._ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
-        aim = footholds(self.robot, p, now, pushed[:, :2], p.duty / self._frequencies)
+        height, stance = self._height, p.duty / self._frequencies
+        aim = footholds(self.robot, p, now, pushed[:, :2], stance, height, self.foothold_shift)
         wished = self._feet(now, cycle, contacts, aim, ground)
         stands, since = self._schedule(contacts.standing)
         places = arms(
@@ -178,12 +179,18 @@ class MpcWbc(GaitedPolicy):
         self._lost[:] = ~np.isfinite(rows).all(axis=1)
         return np.where(self._lost[:, None], self._seen, rows)
 
+    @property
+    def _height(self) -> Floats:
+        """That the trunks are to have above the ground, (n,), m."""
+        return self.parameters.height + self.gait_shift[:, 2]
+
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""
         p = self.parameters
         astray = np.hypot(*(now.velocity - now.command)[:, :2].T)
         faster = np.clip(p.frequency_gain * (astray - USUAL_ERROR), 0.0, p.most_faster)
-        self._frequencies = self._frequencies + HURRY * (self.frequency + faster - self._frequencies)
+        wished = self.frequency + (faster + self.gait_shift[:, 0])
+        self._frequencies = self._frequencies + HURRY * (wished - self._frequencies)
         self._tick(self._frequencies - self.frequency)
 
     def _touching(self, cycle: LegCycle, force: Floats) -> Contacts:
@@ -218,7 +225,8 @@ class MpcWbc(GaitedPolicy):
         body, yaw_rate = now.bodies.centre_velocity[:, None, :2], now.command[:, 2, None]
         passing = np.stack((yaw_rate * feet[..., 1], -yaw_rate * feet[..., 0]), axis=-1) - body
         time = (1.0 - p.duty) / self._frequencies
-        path = swing(p, self._start, aim, passing, cycle.progress, time, self.control_period, ground)
+        lift = p.step_height + self.gait_shift[:, 1]
+        path = swing(p, self._start, aim, passing, cycle.progress, time, lift, self.control_period, ground)
         spin = now.turning[:, 2, None]
         carried_along = np.stack(
             (
@@ -259,14 +267,14 @@ class MpcWbc(GaitedPolicy):
         friction: Friction,
     ) -> NDArray[np.bool_]:
         """Renew the plans of these robots, (g,); which have none, (n,): they go on with the one before."""
-        p, horizon, bodies = self.parameters, self._horizon, now.bodies
+        horizon, bodies = self._horizon, now.bodies
         forward, lateral, height = ground.forward[robots], ground.lateral[robots], ground.height[robots]
         zero = np.zeros(len(robots))
         body = Body(
             angles=np.column_stack(
                 (now.tilt[robots, 0] - np.arctan(lateral), now.tilt[robots, 1] + np.arctan(forward), zero)
             ),
-            position=np.column_stack((zero, zero, -(height + p.height))),
+            position=np.column_stack((zero, zero, -(height + self._height[robots]))),
             turning=now.turning[robots],
             velocity=bodies.centre_velocity[robots],
             mass=bodies.mass[robots],

@@ -19,7 +19,7 @@ from policies.residual import NO_SHIFT, Features, Space
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import JOINT_NAMES, SIMPLE_QUAD
 
-SHIFT = np.array([0.2, 0.3, 0.4, 0.5, 0.0, 0.05], np.float32)
+SHIFT = np.array([0.2, 0.3, 0.4, 0.5, 0.0, 0.05, 0.06, 0.07], np.float32)
 MEMORY = Inputs((0.03,), (0.1, 0.2), 1.5)
 
 
@@ -65,8 +65,8 @@ def test_a_robot_that_goes_left_and_turns_left_goes_right_and_turns_right():
 
 
 def test_a_correction_to_the_left_is_one_to_the_right_and_a_faster_gait_is_faster():
-    correction = np.arange(17, dtype=np.float32)
-    assert correction_mirror(SIMPLE_QUAD, SHIFT)(correction)[12:].tolist() == [12.0, -13.0, -14.0, 15.0, 16.0]
+    correction = np.arange(19, dtype=np.float32)
+    assert correction_mirror(SIMPLE_QUAD, SHIFT)(correction)[12:].tolist() == [12, -13, -14, 15, 16, 17, -18]
     feet = correction_mirror(SIMPLE_QUAD, space="feet")(correction[:12])
     assert feet.tolist() == [3.0, -4.0, 5.0, 0.0, -1.0, 2.0, 9.0, -10.0, 11.0, 6.0, -7.0, 8.0]
 
@@ -79,7 +79,7 @@ def test_features_over_a_trot_are_mirrored_part_by_part():
     parts = np.split(seen, np.cumsum([k, 2, 12, 2, k, k, k]))
     expected = [observation, np.negative, joints, np.negative, observation, observation, observation]
     images = [image(part) for image, part in zip(expected, parts, strict=False)]
-    np.testing.assert_array_equal(mirror(seen), np.concatenate((*images, parts[-1] * [1, -1, -1, 1, 1])))
+    np.testing.assert_array_equal(mirror(seen), np.concatenate((*images, parts[-1] * [1, -1, -1, 1, 1, 1, -1])))
 
 
 def test_left_and_right_are_half_a_cycle_apart_or_together_or_the_gait_has_no_mirror_image():

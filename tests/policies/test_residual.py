@@ -42,7 +42,9 @@ class _AtPhases(policies.Trot):
 
 
 def test_zero_shift_of_command_and_gait_is_the_base_bit_for_bit():
-    width = Features(trot := policies.make("trot"), shift_authority=(shift := np.ones(6, np.float32))).width
+    width = Features(
+        trot := policies.make("trot"), shift_authority=(shift := np.array([1.0] * 6 + [0.0] * 2, np.float32))
+    ).width
     network = Network((np.zeros((width, 18), np.float32),), (np.zeros(18, np.float32),))
     residual = ResidualPolicy(policies.make("trot"), network, shift_authority=shift)
     residual.reset(2), trot.reset(2)

@@ -103,7 +103,7 @@ def test_a_residual_over_another_base_can_be_trained_and_loaded(tmp_path):
 def test_a_gait_that_cannot_be_shifted_is_one_line_and_leaves_no_folder(tmp_path, capsys):
     assert main([*TINY, "--base", "stand", "--gait-authority.frequency", "1", "--out", str(tmp_path / "run")]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "--gait-authority: the gait of stand cannot be shifted" in line
+    assert "--base stand: the gait of stand cannot be shifted" in line
     assert not (tmp_path / "run").exists()
 
 

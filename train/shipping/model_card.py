@@ -78,6 +78,7 @@ def does(config: TrainConfig) -> str:
         "its frequency by at most {:g} Hz": gait.frequency,
         "its step height by at most {:g} m": gait.step_height,
         "its body height by at most {:g} m": gait.body_height,
+        "where its feet land by at most {:g} m along each axis": config.foothold_authority,
     }
     shifted = [each.format(limit) for each, limit in shifts.items() if limit]
     return words + (f"; it shifts {', '.join(shifted)}" if shifted else "")
