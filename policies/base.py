@@ -35,6 +35,9 @@ class Policy(ABC):
     """
 
     name: str
+    needed: Mask | None = None
+    """Robots whose actions somebody reads, (n,), all of them for None; a policy may save the work for the others, which
+    start anew before they are needed again."""
 
     def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         if not 0.0 < control_period < math.inf:
@@ -60,7 +63,7 @@ class Policy(ABC):
         """Start `num_envs` robots anew. `seed` is for policies that draw; none here does."""
         if num_envs < 1:
             raise ValueError(f"num_envs must be at least 1, not {num_envs}")
-        self.num_envs = num_envs
+        self.num_envs, self.needed = num_envs, None
         self._allocate(num_envs)
 
     def reset_where(self, mask: ArrayLike) -> None:

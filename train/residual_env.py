@@ -156,6 +156,7 @@ class ResidualVectorEnv(VectorWrapper[FloatArray, FloatArray, FloatArray, FloatA
         """Ask the base for its actions on the present episodes' observations and, in the spare rows, on others."""
         rows = np.empty((2 * self.num_envs, observation.shape[1]), np.float32)
         rows[self._row], rows[self._spare] = observation, following
+        self.base.needed = None if following is not observation else np.isin(np.arange(len(rows)), self._row)
         self._base_action = answer(self.base, rows, self._shift)
         self._seen = self._features.see(rows, self._base_action, self._shift)
 

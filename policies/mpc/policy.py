@@ -166,6 +166,8 @@ class MpcWbc(ShiftableFootholds):
         friction = self._friction(now)
         self._plans.advance(self.control_period)
         due = self._plans.due(contacts.standing, p.plan_period)
+        if self.needed is not None:
+            due &= self.needed
         failed = np.zeros(self.num_envs, np.bool_)
         if due.any():
             failed = self._plan(np.flatnonzero(due), now, ground, pushed, places, stands, friction)

@@ -57,6 +57,21 @@ def test_a_robot_s_actions_are_the_same_in_any_batch() -> None:
         np.testing.assert_array_equal(together.act(rows)[1], alone.act(rows[1]))
 
 
+def test_robots_that_nobody_asks_for_cost_no_plans_and_change_none_of_the_others() -> None:
+    solved: list[int] = []
+
+    def counted(programs: Programs) -> Solutions:
+        solved.append(len(programs.hessian))
+        return solve(programs)
+
+    every, some, rows = MpcWbc(), MpcWbc(solver=counted), observations(3)
+    every.reset(num_envs=3), some.reset(num_envs=3)
+    some.needed = np.array([True, False, True])
+    for _ in range(10):
+        np.testing.assert_array_equal(some.act(rows)[some.needed], every.act(rows)[some.needed])
+    assert sum(solved) == 10 * (2 + 3)  # plans of two robots, torques of three
+
+
 def test_a_restarted_robot_begins_anew() -> None:
     one, other, rows = MpcWbc(), MpcWbc(), observations(2)
     one.reset(num_envs=2)
