@@ -12,7 +12,7 @@ from policies.base import Policy
 from policies.gaits.parameters import GAITS, GaitParameters
 from policies.gaits.policy import Gaits
 from policies.mpc.parameters import MpcParameters
-from policies.mpc.policy import MpcWbc
+from policies.mpc.policy import Mpc, MpcWbc
 from policies.parameters import Parameters, from_json
 from policies.poses import Crouch, Stand
 from policies.trot.feedback import TrotFeedback
@@ -44,6 +44,7 @@ BASES: dict[str, Base] = {
     "document": Base(Document, PrintedGait),
     "document_repaired": Base(DocumentRepaired, PrintedGait),
     "gaits": Base(Gaits, GaitParameters),
+    "mpc": Base(Mpc, MpcParameters),
     "mpc_wbc": Base(MpcWbc, MpcParameters),
     "pace": Base(partial(Gaits, "pace", name="pace"), GaitParameters),
     "pronk": Base(partial(Gaits, "pronk", name="pronk"), GaitParameters),

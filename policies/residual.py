@@ -123,11 +123,11 @@ def shift_share(shift_time: float, hold: int, control_period: float) -> float:
 def check_shiftable(base: Policy, shift_authority: Actions) -> None:
     """Raise ValueError, one line, if so large a shift, (8,), is more than the base can walk by."""
     if shift_authority[FOOTHOLD].any() and not isinstance(base, ShiftableFootholds):
-        raise ValueError(f"the footholds of {base.name} cannot be shifted; those of mpc_wbc can")
+        raise ValueError(f"the footholds of {base.name} cannot be shifted; those of mpc and mpc_wbc can")
     if not (gait := shift_authority[GAIT]).any():
         return
     if not isinstance(base, ShiftableGait):
-        raise ValueError(f"the gait of {base.name} cannot be shifted; those of the trots and of mpc_wbc can")
+        raise ValueError(f"the gait of {base.name} cannot be shifted; those of the trots, mpc and mpc_wbc can")
     if gait[0] >= base.frequency:
         raise ValueError(f"a shift of {gait[0]:g} Hz would stop the gait of {base.name}, of {base.frequency:g} Hz")
 

@@ -57,6 +57,7 @@ BaseName = Literal[
     "document",
     "document_repaired",
     "gaits",
+    "mpc",
     "mpc_wbc",
     "pace",
     "pronk",
@@ -162,7 +163,7 @@ class PpoConfig:
 
 @dataclasses.dataclass(frozen=True)
 class GaitAuthority:
-    """Largest shift of the base's gait; 0 for none. Those of the trots and of mpc_wbc can be shifted."""
+    """Largest shift of the base's gait; 0 for none. Those of the trots, mpc and mpc_wbc can be shifted."""
 
     frequency: float = number(0.0, limits=(0.0, 10.0))
     """Hz."""
@@ -224,7 +225,7 @@ class TrainConfig:
     """Largest shift of the command that the base is shown, m/s and rad/s; 0 for none."""
     gait_authority: GaitAuthority = dataclasses.field(default_factory=GaitAuthority)
     foothold_authority: float = number(0.0, limits=(0.0, 0.5))
-    """Largest shift of where the feet land, along each axis, m; 0 for none. Those of mpc_wbc can be shifted."""
+    """Largest shift of where the feet land, along each axis, m; 0 for none. Those of mpc and mpc_wbc can be shifted."""
     shift_time: float = number(0.0, limits=(0.0, 1000.0))
     """From no shift of command, gait or footholds to the largest, s; the learner then says how they change. 0: it says
     what they are, anew at each correction."""

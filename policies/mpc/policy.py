@@ -1,7 +1,7 @@
-"""Model-predictive control of a trot: forces of the feet by a prediction of the rigid body, torques by the whole body.
+"""Model-predictive control of a trot: forces of the feet by prediction of the rigid body, torques by leg or whole body.
 
 Observation in, joint targets out, as every policy: the servos' PD law is inverted, so that halfway through the control
-period the joints feel the torques that the whole body's program has found.
+period the joints feel the torques that were found.
 """
 
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from policies.mpc.parameters import MpcParameters
 from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
-from policies.mpc.whole_body import Priorities, Wish, torques
+from policies.mpc.whole_body import Priorities, Torques, Wish, torques
 from policies.safety.stop import Stop
 from quad_env import OBSERVATION
 from quad_env.columns import Rows
@@ -62,8 +62,8 @@ class Contacts(NamedTuple):
     """Whose places tell of the ground."""
 
 
-class MpcWbc(ShiftableFootholds):
-    """Convex model-predictive control with a whole-body program.
+class Mpc(ShiftableFootholds):
+    """Convex model-predictive control: each leg bears its planned force and follows its path by itself.
 
     Args:
         parameters: gait, cost and gains.
@@ -73,7 +73,7 @@ class MpcWbc(ShiftableFootholds):
     A robot without a solution, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
     """
 
-    name = "mpc_wbc"
+    name = "mpc"
     leg_offsets = TROT_OFFSETS
 
     def __init__(
@@ -95,7 +95,6 @@ class MpcWbc(ShiftableFootholds):
             np.array([p.velocity_weight, p.velocity_weight, p.vertical_weight]),
             p.force_weight,
         )
-        self._priorities = Priorities(p.turning_priority, p.standing_priority, p.swinging_priority, p.force_priority)
         self._horizon = Horizon(HORIZON, p.horizon_step, weights)
         self._plans = Plans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
         self._stop = Stop(robot, control_period)
@@ -314,27 +313,24 @@ class MpcWbc(ShiftableFootholds):
         standing: NDArray[np.bool_],
         friction: Friction,
     ) -> NDArray[np.bool_]:
-        """Find joint targets; for which robots no torques were found, (n,): their legs bear what is planned alone."""
+        """Find joint targets; for which robots no torques were found, (n,)."""
         robot, half = self.robot, 0.5 * self.control_period
         moments = self._horizon.moments(now.bodies.rotational_inertia, places[:, None])[:, 0]
         forces = self._plans.now(standing, places, friction)
         turning = np.einsum("nlax,nlx->na", moments, forces) + pushed[:, 3:]
         turn = np.einsum("nij,ni->nj", now.rotation, turning)
-        wish = Wish(turn, feet, forces, standing)
-        found = torques(now.bodies, wish, push, friction, robot.rated_torque, self._priorities, self._solver)
-        torque, joints = found.torque, found.acceleration
-        if not found.found.all():
-            by_leg = leg_torques(now.bodies, wish, push, robot.rated_torque)
-            torque = np.where(found.found[:, None], torque, by_leg.torque)
-            joints = np.where(found.found[:, None], joints, by_leg.acceleration)
-            self.failures += ~found.found
-        acceleration = np.clip(joints, -FASTEST_JOINT, FASTEST_JOINT)
+        found = self._torques(now, Wish(turn, feet, forces, standing), push, friction)
+        acceleration = np.clip(found.acceleration, -FASTEST_JOINT, FASTEST_JOINT)
         angle = now.angles + half * now.generalised[:, 6:] + 0.5 * half**2 * acceleration
         speed = now.generalised[:, 6:] + half * acceleration
-        targets: Floats = angle + (torque + robot.servo_damping * speed) / robot.servo_stiffness
+        targets: Floats = angle + (found.torque + robot.servo_damping * speed) / robot.servo_stiffness
         finite = np.isfinite(targets)
         self._targets = np.where(finite.all(axis=1, keepdims=True), targets, self._targets)
         return ~found.found | ~finite.all(axis=1)
+
+    def _torques(self, now: Motion, wish: Wish, push: Floats, friction: Friction) -> Torques:
+        """Torques of the joints for that wish, of robots whose trunks are pushed, (n, 6), N and N·m."""
+        return leg_torques(now.bodies, wish, push, self.robot.rated_torque)
 
     def _give_way(self, failed: NDArray[np.bool_], observation: NDArray[np.float32], joints: Floats) -> None:
         """Hand robots over to a controlled stop, until a reset, whose programs have failed for `PATIENCE`."""
@@ -344,6 +340,26 @@ class MpcWbc(ShiftableFootholds):
         self.stopped |= giving_up
         if len(rows := np.flatnonzero(self.stopped)):
             self._targets[rows] = self._stop.targets(rows, observation[rows].astype(np.float64), joints[rows])
+
+
+class MpcWbc(Mpc):
+    """Convex model-predictive control with a whole-body program; without its solution each leg goes by itself."""
+
+    name = "mpc_wbc"
+
+    def _torques(self, now: Motion, wish: Wish, push: Floats, friction: Friction) -> Torques:
+        p, limit = self.parameters, self.robot.rated_torque
+        priorities = Priorities(p.turning_priority, p.standing_priority, p.swinging_priority, p.force_priority)
+        found = torques(now.bodies, wish, push, friction, limit, priorities, self._solver)
+        if (there := found.found[:, None]).all():
+            return found
+        self.failures += ~found.found
+        by_leg = super()._torques(now, wish, push, friction)
+        return Torques(
+            np.where(there, found.torque, by_leg.torque),
+            np.where(there, found.acceleration, by_leg.acceleration),
+            found.found,
+        )
 
 
 def _vector(components: Floats) -> Vector:

@@ -27,7 +27,7 @@ WALKING[:, OBSERVATION["command"]] = (0.4, 0.1, 0.2)
 ON_ITS_BACK = -AT_REST
 SLACK = 0.08
 """What rates of change and blends that end between two steps leave, rad."""
-SLACK_OF = {"trot_feedback": 0.1, "mpc_wbc": 0.07}
+SLACK_OF = {"trot_feedback": 0.1, "mpc": 0.07, "mpc_wbc": 0.07}
 """The same of a gait that, asked at 50 Hz, has but six steps a cycle, and of one that moves its joints by little."""
 
 

@@ -1,4 +1,4 @@
-"""The model-predictive controller walks, in any batch alike, and goes on where a program has no solution."""
+"""The model-predictive controllers walk, in any batch alike, and go on where a program has no solution."""
 
 import pickle
 
@@ -13,7 +13,7 @@ from policies.mpc.contact import ContactSense
 from policies.mpc.footing import footholds
 from policies.mpc.motion import motion
 from policies.mpc.parameters import MpcParameters
-from policies.mpc.policy import PATIENCE, MpcWbc
+from policies.mpc.policy import PATIENCE, Mpc, MpcWbc
 from policies.mpc.quadratic_program import Programs, Solutions, solve
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -21,14 +21,16 @@ from quad_env.seeding import episode_seeds
 from train.scenarios import practice
 
 EPISODES = 4
+BOTH = pytest.mark.parametrize("policy", [Mpc, MpcWbc])
 
 
-def walked(scenario: str, seed: int = 9) -> Measures:
-    return measure(rollout.run(MpcWbc(), practice(scenario, "search"), episode_seeds("search", seed, EPISODES)))
+def walked(scenario: str, policy: type[Mpc] = MpcWbc) -> Measures:
+    return measure(rollout.run(policy(), practice(scenario, "search"), episode_seeds("search", 9, EPISODES)))
 
 
-def test_it_does_what_it_is_asked_to_do_on_flat_ground() -> None:
-    found = walked("flat")
+@BOTH
+def test_it_does_what_it_is_asked_to_do_on_flat_ground(policy: type[Mpc]) -> None:
+    found = walked("flat", policy)
     assert not found.fell.any()
     assert found.succeeded.mean() >= 0.75
     assert found.velocity_error.mean() < 0.25
@@ -49,8 +51,9 @@ def observations(count: int) -> np.ndarray:
     return rows
 
 
-def test_a_robot_s_actions_are_the_same_in_any_batch() -> None:
-    together, alone, rows = MpcWbc(), MpcWbc(), observations(3)
+@BOTH
+def test_a_robot_s_actions_are_the_same_in_any_batch(policy: type[Mpc]) -> None:
+    together, alone, rows = policy(), policy(), observations(3)
     together.reset(num_envs=3)
     alone.reset()
     for _ in range(12):
@@ -72,8 +75,9 @@ def test_robots_that_nobody_asks_for_cost_no_plans_and_change_none_of_the_others
     assert sum(solved) == 10 * (2 + 3)  # plans of two robots, torques of three
 
 
-def test_a_restarted_robot_begins_anew() -> None:
-    one, other, rows = MpcWbc(), MpcWbc(), observations(2)
+@BOTH
+def test_a_restarted_robot_begins_anew(policy: type[Mpc]) -> None:
+    one, other, rows = policy(), policy(), observations(2)
     one.reset(num_envs=2)
     for _ in range(10):
         one.act(rows)
@@ -128,12 +132,13 @@ def test_shifted_footholds_are_ahead_and_to_the_left() -> None:
     np.testing.assert_allclose(there - place, np.broadcast_to((0.01, 0.02), (1, 4, 2)), atol=1e-12)
 
 
-def test_it_can_be_sent_to_another_process_and_named_by_its_digest() -> None:
-    policy = MpcWbc()
-    sent = pickle.loads(pickle.dumps(policy))
-    assert policy_digest(sent) == policy_digest(policy)
-    assert policy_digest(policy) != policy_digest(MpcWbc(MpcParameters(frequency=2.4)))
-    np.testing.assert_array_equal(sent.act(observations(1)), policy.act(observations(1)))
+@BOTH
+def test_it_can_be_sent_to_another_process_and_named_by_its_digest(policy: type[Mpc]) -> None:
+    kept = policy()
+    sent = pickle.loads(pickle.dumps(kept))
+    assert policy_digest(sent) == policy_digest(kept)
+    assert policy_digest(kept) != policy_digest(policy(MpcParameters(frequency=2.4)))
+    np.testing.assert_array_equal(sent.act(observations(1)), kept.act(observations(1)))
 
 
 class Unreliable:
@@ -196,6 +201,19 @@ def test_legs_alone_ask_for_much_the_same_as_the_whole_body() -> None:
         solver.out_of_order = out_of_order
         asked.append(policy.act(rows))
     assert 1e-3 < np.abs(asked[0] - asked[1]).mean() < 0.015
+
+
+def test_without_the_whole_body_s_program_each_leg_goes_by_itself() -> None:
+    """To the bit as with a program that has no solution, until that one is given up."""
+    unreliable, never_asked = Unreliable("torques"), Unreliable("torques")
+    unreliable.out_of_order = True
+    alone, failing, rows = Mpc(solver=never_asked), MpcWbc(solver=unreliable), observations(2)
+    alone.reset(num_envs=2)
+    failing.reset(num_envs=2)
+    for _ in range(int(PATIENCE / alone.control_period)):
+        np.testing.assert_array_equal(alone.act(rows), failing.act(rows))
+    assert (unreliable.asked > 0, never_asked.asked) == (True, 0)
+    assert not alone.failures.any()
 
 
 @KINDS
