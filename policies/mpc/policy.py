@@ -62,6 +62,19 @@ class Contacts(NamedTuple):
     """Whose places tell of the ground."""
 
 
+class Forecast(NamedTuple):
+    """Where robots go by their latest plans, each in the level frame where it was when these were made."""
+
+    robots: Rows
+    """Whose plans they are, (g,)."""
+    body: Body
+    """Where they were."""
+    path: Reference
+    """Where they are after each step of the horizon."""
+    forces: Floats
+    """Of the feet in each step, (g, N, 4, 3), N."""
+
+
 class Mpc(ShiftableFootholds):
     """Convex model-predictive control: each leg bears its planned force and follows its path by itself.
 
@@ -122,6 +135,7 @@ class Mpc(ShiftableFootholds):
         """Programs of each robot without a solution since its start, (n,); it then goes on with the last plan."""
         self.stopped = np.zeros(num_envs, np.bool_)
         """Robots that it has given up and stopped, (n,)."""
+        self._planned: tuple[Rows, Body, Floats] | None = None
 
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         super()._restart(mask)
@@ -296,7 +310,16 @@ class Mpc(ShiftableFootholds):
             self._plans.renew(which, horizon.spread(value, stands[which]), stands[which], places[which])
             failed[which] = False
         self.failures += failed
+        self._planned = robots, body, places[robots]
         return failed
+
+    def forecast(self) -> Forecast:
+        """What the plans of the latest action that made some foresee. Raises ValueError before the first action."""
+        if self._planned is None:
+            raise ValueError("no plan was made yet: ask for an action first")
+        robots, body, places = self._planned
+        forces = self._plans.forces[robots]
+        return Forecast(robots, body, self._horizon.predicted(body, places, forces), forces)
 
     def _friction(self, now: Motion) -> Friction:
         """Bounds of the forces of the robots' feet, by what they weigh with their load."""

@@ -54,6 +54,8 @@ class Weights(NamedTuple):
     turning: Floats
     velocity: Floats
     force: float
+    """Of the squared differences from forces that share the weight among the feet that stand: from none at all, and the
+    plan sinks towards its end."""
 
 
 class Reference(NamedTuple):
@@ -145,6 +147,8 @@ class Horizon:
         turn = np.repeat(angular, 3 * LEGS, axis=1)
         gradient = moments[..., 0] * turn[..., 0] + moments[..., 1] * turn[..., 1] + moments[..., 2] * turn[..., 2]
         gradient += np.repeat(linear / body.mass[:, None, None], LEGS, axis=1).reshape(count, -1)
+        share = body.mass[:, None] * GRAVITY / np.maximum(standing.sum(axis=2), 1)
+        gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * share[..., None]
         kept = np.repeat(standing.reshape(count, -1), 3, axis=1)
         for robots in alike(standing.sum(axis=(1, 2))):
             chosen = np.nonzero(kept[robots])[1].reshape(len(robots), -1)

@@ -86,7 +86,9 @@ def cost(forces: np.ndarray) -> float:
         float((getattr(WEIGHTS, name) * (getattr(found, name) - getattr(goal, name)) ** 2).sum())
         for name in ("angles", "position", "turning", "velocity")
     )
-    return 0.5 * (missed + WEIGHTS.force * float((forces**2).sum()))
+    weight = np.zeros_like(forces)
+    weight[..., 2] = standing() * 0.5 * MASS * GRAVITY
+    return 0.5 * (missed + WEIGHTS.force * float(((forces - weight) ** 2).sum()))
 
 
 def test_the_program_s_cost_is_that_of_the_prediction() -> None:
