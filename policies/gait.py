@@ -38,6 +38,12 @@ class Gait:
         if not 0.0 < self.duty < 1.0:
             raise ValueError(f"duty must lie between 0 and 1, not {self.duty}")
 
+    @property
+    def flies(self) -> bool:
+        """Whether there is a time in the cycle at which no foot is on the ground."""
+        starts = np.sort(leg_phases(0.0, self.offsets)) / TURN
+        return bool(np.diff(starts, append=starts[0] + 1.0).max() > self.duty + 1e-9)
+
     def legs(self, phase: ArrayLike) -> LegCycle:
         """Each leg's place in its cycle at a global phase in rad; (...) gives (..., 4)."""
         return self.places(leg_phases(phase, self.offsets))

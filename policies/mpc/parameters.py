@@ -88,4 +88,15 @@ class MpcParameters(Parameters):
     """Time constant with which a slip is forgotten, s."""
 
 
+TROT = "trot"
+
+GAIT_PARAMETERS = {
+    "bound": MpcParameters(frequency=4.0, duty=0.4, length=0.4),
+    "pace": MpcParameters(frequency=4.0, duty=0.5, width=0.4),
+    "pronk": MpcParameters(frequency=2.8, duty=0.45),
+    TROT: MpcParameters(),
+    "walk": MpcParameters(frequency=2.0, duty=0.72),
+}
+"""By name of the gait, set by hand on a few search episodes; its footfalls are `policies.gaits.parameters.OFFSETS`."""
+
 SEARCH_RANGES = search_ranges_of(MpcParameters)

@@ -1,4 +1,4 @@
-"""Model-predictive control of a trot: forces of the feet by prediction of the rigid body, torques by leg or whole body.
+"""Model-predictive control of gaits: forces of the feet by prediction of the rigid body, torques by leg or whole body.
 
 Observation in, joint targets out, as every policy: the servos' PD law is inverted, so that halfway through the control
 period the joints feel the torques that were found.
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, ShiftableFootholds, to_actions
-from policies.gait import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
+from policies.gait import TURN, Floats, Gait, LegCycle
+from policies.gaits.parameters import OFFSETS
 from policies.legs.ground_plane import carried, fitted, renewed
 from policies.legs.level_frame import Vector
 from policies.legs.memory import taken_in
@@ -19,7 +20,7 @@ from policies.mpc.footing import Ground, arms, footholds, swing
 from policies.mpc.leg_torques import leg_torques
 from policies.mpc.load import loaded, told_by
 from policies.mpc.motion import Motion, motion
-from policies.mpc.parameters import MpcParameters
+from policies.mpc.parameters import GAIT_PARAMETERS, TROT, MpcParameters
 from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
@@ -79,7 +80,8 @@ class Mpc(ShiftableFootholds):
     """Convex model-predictive control: each leg bears its planned force and follows its path by itself.
 
     Args:
-        parameters: gait, cost and gains.
+        parameters: gait, cost and gains; None for those of the gait in `GAIT_PARAMETERS`.
+        gait: whose footfalls it has, by the name there.
         solver: of its programs; `functools.partial(solve, deadline=0.002)` is one whose answers are late after 2 ms on
             the wall clock, so that actions depend on the machine.
 
@@ -87,20 +89,24 @@ class Mpc(ShiftableFootholds):
     """
 
     name = "mpc"
-    leg_offsets = TROT_OFFSETS
 
     def __init__(
         self,
         parameters: MpcParameters | None = None,
+        gait: str = TROT,
         *,
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         solver: Solver = solve,
     ) -> None:
-        self.parameters = p = parameters if parameters is not None else MpcParameters()
-        self.frequency = p.frequency
+        if gait not in GAIT_PARAMETERS:
+            raise ValueError(f"unknown gait {gait!r}; there are {', '.join(GAIT_PARAMETERS)}")
+        if gait != TROT:
+            self.name = f"{self.name}_{gait}"
+        self.parameters = p = parameters if parameters is not None else GAIT_PARAMETERS[gait]
+        self.frequency, self.leg_offsets = p.frequency, OFFSETS[gait]
         self._dynamics = Dynamics(robot)
-        self._gait = Gait(TROT_OFFSETS, p.duty)
+        self._gait = Gait(self.leg_offsets, p.duty)
         weights = Weights(
             np.array([p.roll_weight, p.pitch_weight, p.yaw_weight]),
             np.array([0.0, 0.0, p.height_weight]),
@@ -215,8 +221,9 @@ class Mpc(ShiftableFootholds):
         late = ~cycle.swing & ~touching & (cycle.progress < LATEST) & old
         early = cycle.swing & (force > p.early_force) & (cycle.progress > EARLIEST)
         standing = (~cycle.swing & ~late) | early
-        # Something has to bear the robot, even in the plan of one that flies.
-        standing = np.where(standing.any(axis=1, keepdims=True), standing, ~cycle.swing)
+        if not self._gait.flies:
+            # Something has to bear the robot, even in the plan of one that is thrown up.
+            standing = np.where(standing.any(axis=1, keepdims=True), standing, ~cycle.swing)
         return Contacts(standing, late, (~cycle.swing & touching & ~late) | early | ~old)
 
     def _ground(self, now: Motion, landed: NDArray[np.bool_]) -> Ground:

@@ -154,7 +154,7 @@ class Horizon:
             chosen = np.nonzero(kept[robots])[1].reshape(len(robots), -1)
             of_these = robots[:, None]
             roots = self._turned[chosen // (3 * LEGS)] * moments[of_these, chosen][..., None]
-            roots = roots.reshape(*chosen.shape, -1)
+            roots = roots.reshape(*chosen.shape, 3 * self.steps)
             hessian = np.matmul(roots, roots.transpose(0, 2, 1))
             hessian += self._moved[chosen[:, :, None], chosen[:, None, :]] / body.mass[robots, None, None] ** 2
             np.einsum("nii->ni", hessian)[:] += weights.force

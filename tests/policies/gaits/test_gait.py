@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from policies.gait import TROT_OFFSETS, Gait, advance, leg_phases
+from policies.gait import PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Gait, advance, leg_phases
 
 phases = st.floats(0.0, 2.0 * math.pi, exclude_max=True)
 duties = st.floats(0.3, 0.8)
@@ -68,3 +68,19 @@ def test_leg_phases_wrap():
 def test_duty_out_of_range_is_refused(duty):
     with pytest.raises(ValueError, match="duty"):
         Gait(TROT_OFFSETS, duty)
+
+
+@pytest.mark.parametrize(
+    ("offsets", "duty", "flies"),
+    [
+        (TROT_OFFSETS, 0.5, False),
+        (TROT_OFFSETS, 0.49, True),
+        (PRONK_OFFSETS, 0.95, True),
+        (WALK_OFFSETS, 0.25, False),
+        (WALK_OFFSETS, 0.2, True),
+        ((0.0, 0.0, 0.0, np.pi), 0.5, False),
+    ],
+)
+def test_a_gait_flies_if_at_some_time_no_foot_is_on_the_ground(offsets, duty, flies):
+    gait = Gait(offsets, duty)
+    assert gait.flies == flies == gait.legs(np.linspace(0.0, 2.0 * np.pi, 1001)[:-1]).swing.all(axis=-1).any()

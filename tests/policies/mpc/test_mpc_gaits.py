@@ -1,0 +1,96 @@
+"""Gaits under model-predictive control: their feet land in their order, and all may be in the air together."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.rollout import roll_out
+from policies.gait import TURN, leg_phases
+from policies.gaits.parameters import OFFSETS
+from policies.legs.contacts import duty_factors, landing_offsets, landings, wrapped
+from policies.mpc.parameters import GAIT_PARAMETERS, MpcParameters
+from policies.mpc.policy import Mpc, MpcWbc
+from quad_env.seeding import episode_seeds
+
+ROBOTS, STEPS, FROM = 2, 500, 100
+SPEED = 0.5
+
+
+class Walked(NamedTuple):
+    """What robots did at every control step from `FROM` on."""
+
+    contacts: np.ndarray
+    phase: np.ndarray
+    heading_velocity: np.ndarray
+    fell: np.ndarray
+
+
+def walked(policy: MpcWbc) -> Walked:
+    falls, seen = Falls(ROBOTS, STEPS), []
+
+    def look(step: Step) -> None:
+        if step.number:
+            falls(step)
+        if step.number > FROM:
+            seen.append((step.infos["foot_contact"], policy.phase, step.infos["heading_velocity"]))
+
+    roll_out(policy, "flat", episode_seeds("search", 9, ROBOTS), look, steps=STEPS, command=(SPEED, 0.0, 0.0))
+    return Walked(*(np.array(each) for each in zip(*seen, strict=True)), falls.fell)
+
+
+@pytest.mark.parametrize("gait", OFFSETS)
+def test_it_walks_straight_and_its_feet_land_in_the_order_of_the_gait(gait: str) -> None:
+    """A beat of another gait would be a quarter of a cycle off at least; the hind legs of the bound are 0.14."""
+    policy = MpcWbc(gait=gait)
+    found, duty = walked(policy), policy.parameters.duty
+    assert not found.fell.any()
+    assert not policy.failures.any()
+    mean = np.tile([SPEED, 0.0, 0.0], (ROBOTS, 1))
+    np.testing.assert_allclose(found.heading_velocity.mean(axis=0), mean, atol=0.12)
+    cycles = leg_phases(found.phase, policy.leg_offsets) / TURN
+    landed = landings(found.contacts, cycles, np.full(found.phase.shape, duty))
+    assert landed.sum(axis=0).min() >= 0.8 * policy.frequency * policy.control_period * len(landed)
+    ahead = landing_offsets(landed, found.phase)
+    np.testing.assert_allclose(wrapped(ahead - np.array(OFFSETS[gait]) / TURN), 0.0, atol=0.18)
+    np.testing.assert_allclose(duty_factors(found.contacts), duty, atol=0.15)
+
+
+def test_all_feet_of_a_pronk_are_in_the_air_together_for_much_of_the_time() -> None:
+    """0.55 of it as commanded."""
+    assert (~walked(MpcWbc(gait="pronk")).contacts).all(axis=-1).mean() > 0.35
+
+
+@pytest.mark.parametrize(("gait", "bearing"), [("trot", 2), ("pronk", 0)])
+def test_feet_that_are_late_all_together_bear_a_robot_unless_its_gait_flies(gait: str, bearing: int) -> None:
+    policy = MpcWbc(gait=gait)
+    policy.act(np.r_[0.0, 0.0, -1.0, np.zeros(45)])
+    early_in_the_stance = policy._gait.legs(np.array([TURN * (1.1 - policy.parameters.duty)]))
+    contacts = policy._touching(early_in_the_stance, np.zeros((1, 4)))
+    assert contacts.standing.sum() == bearing
+    assert contacts.late.any()
+
+
+@pytest.mark.parametrize("policy", [Mpc, MpcWbc])
+def test_a_flight_longer_than_the_horizon_has_a_plan_without_forces(policy: type[Mpc]) -> None:
+    long = policy(MpcParameters(frequency=0.5, duty=0.1), gait="pronk")
+    for _ in range(20):
+        actions = long.act(np.r_[0.0, 0.0, -1.0, np.zeros(45)])
+    assert np.isfinite(actions).all()
+    assert not long.failures.any()
+    assert not long._plans.forces.any()
+
+
+def test_every_gait_has_its_parameters_and_a_name_that_makes_it() -> None:
+    assert set(GAIT_PARAMETERS) == set(OFFSETS)
+    for gait in set(OFFSETS) - {"trot"}:
+        made = policies.make(f"mpc_wbc_{gait}")
+        assert (made.name, made.parameters) == (f"mpc_wbc_{gait}", GAIT_PARAMETERS[gait])
+        assert made.leg_offsets == OFFSETS[gait]
+
+
+def test_an_unknown_gait_is_answered_with_the_valid_ones() -> None:
+    with pytest.raises(ValueError, match=r"'gallop'; there are bound, pace, pronk, trot, walk"):
+        Mpc(gait="gallop")
