@@ -17,7 +17,7 @@ from evaluate.rollouts import rollout
 from evaluate.terminal.command_line import check_numbers
 from evaluate.terminal.launcher import launch
 from policies.base import Actions
-from policies.mpc.parameters import MpcParameters
+from policies.mpc.parameters import searched_parameters
 from policies.mpc.policy import MpcWbc
 from policies.mpc.quadratic_program import Programs, Solutions, solve
 from quad_env.config import TaskConfig
@@ -50,7 +50,7 @@ class Timed(MpcWbc):
 
     def __init__(self, plan_period: float = 0.0) -> None:
         self.costs: dict[str, list[tuple[float, float]]] = {PLAN: [], TORQUES: [], ACTION: []}
-        super().__init__(MpcParameters(plan_period=plan_period), solver=self._solved)
+        super().__init__(replace(searched_parameters(), plan_period=plan_period), solver=self._solved)
 
     def _solved(self, programs: Programs) -> Solutions:
         began = _clocks()
@@ -108,7 +108,7 @@ def _rates(plan_period: float, options: Options) -> dict[int, Floats]:
     """Robot-seconds a second of wall time for each number of robots, (rounds,)."""
 
     def subject(count: int) -> float:
-        policy = MpcWbc(MpcParameters(plan_period=plan_period))
+        policy = MpcWbc(replace(searched_parameters(), plan_period=plan_period))
         walked = [0]
         began = time.perf_counter()
         rollout.roll_out(

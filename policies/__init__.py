@@ -14,7 +14,7 @@ from policies.bases import BASES
 from policies.behaviour import Behaviour
 from policies.bundle import DESCRIPTION, load
 from policies.foreign import Foreign, is_reference
-from policies.mpc.parameters import GAIT_PARAMETERS, TROT
+from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
@@ -52,7 +52,7 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
 _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: base.make for name, base in BASES.items()},
     "behaviour": Behaviour,
-    **{f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in GAIT_PARAMETERS if gait != TROT},
+    **{f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS},
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""

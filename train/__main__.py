@@ -23,7 +23,7 @@ from train.setting_ranges import check
 NAME = "python -m train"
 COMMANDS = {
     "search trot": Command("train.search.trot", "gait of the trot, by CMA-ES"),
-    "search feedback": Command("train.search.feedback", "gait and gains of trot_feedback or trot_integral, by CMA-ES"),
+    "search feedback": Command("train.search.feedback", "gait and gains of a policy that feels, by CMA-ES"),
     "search gait": Command("train.search.gait", "one of the gaits: walk, pace, bound, pronk or trot, by CMA-ES"),
     "search recovery": Command("train.search.recovery", "poses and times of getting up, by CMA-ES"),
     "search fall-prediction": Command("train.search.fall_prediction", "threshold of the safety layer's fall predictor"),

@@ -37,7 +37,7 @@ def check(config: TrainConfig) -> None:
     _check_layers("--ppo.critic", config.ppo.critic)
     _check_rollout(config)
     _check_mixture(config)
-    _check_scenarios("--validation.scenarios", config.judged.scenarios)
+    check_scenarios("--validation.scenarios", config.judged.scenarios)
     _check_hardware(config.hardware)
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
@@ -72,7 +72,7 @@ def _check_rollout(config: TrainConfig) -> None:
 
 def _check_mixture(config: TrainConfig) -> None:
     shares = [share for _, share in config.mixture]
-    _check_scenarios("--mixture", [name for name, _ in config.mixture])
+    check_scenarios("--mixture", [name for name, _ in config.mixture])
     if not all(0 <= share <= LARGEST_SHARE for share in shares):
         raise UsageError(
             f"--mixture needs shares that are not negative and at most {LARGEST_SHARE:g}, as in: "
@@ -90,7 +90,8 @@ def _check_hardware(chosen: hardware.Hardware) -> None:
         raise UsageError(str(error)) from None
 
 
-def _check_scenarios(option: str, names: Sequence[str]) -> None:
+def check_scenarios(option: str, names: Sequence[str]) -> None:
+    """Raise UsageError, one line, where an option names no scenario, an unknown one or one twice."""
     if not names:
         raise UsageError(f"{option} needs at least one scenario")
     for name in names:

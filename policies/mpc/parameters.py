@@ -1,13 +1,18 @@
 """Parameters of the model-predictive controllers."""
 
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
-from policies.parameters import Parameters, number, search_ranges_of
+from policies.parameters import Parameters, from_json, number, read, search_ranges_of
+
+PARAMETERS_FILE = Path(__file__).with_name("mpc_wbc.json")
+"""The parameters in force of the trot; `python -m train search feedback --policy mpc_wbc` writes such a file."""
 
 
 @dataclass(frozen=True)
 class MpcParameters(Parameters):
-    """Gait, cost and gains."""
+    """Gait, cost and gains; the defaults were set by hand on a few search episodes."""
 
     frequency: float = number(2.5, limits=(0.1, 20.0), search=(1.8, 4.5))
     """Gait cycles a second, Hz."""
@@ -90,13 +95,33 @@ class MpcParameters(Parameters):
 
 TROT = "trot"
 
-GAIT_PARAMETERS = {
+OTHER_GAITS = {
     "bound": MpcParameters(frequency=4.0, duty=0.4, length=0.4),
     "pace": MpcParameters(frequency=4.0, duty=0.5, width=0.4),
     "pronk": MpcParameters(frequency=2.8, duty=0.45),
-    TROT: MpcParameters(),
     "walk": MpcParameters(frequency=2.0, duty=0.72),
 }
-"""By name of the gait, set by hand on a few search episodes; its footfalls are `policies.gaits.parameters.OFFSETS`."""
+"""Than the trot, by name, set by hand on a few search episodes."""
+
+
+def parameters_of(gait: str) -> MpcParameters:
+    """Those in force of a gait. Raises ValueError for an unknown one."""
+    if gait == TROT:
+        return searched_parameters()
+    if gait not in OTHER_GAITS:
+        raise ValueError(f"unknown gait {gait!r}; there are {', '.join(sorted((TROT, *OTHER_GAITS)))}")
+    return OTHER_GAITS[gait]
+
 
 SEARCH_RANGES = search_ranges_of(MpcParameters)
+
+
+@cache
+def searched_parameters() -> MpcParameters:
+    """The trot's, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
+    return read_parameters(PARAMETERS_FILE)
+
+
+def read_parameters(path: Path) -> MpcParameters:
+    """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
+    return read(path, "feedback --policy mpc_wbc", lambda values: from_json(MpcParameters, values))

@@ -20,7 +20,7 @@ from policies.mpc.footing import Ground, arms, footholds, swing
 from policies.mpc.leg_torques import leg_torques
 from policies.mpc.load import loaded, told_by
 from policies.mpc.motion import Motion, motion
-from policies.mpc.parameters import GAIT_PARAMETERS, TROT, MpcParameters
+from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
@@ -80,8 +80,8 @@ class Mpc(ShiftableFootholds):
     """Convex model-predictive control: each leg bears its planned force and follows its path by itself.
 
     Args:
-        parameters: gait, cost and gains; None for those of the gait in `GAIT_PARAMETERS`.
-        gait: whose footfalls it has, by the name there.
+        parameters: gait, cost and gains; None for those of `parameters_of`.
+        gait: whose footfalls it has, by name.
         solver: of its programs; `functools.partial(solve, deadline=0.002)` is one whose answers are late after 2 ms on
             the wall clock, so that actions depend on the machine.
 
@@ -99,11 +99,10 @@ class Mpc(ShiftableFootholds):
         control_period: float = CONTROL_PERIOD,
         solver: Solver = solve,
     ) -> None:
-        if gait not in GAIT_PARAMETERS:
-            raise ValueError(f"unknown gait {gait!r}; there are {', '.join(GAIT_PARAMETERS)}")
+        in_force = parameters_of(gait)
         if gait != TROT:
             self.name = f"{self.name}_{gait}"
-        self.parameters = p = parameters if parameters is not None else GAIT_PARAMETERS[gait]
+        self.parameters = p = parameters if parameters is not None else in_force
         self.frequency, self.leg_offsets = p.frequency, OFFSETS[gait]
         self._dynamics = Dynamics(robot)
         self._gait = Gait(self.leg_offsets, p.duty)

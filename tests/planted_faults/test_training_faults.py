@@ -114,10 +114,10 @@ def check_validation_is_on_its_own_episodes_and_ground() -> None:
 
 
 def check_searches_are_on_their_own_episodes_and_ground() -> None:
-    with recorded() as starts, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(feedback_cost, "EXERCISES", ("flat=1.5", "rough=0.12"))
+    with recorded() as starts:
         trot_cost.judge([trot_cost.TrotParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
-        feedback_cost.judge([policies.make("trot")], episode_seeds("search", 0, 1), BRIEF, 1)
+        exercises = ("flat=1.5", "rough=0.12")
+        feedback_cost.judge([policies.make("trot")], exercises, episode_seeds("search", 0, 1), BRIEF, 1)
     assert EXAM_SURFACE not in surfaces(starts)
     seen: list[int] = []
 

@@ -1,14 +1,16 @@
-"""Search of trot_feedback or trot_integral for success: `python -m train search feedback [--policy trot_integral]`.
+"""Search of a policy that feels for success: `python -m train search feedback [--policy trot_integral]`.
 
-CMA-ES over the gait and the gains, from those in force; the outcome and the account of the search go beside the policy.
+CMA-ES over the gait and the gains, from those in force; the outcome and the account of the search go beside the policy,
+and so does every trial, as soon as its generation is judged.
 A generation's candidates walk the same episodes side by side, and every generation gets new ones, all from the "search"
 family of seeds. The outcome is adopted only where it is better than those in force on episodes of the "validation"
-family. With the defaults it takes 26 minutes of processor time. After Ctrl-C what has been found so far stands in a
-file that ends in .unjudged.json, and another search can go on from it.
+family. With the defaults it takes 26 minutes of processor time, for mpc_wbc thrice as much. After Ctrl-C what has been
+found so far stands in a file that ends in .unjudged.json, and another search can go on from it.
 """
 
+import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 from evaluate.measures.tracking import SETTLING_TIME
 from policies.base import CONTROL_PERIOD, Floats, Policy
 from policies.bases import BASES
+from policies.mpc import parameters as mpc_parameters
 from policies.parameters import Parameters, number
 from policies.trot import feedback_parameters, integral
 from quad_env.seeding import episode_seeds
@@ -25,9 +28,12 @@ from train.search.evolution import EpisodeEffort, Ranges, changes, evolve, judge
 from train.search.feedback_comparison import Comparison, compared, moved
 from train.search.feedback_cost import EXERCISES, WORDS, judge
 from train.search.outcome import as_json, check, save
+from train.setting_ranges import check_scenarios
 
 UNJUDGED = ".unjudged.json"
 """Ending of the file that keeps parameters which have not been judged."""
+TRIALS = ".trials.jsonl"
+"""Ending of the file of all trials: a line a generation, with the mean of the distribution after it."""
 SHORTEST = round(SETTLING_TIME / CONTROL_PERIOD) + 1
 """Shortest episode, control steps: what is settling only is not judged."""
 
@@ -49,6 +55,7 @@ class Subject:
 
 
 SUBJECTS = {
+    "mpc_wbc": Subject(mpc_parameters.read_parameters, mpc_parameters.PARAMETERS_FILE, mpc_parameters.SEARCH_RANGES),
     "trot_feedback": Subject(
         feedback_parameters.read_parameters, feedback_parameters.PARAMETERS_FILE, feedback_parameters.SEARCH_RANGES
     ),
@@ -59,14 +66,16 @@ SUBJECTS = {
 
 @dataclass(frozen=True)
 class Options(EpisodeEffort):
-    """Search the gait and the gains of trot_feedback or trot_integral: 26 minutes of processor time."""
+    """Search the gait and the gains of a policy that feels: 26 minutes of processor time, for mpc_wbc thrice that."""
 
-    policy: Literal["trot_feedback", "trot_integral"] = "trot_feedback"
+    policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] = "trot_feedback"
     """Whose parameters are searched."""
     generations: int = number(22, limits=(1, 10_000))
     """Rounds of the search."""
     candidates: int = number(16, limits=(4, 1000))
     """Parameter sets tried in a round."""
+    exercises: tuple[str, ...] = EXERCISES
+    """Scenarios on which candidates and the outcome are judged, all of one weight, such as flat push=42."""
     episodes: int = number(1, limits=(1, 10_000))
     """Episodes a candidate and exercise."""
     steps: int = number(500, limits=(SHORTEST, 100_000))
@@ -92,6 +101,7 @@ class Options(EpisodeEffort):
             f"python -m train search feedback --policy {self.policy} --seed {self.seed} "
             f"--generations {self.generations} --candidates {self.candidates} --episodes {self.episodes} "
             f"--steps {self.steps} --spread {self.spread:g} --check-episodes {self.check_episodes}"
+            + (f" --exercises {' '.join(self.exercises)}" if self.exercises != EXERCISES else "")
             + (f" --start {self.start}" if self.start else "")
         )
 
@@ -100,15 +110,22 @@ class Options(EpisodeEffort):
         return [BASES[self.policy].make(parameters=each) for each in parameters]
 
 
-def search(options: Options, start: Parameters) -> Iterator[Parameters]:
-    """The mean of the search distribution after each generation, to four digits."""
+def search(options: Options, start: Parameters, trials: Path) -> Iterator[Parameters]:
+    """The mean of the search distribution after each generation, to four digits; `trials` gets all that was tried."""
+    ranges, lines, tried = options.subject.ranges, list[str](), list[dict[str, float]]()
 
     def costs(candidates: list[Parameters], seeds: NDArray[np.int64]) -> Floats:
-        return judge(options.made(candidates), seeds, options.steps, options.batch_threads)
+        return judge(options.made(candidates), options.exercises, seeds, options.steps, options.batch_threads)
 
-    ranges = options.subject.ranges
+    def keep(candidates: list[Parameters], found: list[float]) -> None:
+        searched = ({name: getattr(each, name) for name in ranges} for each in candidates)
+        tried[:] = [{"cost": cost} | each for cost, each in zip(found, searched, strict=True)]
+
     # Far too few are tried to learn how all these parameters go together: each has a spread of its own.
-    return evolve(options, start, ranges, costs, spread=options.spread, digits=4, CMA_diagonal=True)
+    for mean in evolve(options, start, ranges, costs, spread=options.spread, digits=4, tried=keep, CMA_diagonal=True):
+        lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": asdict(mean)}))
+        save(trials, "\n".join(lines) + "\n")
+        yield mean
 
 
 def account(options: Options, before: Parameters, after: Parameters, found: Comparison) -> str:
@@ -119,7 +136,7 @@ def account(options: Options, before: Parameters, after: Parameters, found: Comp
         "",
         f"Written by `{options.command}`: CMA-ES, {options.generations} generations of {options.candidates} "
         f"candidates, {options.episodes} episodes of {options.steps * CONTROL_PERIOD:g} s a candidate on each of "
-        f"{', '.join(EXERCISES)}.",
+        f"{', '.join(options.exercises)}.",
         WORDS,
         "",
         found.verdict,
@@ -137,13 +154,15 @@ def main(options: Options) -> int:
     subject = options.subject
     out = options.out or subject.file
     check(options, out, subject.account)
+    check_scenarios("--exercises", options.exercises)
     start, in_force = (subject.read(path) for path in (options.start or subject.file, subject.file))
     aside = out.with_suffix(UNJUDGED)
-    outcome = last(search(options, start), lambda parameters: save(aside, as_json(parameters)))
+    trials = out.with_suffix(TRIALS)
+    outcome = last(search(options, start, trials), lambda parameters: save(aside, as_json(parameters)))
     seeds = episode_seeds("validation", options.seed, options.check_episodes)
     before, after = options.made((in_force, outcome))
     try:
-        found = compared(before, after, seeds, options.threads)
+        found = compared(before, after, options.exercises, seeds, options.threads)
     except KeyboardInterrupt:
         save(aside, as_json(outcome))
         raise KeyboardInterrupt("kept what was found, not judged") from None

@@ -1,5 +1,6 @@
 """Comparison of the parameters in force with the outcome of a search for success, on episodes that it has not seen."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from evaluate.statistics.significance import sign_flip_test
 from policies.base import Floats, Policy
 from policies.parameters import Parameters
 from train.search.evolution import Ranges, encode
-from train.search.feedback_cost import EXERCISES, episode_costs, walked
+from train.search.feedback_cost import episode_costs, walked
 
 SIGNIFICANT = 0.05
 """Largest p-value with which a smaller cost counts as smaller."""
@@ -53,17 +54,19 @@ class Comparison:
         )
 
 
-def compared(in_force: Policy, outcome: Policy, seeds: NDArray[np.int64], threads: int) -> Comparison:
+def compared(
+    in_force: Policy, outcome: Policy, exercises: Sequence[str], seeds: NDArray[np.int64], threads: int
+) -> Comparison:
     """Both judged on full episodes of those seeds, on ground of the validation."""
     walks: list[tuple[str, str, Measures]] = []
     differences = np.zeros(len(seeds))
-    groups = [EXERCISES[first : first + SIDE_BY_SIDE] for first in range(0, len(EXERCISES), SIDE_BY_SIDE)]
+    groups = [exercises[first : first + SIDE_BY_SIDE] for first in range(0, len(exercises), SIDE_BY_SIDE)]
     for group in track(groups, description="judging"):
         before, after = (walked([each], group, seeds, "validation", threads=threads) for each in (in_force, outcome))
         for exercise, old, new in zip(group, before, after, strict=True):
             walks += [(exercise, "before", old), (exercise, "after", new)]
             differences += episode_costs(new) - episode_costs(old)
-    return Comparison(tuple(walks), differences / len(EXERCISES))
+    return Comparison(tuple(walks), differences / len(exercises))
 
 
 def moved(before: Parameters, after: Parameters, ranges: Ranges) -> str:

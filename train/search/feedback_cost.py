@@ -18,7 +18,8 @@ EXERCISES = (
     *("soft=0.02", "slippery=0.1", "force=60", "payload=20", "weak_motors=20", "slow_motors=5", "slow_motors=2"),
     *("latency=0.02", "latency=0.04", "latency=0.08", "noise=0.8", "surprise=1"),
 )
-"""Scenarios of the search, all of one weight: from where a trot succeeds to where it seldom does."""
+"""Scenarios of the search unless others are asked for, all of one weight: from where a trot succeeds to where it seldom
+does."""
 OUTCOME_COSTS = {SUCCEEDED: 0.0, OFF_COMMAND: 1.0, REFUSED: 1.5, FELL: 2.0, DIVERGED: 2.0}
 """Cost of what came of an episode; what is graded on top adds up to less than to the next one."""
 DEVIATION_COST, ERROR_COST, OVERSPEED_COST = 0.25, 0.15, 0.1
@@ -50,10 +51,12 @@ def episode_costs(measures: Measures) -> Floats:
     return outcome + graded
 
 
-def judge(candidates: Sequence[Policy], seeds: NDArray[np.int64], steps: int, threads: int) -> Floats:
+def judge(
+    candidates: Sequence[Policy], exercises: Sequence[str], seeds: NDArray[np.int64], steps: int, threads: int
+) -> Floats:
     """Mean cost of each candidate over the exercises and seeds, (candidates,)."""
-    costs = [episode_costs(measures) for measures in walked(candidates, EXERCISES, seeds, "search", steps, threads)]
-    mean: Floats = np.reshape(costs, (len(EXERCISES), len(candidates), -1)).mean(axis=(0, 2))
+    costs = [episode_costs(measures) for measures in walked(candidates, exercises, seeds, "search", steps, threads)]
+    mean: Floats = np.reshape(costs, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))
     return mean
 
 

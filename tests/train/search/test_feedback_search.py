@@ -13,6 +13,8 @@ import policies
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, REFUSED, SUCCEEDED
 from policies.bases import BASES
+from policies.mpc.parameters import MpcParameters
+from policies.mpc.policy import MpcWbc
 from policies.parameters import limits_of
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.terrain import SmoothRandom
@@ -26,15 +28,13 @@ from train.search.feedback import SUBJECTS, Options
 from train.search.feedback_comparison import ADOPTED, KEPT, Comparison, moved
 from train.search.feedback_cost import EXERCISES, episode_costs, judge, walked
 
-TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1"
+TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1 --exercises flat=1.5"
 each_subject = pytest.mark.parametrize("name", SUBJECTS)
 FORWARD, ASIDE, STILL, GONE = (1.0, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.0), (np.nan,) * 3
 
 
 @pytest.fixture
-def one_exercise(monkeypatch):
-    for module in (search_feedback, feedback_comparison, feedback_cost):
-        monkeypatch.setattr(module, "EXERCISES", ("flat=1.5",))
+def brief_judgement(monkeypatch):
     real = feedback_cost.walked
     monkeypatch.setattr(feedback_comparison, "walked", lambda *walk, threads: real(*walk, 101, threads))
 
@@ -86,15 +86,14 @@ def test_whatever_is_graded_the_outcomes_keep_their_order(command, one, other, g
         assert first <= episode_costs(found(worse, [command], [other], **graded[1]))
 
 
-def test_standing_still_costs_more_than_walking_off_command_and_falling_more_than_either(monkeypatch):
+def test_standing_still_costs_more_than_walking_off_command_and_falling_more_than_either():
     """On the same episodes: nobody stands still for want of a better walk."""
-    monkeypatch.setattr(feedback_cost, "EXERCISES", ("flat=1.5",))
     trot = policies.make("trot_integral").parameters
     slow = dataclasses.replace(trot, forward_gain=0.8, lateral_gain=0.4, yaw_gain=0.6, integral_gain=0.0)
     tumbling = dataclasses.replace(trot, stance_width=0.1, body_height=0.42, frequency=1.0)
     made = [BASES["trot_integral"].make(parameters=each) for each in (trot, slow, tumbling)]
     seeds = episode_seeds("search", 9, 4)
-    good, off, fallen, still = judge([*made, policies.make("stand")], seeds, 300, 1)
+    good, off, fallen, still = judge([*made, policies.make("stand")], ["flat=1.5"], seeds, 300, 1)
     (measures,) = walked([made[1]], ["flat=1.5"], seeds, "search", 300)
     assert (measures.outcome == OFF_COMMAND).any()
     assert not measures.fell.any()
@@ -113,15 +112,19 @@ def test_nobody_searches_on_the_ground_of_the_exam(name):
         assert surfaces == {exam.terrain}
 
 
-def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_member_alone(monkeypatch):
+def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_member_alone():
     members = [policies.make("trot"), policies.make("stand")]
     seeds, pair = episode_seeds("search", 9, 2), ("flat=1.5", "slope=15")
-    monkeypatch.setattr(feedback_cost, "EXERCISES", pair)
     together = np.reshape([episode_costs(each) for each in walked(members, pair, seeds, "search", 120)], (2, 2, 2))
     for exercise, member in np.ndindex(2, 2):
         (alone,) = walked([members[member]], [pair[exercise]], seeds, "search", 120)
         np.testing.assert_array_equal(together[exercise, member], episode_costs(alone))
-    np.testing.assert_allclose(judge(members, seeds, 120, 2), together.mean(axis=(0, 2)))
+    np.testing.assert_allclose(judge(members, pair, seeds, 120, 2), together.mean(axis=(0, 2)))
+
+
+def kind_of(name):
+    """Class of a subject's parameters."""
+    return type(policies.make(name).parameters)
 
 
 def told(text, kind):
@@ -133,20 +136,24 @@ def told(text, kind):
 
 @each_subject
 def test_the_parameters_in_force_are_those_that_the_account_says(name):
-    subject, kind = SUBJECTS[name], BASES[name].parameters
-    before, after = told(subject.file.with_name(subject.account).read_text(), kind)
-    adopted = ADOPTED in subject.file.with_name(subject.account).read_text()
-    assert subject.read(subject.file) == (after if adopted else before) == policies.make(name).parameters
+    """Those of a policy that has not been searched are the defaults."""
+    subject, kind = SUBJECTS[name], kind_of(name)
+    account = subject.file.with_name(subject.account)
+    said = kind()
+    if account.exists():
+        before, after = told(text := account.read_text(), kind)
+        said = after if ADOPTED in text else before
+    assert subject.read(subject.file) == said == policies.make(name).parameters
 
 
 @each_subject
 def test_the_parameters_in_force_lie_within_the_ranges_of_the_search(name):
     """But for what can be no less: a feedback that was found to be best left out."""
-    subject, kind = SUBJECTS[name], BASES[name].parameters
+    subject, kind = SUBJECTS[name], kind_of(name)
     point = encode(policies.make(name).parameters, subject.ranges)
     limits = limits_of(kind)
     at_its_limit = [low == limits[each][0] for each, (low, _) in subject.ranges.items()]
-    assert (point > np.where(at_its_limit, 0.0, MARGIN)).all()
+    assert (point >= np.where(at_its_limit, 0.0, MARGIN)).all()
     assert point.max() < 1.0 - MARGIN
 
 
@@ -159,33 +166,35 @@ def searched(folder, name, seed=0):
 
 
 @each_subject
-@pytest.mark.usefixtures("one_exercise")
+@pytest.mark.usefixtures("brief_judgement")
 def test_a_search_writes_parameters_and_its_account(name, tmp_path):
     parameters, account = searched(tmp_path / "one", name)
-    kind, in_force = BASES[name].parameters, policies.make(name).parameters
+    kind, in_force, ranges = kind_of(name), policies.make(name).parameters, SUBJECTS[name].ranges
     before, after = told(account, kind)
     assert before == in_force != after
     assert kind(**parameters) == (after if ADOPTED in account else before)
-    assert "| blend_time | fixed |" in account
+    fixed = limits_of(kind).keys() - ranges.keys()
+    assert fixed
+    assert all(f"| {each} | fixed |" in account for each in fixed)
     assert f"train search feedback --policy {name} --seed 0 --generations 1 " in account
     rows = [line.split(" | ")[:3] for line in account.splitlines() if "/2 | " in line]
     assert [row[:2] for row in rows] == [["| flat=1.5", "before"], ["| flat=1.5", "after"]]
 
 
-@pytest.mark.usefixtures("one_exercise")
+@pytest.mark.usefixtures("brief_judgement")
 def test_a_search_is_the_same_again_and_another_with_another_seed(tmp_path):
     first, again, other = (
         searched(tmp_path / folder, "trot_integral", seed) for folder, seed in (("one", 0), ("two", 0), ("three", 1))
     )
     assert first == again
-    assert told(first[1], BASES["trot_integral"].parameters)[1] != told(other[1], BASES["trot_integral"].parameters)[1]
+    assert told(first[1], kind_of("trot_integral"))[1] != told(other[1], kind_of("trot_integral"))[1]
 
 
-@pytest.mark.usefixtures("one_exercise")
+@pytest.mark.usefixtures("brief_judgement")
 def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_force(tmp_path, monkeypatch):
     in_force = policies.make("trot_feedback").parameters
     worse = dataclasses.replace(in_force, forward_gain=0.4, integral_gain=0.0)
-    monkeypatch.setattr(search_feedback, "search", lambda _, start: iter([start]))
+    monkeypatch.setattr(search_feedback, "search", lambda _, start, __: iter([start]))
     seen, real = [], feedback_comparison.walked
     monkeypatch.setattr(
         feedback_comparison,
@@ -200,6 +209,24 @@ def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_for
     for seeds, ground in seen:
         np.testing.assert_array_equal(seeds, episode_seeds("validation", 0, 2))
         assert ground == "validation"
+
+
+@pytest.mark.usefixtures("brief_judgement")
+def test_every_trial_is_kept_with_what_it_cost_and_where_each_generation_led(tmp_path):
+    options = [*TINY.split(), "--generations", "2", "--policy", "mpc_wbc", "--out", str(tmp_path / "found.json")]
+    assert main(["search", "feedback", *options]) == 0
+    lines = [json.loads(line) for line in (tmp_path / "found.trials.jsonl").read_text().splitlines()]
+    subject = SUBJECTS["mpc_wbc"]
+    assert [line["generation"] for line in lines] == [1, 2]
+    for line, seed in zip(lines, episode_seeds("search", 0, 2), strict=True):
+        costs = [each.pop("cost") for each in line["tried"]]
+        assert all(each.keys() == subject.ranges.keys() for each in line["tried"])
+        again = [MpcWbc(MpcParameters(**each)) for each in line["tried"]]
+        np.testing.assert_allclose(judge(again, ["flat=1.5"], np.array([seed]), 101, 1), costs)
+        assert len(costs) == 4
+        assert np.ptp(costs) > 0.0
+    _, outcome = told((tmp_path / subject.account).read_text(), MpcParameters)
+    assert outcome == MpcParameters(**lines[-1]["mean"])
 
 
 def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chance():
@@ -217,7 +244,7 @@ def test_how_far_parameters_moved_is_told_in_shares_of_their_ranges():
     assert "most of all frequency (12.5%), duty (5.0%)" in text
 
 
-@pytest.mark.usefixtures("one_exercise")
+@pytest.mark.usefixtures("brief_judgement")
 def test_ctrl_c_keeps_what_was_found_so_far(tmp_path, monkeypatch, capsys):
     better = dataclasses.replace(policies.make("trot_feedback").parameters, duty=0.5125)
 
@@ -241,6 +268,7 @@ def test_ctrl_c_keeps_what_was_found_so_far(tmp_path, monkeypatch, capsys):
         ("--spread 0", "--spread must be from"),
         ("--spread nan", "--spread must be from"),
         ("--policy trot", "trot_integral"),
+        ("--exercises gallop", "--exercises: unknown scenario 'gallop'"),
         ("--start no-such.json", "no-such.json"),
         ("--out .", "must be a file"),
         ("--policy trot_integral --out TROT_INTEGRAL.md", "must be a file"),
