@@ -9,10 +9,12 @@ NEES is the normalised estimation error squared eᵀ P⁻¹ e of the tilt, two e
 covariance that the estimator claims: 5 on average if it claims what is true. Of the mean over n runs 95 % lie in the
 band that χ² of 5 n degrees of freedom has (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
 Navigation, 2001).
+
+A second table says what policies lose by walking on estimates: `policies_on_estimates`.
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -21,12 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
-from evaluate.report.places import insert
+from evaluate.report.places import RESULTS, insert
+from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import Hardware, check
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
+from evaluate.studies import policies_on_estimates
+from evaluate.studies.ground import elsewhere
 from evaluate.terminal.command_line import UsageError, check_numbers
-from policies.base import Floats
+from policies.base import Floats, PolicyError
 from policies.files import write_atomically
 from policies.legs.level_frame import level_frame
 from quad_env import SCENARIOS, SENSORS
@@ -50,23 +55,29 @@ _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "thr
 class Options:
     """Measure the estimators."""
 
+    tables: tuple[Literal["errors", "success"], ...] = ("errors", "success")
+    """What is measured: errors of the estimators, success of policies on estimates."""
     policy: str = "trot"
-    """Policy that walks: a name or a folder, as of python -m evaluate."""
+    """Policy that walks for the errors: a name or a folder, as of python -m evaluate."""
+    policies: tuple[str, ...] = ("trot_feedback", "residual", "mpc_wbc")
+    """Policies whose success is measured, likewise."""
+    scenarios: tuple[str, ...] = ("flat", "push", "rough")
+    """Scenarios that they walk on, as of python -m evaluate."""
     sensors: str = "typical"
-    """Sensors that it walks by, one of quad_env.SENSORS: ideal or typical."""
+    """Sensors that are walked by, one of quad_env.SENSORS: ideal or typical."""
     episodes: int = 32
-    """Episodes of 10 s on each ground with each estimator (count)."""
+    """Episodes of 10 s in each row (count)."""
     seed: int = 0
     """Which set of episodes (whole number from 0)."""
     seeds: Literal["search", "validation", "evaluation"] = "validation"
     """Family of seeds."""
     ground: int = 1
-    """Field of the rough ground: 0 is the evaluation's, 1 that of validations, 2 that of searches."""
+    """Field of random ground: 0 is the evaluation's, 1 that of validations, 2 that of searches."""
     threads: int = 1
     """Threads of the simulation."""
     page: Path | None = None
-    """File with the lines <!-- results --> and <!-- /results -->, between which the table goes, such as
-    docs/estimation.md."""
+    """File with the lines <!-- results --> and <!-- /results -->, and the same of success, between which the tables go,
+    such as docs/estimation.md."""
 
 
 class Errors(NamedTuple):
@@ -83,18 +94,37 @@ class Errors(NamedTuple):
 
 
 def main(options: Options) -> int:
-    """Measure, print, and write the table; the exit code. Raises UsageError."""
+    """Measure, print, and write the tables; the exit code. Raises UsageError."""
     check_numbers(options, _LIMITS)
     try:
         check(Hardware(sensors=options.sensors, estimator=ESTIMATORS[-1]))
     except ValueError as error:
         raise UsageError(f"--sensors: {error}") from error
-    text = None if options.page is None else _read(options.page)
-    lines = list(table(options))
-    if options.page is not None and text is not None:
-        write_atomically(options.page, insert(text, lines).encode())
-    print("\n".join(lines))
+    makers = {"errors": (RESULTS, table), "success": ("success", _success)}
+    chosen = [makers[name] for name in options.tables]
+    text = None if options.page is None else _read(options.page, [place for place, _ in chosen])
+    for place, lines_of in chosen:
+        lines = list(lines_of(options))
+        print("\n".join(lines))
+        if options.page is not None and text is not None:
+            text = insert(text, lines, place)
+            write_atomically(options.page, text.encode())
     return 0
+
+
+def _success(options: Options) -> Iterator[str]:
+    """Lines of the second table."""
+    try:
+        scenarios = [_on_field(scenario, options.ground) for scenario in battery.resolve(options.scenarios)]
+    except ValueError as error:
+        raise UsageError(f"--scenarios: {error}") from error
+    seeds = episode_seeds(options.seeds, options.seed, options.episodes)
+    try:
+        yield from policies_on_estimates.table(options.policies, scenarios, seeds, options.sensors, options.threads)
+    except PolicyError as error:
+        raise UsageError(f"--policies: {error}") from error
+    yield ""
+    yield f"Sensors `{options.sensors}`, {options.episodes} episodes of each cell, {options.seeds} seeds."
 
 
 def table(options: Options) -> Iterator[str]:
@@ -116,11 +146,14 @@ def table(options: Options) -> Iterator[str]:
 
 def walks(ground: int) -> dict[str, Scenario]:
     """What is walked, by name; the rough ground is the field of that number."""
-    flat, rough = (_forward(SCENARIOS[name]) for name in ("flat", "rough"))
-    assert isinstance(rough.terrain, SmoothRandom)
+    flat, rough = (_forward(_on_field(SCENARIOS[name], ground)) for name in ("flat", "rough"))
     straight = replace(flat, commands=replace(flat.commands, yaw_rate=(0.0, 0.0)))
-    rough = replace(rough, terrain=replace(rough.terrain, seed=ground))
     return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
+
+
+def _on_field(scenario: Scenario, field: int) -> Scenario:
+    """The scenario, if its ground is random on the field of that number."""
+    return elsewhere(scenario, field) if isinstance(scenario.terrain, SmoothRandom) else scenario
 
 
 def _forward(scenario: Scenario) -> Scenario:
@@ -137,7 +170,7 @@ def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
     seeds = episode_seeds(options.seeds, options.seed, options.episodes)
     falls, watch = Falls(len(seeds), STEPS), _Watch(late)
     hardware = Hardware(sensors=options.sensors, estimator=estimator)
-    roll_out(policy, scenario, seeds, falls, watch, nthread=options.threads, hardware=hardware)
+    roll_out(policy, scenario, seeds, falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
     return watch.errors(falls.step)
 
 
@@ -221,10 +254,11 @@ def normalised(gravity: Floats, turned: Floats, moved: Floats, covariance: Float
     return weighed
 
 
-def _read(page: Path) -> str:
+def _read(page: Path, places: Sequence[str]) -> str:
     try:
         text = page.read_text()
     except (OSError, UnicodeError) as error:
         raise UsageError(f"--page: cannot read {page} ({error})") from error
-    insert(text, [])
+    for place in places:
+        insert(text, [], place)
     return text

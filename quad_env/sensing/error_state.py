@@ -58,6 +58,21 @@ class Felt(NamedTuple):
     """Angles at its end, rad, (k, 4, 3)"""
 
 
+class Turned(NamedTuple):
+    """A motion of k robots in the axes of a later moment, and what it is that goes on."""
+
+    turn: Array
+    """D of the module's formulas, (k, 3, 3)"""
+    force: Array
+    """f, m/s², in the axes before, (k, 3)"""
+    gravity: Array
+    """D g, (k, 3)"""
+    velocity: Array
+    """D v, m/s, (k, 3)"""
+    calves: Array
+    """c, rad, (k, 4, 3)"""
+
+
 def size(robot: Robot) -> int:
     """Entries of an error."""
     return FEET.start + 3 * len(robot.leg_names)
@@ -68,31 +83,45 @@ def foot(number: int) -> slice:
     return slice(FEET.start + 3 * number, FEET.start + 3 * number + 3)
 
 
-def predicted(robot: Robot, motion: BodyMotion, felt: Felt, dt: float) -> BodyMotion:
+def turned(motion: BodyMotion, felt: Felt, dt: float) -> Turned:
+    """The motion in the axes of a moment `dt`, s, later."""
+    turning = felt.turning - motion.gyro_bias
+    turn = rotation(-dt * turning)
+    change, hip = felt.joints - felt.joints_before, 0.5 * (felt.joints + felt.joints_before)[..., 0]
+    bend = change[..., 1] + change[..., 2]
+    by_joints = np.stack((change[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
+    return Turned(
+        turn,
+        felt.force - motion.accelerometer_bias,
+        times(turn, motion.gravity),
+        times(turn, motion.velocity),
+        dt * turning[:, None] + by_joints,
+    )
+
+
+def predicted(robot: Robot, motion: BodyMotion, to: Turned, dt: float) -> BodyMotion:
     """The motion one `dt`, s, later."""
-    turn, force = turn_and_force(motion, felt, dt)
-    gravity, before = unit(times(turn, motion.gravity)), times(turn, motion.velocity)
-    velocity = before + dt * (times(0.5 * (turn + ONE), force) + GRAVITY * gravity)
-    rolled = -robot.foot_radius * cross(_calf_turn(motion, felt, dt), gravity[:, None])
-    feet = times(turn[:, None], motion.feet) - 0.5 * dt * (before + velocity)[:, None] + rolled
+    gravity = unit(to.gravity)
+    velocity = to.velocity + dt * (times(0.5 * (to.turn + ONE), to.force) + GRAVITY * gravity)
+    rolled = -robot.foot_radius * cross(to.calves, gravity[:, None])
+    feet = times(to.turn[:, None], motion.feet) - 0.5 * dt * (to.velocity + velocity)[:, None] + rolled
     return motion._replace(gravity=gravity, velocity=velocity, feet=feet)
 
 
-def transition(robot: Robot, motion: BodyMotion, felt: Felt, dt: float) -> Array:
+def transition(robot: Robot, motion: BodyMotion, felt: Felt, to: Turned, dt: float) -> Array:
     """Derivatives of the error after `predicted` by the error before, (k, size, size)."""
-    turn, force = turn_and_force(motion, felt, dt)
-    gravity, velocity = times(turn, motion.gravity), times(turn, motion.velocity)
-    down, half = skew(gravity), 0.5 * (turn + ONE)
+    turn, velocity = to.turn, to.velocity
+    down, half = skew(to.gravity), 0.5 * (turn + ONE)
     biased = dt * (ONE - 0.5 * dt * skew(felt.turning - motion.gyro_bias))
     out = np.zeros((len(turn), size(robot), size(robot)))
     out[:, TILT, TILT] = out[:, VELOCITY, VELOCITY] = turn
     out[:, TILT, GYRO_BIAS] = biased
     out[:, GYRO_BIAS, GYRO_BIAS] = out[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS] = ONE
     out[:, VELOCITY, TILT] = -dt * GRAVITY * (down @ turn)
-    moved = skew(velocity) + 0.5 * dt * skew(times(turn, force)) + dt * GRAVITY * down
+    moved = skew(velocity) + 0.5 * dt * skew(times(turn, to.force)) + dt * GRAVITY * down
     out[:, VELOCITY, GYRO_BIAS] = -moved @ biased
     out[:, VELOCITY, ACCELEROMETER_BIAS] = -dt * half
-    calves, feet = skew(_calf_turn(motion, felt, dt)), times(turn[:, None], motion.feet)
+    calves, feet = skew(to.calves), times(turn[:, None], motion.feet)
     for leg in range(len(robot.leg_names)):
         here, rolled = foot(leg), robot.foot_radius * (calves[:, leg] @ down)
         out[:, here] = -0.5 * dt * out[:, VELOCITY]
@@ -127,19 +156,4 @@ def rotation(turns: Array) -> Array:
 def times(matrices: Array, vectors: Array) -> Array:
     """Each matrix, (…, 3, 3), times its vector, (…, 3)."""
     out: Array = (matrices @ vectors[..., None])[..., 0]
-    return out
-
-
-def turn_and_force(motion: BodyMotion, felt: Felt, dt: float) -> tuple[Array, Array]:
-    """D, (k, 3, 3), and f, m/s², (k, 3), of the module's formulas."""
-    turning = felt.turning - motion.gyro_bias
-    return rotation(-dt * turning), felt.force - motion.accelerometer_bias
-
-
-def _calf_turn(motion: BodyMotion, felt: Felt, dt: float) -> Array:
-    """What each calf turns by in the period, rad, (k, 4, 3)."""
-    change, hip = felt.joints - felt.joints_before, 0.5 * (felt.joints + felt.joints_before)[..., 0]
-    bend = change[..., 1] + change[..., 2]
-    by_joints = np.stack((change[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
-    out: Array = dt * (felt.turning - motion.gyro_bias)[:, None] + by_joints
     return out

@@ -129,6 +129,8 @@ class KalmanFilter:
         """s that its sensor has said so"""
         self._gyro, self._joints = np.zeros((num_envs, 3)), np.zeros((num_envs, legs, 3))
         self._acceleration = np.zeros((num_envs, 3))
+        self._jacobians = np.zeros((num_envs, legs, 3, 3))
+        """Of the feet by `_joints`, m/rad"""
 
     @property
     def then(self) -> Estimate:
@@ -161,6 +163,7 @@ class KalmanFilter:
         self._covariance[rows], self.standing[rows] = covariance, 0.5 * read.contact
         self._rest[rows] = self._read[rows] = 0.0
         self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, 0.0
+        self._jacobians[rows] = foot_jacobians(self._robot, joints)
         self.gravity[rows], self.velocity[rows], self.gyro_bias[rows] = gravity, 0.0, 0.0
 
     def move_on(self, read: Read, rows: Rows) -> None:
@@ -168,22 +171,21 @@ class KalmanFilter:
         before = BodyMotion._make(values[rows] for values in self.motion)
         joints = read.joints.reshape(-1, *self._joints.shape[1:])
         felt = Felt(0.5 * (self._gyro[rows] + read.gyro), read.accelerometer, self._joints[rows], joints)
-        motion = error_state.predicted(self._robot, before, felt, self._dt)
-        turn, force = error_state.turn_and_force(before, felt, self._dt)
-        acceleration = times(0.5 * (turn + ONE), force) + GRAVITY * motion.gravity
-        covariance = self._predicted_covariance(rows, before, felt, read.gyro - self._gyro[rows], acceleration)
+        to = error_state.turned(before, felt, self._dt)
+        motion = error_state.predicted(self._robot, before, to, self._dt)
+        acceleration = times(0.5 * (to.turn + ONE), to.force) + GRAVITY * motion.gravity
+        onward = error_state.transition(self._robot, before, felt, to, self._dt)
+        covariance = self._predicted_covariance(rows, onward, read.gyro - self._gyro[rows], acceleration)
         error, self._covariance[rows] = self._measured(rows, read, motion, felt, covariance)
         motion = error_state.corrected(motion, error)
         self._keep(rows, motion)
-        self._show(rows, motion, read.gyro, acceleration, times(turn, self._acceleration[rows]))
+        self._show(rows, motion, read.gyro, acceleration, times(to.turn, self._acceleration[rows]))
         self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, acceleration
 
-    def _predicted_covariance(
-        self, rows: Rows, motion: BodyMotion, felt: Felt, change: Array, acceleration: Array
-    ) -> Array:
-        """Before the feet are looked at; `change` is that of the angular velocity, rad/s, in this period."""
+    def _predicted_covariance(self, rows: Rows, onward: Array, change: Array, acceleration: Array) -> Array:
+        """Before the feet are looked at; `onward` is the transition of the error, `change` that of the angular velocity
+        in this period, rad/s."""
         errors, dt = self._errors, self._dt
-        onward = error_state.transition(self._robot, motion, felt, dt)
         out: Array = onward @ self._covariance[rows] @ _transposed(onward)
         by_turning, by_force = onward[:, :, GYRO_BIAS].copy(), onward[:, :, ACCELEROMETER_BIAS].copy()
         by_turning[:, GYRO_BIAS] = by_force[:, ACCELEROMETER_BIAS] = 0.0
@@ -201,7 +203,8 @@ class KalmanFilter:
         """The error that the encoders show, (k, 24), and the covariance after them."""
         errors, dt, robot = self._errors, self._dt, self._robot
         jacobians = foot_jacobians(robot, felt.joints)
-        change = jacobians - foot_jacobians(robot, felt.joints_before)
+        change = jacobians - self._jacobians[rows]
+        self._jacobians[rows] = jacobians
         down = motion.gravity[:, None, :, None] * motion.gravity[:, None, None, :]
         landing = (LANDING_SPEED * np.exp(-self._rest[rows] / SETTLING_TIME))[..., None, None]
         offset = (STANCE_SAMPLES * errors.zero) ** 2 * (change @ _transposed(change))

@@ -42,14 +42,16 @@ def error_between(truth: BodyMotion, estimate: BodyMotion) -> np.ndarray:
 def test_the_transition_is_the_derivative_of_the_prediction() -> None:
     random = np.random.default_rng(0)
     start, seen = motion(random), felt(random)
-    found = error_state.transition(ROBOT, start, seen, DT)[0]
-    after = error_state.predicted(ROBOT, start, seen, DT)
+    to = error_state.turned(start, seen, DT)
+    found = error_state.transition(ROBOT, start, seen, to, DT)[0]
+    after = error_state.predicted(ROBOT, start, to, DT)
     for entry in range(error_state.size(ROBOT)):
         error = np.zeros((1, error_state.size(ROBOT)))
         error[0, entry] = SMALL
         if entry < 3:  # a turn about gravity itself is no error of it
             error[0, :3] -= start.gravity[0] * (start.gravity[0] @ error[0, :3])
-        moved = error_state.predicted(ROBOT, error_state.corrected(start, error), seen, DT)
+        off = error_state.corrected(start, error)
+        moved = error_state.predicted(ROBOT, off, error_state.turned(off, seen, DT), DT)
         expected = found @ error[0]
         expected[:3] -= after.gravity[0] * (after.gravity[0] @ expected[:3])
         np.testing.assert_allclose(error_between(moved, after) / SMALL, expected / SMALL, atol=3e-5)
