@@ -23,6 +23,8 @@ from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.sensing.channel import steps_late
+from quad_env.sensing.suite import SensorSuite, sensor_suite
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 """The trained policies that ship with the project, each in a folder with its name."""
@@ -56,6 +58,8 @@ _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
+_PREDICTING = ("mpc_wbc",)
+"""Those that are told by how many control steps the joints that they are shown are `late`."""
 
 SAFE = "safe:"
 """Before the name of any policy: that policy within the safety layer."""
@@ -72,18 +76,22 @@ def make(
     robot: Robot = SIMPLE_QUAD,
     control_period: float = CONTROL_PERIOD,
     actuator: str | Actuator = "ideal",
+    sensors: str | SensorSuite | None = None,
 ) -> Policy:
-    """A fresh policy by name, for an environment's `robot` and `dt`, s; for `safe:NAME` within the safety layer, whose
-    limits are those of the actuator.
+    """A fresh policy by name, for an environment's `robot`, `dt`, s, and `sensors`, of which policies that predict take
+    the encoders' delay; for `safe:NAME` within the safety layer, whose limits are those of the actuator.
 
     Raises PolicyError for a name that does not exist or a model that is not there or was trained for others.
     """
     if name.startswith(SAFE):
-        policy = make(name.removeprefix(SAFE), robot=robot, control_period=control_period)
+        policy = make(name.removeprefix(SAFE), robot=robot, control_period=control_period, sensors=sensors)
         return Safe(policy, SafetyLimits.of(robot, actuator))
     if name not in _MAKERS:
         raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
-    return _MAKERS[name](robot=robot, control_period=control_period)
+    made = partial(_MAKERS[name], robot=robot, control_period=control_period)
+    if name not in _PREDICTING or (suite := sensor_suite(sensors)) is None:
+        return made()
+    return made(late=steps_late(suite.encoders.delay, 1.0 / control_period))
 
 
 def resolve(
@@ -92,6 +100,7 @@ def resolve(
     robot: Robot = SIMPLE_QUAD,
     control_period: float = CONTROL_PERIOD,
     actuator: str | Actuator = "ideal",
+    sensors: str | SensorSuite | None = None,
     trust: bool = False,
 ) -> Policy:
     """A fresh policy by name, see `make`, else from the bundle in the folder of that path, or from outside, see
@@ -102,7 +111,7 @@ def resolve(
         policy: Policy = Foreign(inner, robot=robot, control_period=control_period, trust=trust)
         return Safe(policy, SafetyLimits.of(robot, actuator)) if text.startswith(SAFE) else policy
     if text.removeprefix(SAFE) in _MAKERS:
-        return make(text, robot=robot, control_period=control_period, actuator=actuator)
+        return make(text, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors)
     if Path(name_or_path).is_dir():
         return _loaded(name_or_path, robot, control_period)
     raise PolicyError(

@@ -32,7 +32,9 @@ class Hardware:
         """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none."""
         import policies
 
-        return policies.resolve(name_or_path, robot=self.robot, actuator=self.actuator, trust=trust)
+        return policies.resolve(
+            name_or_path, robot=self.robot, actuator=self.actuator, sensors=self.sensors, trust=trust
+        )
 
 
 IDEAL = Hardware()

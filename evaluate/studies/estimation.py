@@ -31,6 +31,7 @@ from evaluate.rollouts.rollout import STEPS, roll_out
 from evaluate.studies import policies_on_estimates
 from evaluate.studies.ground import elsewhere
 from evaluate.terminal.command_line import UsageError, check_numbers
+from evaluate.terminal.format import ABSENT
 from policies.base import Floats, PolicyError
 from policies.files import write_atomically
 from policies.legs.level_frame import level_frame
@@ -91,6 +92,10 @@ class Errors(NamedTuple):
     """Velocity that the observation shows, m/s, (steps, n, 3)"""
     nees: Floats
     """(steps, n); not a number where no covariance is claimed"""
+    height: Floats
+    """Of the trunk above the ground, of that moment, m, (steps, n); not a number where it is not estimated"""
+    height_claimed: Floats
+    """Its standard deviation by the estimator, likewise"""
 
 
 def main(options: Options) -> int:
@@ -104,8 +109,10 @@ def main(options: Options) -> int:
     chosen = [makers[name] for name in options.tables]
     text = None if options.page is None else _read(options.page, [place for place, _ in chosen])
     for place, lines_of in chosen:
-        lines = list(lines_of(options))
-        print("\n".join(lines))
+        lines = []
+        for line in lines_of(options):  # shown as they come: a row takes minutes
+            print(line, flush=True)
+            lines.append(line)
         if options.page is not None and text is not None:
             text = insert(text, lines, place)
             write_atomically(options.page, text.encode())
@@ -129,19 +136,27 @@ def _success(options: Options) -> Iterator[str]:
 
 def table(options: Options) -> Iterator[str]:
     """Lines of a Markdown table: a row a ground and estimator."""
-    yield "| walk | estimator | velocity, m/s | shown | of it level | roll, pitch, ° | NEES | steps within |"
-    yield "|---|---|---|---|---|---|---|---|"
+    columns = ("walk", "estimator", "velocity, m/s", "shown", "of it level", "roll, pitch, °", "NEES", "steps within")
+    yield f"| {' | '.join((*columns, 'height, mm'))} |"
+    yield "|---" * (len(columns) + 1) + "|"
     for name, scenario in walks(options.ground).items():
         for estimator in ESTIMATORS:
             found = errors(options, scenario, estimator)
             roll, pitch = np.degrees(rms(found.tilt[..., 0])), np.degrees(rms(found.tilt[..., 1]))
             velocity, shown, level = map(norm, (found.velocity, found.shown, found.shown[..., :2]))
             cells = [name, estimator, *(f"{each:.3f}" for each in (velocity, shown, level)), f"{roll:.2f}, {pitch:.2f}"]
-            yield f"| {' | '.join([*cells, *consistency(found.nees)])} |"
+            yield f"| {' | '.join([*cells, *consistency(found.nees), _height(found)])} |"
     low, high = band(options.episodes)
     words = f"`{options.policy}`, sensors `{options.sensors}`, {options.episodes} episodes of each row"
     yield ""
     yield f"{words}, {options.seeds} seeds; 95 % band of NEES {low:.2f} to {high:.2f}."
+
+
+def _height(found: Errors) -> str:
+    """Error of the height, mm, and what is claimed of it; a dash where there is none."""
+    if np.isnan(found.height).all():
+        return ABSENT
+    return f"{1e3 * rms(found.height):.1f} ({1e3 * rms(found.height_claimed):.1f} claimed)"
 
 
 def walks(ground: int) -> dict[str, Scenario]:
@@ -195,7 +210,7 @@ def band(runs: int) -> tuple[float, float]:
 def consistency(nees: Floats) -> tuple[str, str]:
     """Mean of NEES, (steps, n), over runs and steps, and the share of the steps whose mean over runs is in the band."""
     if np.isnan(nees).all():
-        return "–", "–"
+        return ABSENT, ABSENT
     means, (low, high) = np.nanmean(nees, axis=1), band(nees.shape[1])
     return f"{np.nanmean(nees):.2f}", f"{((means >= low) & (means <= high)).mean():.0%}"
 
@@ -204,7 +219,7 @@ class _Watch:
     """Observer of the errors of what is estimated `late` control steps ago and shown now."""
 
     def __init__(self, late: int) -> None:
-        self._truths: deque[tuple[Floats, Floats]] = deque(maxlen=late + 1)
+        self._truths: deque[tuple[Floats, Floats, Floats]] = deque(maxlen=late + 1)
         self._rows: list[tuple[Floats, ...]] = []
 
     def __call__(self, step: Step) -> None:
@@ -212,16 +227,18 @@ class _Watch:
         state, estimator = step.env.simulation.state((np.zeros(count),) * 3), step.env.estimator
         assert estimator is not None
         gravity, velocity = np.transpose(state.projected_gravity), np.transpose(state.linear_velocity)
-        self._truths.append((gravity, velocity))
+        self._truths.append((gravity, velocity, np.array(state.height)))
         if step.number <= SETTLING:
             return
-        then, (true_gravity, true_velocity) = estimator.then, self._truths[0]
+        then, (true_gravity, true_velocity, true_height) = estimator.then, self._truths[0]
         turned, moved = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
         tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)
-        nees = np.full(count, np.nan)
+        nees, height, claimed = np.full((3, count), np.nan)
+        if (above := estimator.height) is not None:
+            height, claimed = true_height - above.value, above.deviation
         if (covariance := estimator.covariance) is not None:
             nees = normalised(then.gravity, turned, moved, covariance)
-        self._rows.append((tilt, moved, velocity - estimator.velocity, nees))
+        self._rows.append((tilt, moved, velocity - estimator.velocity, nees, height, claimed))
 
     def errors(self, fall_step: NDArray[np.int64]) -> Errors:
         """The finished record, but for what follows falls."""

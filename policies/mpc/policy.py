@@ -22,6 +22,7 @@ from policies.mpc.load import loaded, told_by
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
+from policies.mpc.prediction import JointPrediction
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Priorities, Torques, Wish, torques
@@ -84,6 +85,7 @@ class Mpc(ShiftableFootholds):
         gait: whose footfalls it has, by name.
         solver: of its programs; `functools.partial(solve, deadline=0.002)` is one whose answers are late after 2 ms on
             the wall clock, so that actions depend on the machine.
+        late: control steps by which joints are older than the moment at which it is shown them.
 
     A robot without a solution, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
     """
@@ -98,6 +100,7 @@ class Mpc(ShiftableFootholds):
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         solver: Solver = solve,
+        late: int = 0,
     ) -> None:
         in_force = parameters_of(gait)
         if gait != TROT:
@@ -120,11 +123,13 @@ class Mpc(ShiftableFootholds):
         self._at_rest = np.zeros(observation_table(robot).size, np.float32)
         self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
         self.sense = ContactSense(robot, p, control_period)
+        self._joints = JointPrediction(late, control_period)
         super().__init__(robot=robot, control_period=control_period)
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
         self.sense.allocate(num_envs)
+        self._joints.allocate(num_envs)
         self._new = np.ones(num_envs, np.bool_)
         self._swinging = np.zeros((num_envs, 4), np.bool_)
         self._start = np.zeros((num_envs, 4, 2))
@@ -145,6 +150,7 @@ class Mpc(ShiftableFootholds):
     def _restart(self, mask: NDArray[np.bool_]) -> None:
         super()._restart(mask)
         self.sense.restart(mask)
+        self._joints.restart(mask)
         self._new |= mask
         self._swinging[mask] = False
         self._slope[:, mask] = 0.0
@@ -156,7 +162,7 @@ class Mpc(ShiftableFootholds):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
-        p, now = self.parameters, motion(self.robot, self._dynamics, observation)
+        p, now = self.parameters, motion(self.robot, self._dynamics, self._joints.now(observation))
         load = told_by(self.sense.wrench, p.load_height)
         now = now._replace(bodies=loaded(now.bodies, now.rotation, now.generalised, load))
         self._hurry(now)
@@ -350,6 +356,7 @@ class Mpc(ShiftableFootholds):
         turn = np.einsum("nij,ni->nj", now.rotation, turning)
         found = self._torques(now, Wish(turn, feet, forces, standing), push, friction)
         acceleration = np.clip(found.acceleration, -FASTEST_JOINT, FASTEST_JOINT)
+        self._joints.keep(acceleration)
         angle = now.angles + half * now.generalised[:, 6:] + 0.5 * half**2 * acceleration
         speed = now.generalised[:, 6:] + half * acceleration
         targets: Floats = angle + (found.torque + robot.servo_damping * speed) / robot.servo_stiffness

@@ -2,11 +2,12 @@
 
 The motion and the derivatives of its error are those of `error_state`; the encoders measure where the feet are. What is
 noise follows from what is known of the sensors, their `SensorSuite`, but for the figures below, which were found on
-search episodes of a trot, flat and rough. Of errors that do not change within an episode only the biases of the IMU are
-states; its place, its mounting and the encoders' zeros are counted in the noise.
+search episodes of `trot` and `trot_feedback`, flat, rough and straight on. Of errors that do not change within an
+episode only the biases of the IMU are states; its place, its mounting and the encoders' zeros are counted in the noise.
 
-A foot that probably does not stand is given a large noise of its own, one that has just touched down a smaller one, and
-one that is farther from where it was than its covariance explains, as a foot that slides, as much as explains it.
+A foot that probably does not stand is given a large noise of its own, one that has just touched down, or is pressed more
+or less than before, a smaller one, and one that is farther from where it was than its covariance explains, as a foot
+that slides, as much as explains it.
 """
 
 from typing import NamedTuple
@@ -32,8 +33,9 @@ from quad_env.sensing.error_state import (
     rotation,
     times,
 )
-from quad_env.sensing.estimator import Estimate, Read, unit
+from quad_env.sensing.estimator import Estimate, Height, Read, unit
 from quad_env.sensing.suite import SensorSuite
+from quad_env.sensing.trunk_height import TrunkHeight
 
 BETWEEN = 0.35
 """Share of the change from one sample of the gyroscope to the next by which their mean is not that of the time between
@@ -50,9 +52,12 @@ STANCE_SAMPLES = 8.0
 LANDING_SPEED, SETTLING_TIME = 1.2, 0.013
 """m/s along the vertical, standard deviation of the speed of a foot that has just touched down, and s in which it falls
 to 1/e: soft ground gives way and comes back."""
+COMPLIANCE = 2e-4
+"""s², what the ground gives along the vertical per change of the specific force on the trunk, and takes back when it
+goes: a foot that is pressed by several weights at once sinks and comes up again, and does so in every stance."""
 SLIDING = 4.0
 """Factor on what a standing foot's distance from where it was is beyond its covariance, as a variance."""
-BIAS_WALK = 0.025
+BIAS_WALK = 0.014
 """m/s² in √s that the accelerometer's bias may change, since what is left unsaid above looks like one that does."""
 DOUBT = 0.05
 """Share of the speed of a foot that moves, though its sensor has long said that it stands, by which the velocity is
@@ -129,8 +134,10 @@ class KalmanFilter:
         """s that its sensor has said so"""
         self._gyro, self._joints = np.zeros((num_envs, 3)), np.zeros((num_envs, legs, 3))
         self._acceleration = np.zeros((num_envs, 3))
+        self._force = np.zeros((num_envs, 3))
         self._jacobians = np.zeros((num_envs, legs, 3, 3))
         """Of the feet by `_joints`, m/rad"""
+        self._height = TrunkHeight(robot, num_envs, self._errors.zero)
 
     @property
     def then(self) -> Estimate:
@@ -140,9 +147,12 @@ class KalmanFilter:
     @property
     def covariance(self) -> Array:
         """Of the error of `motion`, the IMU's mounting with it; (n, 24, 24), in the order of `error_state`."""
-        out = self._covariance.copy()
-        out[:, TILT, TILT] += self._errors.mounting**2 * ONE
-        return out
+        return self._claimed(self._covariance)
+
+    @property
+    def height(self) -> Height:
+        """Of the trunk's centre above the feet that stand, of the moment of the readings."""
+        return self._height.now
 
     def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
         """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
@@ -163,7 +173,8 @@ class KalmanFilter:
         self._covariance[rows], self.standing[rows] = covariance, 0.5 * read.contact
         self._rest[rows] = self._read[rows] = 0.0
         self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, 0.0
-        self._jacobians[rows] = foot_jacobians(self._robot, joints)
+        self._jacobians[rows], self._force[rows] = foot_jacobians(self._robot, joints), at_rest
+        self._height.begin(rows, BodyMotion._make(values[rows] for values in self.motion), *self._known(rows))
         self.gravity[rows], self.velocity[rows], self.gyro_bias[rows] = gravity, 0.0, 0.0
 
     def move_on(self, read: Read, rows: Rows) -> None:
@@ -176,9 +187,13 @@ class KalmanFilter:
         acceleration = times(0.5 * (to.turn + ONE), to.force) + GRAVITY * motion.gravity
         onward = error_state.transition(self._robot, before, felt, to, self._dt)
         covariance = self._predicted_covariance(rows, onward, read.gyro - self._gyro[rows], acceleration)
-        error, self._covariance[rows] = self._measured(rows, read, motion, felt, covariance)
+        loaded = np.sqrt(_squared(to.force - self._force[rows]))[..., None]
+        self._force[rows] = to.force
+        error, self._covariance[rows] = self._measured(rows, read, motion, felt, loaded, covariance)
         motion = error_state.corrected(motion, error)
         self._keep(rows, motion)
+        covariance, jacobians = self._known(rows)
+        self._height.move_on(rows, motion, covariance, self.standing[rows], jacobians, self._dt)
         self._show(rows, motion, read.gyro, acceleration, times(to.turn, self._acceleration[rows]))
         self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, acceleration
 
@@ -198,9 +213,10 @@ class KalmanFilter:
         return out
 
     def _measured(
-        self, rows: Rows, read: Read, motion: BodyMotion, felt: Felt, covariance: Array
+        self, rows: Rows, read: Read, motion: BodyMotion, felt: Felt, loaded: Array, covariance: Array
     ) -> tuple[Array, Array]:
-        """The error that the encoders show, (k, 24), and the covariance after them."""
+        """The error that the encoders show, (k, 24), and the covariance after them; `loaded` is what the specific force
+        has changed by, m/s², (k, 1, 1, 1)."""
         errors, dt, robot = self._errors, self._dt, self._robot
         jacobians = foot_jacobians(robot, felt.joints)
         change = jacobians - self._jacobians[rows]
@@ -208,7 +224,8 @@ class KalmanFilter:
         down = motion.gravity[:, None, :, None] * motion.gravity[:, None, None, :]
         landing = (LANDING_SPEED * np.exp(-self._rest[rows] / SETTLING_TIME))[..., None, None]
         offset = (STANCE_SAMPLES * errors.zero) ** 2 * (change @ _transposed(change))
-        moved = dt * dt * (SLIP_SPEED**2 * ONE + landing * landing * down) + offset
+        sinking = (dt * landing) ** 2 + (COMPLIANCE * loaded) ** 2
+        moved = (dt * SLIP_SPEED) ** 2 * ONE + sinking * down + offset
         angles = np.where(read.fresh, errors.angle, STALE)[:, None, None, None]
         noise = angles * angles * (jacobians @ _transposed(jacobians))
         innovation = robot.hip_positions + foot_positions(robot, felt.joints) - motion.feet
@@ -234,6 +251,16 @@ class KalmanFilter:
         self.gravity[rows] = unit(times(turn, motion.gravity))
         self.velocity[rows] = times(turn, motion.velocity + gained)
         self.gyro_bias[rows] = motion.gyro_bias
+
+    def _known(self, rows: Rows) -> tuple[Array, Array]:
+        """Covariance of the error, and Jacobians of the feet, of those robots."""
+        return self._claimed(self._covariance[rows]), self._jacobians[rows]
+
+    def _claimed(self, covariance: Array) -> Array:
+        """With the IMU's mounting, (k, size, size)."""
+        out = covariance.copy()
+        out[:, TILT, TILT] += self._errors.mounting**2 * ONE
+        return out
 
     def _keep(self, rows: Rows, motion: BodyMotion) -> None:
         for kept, values in zip(self.motion, motion, strict=True):

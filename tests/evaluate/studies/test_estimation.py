@@ -92,6 +92,17 @@ def test_the_band_holds_95_per_cent_of_means() -> None:
     assert 0.945 < ((means > low) & (means < high)).mean() < 0.955
 
 
+def test_the_filter_knows_its_error_on_a_hard_and_on_a_soft_gait(monkeypatch) -> None:
+    """NEES of `trot_feedback`, whose feet hit the ground hard and come up with it, is 17 where that is left out."""
+    monkeypatch.setattr(estimation, "STEPS", 400)
+    for policy in ("trot", "trot_feedback"):
+        options = estimation.Options(policy=policy, episodes=6, seeds="search")
+        found = estimation.errors(options, estimation.walks(2)["flat"], "kalman")
+        assert np.nanmean(found.nees) < 8.0
+        assert estimation.rms(found.height) < 0.006
+        assert 0.7 < estimation.rms(found.height) / estimation.rms(found.height_claimed) < 1.4
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
