@@ -58,7 +58,7 @@ _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
-_PREDICTING = ("mpc_wbc",)
+_PREDICTING = ("mpc", "mpc_wbc", *(f"mpc_wbc_{gait}" for gait in OTHER_GAITS))
 """Those that are told by how many control steps the joints that they are shown are `late`."""
 
 SAFE = "safe:"

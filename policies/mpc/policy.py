@@ -22,7 +22,7 @@ from policies.mpc.load import loaded, told_by
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
-from policies.mpc.prediction import JointPrediction
+from policies.mpc.joint_prediction import JointPrediction
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Priorities, Torques, Wish, torques

@@ -5,8 +5,8 @@ noise follows from what is known of the sensors, their `SensorSuite`, but for th
 search episodes of `trot` and `trot_feedback`, flat, rough and straight on. Of errors that do not change within an
 episode only the biases of the IMU are states; its place, its mounting and the encoders' zeros are counted in the noise.
 
-A foot that probably does not stand is given a large noise of its own, one that has just touched down, or is pressed more
-or less than before, a smaller one, and one that is farther from where it was than its covariance explains, as a foot
+A foot that probably does not stand is given a large noise of its own, one that has just touched down or is pressed
+otherwise than before a smaller one, and one that is farther from where it was than its covariance explains, as a foot
 that slides, as much as explains it.
 """
 
