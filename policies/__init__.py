@@ -51,14 +51,15 @@ def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
     return policy
 
 
+_OTHER_GAITS = {f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS}
 _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: base.make for name, base in BASES.items()},
     "behaviour": Behaviour,
-    **{f"mpc_wbc_{gait}": partial(MpcWbc, gait=gait) for gait in OTHER_GAITS},
+    **_OTHER_GAITS,
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
-_PREDICTING = ("mpc", "mpc_wbc", *(f"mpc_wbc_{gait}" for gait in OTHER_GAITS))
+_PREDICTING = ("mpc", "mpc_wbc", *_OTHER_GAITS)
 """Those that are told by how many control steps the joints that they are shown are `late`."""
 
 SAFE = "safe:"
