@@ -17,12 +17,12 @@ from policies.legs.level_frame import Vector
 from policies.legs.memory import taken_in
 from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.footing import Ground, arms, footholds, swing
+from policies.mpc.joint_prediction import JointPrediction
 from policies.mpc.leg_torques import leg_torques
 from policies.mpc.load import loaded, told_by
 from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
-from policies.mpc.joint_prediction import JointPrediction
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Priorities, Torques, Wish, torques
