@@ -34,8 +34,9 @@ class Options:
 
     results: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation/results.json")
     """results.json of an evaluation."""
-    readme: Path = Path("README.md")
-    """File with the lines `<!-- results -->` and `<!-- /results -->`, between which the short table goes."""
+    readme: Path | None = Path("README.md")
+    """File with the lines `<!-- results -->` and `<!-- /results -->`, between which the short table goes; None for a
+    page alone, such as docs/mpc_or_learning.md."""
     page: Path = Path("docs/results.md")
     """File with the same lines, between which every figure goes."""
     picture: Path | None = None
@@ -47,23 +48,31 @@ class Options:
 def main(options: Options) -> int:
     """Write the tables; the exit code."""
     try:
-        readme, page = options.readme.read_text(), options.page.read_text()
+        readme, page = options.readme and options.readme.read_text(), options.page.read_text()
     except UnicodeError as error:
         raise UsageError(f"{options.readme} or {options.page} is no text ({error})") from error
     found = _read(options.results)
     shown, every = _lines(options.results, found)
-    if scores := [Score(**each) for each in found.get("scores", ())]:
-        picture = options.picture or options.page.with_name("success.png")
-        where = os.path.relpath(picture, options.readme.parent)
-        shown = [shown[0], "", f"![{ALT}]({Path(where).as_posix()})", *shown[1:]]
-        with drawing.settings():
-            write_atomically(picture, success.png(success.heat_map(scores)))
-    readme, page = insert(readme, shown), insert(page, every)
+    page = insert(page, every)
     if options.more is not None:
         page = insert(page, _lines(options.more, _read(options.more))[1], MORE)
-    write_atomically(options.readme, readme.encode())
+    if options.readme is not None and readme is not None:
+        readme = insert(readme, _pictured(shown, found, options, options.readme))
+        write_atomically(options.readme, readme.encode())
     write_atomically(options.page, page.encode())
     return 0
+
+
+def _pictured(shown: list[str], found: dict[str, Any], options: Options, readme: Path) -> list[str]:
+    """The short table's lines with the picture, which is made, as far as there are scores to draw."""
+    scores = [Score(**each) for each in found.get("scores", ())]
+    if not scores:
+        return shown
+    picture = options.picture or options.page.with_name("success.png")
+    where = Path(os.path.relpath(picture, readme.parent)).as_posix()
+    with drawing.settings():
+        write_atomically(picture, success.png(success.heat_map(scores)))
+    return [shown[0], "", f"![{ALT}]({where})", *shown[1:]]
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -66,6 +66,17 @@ def written(tmp_path, found, more=None) -> tuple[str, str]:
     return files[0].read_text(), files[1].read_text()
 
 
+def test_a_page_alone_leaves_the_readme_and_its_picture_as_they_are(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("README.md", "page.md"):
+        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n")
+    (tmp_path / "results.json").write_text(json.dumps(FOUND))
+    assert main(["readme", "results.json", "--readme", "None", "--page", "page.md"]) == 0
+    assert "| flat | `trot` |" in (tmp_path / "page.md").read_text()
+    assert (tmp_path / "README.md").read_text() == "<!-- results -->\n<!-- /results -->\n"
+    assert not list(tmp_path.glob("*.png"))
+
+
 def test_every_figure_has_a_row_for_each_policy_on_each_scenario() -> None:
     rows = [line for line in every_figure(FOUND) if line.startswith("| flat")]
     assert [row.split("|")[2].strip() for row in rows] == ["`trot`", "`stand`"]
