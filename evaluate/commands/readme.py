@@ -48,7 +48,8 @@ class Options:
 def main(options: Options) -> int:
     """Write the tables; the exit code."""
     try:
-        readme, page = options.readme and options.readme.read_text(), options.page.read_text()
+        page = options.page.read_text()
+        readme = None if options.readme is None else options.readme.read_text()
     except UnicodeError as error:
         raise UsageError(f"{options.readme} or {options.page} is no text ({error})") from error
     found = _read(options.results)

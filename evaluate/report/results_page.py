@@ -1,5 +1,6 @@
 """A results.json, with NaN for null, as Markdown: the README's table, and every figure for its page of results."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from evaluate.analysis.breaking_point_text import CAVEAT, HALF, breaking_point_text
@@ -89,7 +90,7 @@ def every_figure(found: dict[str, Any]) -> list[str]:
         "|---|---|---|---|---|---|",
     ]
     if scores := found.get("scores"):
-        lines = [*_scores([Score(**each) for each in scores], found["baseline"]), "", *lines]
+        lines = [*score_table([Score(**each) for each in scores], found["baseline"]), "", *lines]
     for scenario in run:
         cells = {name: found["policies"][name]["scenarios"].get(scenario) for name in names}
         lines += [f"| {scenario} | `{name}` | {_row(cell)} |" for name, cell in cells.items() if cell]
@@ -100,10 +101,12 @@ def every_figure(found: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _scores(scores: list[Score], baseline: str) -> list[str]:
-    """Each policy's score and its difference from the baseline's."""
+def score_table(scores: Sequence[Score], baseline: str, called: Mapping[str, str] | None = None) -> list[str]:
+    """Each policy's score and its difference from the baseline's, in Markdown; `called`: what to call policies."""
+    names = called or {}
     rows = [
-        f"| `{each.policy}` | {number(100.0 * each.score, 1)} [{percent_interval(each.ci)}] | "
+        f"| {names.get(each.policy, f'`{each.policy}`')} | "
+        f"{number(100.0 * each.score, 1)} [{percent_interval(each.ci)}] | "
         + (
             f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)} |"
             if each.policy != baseline

@@ -6,6 +6,7 @@ from statistics import median
 
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
+from evaluate.report.results_page import score_table
 from evaluate.rollouts import hardware
 from evaluate.terminal.format import number, p_value, percent, points, share
 from policies.base import CONTROL_PERIOD
@@ -59,6 +60,8 @@ errors bill every step after a fall their cap.
 
 {tables}
 
+{scores(runs, shipped, results)}
+
 ## Where it is better than its base, and where it is weak
 
 {verdicts(shipped, results)}
@@ -107,6 +110,12 @@ def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results:
     )
     rows = [_row(scenario, base, (first, *others), results) for scenario in results.scenarios]
     return "\n".join(f"| {' | '.join(row)} |" for row in (header, ["---"] * len(header), *rows))
+
+
+def scores(runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """Scores of the shipped one's base and of each run, the highest first, in Markdown."""
+    labels = {run.label: f"{run.config.policy} {seed(run, shipped)}" for run in runs}
+    return "\n".join(score_table(results.scores, shipped.config.base, labels)) if results.scores else ""
 
 
 def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> tuple[str, ...]:

@@ -9,12 +9,13 @@ import pytest
 import policies
 from evaluate.analysis.comparison import Comparison
 from evaluate.analysis.results import analyse
+from evaluate.analysis.score import Score
 from evaluate.records.store import ChunkStore
 from evaluate.terminal.command_line import UsageError
 from train.__main__ import main, parse
 from train.config import DEFAULTS, PpoConfig, to_dict
 from train.run_record import command
-from train.shipping.model_card import TrainedRun, difference, does, model_card
+from train.shipping.model_card import TrainedRun, difference, does, model_card, scores
 from train.shipping.publish import choose
 
 OPTIONS = (
@@ -76,6 +77,18 @@ def test_the_card_speaks_of_motors_and_sensors_that_are_not_ideal():
         "residual", [sensing], sensing, nothing
     )
     assert "source revision. The shipped" in model_card("residual", [plain], plain, nothing)
+
+
+def test_the_card_scores_each_seed_against_the_base():
+    runs = [trained_run(seed=0), trained_run(seed=1)]
+    assert scores(runs, runs[0], analyse([], seed=0, episodes=1, complete=True, baseline="trot")) == ""
+    worth = {runs[0].label: 0.9, "trot_integral": 0.5, runs[1].label: 0.25}
+    found = tuple(Score(name, of, (of, of), {}, of - 0.5, (of - 0.5,) * 2, 0.01) for name, of in worth.items())
+    nothing = analyse([], seed=0, episodes=1, complete=True, baseline="trot_integral")
+    rows = scores(runs, runs[0], dataclasses.replace(nothing, scores=found)).splitlines()[4:]
+    assert [row.split(" | ")[0] for row in rows] == ["| residual 0 (shipped)", "| `trot_integral`", "| residual 1"]
+    assert [row.split(" | ")[1].split()[0] for row in rows] == ["90.0", "50.0", "25.0"]
+    assert [row.split(" | ")[2].split()[0] for row in rows] == ["40.0", "–", "−25.0"]
 
 
 def test_the_cards_p_values_are_corrected_for_their_number():
