@@ -50,7 +50,7 @@ def test_what_is_claimed_follows_from_the_errors_of_tilt_and_feet() -> None:
     """Against the spread of heights of motions whose errors are drawn from the covariance."""
     random = np.random.default_rng(0)
     mixing = np.zeros((size(ROBOT), size(ROBOT)))
-    mixing[:3, :3], mixing[FEET, FEET] = 0.01 * np.eye(3), 0.005 * random.normal(size=(12, 12))
+    mixing[:3, :3], mixing[FEET, FEET] = 0.03 * np.eye(3), 0.002 * random.normal(size=(12, 12))
     covariance = (mixing @ mixing.T)[None]
     at = motion()
     at.feet[0, :, 0] += 0.2  # a trunk that hangs behind its feet is felt to sink as it pitches
