@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from quad_env.scenarios.scenario import Scenario
     from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
     from quad_env.sensing.estimators import ESTIMATORS
+    from quad_env.sensing.height_scan import HeightScan
     from quad_env.sensing.suite import SENSORS, Encoders, FootContact, Imu, JointTorque, SensorSuite
     from quad_env.task.observations import OBSERVATION, OBSERVATION_SIZE
 
@@ -69,6 +70,7 @@ __all__ = [
     "FootContact",
     "Gear",
     "Ground",
+    "HeightScan",
     "Imu",
     "JointTorque",
     "Latency",
@@ -102,6 +104,7 @@ _MODULES = (
     "scenarios.scenario",
     "scenarios.terrain",
     "sensing.estimators",
+    "sensing.height_scan",
     "sensing.suite",
     "task.observations",
 )

@@ -62,6 +62,10 @@ class EpisodeStreams:
     dropouts = _stream(6)
     sensors = _stream(7)
     """Biases, offsets and noise of the sensors."""
+    scan_noise = _stream(8)
+    """Noise of the height scan."""
+    scan_dropouts = _stream(9)
+    """Points that the height scan does not see."""
 
 
 def seeds_of(seed: int | Sequence[int], num_envs: int) -> list[Any]:

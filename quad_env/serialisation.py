@@ -10,6 +10,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
+from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.suite import Encoders, FootContact, Imu, JointTorque, SensorSuite
 
 TYPE = "type"
@@ -21,7 +22,7 @@ _KINDS: dict[str, Any] = {
         *(Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce),
         *(Actuator, Gear, Thermal, TorqueSpeed),
         *(SensorSuite, Imu, Encoders, FootContact, JointTorque),
-        *(TaskConfig, FallRule, RewardWeights),
+        *(TaskConfig, FallRule, RewardWeights, HeightScan),
     )
 }
 """Kinds of settings by bare name: results outlive the modules that these stand in today."""

@@ -6,20 +6,24 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from gymnasium.spaces import Box
+from numpy.typing import NDArray
 
 from quad_env.actuation.delay import wires_of
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as find_actuator
-from quad_env.columns import Rows
+from quad_env.columns import Column, Rows, Vector
 from quad_env.config import TaskConfig
 from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.estimator import Estimator
 from quad_env.sensing.estimators import check_estimator
+from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.observation import SensedObservation, shown_by
+from quad_env.sensing.scanner import scanner_of
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
 from quad_env.task.observations import observation_table
@@ -58,6 +62,7 @@ class QuadEnvBase:
         sensors: str | SensorSuite | None,
         estimator: str,
         robot: Robot,
+        height_scan: HeightScan | None,
         readings: bool = False,
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
         """Make the parts of n robots; the spaces of observations and of actions of one.
@@ -85,7 +90,11 @@ class QuadEnvBase:
         )
         self._wires = wires_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)
-        self._table = table = observation_table(robot)
+        scan = _setting(height_scan)
+        self._scanner = scanner_of(scan, self.scenario, num_envs, rate)
+        self._table = observation_table(robot)
+        self.observation_table = table = observation_table(robot, *(() if scan is None else (scan.term,)))
+        """Terms and slices of the observation."""
         self._lower, self._upper = robot.joint_lower, robot.joint_upper
         actions = Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
         return Box(-table.bound, table.bound), actions
@@ -98,9 +107,21 @@ class QuadEnvBase:
     def _start(self, rows: Rows, episodes: Sequence[Episode]) -> None:
         """Start these episodes of those robots."""
         self.simulation.reset(rows, *at_reset(episodes))
-        for part in (self._wires, self._sensors):
+        for part in (self._wires, self._sensors, self._scanner):
             if part is not None:
                 part.begin(rows, episodes)
+
+    def _observation_of(
+        self, state: QuadState[Column], command: Vector[Column], clock: NDArray[np.int64], rows: Rows
+    ) -> NDArray[np.float32]:
+        """What those robots, (k,), observe, whose `state` it is: (size,), or (k, size) of a batch."""
+        observation = self._table.observe(state, command)
+        if self._sensors is not None:
+            self._sensors.sense(np.atleast_2d(observation), clock, rows)
+        if self._scanner is None:
+            return observation
+        scan = self._scanner.scan(state, clock, rows)
+        return np.concatenate((observation, scan if observation.ndim == 2 else scan[0]), axis=-1)
 
     def _close_view(self) -> None:
         if self._view is not None:

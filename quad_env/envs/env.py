@@ -21,6 +21,7 @@ from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import fresh_seeds, seeds_of
 from quad_env.sensing.estimators import COMPLEMENTARY
+from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.observation import SensedObservation
 from quad_env.sensing.suite import SensorSuite
 from quad_env.task.rewards import reward_terms
@@ -50,6 +51,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             `sensor_<name>_time`, s since the start of the episode, when it was measured, to the infos.
         robot: the `quad_env.Robot` that is simulated.
         estimator: what makes gravity and velocity of the sensors' readings: a name of `quad_env.ESTIMATORS`.
+        height_scan: the `quad_env.HeightScan` that is the observation's last term, `height_scan`; None: there is none.
     """
 
     _KEPT = ("spec", "_seed", "_next_episode")
@@ -68,11 +70,12 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         sensors: str | SensorSuite | None = None,
         robot: Robot = SIMPLE_QUAD,
         estimator: str = COMPLEMENTARY,
+        height_scan: HeightScan | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        spaces = self._assemble(1, 1, scenario, config, actuator, sensors, estimator, robot)
+        spaces = self._assemble(1, 1, scenario, config, actuator, sensors, estimator, robot, height_scan)
         self.observation_space, self.action_space = spaces
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
@@ -167,10 +170,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return self._observe(state), self._info(state, terms, 0.0, 0.0)
 
     def _observe(self, state: QuadState[float]) -> Observation:
-        observation = self._table.observe(state, self._command)
-        if self._sensors is not None:
-            self._sensors.sense(observation[None], np.array([self._clock]), _ROW)
-        return observation
+        return self._observation_of(state, self._command, np.array([self._clock]), _ROW)
 
     def _info(self, state: QuadState[float], terms: dict[str, float], power: float, overspeed: float) -> dict[str, Any]:
         info: dict[str, Any] = {

@@ -23,6 +23,7 @@ from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import Schedule
 from quad_env.sensing.estimators import COMPLEMENTARY
+from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.observation import SensedObservation
 from quad_env.sensing.suite import SensorSuite
 from quad_env.task.readings import readings as readings_of
@@ -71,6 +72,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         sensors: str | SensorSuite | None = None,
         robot: Robot = SIMPLE_QUAD,
         estimator: str = COMPLEMENTARY,
+        height_scan: HeightScan | None = None,
     ) -> None:
         if num_envs < 1 or nthread < 1:
             raise ValueError(f"num_envs and nthread must be at least 1, got {num_envs} and {nthread}")
@@ -83,7 +85,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.render_mode = render_mode
         self.autoreset_mode = arguments.find_autoreset_mode(autoreset_mode)
         spaces = self._assemble(
-            *(num_envs, nthread, scenario, config, actuator, sensors, estimator, robot), readings=readings
+            *(num_envs, nthread, scenario, config, actuator, sensors, estimator, robot, height_scan), readings=readings
         )
         self.single_observation_space, self.single_action_space = spaces
         self.metadata = {
@@ -101,7 +103,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._started = np.zeros(num_envs, bool)
         self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
         # What the caller is shown copies of: a robot that does not move keeps its row.
-        self._observation: Observation = np.zeros((num_envs, self._table.size), np.float32)
+        self._observation: Observation = np.zeros((num_envs, self.observation_table.size), np.float32)
         self._followed, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
         self._diverged, self._fall = np.zeros(num_envs, bool), np.zeros(num_envs, np.int8)
         self._everyone = np.ones(num_envs, bool)
@@ -198,10 +200,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
     def _look(self, state: QuadState[Array], ids: Ids) -> None:
         """Take the observation of those robots, whose `state` it is, with the command to follow next."""
         self._heading_velocity[ids] = np.transpose(state.heading_velocity)
-        observation = self._table.observe(state, columns.of_robots(self._schedule.command[ids]))
-        if self._sensors is not None:
-            self._sensors.sense(observation, self._schedule.clock[ids], self._rows[ids])
-        self._observation[ids] = observation
+        command, clock = columns.of_robots(self._schedule.command[ids]), self._schedule.clock[ids]
+        self._observation[ids] = self._observation_of(state, command, clock, self._rows[ids])
 
     def _judge(self, ids: Ids) -> Infos:
         """Falls, ends, observations of the robots that just moved; gives what the step earned and cost, all (n,)."""

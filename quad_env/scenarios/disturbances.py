@@ -156,6 +156,11 @@ class SensorNoise:
         check_amount("sensor noise", self.gyro, "rad/s")
 
     @property
+    def height_scan(self) -> float:
+        """m, standard deviation of each point of a height scan, where there is one: legged_gym's 0.1 m likewise."""
+        return 0.5 * self.gyro
+
+    @property
     def deviations(self) -> dict[str, float]:
         """Standard deviation of each sensed term, by its name in `quad_env.OBSERVATION`, in that term's unit."""
         return {

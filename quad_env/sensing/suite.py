@@ -13,7 +13,9 @@ from quad_env.scenarios.disturbances import check_amount, check_positive
 
 
 @dataclass(frozen=True)
-class _Sampled:
+class Sampled:
+    """What every sensor has."""
+
     rate: float | None = None
     """Samples a second; the control rate is a whole multiple of it. None: one a control step"""
     delay: float = 0.01
@@ -26,7 +28,7 @@ class _Sampled:
 
 
 @dataclass(frozen=True)
-class Imu(_Sampled):
+class Imu(Sampled):
     """Gyroscope and accelerometer on the trunk, which share clock and mounting.
 
     The ranges are those of a MEMS device for robots (Bosch BMI088: ±2000 °/s, ±24 g). Noise is what densities of
@@ -65,7 +67,7 @@ class Imu(_Sampled):
 
 
 @dataclass(frozen=True)
-class Encoders(_Sampled):
+class Encoders(Sampled):
     """Absolute angle encoders on the joints; speed is the difference of two samples by their distance in time.
 
     Magnetic encoders have 12 to 16 bits and transition noise about 0.06° (ams AS5046, 12 bits; AS5048, 14 bits).
@@ -93,7 +95,7 @@ class Encoders(_Sampled):
 
 
 @dataclass(frozen=True)
-class FootContact(_Sampled):
+class FootContact(Sampled):
     """Force sensors in the feet, read as contact or none; each foot carries 35 N when the robot stands on four."""
 
     threshold: float = 10.0
@@ -108,7 +110,7 @@ class FootContact(_Sampled):
 
 
 @dataclass(frozen=True)
-class JointTorque(_Sampled):
+class JointTorque(Sampled):
     """Torque of each joint's drive; the defaults are one per cent of SimpleQuad's range."""
 
     bias: float = 1.0

@@ -27,9 +27,14 @@ class Term:
 
 
 class ObservationTable:
-    """The terms of a robot's observation, in order, and what follows from them; to be had from `observation_table`."""
+    """The terms of a robot's observation, in order, and what follows from them; to be had from `observation_table`.
 
-    def __init__(self, robot: Robot) -> None:
+    Args:
+        robot: whose observation it is.
+        more: terms that follow those that every observation has; `observe` does not give them.
+    """
+
+    def __init__(self, robot: Robot, *more: Term) -> None:
         joints = robot.num_joints
         self.terms = (
             Term("projected_gravity", 3, "1, body", 1.0, 1.0),
@@ -39,6 +44,7 @@ class ObservationTable:
             Term("joint_velocity", joints, "rad/s", 1000.0, 0.05),
             Term("previous_action", joints, "rad, as clipped, minus the home pose", 10.0, 1.0),
             Term("command", 3, "forward m/s, lateral m/s, yaw rate rad/s", COMMAND_BOUND, 1.0),
+            *more,
         )
         widths = [term.width for term in self.terms]
         ends = np.cumsum(widths).tolist()
@@ -52,12 +58,13 @@ class ObservationTable:
         """The observation space is [-bound, bound], shape (size,)."""
         self.scale = np.repeat([term.scale for term in self.terms], widths).astype(np.float32)
         """Scale of every entry, shape (size,)."""
-        self._lower_bound = -self.bound
+        always = slice(0, self.slices["command"].stop)
+        self._upper_bound, self._lower_bound = self.bound[always], -self.bound[always]
         self._home: list[float] = robot.home_pose.tolist()
         self.bound.flags.writeable = self.scale.flags.writeable = False
 
     def observe(self, state: QuadState[Column], command: Vector[Column]) -> NDArray[np.float32]:
-        """Fresh observation, (size,) or (n, size); `command`, (3), is the one to follow next."""
+        """Fresh observation of the terms that all have, (k,) or (n, k); `command`, (3), is the one to follow next."""
         in_order = (  # of the terms
             state.projected_gravity,
             state.angular_velocity,
@@ -68,12 +75,12 @@ class ObservationTable:
             command,
         )
         out = in_single_precision(in_order).T
-        np.minimum(out, self.bound, out=out)
+        np.minimum(out, self._upper_bound, out=out)
         return np.maximum(out, self._lower_bound, out=out)
 
 
 observation_table = cache(ObservationTable)
-"""The observation of a robot."""
+"""The observation of a robot, with so many more terms."""
 OBSERVATION = observation_table(SIMPLE_QUAD).slices
 """Name of each term of SimpleQuad's observation -> its slice."""
 OBSERVATION_SIZE = observation_table(SIMPLE_QUAD).size

@@ -1,0 +1,103 @@
+"""A height scan of the ground about the robot, as a value in physical units."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from quad_env.columns import Array, Mask
+from quad_env.scenarios.disturbances import check_amount, check_positive
+from quad_env.sensing.suite import Sampled
+from quad_env.task.observations import Term
+
+UNSEEN = -2.0
+"""What a point reads that is not seen, m: a hole as deep as the scan can show."""
+MOST_POINTS = 10_000
+"""Of a scan."""
+_SCALE = 2.5
+"""A trunk 0.4 m above the ground makes it -1."""
+
+
+@dataclass(frozen=True)
+class HeightScan(Sampled):
+    """Ground heights on a grid about the trunk's centre, in the heading frame: x ahead, y to the left, both level.
+
+    A value is the height of the ground there minus that of the trunk's centre, m: negative where the ground is lower,
+    about −0.36 under a robot that stands. It is clipped to ±2 m, and a point that is not seen reads −2 m. Heights are
+    those of the terrain straight below and above the points: nothing hides behind a step, and the robot's own legs are
+    not seen. A sample that is seen late is of the place, heading and height of the trunk when it was taken.
+
+    A scenario's observation latency comes on top of the delay, and its noise on top of the noise.
+    """
+
+    delay: float = 0.0
+    """s from a sample to when it is seen, at the first control step that is not earlier"""
+    ahead: int = 8
+    """Points ahead of the trunk's centre"""
+    behind: int = 8
+    """Points behind it"""
+    aside: int = 5
+    """Points to each side of it"""
+    spacing: float = 0.1
+    """m between two points. The grid of the defaults is that of legged_gym's `measured_points_x` and `_y`"""
+    field_of_view: float = 2 * math.pi
+    """rad, a sector about the heading, half of it to each side; points outside are no part of the scan"""
+    reach: float | None = None
+    """m, level, from the trunk's centre; points beyond are no part of the scan. None: as far as the grid goes"""
+    noise: float = 0.0
+    """m, standard deviation of the white noise on each point of each sample"""
+    dropouts: float = 0.0
+    """Share of the points, 0 to 1, that a sample does not see, drawn for each point of each sample anew"""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            kinds = int if name in ("ahead", "behind", "aside") else int | float
+            if value is not None and (isinstance(value, bool) or not isinstance(value, kinds)):
+                kind = "whole number" if kinds is int else "number"
+                raise ValueError(f"a height scan's {name} must be a {kind}, got {value!r}")
+        super().__post_init__()
+        check_positive("a height scan's spacing", self.spacing, "m")
+        check_positive("a height scan's reach", self.reach, "m")
+        check_amount("a height scan's noise", self.noise, "m")
+        counts = self.ahead, self.behind, self.aside
+        if min(counts) < 0 or math.prod(self._grid) > MOST_POINTS:
+            raise ValueError(
+                f"a height scan has at least 0 points ahead, behind and aside and at most {MOST_POINTS} in all, "
+                f"got {counts}"
+            )
+        if not 0 < self.field_of_view <= 2 * math.pi:
+            raise ValueError(f"a height scan's field_of_view must lie above 0 and at most 2π, got {self.field_of_view}")
+        if not 0 <= self.dropouts <= 1:
+            raise ValueError(f"a height scan's dropouts are a share between 0 and 1, got {self.dropouts}")
+
+    @property
+    def _grid(self) -> tuple[int, int]:
+        return self.behind + self.ahead + 1, 2 * self.aside + 1
+
+    @property
+    def grid(self) -> Array:
+        """Every point of the grid, seen or not: x and y, heading frame, (rows, columns, 2), m; rows from the hindmost,
+        in each from the right to the left."""
+        x = self.spacing * np.arange(-self.behind, self.ahead + 1)
+        y = self.spacing * np.arange(-self.aside, self.aside + 1)
+        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+
+    @property
+    def seen(self) -> Mask:
+        """Which points of the grid are in the field of view and within reach, (rows, columns)."""
+        x, y = np.moveaxis(self.grid, -1, 0)
+        within = np.abs(np.arctan2(y, x)) <= 0.5 * self.field_of_view + 1e-9
+        at_the_centre = (x == 0) & (y == 0)
+        near = np.hypot(x, y) <= (math.inf if self.reach is None else self.reach + 1e-9)
+        return np.asarray((within | at_the_centre) & near)
+
+    @property
+    def points(self) -> Array:
+        """x and y of the points in the order of the term's entries, heading frame, (p, 2), m."""
+        return self.grid[self.seen]
+
+    @property
+    def term(self) -> Term:
+        """Its term of the observation."""
+        unit = "m, ground minus trunk's centre"
+        return Term("height_scan", int(self.seen.sum()), unit, -UNSEEN, _SCALE)
