@@ -11,7 +11,7 @@ from policies.gait import advance, smoothstep
 from quad_env.config import TaskConfig
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.task.observations import observation_table
+from quad_env.sensing.height_scan import HeightScan, table_with
 
 Actions = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -38,6 +38,8 @@ class Policy(ABC):
     needed: Mask | None = None
     """Robots whose actions somebody reads, (n,), all of them for None; a policy may save the work for the others, which
     start anew before they are needed again."""
+    height_scan: HeightScan | None = None
+    """The scan that its environment is to have; None: it is shown none."""
 
     def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         if not 0.0 < control_period < math.inf:
@@ -81,10 +83,11 @@ class Policy(ABC):
         single = rows.ndim == 1
         if single:
             rows = rows[None]
-        if rows.shape != (self.num_envs, size := observation_table(self.robot).size):
+        if rows.shape != (self.num_envs, size := table_with(self.robot, self.height_scan).size):
+            scan = "no height scan" if self.height_scan is None else f"the height scan {self.height_scan}"
             raise ValueError(
                 f"observation must have shape ({self.num_envs}, {size}), not {np.shape(observation)}; "
-                "reset(num_envs=n) sets the number of robots"
+                f"reset(num_envs=n) sets the number of robots, and {self.name} knows {scan}"
             )
         if not np.isfinite(rows).all():
             rows = self._mended(rows)

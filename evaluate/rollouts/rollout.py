@@ -103,6 +103,7 @@ def _robots(
         terminate_on_fall=terminate_on_fall,
         readings=True,
         robot=hardware.robot,
+        height_scan=policy.height_scan,
         **asdict(hardware),
     )
     with closing(env):

@@ -54,8 +54,17 @@ def fitted(prints: Vector) -> Plane:
     return mean_z - forward * mean_x - lateral * mean_y, forward, lateral
 
 
+def at(plane: Plane, x: Floats, y: Floats) -> Floats:
+    """Height of the plane there, relative to the trunk's centre, m; shapes that broadcast with (n,).
+
+    At the points of a height scan, (p, 1) each, it is what footholds alone tell of what the scan would see, (p, n).
+    """
+    height, forward, lateral = plane
+    there: Floats = height + forward * x + lateral * y
+    return there
+
+
 def above(plane: Plane, prints: Vector) -> Floats:
     """Height of each footprint above the plane, m, (4, n)."""
     x, y, z = prints
-    height, forward, lateral = plane
-    return z - (height + forward * x + lateral * y)
+    return z - at(plane, x, y)

@@ -1,6 +1,6 @@
 """Where the feet of a robot under model-predictive control go; level frame, arrays (n, 4, …)."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,14 @@ _NEAR = 1e-3
 """Progress of a swing over which its speed is taken."""
 
 
+class Terrain(Protocol):
+    """What feet swing over."""
+
+    def over(self, x: Floats, y: Floats, progress: Floats) -> Floats:
+        """Height that a swing at that progress starts its lift from, there, m, (n, 4)."""
+        ...
+
+
 class Ground(NamedTuple):
     """The ground under n robots: height under the trunk's centre relative to it, and rise per metre; (n,)."""
 
@@ -36,6 +44,10 @@ class Ground(NamedTuple):
         """Height there, m, (n, 4)."""
         height: Floats = self.height[:, None] + self.forward[:, None] * x + self.lateral[:, None] * y
         return height
+
+    def over(self, x: Floats, y: Floats, _: Floats) -> Floats:
+        """See `Terrain`: a plane is followed."""
+        return self.at(x, y)
 
 
 def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:
@@ -83,7 +95,7 @@ def swing(
     time: Floats,
     lift: Floats,
     period: float,
-    ground: Ground,
+    ground: Terrain,
 ) -> Swing:
     """The swing at that progress, (n, 4), from `start` to `aim`, (n, 4, 2).
 
@@ -96,7 +108,7 @@ def swing(
     def at(t: Floats) -> Floats:
         x, y = (swung(start[..., i], aim[..., i], slope[..., i], t) for i in range(2))
         arc = 4.0 * t * (1.0 - t)
-        z = ground.at(x, y) + high * arc * arc - p.landing_depth * smoothstep(t)
+        z = ground.over(x, y, t) + high * arc * arc - p.landing_depth * smoothstep(t)
         return np.stack((x, y, z), axis=-1)
 
     def speed(t: Floats) -> Floats:
@@ -120,12 +132,12 @@ def arms(
 
     A foot that stands stays where it is while the body goes on at `velocity`, (n, 2); one that lands stays at `aim`.
     `stands`: (n, N, 4); `since`: time since the landing, (n, N, 4), s; `times`: middle of each step, (N,), s; `z`: the
-    ground below the centre of mass, (n,), m.
+    ground below the centre of mass where the feet stand, m, of a shape that broadcasts to (n, N, 4).
     """
     lasting = np.cumprod(stands, axis=1).astype(np.bool_)[..., None]
     away = velocity[:, None, None]
     stood = feet[:, None, :, :2] - away * times[:, None, None]
     landed = aim[:, None] - away * np.where(stands, since, 0.0)[..., None]
     place = np.where(lasting, stood, landed) - centre[:, None, None, :2]
-    below = np.broadcast_to(z[:, None, None, None], (*place.shape[:-1], 1))
+    below = np.broadcast_to(z[..., None], (*place.shape[:-1], 1))
     return np.concatenate((place, below), axis=-1)

@@ -16,7 +16,7 @@ from policies.legs.ground_plane import carried, fitted, renewed
 from policies.legs.level_frame import Vector
 from policies.legs.memory import taken_in
 from policies.mpc.contact import ContactSense, as_accelerations
-from policies.mpc.footing import Ground, arms, footholds, swing
+from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
 from policies.mpc.joint_prediction import JointPrediction
 from policies.mpc.leg_torques import leg_torques
 from policies.mpc.load import loaded, told_by
@@ -33,7 +33,7 @@ from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.task.observations import observation_table
+from quad_env.sensing.height_scan import UNSEEN, table_with
 
 HORIZON = 10
 """Steps of the prediction."""
@@ -120,7 +120,9 @@ class Mpc(ShiftableFootholds):
         self._plans = Plans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
         self._stop = Stop(robot, control_period)
         self._solver = solver
-        self._at_rest = np.zeros(observation_table(robot).size, np.float32)
+        table = table_with(robot, self.height_scan)
+        self._at_rest = np.zeros(table.size, np.float32)
+        self._at_rest[table.slices.get("height_scan", slice(0))] = UNSEEN
         self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
         self.sense = ContactSense(robot, p, control_period)
         self._joints = JointPrediction(late, control_period)
@@ -175,7 +177,7 @@ class Mpc(ShiftableFootholds):
         pushed = as_accelerations(now.bodies, now.rotation, push)
         height, stance = self._height, p.duty / self._frequencies
         aim = footholds(self.robot, p, now, pushed[:, :2], stance, height, self.foothold_shift)
-        wished = self._feet(now, cycle, contacts, aim, ground)
+        wished = self._feet(now, cycle, contacts, aim, self._over(aim, ground))
         stands, since = self._schedule(contacts.standing)
         places = arms(
             now.bodies.feet,
@@ -185,7 +187,7 @@ class Mpc(ShiftableFootholds):
             stands,
             since,
             self._horizon.middles,
-            ground.height - now.bodies.centre[:, 2],
+            self._footing(now, aim, ground, stands) - now.bodies.centre[:, 2, None, None],
         )
         friction = self._friction(now)
         self._plans.advance(self.control_period)
@@ -243,7 +245,15 @@ class Mpc(ShiftableFootholds):
         above = prints[2] - forward * prints[0] - lateral * prints[1]
         return Ground(0.25 * (above[0] + above[1] + above[2] + above[3]), forward, lateral)
 
-    def _feet(self, now: Motion, cycle: LegCycle, contacts: Contacts, aim: Floats, ground: Ground) -> Floats:
+    def _over(self, aim: Floats, ground: Ground) -> Terrain:
+        """What the feet swing over to their footholds, (n, 4, 2)."""
+        return ground
+
+    def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: NDArray[np.bool_]) -> Floats:
+        """Height of the ground where each foot stands over the horizon, m, (n, 1 or N, 1 or 4)."""
+        return ground.height[:, None, None]
+
+    def _feet(self, now: Motion, cycle: LegCycle, contacts: Contacts, aim: Floats, ground: Terrain) -> Floats:
         """Accelerations that the feet are to have, level frame, (n, 4, 3), m/s²."""
         p, feet, velocity = self.parameters, now.bodies.feet, now.feet_velocity
         lifted = cycle.swing & ~self._swinging

@@ -21,7 +21,7 @@ from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.estimator import Estimator
 from quad_env.sensing.estimators import check_estimator
-from quad_env.sensing.height_scan import HeightScan
+from quad_env.sensing.height_scan import HeightScan, table_with
 from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.scanner import scanner_of
 from quad_env.sensing.suite import SensorSuite, sensor_suite
@@ -93,7 +93,7 @@ class QuadEnvBase:
         scan = _setting(height_scan)
         self._scanner = scanner_of(scan, self.scenario, num_envs, rate)
         self._table = observation_table(robot)
-        self.observation_table = table = observation_table(robot, *(() if scan is None else (scan.term,)))
+        self.observation_table = table = table_with(robot, scan)
         """Terms and slices of the observation."""
         self._lower, self._upper = robot.joint_lower, robot.joint_upper
         actions = Box(self._lower.astype(np.float32), self._upper.astype(np.float32))

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from quad_env.columns import Array, Mask
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import check_amount, check_positive
 from quad_env.sensing.suite import Sampled
-from quad_env.task.observations import Term
+from quad_env.task.observations import ObservationTable, Term, observation_table
 
 UNSEEN = -2.0
 """What a point reads that is not seen, m: a hole as deep as the scan can show."""
@@ -101,3 +102,8 @@ class HeightScan(Sampled):
         """Its term of the observation."""
         unit = "m, ground minus trunk's centre"
         return Term("height_scan", int(self.seen.sum()), unit, -UNSEEN, _SCALE)
+
+
+def table_with(robot: Robot, scan: HeightScan | None) -> ObservationTable:
+    """The observation of a robot with that scan, or without one."""
+    return observation_table(robot) if scan is None else observation_table(robot, scan.term)

@@ -1,0 +1,112 @@
+"""Model-predictive control that sees the ground: footholds have the heights of a height scan."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import CONTROL_PERIOD, Actions
+from policies.gait import Floats, smoothstep
+from policies.mpc.footing import Ground, Terrain
+from policies.mpc.motion import Motion
+from policies.mpc.parameters import MpcParameters
+from policies.mpc.policy import MpcWbc
+from policies.mpc.quadratic_program import Solver, solve
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
+
+SCAN = HeightScan(ahead=14, behind=14, aside=10, spacing=0.05)
+"""What it is shown unless it is told another."""
+ON_THE_WAY = (0.25, 0.5, 0.75)
+"""Where from foothold to foothold the ground is looked at that a foot is to clear."""
+
+
+class SeenGround(NamedTuple):
+    """Heights of feet that stand on a grid about n robots, level frame."""
+
+    scan: HeightScan
+    heights: Floats
+    """(n, rows, columns), m."""
+
+    def at(self, place: Floats) -> Floats:
+        """Heights at places (n, 4, 2), m, (n, 4): linear between four points, beyond the grid that of its edge."""
+        _, rows, columns = self.heights.shape
+        u = np.clip(place[..., 0] / self.scan.spacing + self.scan.behind, 0.0, rows - 1.0)
+        v = np.clip(place[..., 1] / self.scan.spacing + self.scan.aside, 0.0, columns - 1.0)
+        row, column, robot = u.astype(np.intp), v.astype(np.intp), np.arange(len(place))[:, None]
+        u, v = u - row, v - column
+        after, beside = np.minimum(row + 1, rows - 1), np.minimum(column + 1, columns - 1)
+        z = self.heights
+        behind = (1.0 - v) * z[robot, row, column] + v * z[robot, row, beside]
+        ahead = (1.0 - v) * z[robot, after, column] + v * z[robot, after, beside]
+        height: Floats = (1.0 - u) * behind + u * ahead
+        return height
+
+
+def seen_ground(scan: HeightScan, shown: Floats, ground: Ground, foot_radius: float) -> SeenGround:
+    """The ground that the entries of a scan show, (n, p), m; by the footprints' plane where they show nothing."""
+    heights = ground.at(*np.moveaxis(scan.grid, -1, 0).reshape(2, -1)).reshape(len(shown), *scan.grid.shape[:2])
+    heights[:, scan.seen] = np.where(shown > UNSEEN, shown + foot_radius, heights[:, scan.seen])
+    return SeenGround(scan, heights)
+
+
+class Steps(NamedTuple):
+    """What lies under four swings of n robots, (n, 4), m."""
+
+    start: Floats
+    end: Floats
+    top: Floats
+    """Highest ground on the way, footholds included."""
+
+    def over(self, _x: Floats, _y: Floats, progress: Floats) -> Floats:
+        """See `Terrain`: from foothold to foothold, halfway at the highest ground."""
+        arc = 4.0 * progress * (1.0 - progress)
+        height: Floats = self.start + smoothstep(progress) * (self.end - self.start)
+        return height + arc * arc * (self.top - 0.5 * (self.start + self.end))
+
+
+class SightedMpcWbc(MpcWbc):
+    """`MpcWbc` whose footholds have the heights that a height scan shows.
+
+    Swings end there and clear what lies on the way, and the forces are planned for feet at their own heights. Where the
+    scan shows nothing the ground is the footprints' plane; so is what the trunk stays level with.
+
+    Args:
+        parameters, robot, control_period, solver: as of `MpcWbc`.
+        height_scan: what it is shown: the environment's.
+    """
+
+    name = "mpc_wbc_sighted"
+
+    def __init__(
+        self,
+        parameters: MpcParameters | None = None,
+        *,
+        robot: Robot = SIMPLE_QUAD,
+        control_period: float = CONTROL_PERIOD,
+        solver: Solver = solve,
+        height_scan: HeightScan = SCAN,
+    ) -> None:
+        self.height_scan = self._scan = height_scan
+        self._shown = table_with(robot, height_scan).slices["height_scan"]
+        super().__init__(parameters, robot=robot, control_period=control_period, solver=solver)
+
+    def _act(self, observation: NDArray[np.float32]) -> Actions:
+        self._heights = observation[:, self._shown].astype(np.float64)
+        return super()._act(observation)
+
+    def _ground(self, now: Motion, landed: NDArray[np.bool_]) -> Ground:
+        ground = super()._ground(now, landed)
+        self._seen_ground = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
+        return ground
+
+    def _over(self, aim: Floats, ground: Ground) -> Terrain:
+        x, y, start = self._prints.transpose(0, 2, 1)
+        last, end = np.stack((x, y), axis=-1), self._seen_ground.at(aim)
+        between = [self._seen_ground.at(last + share * (aim - last)) for share in ON_THE_WAY]
+        return Steps(start, end, np.max([start, end, *between], axis=0))
+
+    def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: NDArray[np.bool_]) -> Floats:
+        lasting = np.cumprod(stands, axis=1).astype(np.bool_)
+        return np.where(lasting, now.bodies.feet[:, None, :, 2], self._seen_ground.at(aim)[:, None])

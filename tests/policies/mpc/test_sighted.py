@@ -1,0 +1,125 @@
+"""Model-predictive control that sees: footholds by the scan, the plane where it shows nothing, and its own env."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.measures.metrics import measure
+from evaluate.records.provenance import policy_digest
+from evaluate.rollouts import rollout
+from policies.mpc.footing import Ground
+from policies.mpc.policy import MpcWbc
+from policies.mpc.sighted import SCAN, SeenGround, SightedMpcWbc, Steps, seen_ground
+from quad_env import OBSERVATION, OBSERVATION_SIZE, SCENARIOS, HeightScan
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.seeding import episode_seeds
+from quad_env.sensing.height_scan import UNSEEN
+from train.scenarios import practice
+
+TWO = Ground(np.array([-0.3, -0.4]), np.array([0.1, 0.0]), np.array([0.0, -0.2]))
+"""Planes under two robots."""
+SMALL = HeightScan(ahead=4, behind=2, aside=3, spacing=0.1)
+
+
+def places(robots: int, scale: float = 0.2) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-scale, scale, (robots, 4, 2))
+
+
+def test_between_points_of_a_plane_it_is_that_plane() -> None:
+    x, y = SMALL.points.T
+    shown = np.stack((-0.3 + 0.4 * x, -0.4 - 0.5 * y)) - 0.02
+    there = places(2)
+    seen = seen_ground(SMALL, shown, TWO, 0.02).at(there)
+    by_hand = (-0.3 + 0.4 * there[0, :, 0], -0.4 - 0.5 * there[1, :, 1])
+    np.testing.assert_allclose(seen, by_hand, atol=1e-12)
+
+
+def test_what_it_does_not_see_is_the_footprints_plane() -> None:
+    shown = np.full((2, len(SMALL.points)), UNSEEN)
+    there = places(2)
+    np.testing.assert_allclose(
+        seen_ground(SMALL, shown, TWO, 0.02).at(there), TWO.at(there[..., 0], there[..., 1]), atol=1e-12
+    )
+    ahead = replace(SMALL, field_of_view=1.0)
+    shown = np.full((2, len(ahead.points)), -0.1)
+    seen = seen_ground(ahead, shown, TWO, 0.02).heights
+    np.testing.assert_allclose(seen[:, ahead.seen], -0.08)
+    np.testing.assert_allclose(seen[0, 0], -0.3 - 0.02, atol=1e-12)  # behind it, by the plane
+
+
+def test_beyond_the_grid_the_ground_goes_on_as_at_its_edge() -> None:
+    heights = np.arange(49.0).reshape(1, 7, 7)
+    far = np.array([[[9.0, 0.0], [-9.0, -9.0], [0.4, 9.0], [0.4, 0.3]]])
+    np.testing.assert_allclose(SeenGround(SMALL, heights).at(far), [[45.0, 0.0, 48.0, 48.0]])
+    line = HeightScan(ahead=0, behind=0, aside=0)
+    np.testing.assert_allclose(SeenGround(line, np.ones((1, 1, 1))).at(far), 1.0)
+
+
+def test_a_swing_goes_from_foothold_to_foothold_over_the_highest_ground() -> None:
+    steps = Steps(*(np.full((1, 4), z) for z in (-0.4, -0.3, -0.25)))
+    heights = [steps.over(steps.start, steps.start, np.full((1, 4), t))[0, 0] for t in (0.0, 0.5, 1.0)]
+    np.testing.assert_allclose(heights, [-0.4, -0.25, -0.3])
+
+
+def observations(count: int, ground: float = -0.36) -> np.ndarray:
+    """What robots see in place, standing and pushed, with a step up 0.3 m ahead of them."""
+    rows = np.zeros((count, OBSERVATION_SIZE + len(SCAN.points)), np.float32)
+    rows[:, 2] = -1.0
+    rows[:, 3:9] = np.random.default_rng(2).normal(0.0, 0.1, (count, 6))
+    rows[:, OBSERVATION["command"].start] = np.linspace(0.0, 0.5, count)
+    rows[:, OBSERVATION_SIZE:] = ground + 0.1 * (SCAN.points[:, 0] > 0.3)
+    return rows
+
+
+def test_a_robot_s_actions_are_the_same_in_any_batch_after_a_restart_and_in_another_process() -> None:
+    together, alone, rows = SightedMpcWbc(), SightedMpcWbc(), observations(3)
+    together.reset(num_envs=3)
+    alone.reset()
+    for step in range(12):
+        if step == 6:
+            together.reset_where(np.array([False, True, False]))
+            alone.reset()
+        np.testing.assert_array_equal(together.act(rows)[1], alone.act(rows[1]))
+    sent = pickle.loads(pickle.dumps(SightedMpcWbc()))
+    assert policy_digest(sent) == policy_digest(SightedMpcWbc())
+    assert policy_digest(sent) != policy_digest(SightedMpcWbc(height_scan=SMALL))
+
+
+def test_without_a_finite_observation_it_goes_on_by_what_it_saw() -> None:
+    policy, rows = SightedMpcWbc(), observations(1)
+    policy.reset()
+    before = policy.act(rows)
+    rows[:] = np.nan
+    assert np.abs(policy.act(rows) - before).max() < 0.2
+
+
+def test_a_rollout_shows_each_policy_the_scan_that_it_asks_for_and_others_none() -> None:
+    seeds, seen = episode_seeds("search", 0, 2), []
+    for policy in (SightedMpcWbc(height_scan=SMALL), policies.make("stand")):
+        rollout.roll_out(policy, "flat", seeds, lambda step: seen.append(step.observation.shape[1]) or False, steps=3)
+    assert seen == 4 * [OBSERVATION_SIZE + len(SMALL.points)] + 4 * [OBSERVATION_SIZE]
+
+
+def test_a_policy_without_sight_is_told_so_in_an_environment_with_a_scan_and_the_other_way_round() -> None:
+    env = SimpleQuadVectorEnv(2, height_scan=SMALL)
+    observation, _ = env.reset(seed=0)
+    for policy in (policies.make("trot"), MpcWbc()):
+        policy.reset(num_envs=2)
+        with pytest.raises(ValueError, match=r"\(2, 48\), not \(2, 97\).*knows no height scan"):
+            policy.act(observation)
+        policy.act(observation[:, :OBSERVATION_SIZE])
+    sighted = SightedMpcWbc()
+    sighted.reset(num_envs=2)
+    with pytest.raises(ValueError, match=r"knows the height scan HeightScan\(.*spacing=0.05"):
+        sighted.act(observation)
+
+
+def test_it_walks_where_the_ground_is_too_rough_for_one_that_does_not_see() -> None:
+    seeds, ground = episode_seeds("search", 5, 8), practice("rough=0.24", "search")
+    blind, sighted = (measure(rollout.run(policy, ground, seeds)) for policy in (MpcWbc(), SightedMpcWbc()))
+    assert SCENARIOS["rough"].terrain != ground.terrain
+    assert sighted.fell.sum() < blind.fell.sum()
+    assert sighted.velocity_error.mean() < blind.velocity_error.mean()
