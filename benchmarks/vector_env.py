@@ -20,7 +20,7 @@ from benchmarks.support.measure import Floats, Spread, cores, difference, interl
 from benchmarks.support.progress import Advance, stage
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.launcher import launch
-from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges
+from quad_env import ENV_ID, MAX_EPISODE_STEPS, OBSERVATION_SIZE, SCENARIOS, CommandRanges, HeightScan
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 JUDGED = ("flat", 1024)
@@ -107,11 +107,13 @@ def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Res
 
 
 class Walkers:
-    """The environment's batch under the trot, from the given start."""
+    """The environment's batch under the trot, which sees no scan, from the given start."""
 
-    def __init__(self, name: str, start: bare.Start, threads: int) -> None:
+    def __init__(self, name: str, start: bare.Start, threads: int, scan: HeightScan | None = None) -> None:
         count = len(start.seeds)
-        self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(ENV_ID, count, scenario=name, nthread=threads)
+        self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(
+            ENV_ID, count, scenario=name, nthread=threads, height_scan=scan
+        )
         self._policy = policies.make("trot")
         self._policy.reset(count)
         self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
@@ -121,7 +123,7 @@ class Walkers:
 
     def step(self) -> float:
         """Seconds a robot that `step` took, without the policy."""
-        self.action = self._policy.act(self.observation)
+        self.action = self._policy.act(self.observation[:, :OBSERVATION_SIZE])
         begin = time.perf_counter()
         self.observation, _, terminated, truncated, _ = self.env.step(self.action)
         seconds = time.perf_counter() - begin

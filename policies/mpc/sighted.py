@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
 from policies.gait import Floats, smoothstep
+from policies.legs.memory import taken_in
 from policies.mpc.footing import Ground, Terrain
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
-from policies.mpc.policy import MpcWbc
+from policies.mpc.policy import STEEPEST, MpcWbc
 from policies.mpc.quadratic_program import Solver, solve
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -18,8 +19,15 @@ from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
 
 SCAN = HeightScan(ahead=14, behind=14, aside=10, spacing=0.05)
 """What it is shown unless it is told another."""
+LEVELLING_TIME = 0.1
+"""Time constant with which the trunk takes that ground in, s."""
+_EDGE = 1e-9
 ON_THE_WAY = (0.25, 0.5, 0.75)
 """Where from foothold to foothold the ground is looked at that a foot is to clear."""
+
+
+UNDER_THE_LEGS = 0.45, 0.4
+"""Half-length and half-width of the ground that the trunk is to be level with, m."""
 
 
 class SeenGround(NamedTuple):
@@ -42,6 +50,17 @@ class SeenGround(NamedTuple):
         ahead = (1.0 - v) * z[robot, after, column] + v * z[robot, after, beside]
         height: Floats = (1.0 - u) * behind + u * ahead
         return height
+
+
+def mean_plane(scan: HeightScan) -> Floats:
+    """What heights on the scan's grid are multiplied with to give the least-squares plane of those under the legs:
+    height under the trunk's centre and rise per metre ahead and to the left, (3, rows, columns)."""
+    x, y = np.moveaxis(scan.grid, -1, 0)
+    length, width = UNDER_THE_LEGS
+    near = (np.abs(x) <= length + _EDGE) & (np.abs(y) <= width + _EDGE)
+    shares = np.zeros((3, *x.shape))
+    shares[:, near] = np.linalg.pinv(np.stack((np.ones(near.sum()), x[near], y[near]), axis=-1))
+    return shares
 
 
 def seen_ground(scan: HeightScan, shown: Floats, ground: Ground, foot_radius: float) -> SeenGround:
@@ -69,8 +88,9 @@ class Steps(NamedTuple):
 class SightedMpcWbc(MpcWbc):
     """`MpcWbc` whose footholds have the heights that a height scan shows.
 
-    Swings end there and clear what lies on the way, and the forces are planned for feet at their own heights. Where the
-    scan shows nothing the ground is the footprints' plane; so is what the trunk stays level with.
+    Swings end there and clear what lies on the way, forces are planned for feet at their own heights, and the trunk
+    keeps level with the ground under the legs and at its height above that. Where the scan shows nothing the ground is
+    the footprints' plane.
 
     Args:
         parameters, robot, control_period, solver: as of `MpcWbc`.
@@ -89,8 +109,13 @@ class SightedMpcWbc(MpcWbc):
         height_scan: HeightScan = SCAN,
     ) -> None:
         self.height_scan = self._scan = height_scan
+        self._mean_plane = mean_plane(height_scan)
         self._shown = table_with(robot, height_scan).slices["height_scan"]
         super().__init__(parameters, robot=robot, control_period=control_period, solver=solver)
+
+    def _allocate(self, num_envs: int) -> None:
+        super()._allocate(num_envs)
+        self._level = np.zeros((3, num_envs))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._heights = observation[:, self._shown].astype(np.float64)
@@ -99,7 +124,11 @@ class SightedMpcWbc(MpcWbc):
     def _ground(self, now: Motion, landed: NDArray[np.bool_]) -> Ground:
         ground = super()._ground(now, landed)
         self._seen_ground = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
-        return ground
+        mean = np.einsum("cij,nij->cn", self._mean_plane, self._seen_ground.heights)
+        mean[1:] = np.clip(mean[1:], -STEEPEST, STEEPEST)
+        share = np.where(self._new, 1.0, taken_in(self.control_period, LEVELLING_TIME))
+        self._level = self._level + share * (mean - self._level)
+        return Ground(*self._level)
 
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
         x, y, start = self._prints.transpose(0, 2, 1)

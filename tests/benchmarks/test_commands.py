@@ -13,7 +13,7 @@ import pytest
 from benchmarks.support.command import WIDTH
 from train.config import DEFAULTS
 
-IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
+IN_PROCESS = ("single_env", "vector_env", "height_scan", "physics", "policies")
 COMMANDS = (*IN_PROCESS, "peers", "training", "learners", "startup", "resume", "growth", "rendering")
 COMMANDS += ("breaking_points", "cluster", "mpc", "solvers")
 
@@ -93,6 +93,13 @@ def test_vector_env_bills_a_share_of_a_reset(tmp_path: Path, capsys) -> None:
     found = figures("vector_env", tmp_path / "kept.json", capsys.readouterr().out)
     assert set(found) == {"flat 1", "flat 3", "rough 1", "rough 3"}
     assert all(each["reset_us"]["median"] > 0 for each in found.values())
+
+
+def test_height_scan_sets_each_scan_beside_none_of_the_same_rounds(tmp_path: Path, capsys) -> None:
+    assert run("height_scan", "--quick", "--json", tmp_path / "kept.json") == 0
+    for size in figures("height_scan", tmp_path / "kept.json", capsys.readouterr().out).values():
+        without, seen = (np.array(size["seconds_per_step"][name]) for name in ("none", "perfect"))
+        assert size["time_ratio"]["perfect"]["median"] == pytest.approx(np.median(seen / without))
 
 
 @pytest.mark.rendering
@@ -205,6 +212,7 @@ def test_all_together_names_the_command_of_what_it_does_not_measure(tmp_path: Pa
         ("vector_env", ["--envs", "0"], "--envs must be from 1"),
         ("vector_env", ["--envs", "2", "2"], "twice"),
         ("vector_env", ["--scenarios", "ice"], "valid: flat, push, rough"),
+        ("height_scan", ["--scenarios", "ice"], "valid: flat, push, rough"),
         ("physics", ["--settings", "fast"], "valid: shipped"),
         ("physics", ["--threads", "0"], "--threads"),
         ("policies", ["--policies", "gallop"], "no policy 'gallop'"),
