@@ -74,12 +74,12 @@ def test_a_swing_goes_from_foothold_to_foothold_over_the_highest_ground() -> Non
 
 
 def observations(count: int, ground: float = -0.36) -> np.ndarray:
-    """What robots see in place, standing and pushed, with a step up 0.3 m ahead of them."""
+    """What robots see in place, standing and pushed, each higher than the one before, a step up 0.3 m ahead of them."""
     rows = np.zeros((count, OBSERVATION_SIZE + len(SCAN.points)), np.float32)
     rows[:, 2] = -1.0
     rows[:, 3:9] = np.random.default_rng(2).normal(0.0, 0.1, (count, 6))
     rows[:, OBSERVATION["command"].start] = np.linspace(0.0, 0.5, count)
-    rows[:, OBSERVATION_SIZE:] = ground + 0.1 * (SCAN.points[:, 0] > 0.3)
+    rows[:, OBSERVATION_SIZE:] = ground + 0.1 * (SCAN.points[:, 0] > 0.3) - 0.03 * np.arange(count)[:, None]
     return rows
 
 
