@@ -16,6 +16,7 @@ from policies.bundle import DESCRIPTION, load
 from policies.foreign import Foreign, is_reference
 from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
+from policies.mpc.sighted import SightedMpcWbc
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
 from policies.safety import Safe, SafetyLimits
@@ -56,6 +57,7 @@ _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: base.make for name, base in BASES.items()},
     "behaviour": Behaviour,
     **_OTHER_GAITS,
+    "mpc_wbc_sighted": SightedMpcWbc,
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""

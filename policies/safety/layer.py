@@ -85,7 +85,7 @@ class Safe(Policy):
         if fallback is not None:
             fallback.check_fits(self.robot, self.control_period)
         self.policy = policy
-        self.name = f"safe:{policy.name}"
+        self.name, self.height_scan = f"safe:{policy.name}", policy.height_scan
         self._limits = limits or SafetyLimits.of(self.robot)
         self._alarm_above = alarm_above if alarm_above is not None else fitted_threshold()
         self._after_failure = {"stop": Mode.STOP, "damp": Mode.DAMP, "fallback": Mode.FALLBACK}[on_failure]
