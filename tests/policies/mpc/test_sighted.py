@@ -136,6 +136,6 @@ def test_it_walks_where_the_ground_is_too_rough_for_one_that_does_not_see() -> N
 def test_within_the_safety_layer_it_sees_as_much() -> None:
     alone, safe = policies.make("mpc_wbc_sighted"), policies.make("safe:mpc_wbc_sighted")
     seeds = episode_seeds("search", 3, 1)
-    found = [rollout.run(each, practice("flat", "search"), seeds, steps=50) for each in (alone, safe)]
+    found = [rollout.run(each, practice("flat", "search"), seeds, steps=120) for each in (alone, safe)]
     assert safe.height_scan == alone.height_scan
     np.testing.assert_array_equal(*(each.velocity_error for each in map(measure, found)))
