@@ -61,7 +61,7 @@ _MAKERS: dict[str, Callable[..., Policy]] = {
     **{name: partial(_shipped, name) for name in TRAINED},
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
-_PREDICTING = ("mpc", "mpc_wbc", *_OTHER_GAITS)
+_PREDICTING = ("mpc", "mpc_wbc", "mpc_wbc_sighted", *_OTHER_GAITS)
 """Those that are told by how many control steps the joints that they are shown are `late`."""
 
 SAFE = "safe:"

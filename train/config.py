@@ -95,7 +95,8 @@ MIXTURE = (
     ("weak_motors=10", 0.03),
     ("surprise=1.5", 0.08),
 )
-"""Every axis at a severity where the base begins to fail, or just beyond, and its share of the robots."""
+"""Every axis at a severity where the base begins to fail, or just beyond, and a small delay, which it masters; each
+with its share of the robots."""
 MEMORY = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 """What tells a delay, a load, a force, a slow motor from nominal conditions."""
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)

@@ -1,5 +1,7 @@
 """Places in Markdown files that commands write tables into."""
 
+from pathlib import Path
+
 from evaluate.terminal.command_line import UsageError
 
 RESULTS = "results"
@@ -14,3 +16,14 @@ def insert(text: str, lines: list[str], place: str = RESULTS) -> str:
     head, rest = text.split(begin, 1)
     inserted = "\n".join(lines)
     return f"{head}{begin}\n{inserted}\n{end}{rest.split(end, 1)[1]}"
+
+
+def page_with(page: Path, *places: str) -> str:
+    """Text of the page; UsageError where it cannot be read or lacks one of the places."""
+    try:
+        text = page.read_text()
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"--page: cannot read {page} ({error})") from error
+    for place in places:
+        insert(text, [], place)
+    return text

@@ -14,7 +14,7 @@ A second table says what policies lose by walking on estimates: `policies_on_est
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
-from evaluate.report.places import RESULTS, insert
+from evaluate.report.places import RESULTS, insert, page_with
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import Hardware, check
 from evaluate.rollouts.observers import Falls, Step
@@ -37,7 +37,6 @@ from policies.files import write_atomically
 from policies.legs.level_frame import level_frame
 from quad_env import SCENARIOS, SENSORS
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 from quad_env.sensing.channel import steps_late
 from quad_env.sensing.error_state import TILT, VELOCITY
@@ -107,7 +106,9 @@ def main(options: Options) -> int:
         raise UsageError(f"--sensors: {error}") from error
     makers = {"errors": (RESULTS, table), "success": ("success", _success)}
     chosen = [makers[name] for name in options.tables]
-    text = None if options.page is None else _read(options.page, [place for place, _ in chosen])
+    if "success" in options.tables:
+        _check_success(options)
+    text = None if options.page is None else page_with(options.page, *(place for place, _ in chosen))
     for place, lines_of in chosen:
         lines = []
         for line in lines_of(options):  # shown as they come: a row takes minutes
@@ -119,17 +120,24 @@ def main(options: Options) -> int:
     return 0
 
 
-def _success(options: Options) -> Iterator[str]:
-    """Lines of the second table."""
+def _check_success(options: Options) -> None:
+    """Raise UsageError, before anything walks, where the second table's policies or scenarios are none."""
     try:
-        scenarios = [_on_field(scenario, options.ground) for scenario in battery.resolve(options.scenarios)]
+        battery.resolve(options.scenarios)
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
-    seeds = episode_seeds(options.seeds, options.seed, options.episodes)
     try:
-        yield from policies_on_estimates.table(options.policies, scenarios, seeds, options.sensors, options.threads)
+        for name in options.policies:
+            policies.resolve(name)
     except PolicyError as error:
         raise UsageError(f"--policies: {error}") from error
+
+
+def _success(options: Options) -> Iterator[str]:
+    """Lines of the second table."""
+    scenarios = [elsewhere(scenario, options.ground) for scenario in battery.resolve(options.scenarios)]
+    seeds = episode_seeds(options.seeds, options.seed, options.episodes)
+    yield from policies_on_estimates.table(options.policies, scenarios, seeds, options.sensors, options.threads)
     yield ""
     yield f"Sensors `{options.sensors}`, {options.episodes} episodes of each cell, {options.seeds} seeds."
 
@@ -161,14 +169,9 @@ def _height(found: Errors) -> str:
 
 def walks(ground: int) -> dict[str, Scenario]:
     """What is walked, by name; the rough ground is the field of that number."""
-    flat, rough = (_forward(_on_field(SCENARIOS[name], ground)) for name in ("flat", "rough"))
+    flat, rough = (_forward(elsewhere(SCENARIOS[name], ground)) for name in ("flat", "rough"))
     straight = replace(flat, commands=replace(flat.commands, yaw_rate=(0.0, 0.0)))
     return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
-
-
-def _on_field(scenario: Scenario, field: int) -> Scenario:
-    """The scenario, if its ground is random on the field of that number."""
-    return elsewhere(scenario, field) if isinstance(scenario.terrain, SmoothRandom) else scenario
 
 
 def _forward(scenario: Scenario) -> Scenario:
@@ -179,12 +182,12 @@ def _forward(scenario: Scenario) -> Scenario:
 def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
     """Errors of that estimator in the walks of the options."""
     suite = SENSORS[options.sensors]
-    policy = policies.resolve(options.policy)
+    hardware = Hardware(sensors=options.sensors, estimator=estimator)
+    policy = hardware.policy(options.policy)
     parts = suite.imu, suite.encoders, suite.feet
     late = max(steps_late(part.delay, 1 / policy.control_period) for part in parts)
     seeds = episode_seeds(options.seeds, options.seed, options.episodes)
     falls, watch = Falls(len(seeds), STEPS), _Watch(late)
-    hardware = Hardware(sensors=options.sensors, estimator=estimator)
     roll_out(policy, scenario, seeds, falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
     return watch.errors(falls.step)
 
@@ -269,13 +272,3 @@ def normalised(gravity: Floats, turned: Floats, moved: Floats, covariance: Float
     claimed = entries @ covariance[:, places][:, :, places] @ np.swapaxes(entries, -1, -2)
     weighed: Floats = (error[:, None] @ np.linalg.solve(claimed, error[..., None]))[:, 0, 0]
     return weighed
-
-
-def _read(page: Path, places: Sequence[str]) -> str:
-    try:
-        text = page.read_text()
-    except (OSError, UnicodeError) as error:
-        raise UsageError(f"--page: cannot read {page} ({error})") from error
-    for place in places:
-        insert(text, [], place)
-    return text

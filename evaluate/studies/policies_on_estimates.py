@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.analysis.comparison import SUCCESS_RATE, by_episode, paired_difference
-from evaluate.rollouts.experiment import CellProgress, LabelledPolicy, Settings, run_cell
+from evaluate.rollouts.experiment import LabelledPolicy, Settings, run_cell
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.statistics.intervals import wilson_interval
 from evaluate.terminal.format import NO_BREAK, share, signed
@@ -33,14 +33,13 @@ def successes(
     seeds: NDArray[np.int64],
     sensors: str,
     nthread: int,
-    progress: CellProgress = lambda *_: None,
 ) -> Successes:
-    """Successes of the policy of that name or path with those sensors; ValueError as of `policies.resolve`."""
+    """Successes of the policy of that name or path with those sensors; PolicyError if there is none."""
 
     def of(hardware: Hardware) -> Floats:
         labelled = LabelledPolicy(policy, hardware.policy(policy))
         return by_episode(
-            run_cell(labelled, scenario, seeds, Settings(nthread, progress, hardware=hardware)), SUCCESS_RATE
+            run_cell(labelled, scenario, seeds, Settings(nthread, lambda *_: None, hardware=hardware)), SUCCESS_RATE
         )
 
     return Successes(of(IDEAL), {name: of(Hardware(sensors=sensors, estimator=name)) for name in ESTIMATORS})

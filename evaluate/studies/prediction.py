@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.report.places import insert
+from evaluate.report.places import insert, page_with
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
 from evaluate.studies.ground import elsewhere
@@ -28,7 +28,6 @@ from policies.mpc.policy import HORIZON, Mpc, MpcWbc
 from quad_env import SCENARIOS
 from quad_env.physics.dynamics import WholeBody, whole_body
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 
 SETTLING = 100
@@ -87,21 +86,15 @@ def main(options: Options) -> int:
     if options.out.suffix.lower() != ".png" or options.out.is_dir():
         raise UsageError(f"--out must be a PNG file, such as results/prediction.png, not {options.out}")
     make_folder_of(options.out, "--out")
-    text = None if options.page is None else _read(options.page)
+    text = None if options.page is None else page_with(options.page, "prediction")
     policy = MpcWbc() if options.policy == "mpc_wbc" else Mpc()
     lines = list(table(policy, options))
     seeds = episode_seeds("validation", options.seed, 1)
-    draw(policy, walk(policy, practice("flat", options.ground), seeds, COMMAND), options.start, options.out)
+    draw(policy, walk(policy, "flat", seeds, COMMAND), options.start, options.out)
     if options.page is not None and text is not None:
         write_atomically(options.page, insert(text, lines, "prediction").encode())
     print("\n".join([*lines, str(options.out)]))
     return 0
-
-
-def practice(name: str, ground: int) -> Scenario:
-    """The scenario, if on rough ground on that field of it."""
-    scenario = SCENARIOS[name]
-    return elsewhere(scenario, ground) if isinstance(scenario.terrain, SmoothRandom) else scenario
 
 
 def table(policy: Mpc, options: Options) -> Iterator[str]:
@@ -111,7 +104,7 @@ def table(policy: Mpc, options: Options) -> Iterator[str]:
     period = policy.parameters.horizon_step
     for name in GROUNDS:
         seeds = episode_seeds("validation", options.seed, options.episodes)
-        found = walk(policy, practice(name, options.ground), seeds)
+        found = walk(policy, elsewhere(SCENARIOS[name], options.ground), seeds)
         for steps in AHEAD:
             foreseen, same = (errors(found, steps, period, policy.control_period, still) for still in (False, True))
             cells = (f"{a:.{n}f} ({b:.{n}f})" for a, b, n in zip(foreseen, same, (1, 3, 3, 2), strict=True))
@@ -123,7 +116,9 @@ def table(policy: Mpc, options: Options) -> Iterator[str]:
     )
 
 
-def walk(policy: Mpc, scenario: Scenario, seeds: NDArray[np.int64], command: Any = None, steps: int = STEPS) -> Walk:
+def walk(
+    policy: Mpc, scenario: str | Scenario, seeds: NDArray[np.int64], command: Any = None, steps: int = STEPS
+) -> Walk:
     """An episode of `policy` for each seed; what follows a fall means nothing."""
     falls, watch = Falls(len(seeds), steps), _Watch(policy)
     roll_out(policy, scenario, seeds, falls, watch, command=command, steps=steps)
@@ -147,7 +142,7 @@ def errors(found: Walk, steps: int, horizon_step: float, control_period: float, 
     leant = np.degrees(roll_pitch(then.rotation) - roll_pitch(now.rotation) - tilt)
     return np.array(
         [
-            np.sqrt(np.mean(each[good] ** 2))
+            np.sqrt(np.nanmean(each[good] ** 2))
             for each in (
                 height,
                 np.hypot(moved[..., 0], moved[..., 1]),
@@ -253,12 +248,3 @@ def draw(policy: Mpc, found: Walk, start: int, out: Path) -> None:
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper right", frameon=False, ncols=2)
     figure.savefig(out, dpi=90)
     plt.close(figure)
-
-
-def _read(page: Path) -> str:
-    try:
-        text = page.read_text()
-    except (OSError, UnicodeError) as error:
-        raise UsageError(f"--page: cannot read {page} ({error})") from error
-    insert(text, [], "prediction")
-    return text

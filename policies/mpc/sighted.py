@@ -93,7 +93,7 @@ class SightedMpcWbc(MpcWbc):
     the footprints' plane.
 
     Args:
-        parameters, robot, control_period, solver: as of `MpcWbc`.
+        parameters, robot, control_period, solver, late: as of `MpcWbc`.
         height_scan: what it is shown: the environment's.
     """
 
@@ -106,12 +106,13 @@ class SightedMpcWbc(MpcWbc):
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         solver: Solver = solve,
+        late: int = 0,
         height_scan: HeightScan = SCAN,
     ) -> None:
         self.height_scan = self._scan = height_scan
         self._mean_plane = mean_plane(height_scan)
         self._shown = table_with(robot, height_scan).slices["height_scan"]
-        super().__init__(parameters, robot=robot, control_period=control_period, solver=solver)
+        super().__init__(parameters, robot=robot, control_period=control_period, solver=solver, late=late)
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)

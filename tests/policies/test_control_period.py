@@ -32,7 +32,8 @@ SLACK_OF = {"trot_feedback": 0.1, "mpc": 0.07, "mpc_wbc": 0.07}
 LEAPS = 0.05
 """Share of the times at which a motion begins with a leap that may come a step later."""
 LEAPS_OF = {"mpc_wbc_bound": 0.2, "mpc_wbc_pace": 0.2, "mpc_wbc_walk": 0.2}
-"""The same of gaits that lift feet two or four times in cycles that are no whole number of such steps."""
+"""The same of gaits that lift feet two or four times in cycles of which a half or a quarter is no whole number of such
+steps."""
 
 
 def ask(policy, observation, seconds):

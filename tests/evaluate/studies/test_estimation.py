@@ -107,8 +107,8 @@ def test_the_filter_knows_its_error_on_a_hard_and_on_a_soft_gait(monkeypatch) ->
     ("options", "words"),
     [
         ({"sensors": "truth"}, "--sensors: the estimator kalman has no sensors"),
-        ({"scenarios": ("moon",), "tables": ("success",)}, "--scenarios: unknown scenario 'moon'"),
-        ({"policies": ("ghost",), "tables": ("success",), "episodes": 2}, "--policies: no policy 'ghost'"),
+        ({"scenarios": ("moon",)}, "--scenarios: unknown scenario 'moon'"),
+        ({"policies": ("ghost",), "episodes": 2}, "--policies: no policy 'ghost'"),
         ({"episodes": 1}, "--episodes must be from 2"),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.studies import prediction
-from evaluate.studies.prediction import Walk, errors, practice, turned_back, walk
+from evaluate.studies.prediction import Walk, errors, turned_back, walk
 from policies.mpc.motion import motion
 from policies.mpc.policy import MpcWbc
 from policies.mpc.rigid_body import Body, Horizon, Weights
@@ -24,7 +24,7 @@ PERIODS = 0.04, 0.01
 @pytest.fixture(scope="module")
 def walked() -> Walk:
     seeds = episode_seeds("validation", 3, 2)
-    return walk(MpcWbc(), practice("flat", 1), seeds, command=(0.5, 0.0, 0.6), steps=300)
+    return walk(MpcWbc(), "flat", seeds, command=(0.5, 0.0, 0.6), steps=300)
 
 
 def now(env: SimpleQuadEnv) -> WholeBody:

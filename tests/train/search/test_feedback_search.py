@@ -153,7 +153,7 @@ def test_the_parameters_in_force_lie_within_the_ranges_of_the_search(name):
     point = encode(policies.make(name).parameters, subject.ranges)
     limits = limits_of(kind)
     at_its_limit = [low == limits[each][0] for each, (low, _) in subject.ranges.items()]
-    assert (point >= np.where(at_its_limit, 0.0, MARGIN)).all()
+    assert ((point > MARGIN) | np.array(at_its_limit)).all()
     assert point.max() < 1.0 - MARGIN
 
 
