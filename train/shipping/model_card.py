@@ -1,6 +1,6 @@
 """MODEL.md of a trained policy: what it is, how it was trained, what it is worth beside its base and other seeds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -60,7 +60,7 @@ errors bill every step after a fall their cap.
 
 {tables}
 
-{scores(runs, shipped, results)}
+{scores(kinds, runs, shipped, results)}
 
 ## Where it is better than its base, and where it is weak
 
@@ -112,9 +112,10 @@ def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results:
     return "\n".join(f"| {' | '.join(row)} |" for row in (header, ["---"] * len(header), *rows))
 
 
-def scores(runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """Scores of the shipped one's base and of each run, the highest first, in Markdown."""
-    labels = {run.label: f"{run.config.policy} {seed(run, shipped)}" for run in runs}
+def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """Scores of the shipped one's base and of each run, the highest first, in Markdown; `called`: what to call a kind of
+    policy."""
+    labels = {run.label: f"{called[run.config.policy]} {seed(run, shipped)}" for run in runs}
     return "\n".join(score_table(results.scores, shipped.config.base, labels)) if results.scores else ""
 
 

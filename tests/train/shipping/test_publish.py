@@ -81,12 +81,15 @@ def test_the_card_speaks_of_motors_and_sensors_that_are_not_ideal():
 
 def test_the_card_scores_each_seed_against_the_base():
     runs = [trained_run(seed=0), trained_run(seed=1)]
-    assert scores(runs, runs[0], analyse([], seed=0, episodes=1, complete=True, baseline="trot")) == ""
+    assert (
+        scores({"residual": "mine"}, runs, runs[0], analyse([], seed=0, episodes=1, complete=True, baseline="trot"))
+        == ""
+    )
     worth = {runs[0].label: 0.9, "trot_integral": 0.5, runs[1].label: 0.25}
     found = tuple(Score(name, of, (of, of), {}, of - 0.5, (of - 0.5,) * 2, 0.01) for name, of in worth.items())
     nothing = analyse([], seed=0, episodes=1, complete=True, baseline="trot_integral")
-    rows = scores(runs, runs[0], dataclasses.replace(nothing, scores=found)).splitlines()[4:]
-    assert [row.split(" | ")[0] for row in rows] == ["| residual 0 (shipped)", "| `trot_integral`", "| residual 1"]
+    rows = scores({"residual": "mine"}, runs, runs[0], dataclasses.replace(nothing, scores=found)).splitlines()[4:]
+    assert [row.split(" | ")[0] for row in rows] == ["| mine 0 (shipped)", "| `trot_integral`", "| mine 1"]
     assert [row.split(" | ")[1].split()[0] for row in rows] == ["90.0", "50.0", "25.0"]
     assert [row.split(" | ")[2].split()[0] for row in rows] == ["40.0", "–", "−25.0"]
 
