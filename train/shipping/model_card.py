@@ -32,7 +32,7 @@ def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: 
     """The whole MODEL.md of a policy that ships by that name; `runs` are all that were judged, and policies of
     `results` that are no run are baselines."""
     config = shipped.config
-    kinds = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
+    kinds: dict[str, str] = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
     tables = "\n\n".join(
         table(called, [run for run in runs if run.config.policy == kind], shipped, results)
         for kind, called in kinds.items()
@@ -113,8 +113,8 @@ def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results:
 
 
 def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """Scores of the shipped one's base and of each run, the highest first, in Markdown; `called`: what to call a kind of
-    policy."""
+    """Scores of the shipped one's base and of each run, the highest first, in Markdown; `called`: what to call a policy
+    of each kind."""
     labels = {run.label: f"{called[run.config.policy]} {seed(run, shipped)}" for run in runs}
     return "\n".join(score_table(results.scores, shipped.config.base, labels)) if results.scores else ""
 
