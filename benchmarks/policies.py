@@ -72,11 +72,11 @@ def _tail(values: Floats) -> float:
 
 def _costs(num_envs: int, options: Options) -> dict[str, Floats]:
     """Seconds a robot and action of each policy, (rounds,)."""
-    observations, _ = gym.make_vec(ENV_ID, num_envs).reset(seed=0)
     steps = options.steps
 
     def subject(name: str) -> Subject:
         policy = policies.resolve(name)
+        observations, _ = gym.make_vec(ENV_ID, num_envs, height_scan=policy.height_scan).reset(seed=0)
         policy.reset(num_envs)
 
         def act() -> float:
@@ -93,12 +93,12 @@ def _costs(num_envs: int, options: Options) -> dict[str, Floats]:
 
 def _calls(options: Options, clock: Clock) -> dict[str, Floats]:
     """Seconds of single calls for one robot, (calls,): each policy's, a control step of the whole, a joint loop's."""
-    observation, _ = gym.make(ENV_ID).reset(seed=0)
     start = bare.start("flat", 1)
     data = bare.Loop(start).data
 
     def action(name: str) -> Callable[[], object]:
         policy = policies.resolve(name)
+        observation, _ = gym.make(ENV_ID, height_scan=policy.height_scan).reset(seed=0)
         policy.reset()
         return lambda: policy.act(observation)
 
