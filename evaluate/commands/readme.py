@@ -47,21 +47,24 @@ class Options:
 
 def main(options: Options) -> int:
     """Write the tables; the exit code."""
-    try:
-        page = options.page.read_text()
-        readme = None if options.readme is None else options.readme.read_text()
-    except UnicodeError as error:
-        raise UsageError(f"{options.readme} or {options.page} is no text ({error})") from error
+    texts = {path: _text(path) for path in (options.readme, options.page) if path is not None}
     found = _read(options.results)
     shown, every = _lines(options.results, found)
-    page = insert(page, every)
+    texts[options.page] = insert(texts[options.page], every)
     if options.more is not None:
-        page = insert(page, _lines(options.more, _read(options.more))[1], MORE)
-    if options.readme is not None and readme is not None:
-        readme = insert(readme, _pictured(shown, found, options, options.readme))
-        write_atomically(options.readme, readme.encode())
-    write_atomically(options.page, page.encode())
+        texts[options.page] = insert(texts[options.page], _lines(options.more, _read(options.more))[1], MORE)
+    if options.readme is not None:
+        texts[options.readme] = insert(texts[options.readme], _pictured(shown, found, options, options.readme))
+    for path, text in texts.items():
+        write_atomically(path, text.encode())
     return 0
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text()
+    except UnicodeError as error:
+        raise UsageError(f"{path} is no text ({error})") from error
 
 
 def _pictured(shown: list[str], found: dict[str, Any], options: Options, readme: Path) -> list[str]:

@@ -253,8 +253,8 @@ class _Watch:
 
 
 def roll_pitch(gravity: Floats) -> Floats:
-    """Angles of unit vectors of gravity in the base frame, rad, (n, 2): left side up, and nose down."""
-    frame = level_frame(gravity.T)
+    """Angles of unit vectors of gravity in the base frame, rad, (…, 3) to (…, 2): left side up, and nose down."""
+    frame = level_frame(np.moveaxis(gravity, -1, 0))
     return np.stack((frame.roll, frame.pitch), axis=-1)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from evaluate.measures.footfalls import stances
 from evaluate.rollouts.observers import Step
 from evaluate.studies.strides import Strides, walked
-from evaluate.terminal.command_line import UsageError, check_numbers, make_folder_of
+from evaluate.terminal.command_line import UsageError, check_numbers, make_room_for_picture
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import Gaits
 from quad_env.seeding import episode_seeds
@@ -88,6 +88,4 @@ def _check(options: Options) -> None:
     if not (options.start >= 0.0 and options.length >= 0.05 and options.start + options.length <= LONGEST):
         raise UsageError(f"--start must be at least 0 s, --length at least 0.05 s, both together at most {LONGEST:g} s")
     check_numbers(options, {"command": (-10.0, 10.0), "seed": (0, 2**31)})
-    if options.out.suffix.lower() != ".png" or options.out.is_dir():
-        raise UsageError(f"--out must be a PNG file, such as results/gait.png, not {options.out}")
-    make_folder_of(options.out, "--out")
+    make_room_for_picture(options.out, "--out")

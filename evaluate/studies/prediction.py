@@ -18,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.report.places import insert, page_with
+from evaluate.report.plots.drawing import COLOURS
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
+from evaluate.studies.estimation import roll_pitch
 from evaluate.studies.ground import elsewhere
-from evaluate.terminal.command_line import UsageError, check_numbers, make_folder_of
+from evaluate.terminal.command_line import check_numbers, make_room_for_picture
 from policies.base import Floats
 from policies.files import write_atomically
 from policies.mpc.policy import HORIZON, Mpc, MpcWbc
@@ -83,9 +85,7 @@ class Walk(NamedTuple):
 def main(options: Options) -> int:
     """Walk, print, draw, and write the table; the exit code. Raises UsageError."""
     check_numbers(options, _LIMITS)
-    if options.out.suffix.lower() != ".png" or options.out.is_dir():
-        raise UsageError(f"--out must be a PNG file, such as results/prediction.png, not {options.out}")
-    make_folder_of(options.out, "--out")
+    make_room_for_picture(options.out, "--out")
     text = None if options.page is None else page_with(options.page, "prediction")
     policy = MpcWbc() if options.policy == "mpc_wbc" else Mpc()
     lines = list(table(policy, options))
@@ -139,7 +139,7 @@ def errors(found: Walk, steps: int, horizon_step: float, control_period: float, 
     tilt = 0.0 if still else found.tilt[: len(heading), :, at]
     height = 1e3 * (then.centre[..., 2] - now.centre[..., 2] - rise)
     moved = np.einsum("snij,snj->sni", heading, then.velocity) - velocity
-    leant = np.degrees(roll_pitch(then.rotation) - roll_pitch(now.rotation) - tilt)
+    leant = np.degrees(tilt_of(then.rotation) - tilt_of(now.rotation) - tilt)
     return np.array(
         [
             np.sqrt(np.nanmean(each[good] ** 2))
@@ -161,12 +161,9 @@ def turned_back(rotation: Floats) -> Floats:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def roll_pitch(rotation: Floats) -> Floats:
+def tilt_of(rotation: Floats) -> Floats:
     """Roll and pitch, (…, 2), rad, of rotations from the base to the world frame, (…, 3, 3)."""
-    return np.stack(
-        (np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]), -np.arcsin(np.clip(rotation[..., 2, 0], -1.0, 1.0))),
-        axis=-1,
-    )
+    return roll_pitch(-rotation[..., 2, :])
 
 
 class _Watch:
@@ -222,7 +219,7 @@ def draw(policy: Mpc, found: Walk, start: int, out: Path) -> None:
     times = policy.control_period * np.arange(last - first + 1)
     ends = policy.parameters.horizon_step * np.arange(HORIZON + 1)
     velocity = measured.velocity @ heading.T
-    lean = np.degrees(roll_pitch(measured.rotation) - roll_pitch(measured.rotation[0]))
+    lean = np.degrees(tilt_of(measured.rotation) - tilt_of(measured.rotation[0]))
     foreseen_tilt = np.degrees(found.tilt[first, 0])
     figure, panels = plt.subplots(2, 4, figsize=(12, 5), layout="constrained", sharex=True)
     shown = (
@@ -236,13 +233,12 @@ def draw(policy: Mpc, found: Walk, start: int, out: Path) -> None:
         ("change of pitch, °", lean[:, 1], foreseen_tilt[:, 1]),
     )
     for axes, (title, happened, foreseen) in zip(panels[0], shown, strict=True):
-        axes.plot(times, happened, color="#0072B2", label="measured")
-        axes.plot(ends, (happened[0], *foreseen), "o--", color="#D55E00", markersize=4, label="foreseen")
+        axes.plot(times, happened, color=COLOURS[0], label="measured")
+        axes.plot(ends, (happened[0], *foreseen), "o--", color=COLOURS[1], markersize=4, label="foreseen")
         axes.set_title(title, fontsize=10, loc="left")
-    forces = measured.forces @ heading.T
     for leg, axes in enumerate(panels[1]):
-        axes.plot(times, forces[:, leg, 2], color="#0072B2")
-        axes.stairs(found.forces[first, 0, :, leg, 2], ends, color="#D55E00", linestyle="--", baseline=None)
+        axes.plot(times, measured.forces[:, leg, 2], color=COLOURS[0])
+        axes.stairs(found.forces[first, 0, :, leg, 2], ends, color=COLOURS[1], linestyle="--", baseline=None)
         axes.set_title(f"{policy.robot.leg_names[leg]}, upward force, N", fontsize=10, loc="left")
         axes.set_xlabel("time, s")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper right", frameon=False, ncols=2)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from policies.gait import Floats, smoothstep
 from policies.legs.footholds import swung
+from policies.legs.ground_plane import at
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from quad_env.config import GRAVITY
@@ -42,8 +43,7 @@ class Ground(NamedTuple):
 
     def at(self, x: Floats, y: Floats) -> Floats:
         """Height there, m, (n, 4)."""
-        height: Floats = self.height[:, None] + self.forward[:, None] * x + self.lateral[:, None] * y
-        return height
+        return at((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
 
     def over(self, x: Floats, y: Floats, _: Floats) -> Floats:
         """See `Terrain`: a plane is followed."""

@@ -109,6 +109,7 @@ class Mpc(ShiftableFootholds):
         self.frequency, self.leg_offsets = p.frequency, OFFSETS[gait]
         self._dynamics = Dynamics(robot)
         self._gait = Gait(self.leg_offsets, p.duty)
+        self._flies = self._gait.flies
         weights = Weights(
             np.array([p.roll_weight, p.pitch_weight, p.yaw_weight]),
             np.array([0.0, 0.0, p.height_weight]),
@@ -228,7 +229,7 @@ class Mpc(ShiftableFootholds):
         late = ~cycle.swing & ~touching & (cycle.progress < LATEST) & old
         early = cycle.swing & (force > p.early_force) & (cycle.progress > EARLIEST)
         standing = (~cycle.swing & ~late) | early
-        if not self._gait.flies:
+        if not self._flies:
             # Something has to bear the robot, even in the plan of one that is thrown up.
             standing = np.where(standing.any(axis=1, keepdims=True), standing, ~cycle.swing)
         return Contacts(standing, late, (~cycle.swing & touching & ~late) | early | ~old)

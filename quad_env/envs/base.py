@@ -26,7 +26,6 @@ from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.scanner import scanner_of
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
-from quad_env.task.observations import observation_table
 from quad_env.task.rewards import look_at_feet, step_weights
 
 
@@ -92,7 +91,6 @@ class QuadEnvBase:
         self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)
         scan = _setting(height_scan)
         self._scanner = scanner_of(scan, self.scenario, num_envs, rate)
-        self._table = observation_table(robot)
         self.observation_table = table = table_with(robot, scan)
         """Terms and slices of the observation."""
         self._lower, self._upper = robot.joint_lower, robot.joint_upper
@@ -115,7 +113,7 @@ class QuadEnvBase:
         self, state: QuadState[Column], command: Vector[Column], clock: NDArray[np.int64], rows: Rows
     ) -> NDArray[np.float32]:
         """What those robots, (k,), observe, whose `state` it is: (size,), or (k, size) of a batch."""
-        observation = self._table.observe(state, command)
+        observation = self.observation_table.observe(state, command)
         if self._sensors is not None:
             self._sensors.sense(np.atleast_2d(observation), clock, rows)
         if self._scanner is None:

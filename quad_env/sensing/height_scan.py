@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -104,6 +105,7 @@ class HeightScan(Sampled):
         return Term("height_scan", int(self.seen.sum()), unit, -UNSEEN, _SCALE)
 
 
+@cache
 def table_with(robot: Robot, scan: HeightScan | None) -> ObservationTable:
     """The observation of a robot with that scan, or without one."""
     return observation_table(robot) if scan is None else observation_table(robot, scan.term)

@@ -26,8 +26,6 @@ MARGIN = 0.02
 P = TypeVar("P", bound=Parameters)
 Costs = Callable[[list[Floats], int], Sequence[float] | Floats]
 """Judges the points of a generation, by its number; each as if it were the only one."""
-Tried = Callable[[list[Any], list[float]], None]
-"""Is told what was tried in a generation, and the cost of each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,27 +83,20 @@ def evolve(
     spread: float,
     digits: int | None = None,
     description: str = "generations",
-    tried: Tried = lambda *_: None,
     **settings: Any,
 ) -> Iterator[P]:
     """The mean of the search distribution after each generation.
 
     `costs` judges a generation's candidates, all on the episodes of its seeds; `spread` is the first standard deviation
-    of a parameter, as a share of its range; `tried` is told the candidates; `settings` are those of `minimise`.
+    of a parameter, as a share of its range; `settings` are those of `minimise`.
     """
     seeds = np.split(episode_seeds("search", effort.seed, effort.generations * effort.episodes), effort.generations)
 
-    def parameters(points: list[Floats]) -> list[P]:
-        return [decode(point, start, ranges, digits) for point in points]
-
     def judged(points: list[Floats], generation: int) -> Sequence[float] | Floats:
-        return costs(parameters(points), seeds[generation])
-
-    def told(points: list[Floats], found: list[float]) -> None:
-        tried(parameters(points), found)
+        return costs([decode(point, start, ranges, digits) for point in points], seeds[generation])
 
     point = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
-    for mean in minimise(effort, point, (0, 1), judged, spread=spread, description=description, tried=told, **settings):
+    for mean in minimise(effort, point, (0, 1), judged, spread=spread, description=description, **settings):
         yield decode(mean, start, ranges, digits)
 
 
@@ -117,11 +108,9 @@ def minimise(
     *,
     spread: float,
     description: str = "generations",
-    tried: Tried = lambda *_: None,
     **settings: Any,
 ) -> Iterator[Floats]:
-    """The mean of CMA-ES's distribution after each generation; `tried` is told the points, `settings` are further ones
-    of the strategy."""
+    """The mean of CMA-ES's distribution after each generation; `settings` are further ones of the strategy."""
     import cma
 
     strategy = cma.CMAEvolutionStrategy(
@@ -134,7 +123,6 @@ def minimise(
             points = strategy.ask()
             found = judged(points, generation)
             strategy.tell(points, list(found))
-            tried(points, [float(cost) for cost in found])
             print(f"best {min(found):.3f}  median {np.median(found):.3f}", flush=True)
             yield strategy.result.xfavorite
 

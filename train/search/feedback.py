@@ -115,14 +115,13 @@ def search(options: Options, start: Parameters, trials: Path) -> Iterator[Parame
     ranges, lines, tried = options.subject.ranges, list[str](), list[dict[str, float]]()
 
     def costs(candidates: list[Parameters], seeds: NDArray[np.int64]) -> Floats:
-        return judge(options.made(candidates), options.exercises, seeds, options.steps, options.batch_threads)
-
-    def keep(candidates: list[Parameters], found: list[float]) -> None:
+        found = judge(options.made(candidates), options.exercises, seeds, options.steps, options.batch_threads)
         searched = ({name: getattr(each, name) for name in ranges} for each in candidates)
-        tried[:] = [{"cost": cost} | each for cost, each in zip(found, searched, strict=True)]
+        tried[:] = [{"cost": float(cost)} | each for cost, each in zip(found, searched, strict=True)]
+        return found
 
     # Far too few are tried to learn how all these parameters go together: each has a spread of its own.
-    for mean in evolve(options, start, ranges, costs, spread=options.spread, digits=4, tried=keep, CMA_diagonal=True):
+    for mean in evolve(options, start, ranges, costs, spread=options.spread, digits=4, CMA_diagonal=True):
         lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": asdict(mean)}))
         save(trials, "\n".join(lines) + "\n")
         yield mean
