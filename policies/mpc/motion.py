@@ -38,7 +38,7 @@ class Motion(NamedTuple):
     """(n, 4, 3), m/s."""
 
 
-def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32]) -> Motion:
+def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> Motion:
     """Motion that observations (n, k) tell of."""
     felt = observation.astype(np.float64)
     frame = level_frame(felt[:, OBSERVATION["projected_gravity"]].T)

@@ -19,8 +19,9 @@ from policies.mpc.contact import ContactSense, as_accelerations
 from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
 from policies.mpc.joint_prediction import JointPrediction
 from policies.mpc.leg_torques import leg_torques
-from policies.mpc.load import loaded, told_by
-from policies.mpc.motion import Motion, motion
+from policies.mpc.load import Load, loaded, told_by
+from policies.mpc.motion import Motion
+from policies.mpc.observer import Observer
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
@@ -49,6 +50,8 @@ HURRY = 0.3
 """Of a change of frequency, what is made in a control period."""
 PATIENCE = 0.1
 """For how long a robot goes on without solutions, s: half a step of the gait."""
+LISTENING = 8
+"""Control steps that it stands in the home pose at first, to learn how noisy its readings are."""
 FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the inverted PD law counts on at most."""
 
@@ -127,12 +130,14 @@ class Mpc(ShiftableFootholds):
         self._at_rest[OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
         self.sense = ContactSense(robot, p, control_period)
         self._joints = JointPrediction(late, control_period)
+        self.observer = Observer(robot, self._dynamics, control_period)
         super().__init__(robot=robot, control_period=control_period)
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
         self.sense.allocate(num_envs)
         self._joints.allocate(num_envs)
+        self.observer.allocate(num_envs)
         self._new = np.ones(num_envs, np.bool_)
         self._swinging = np.zeros((num_envs, 4), np.bool_)
         self._start = np.zeros((num_envs, 4, 2))
@@ -154,6 +159,7 @@ class Mpc(ShiftableFootholds):
         super()._restart(mask)
         self.sense.restart(mask)
         self._joints.restart(mask)
+        self.observer.restart(mask)
         self._new |= mask
         self._swinging[mask] = False
         self._slope[:, mask] = 0.0
@@ -165,15 +171,18 @@ class Mpc(ShiftableFootholds):
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
-        p, now = self.parameters, motion(self.robot, self._dynamics, self._joints.now(observation))
+        p = self.parameters
         load = told_by(self.sense.wrench, p.load_height)
-        now = now._replace(bodies=loaded(now.bodies, now.rotation, now.generalised, load))
+        read = _bearing(load, self.observer.read(self._joints.now(observation), self.sense.wrench))
+        forces = self.sense.feel(read, load.pressing(read.rotation))
+        touching = forces[..., 2] > p.touch_force
+        now = _bearing(load, self.observer.ahead(self.sense.wrench, touching, self._slope))
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
         weight = load.pressing(now.rotation)
-        forces = self.sense.feel(now, weight)
         push = self.sense.wrench - weight
-        contacts = self._touching(cycle, forces[..., 2])
+        late = self.control_period * self.observer.delays
+        contacts = self._touching(cycle, self._gait.legs(self._phase - TURN * self._frequencies * late), forces[..., 2])
         ground = self._ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         height, stance = self._height, p.duty / self._frequencies
@@ -201,6 +210,9 @@ class Mpc(ShiftableFootholds):
         failed |= self._aim(now, push, pushed, places[:, 0], wished, contacts.standing, friction)
         self._give_way(failed | lost, observation, now.angles)
         self._new[:] = False
+        listening = self.observer.looks <= LISTENING
+        self._targets = np.where(listening[:, None], self.robot.home_pose, self._targets)
+        self.observer.keep(contacts.standing)
         return to_actions(self.robot, self._targets)
 
     def _mended(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -222,12 +234,12 @@ class Mpc(ShiftableFootholds):
         self._frequencies = self._frequencies + HURRY * (wished - self._frequencies)
         self._tick(self._frequencies - self.frequency)
 
-    def _touching(self, cycle: LegCycle, force: Floats) -> Contacts:
-        """Contacts by the gait and the vertical forces of the feet, (n, 4), N."""
+    def _touching(self, cycle: LegCycle, seen: LegCycle, force: Floats) -> Contacts:
+        """Contacts by the gait, now and when the vertical forces of the feet were felt, (n, 4), N."""
         p, old = self.parameters, ~self._new[:, None]
         touching = force > p.touch_force
-        late = ~cycle.swing & ~touching & (cycle.progress < LATEST) & old
-        early = cycle.swing & (force > p.early_force) & (cycle.progress > EARLIEST)
+        late = ~cycle.swing & ~seen.swing & ~touching & (cycle.progress < LATEST) & old
+        early = cycle.swing & seen.swing & (force > p.early_force) & (seen.progress > EARLIEST)
         standing = (~cycle.swing & ~late) | early
         if not self._flies:
             # Something has to bear the robot, even in the plan of one that is thrown up.
@@ -407,6 +419,11 @@ class MpcWbc(Mpc):
             np.where(there, found.acceleration, by_leg.acceleration),
             found.found,
         )
+
+
+def _bearing(load: Load, now: Motion) -> Motion:
+    """The motion of robots that carry these loads."""
+    return now._replace(bodies=loaded(now.bodies, now.rotation, now.generalised, load))
 
 
 def _vector(components: Floats) -> Vector:

@@ -68,7 +68,7 @@ def test_feet_that_are_late_all_together_bear_a_robot_unless_its_gait_flies(gait
     policy = MpcWbc(gait=gait)
     policy.act(np.r_[0.0, 0.0, -1.0, np.zeros(45)])
     early_in_the_stance = policy._gait.legs(np.array([TURN * (1.1 - policy.parameters.duty)]))
-    contacts = policy._touching(early_in_the_stance, np.zeros((1, 4)))
+    contacts = policy._touching(early_in_the_stance, early_in_the_stance, np.zeros((1, 4)))
     assert contacts.standing.sum() == bearing
     assert contacts.late.any()
 

@@ -1,0 +1,182 @@
+"""What a robot does when the next targets take effect, from readings that are noisy and late by nobody knows how much.
+
+Nobody tells the controller of noise and delays; both show. Targets are known, and what joints do by them within a
+control period is foretold by the robot's dynamics (`servo_step`): of the delays from target to reading the one is
+believed whose targets explain the joints' speeds best. From the readings the motion is carried on over that delay by
+the targets that are on their way (a Smith predictor, "Closer control of loops with dead time", 1957, of the whole
+body). Where readings are noisy (`reading_noise`), a Kalman filter takes them in as far as they are better than what was
+foretold; readings without noise it takes as they are.
+"""
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.gait import Floats
+from policies.legs.memory import taken_in
+from policies.mpc.motion import Motion, motion
+from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
+from policies.mpc.servo_step import Bools, landing, response
+from quad_env import OBSERVATION
+from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.robot import Robot
+
+T = TypeVar("T", bound=np.generic)
+
+GRAVITY, TURNING, VELOCITY, ANGLES, SPEEDS = GROUPS
+
+LONGEST = 17
+"""Longest delay that is looked for, control steps."""
+DELAY_TIME = 1.0
+"""Time constant with which it is taken in how well a delay explains the joints' speeds, s; at first it is a mean."""
+LEAST_GAIN = 0.1
+"""Of the mean square that the believed delay leaves unexplained, noise apart, what another has to explain..."""
+NOISE_GAIN = 0.1
+"""... and on top of that this share of the noise's own mean square."""
+MODEL_ERROR = 0.05
+"""Mean square of the joints' speeds that no delay explains, rad²/s²."""
+DELAY_LOOKS = 16
+"""Control steps before another delay is believed."""
+UNFORESEEN = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
+"""What a control step brings of each group beyond what was foretold, standard deviations."""
+BOUNDS = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [3, 3, 3, 12, 12])
+"""Largest readings that a motion is carried on to."""
+FAR = 10.0
+"""How far below an unseen ground is, m."""
+
+
+class Observer:
+    """Observes n robots, control step by control step of `period` s."""
+
+    def __init__(self, robot: Robot, dynamics: Dynamics, period: float) -> None:
+        self._robot, self._dynamics, self._period = robot, dynamics, period
+        self._noise = ReadingNoise(period)
+        self.allocate(1)
+
+    def allocate(self, num_envs: int) -> None:
+        """Fresh state for so many robots."""
+        self._noise.allocate(num_envs)
+        self.looks = np.zeros(num_envs, np.int64)
+        """Readings that each robot has had since its start, (n,)."""
+        self.delays = np.zeros(num_envs, np.int64)
+        """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
+        self._unexplained = np.zeros((LONGEST + 1, num_envs))
+        self._targets = np.zeros((LONGEST + 1, num_envs, self._robot.num_joints))
+        self._standing = np.zeros((LONGEST + 1, num_envs, 4), np.bool_)
+        self._ground = np.zeros(num_envs)
+        self._doubt, self._joint_doubt = np.zeros((num_envs, 3)), np.zeros((num_envs, 2, 2))
+        self._read: Motion | None = None
+        self.restart(np.ones(num_envs, np.bool_))
+
+    def restart(self, mask: NDArray[np.bool_]) -> None:
+        """Fresh state for those robots."""
+        self._noise.restart(mask)
+        self.looks[mask], self.delays[mask] = 0, 0
+        self._unexplained[:, mask] = 0.0
+        self._targets[:, mask], self._standing[:, mask] = self._robot.home_pose, True
+        self._ground[mask] = -FAR
+        self._doubt[mask], self._joint_doubt[mask] = 0.0, 0.0
+
+    def read(self, observation: NDArray[np.float32], wrench: Floats) -> Motion:
+        """Motion of the robots when they were read, (n, k), with the targets that led to it; trunks were pushed by
+        wrenches, (n, 6)."""
+        seen = observation.astype(np.float64)
+        readings = seen[:, :SENSED]
+        # What others make of a policy's targets, a residual or the safety layer, is what the joints follow.
+        targets = seen[:, OBSERVATION["previous_action"]] + self._robot.home_pose
+        self._targets = np.concatenate((targets[None], self._targets[:-1]))
+        noise = self._noise.variances(readings)
+        if self._read is not None:
+            state = np.where((self.looks == 0)[:, None], readings, self._foretold(self._read, readings, noise, wrench))
+            seen[:, :SENSED] = self._taken_in(state, readings, noise)
+        self.looks += 1
+        self._seen, self._read = seen, motion(self._robot, self._dynamics, seen)
+        return self._read._replace(targets=self._acted(self._targets))
+
+    def ahead(self, wrench: Floats, touching: Bools, slope: Floats) -> Motion:
+        """Motion of the robots when their next targets take effect: after `read`, and knowing which feet touched the
+        ground then, (n, 4), and its rise per metre forward and to the left, (2, n)."""
+        assert self._read is not None
+        now, seen = self._read, self._seen.copy()
+        height = _above(now, slope)
+        count = touching.sum(axis=1)
+        fallen = self._ground - self._period * now.velocity[:, 2]
+        self._ground = np.where(count, (height * touching).sum(axis=1) / np.maximum(count, 1), fallen)
+        ground, uneven = self._ground, np.where(touching, height - self._ground[:, None], 0.0)
+        for steps in range(self.delays.max(initial=0), 0, -1):
+            late, targets = self.delays >= steps, self._targets[steps - 1]
+            gaps = _above(now, slope) - ground[:, None] - uneven
+            velocity = landing(self._robot, now, gaps, targets, wrench, self._period)
+            ground = np.where(late, ground - 0.5 * self._period * (now.velocity + velocity[:, :3])[:, 2], ground)
+            then = np.clip(carried(self._robot, now, velocity, self._period), -BOUNDS, BOUNDS)
+            seen[:, :SENSED] = np.where(late[:, None], then, seen[:, :SENSED])
+            now = motion(self._robot, self._dynamics, seen)
+        return now
+
+    def keep(self, standing: Bools) -> None:
+        """Take note of the feet that stand in the control period that begins, (n, 4)."""
+        self._standing = np.concatenate((standing[None], self._standing[:-1]))
+
+    def _acted(self, kept: NDArray[T]) -> NDArray[T]:
+        """Of what was kept, (LONGEST + 1, n, …), that which led to the readings."""
+        return kept[self.delays, np.arange(len(self.delays))]
+
+    def _foretold(self, before: Motion, readings: Floats, noise: Floats, wrench: Floats) -> Floats:
+        """Readings, (n, 33), as the motion a control step before lets them be; and the delay, as they show it."""
+        step = response(self._robot, before, self._acted(self._standing), wrench, self._period)
+        missed = step.velocity(self._targets)[..., 6:] - readings[:, SPEEDS]
+        missed = (missed * missed).mean(axis=2)
+        share = np.maximum(taken_in(self._period, DELAY_TIME), 1.0 / np.maximum(self.looks - 1, 1))
+        self._unexplained += np.where(self.looks > 1, share * (missed - self._unexplained), 0.0)
+        best, left = self._unexplained.argmin(axis=0), self._acted(self._unexplained)
+        least = LEAST_GAIN * np.maximum(left - noise[:, -1], MODEL_ERROR) + NOISE_GAIN * noise[:, -1]
+        better = (left - self._unexplained.min(axis=0) > least) & (self.looks >= DELAY_LOOKS)
+        self.delays = np.where(better, best, self.delays)
+        velocity = step.velocity(self._acted(self._targets))
+        return np.clip(carried(self._robot, before, velocity, self._period), -BOUNDS, BOUNDS)
+
+    def _taken_in(self, state: Floats, readings: Floats, noise: Floats) -> Floats:
+        """What was foretold, (n, 33), corrected by the readings, of which each group has that noise, (n, 5)."""
+        missed, out = readings - state, state.copy()
+        doubt = self._doubt + UNFORESEEN[:3] ** 2
+        share = doubt / (doubt + noise[:, :3])
+        self._doubt = (1.0 - share) * doubt
+        for number, group in enumerate(GROUPS[:3]):
+            out[:, group] += share[:, number, None] * missed[:, group]
+        # A joint's angle tells of its speed, too.
+        step = np.array([[1.0, self._period], [0.0, 1.0]])
+        joint_doubt = step @ self._joint_doubt @ step.T + np.diag(UNFORESEEN[3:] ** 2)
+        shares = joint_doubt @ np.linalg.inv(joint_doubt + noise[:, 3:, None] * np.eye(2))
+        self._joint_doubt = joint_doubt - shares @ joint_doubt
+        both = np.stack((missed[:, ANGLES], missed[:, SPEEDS]), axis=1)
+        corrections = shares @ both
+        out[:, ANGLES] += corrections[:, 0]
+        out[:, SPEEDS] += corrections[:, 1]
+        return _upright(out)
+
+
+def carried(robot: Robot, now: Motion, velocity: Floats, period: float) -> Floats:
+    """Readings, (n, 33), of robots a control period later, whose generalised velocity is this one then, (n, 18)."""
+    mean = 0.5 * (now.generalised + velocity)
+    turned = period * mean[:, 3:6]
+    down = -now.rotation[:, 2]
+    along = np.einsum("nji,nj->ni", now.rotation, velocity[:, :3])
+    out = np.empty((len(mean), SENSED))
+    out[:, GRAVITY], out[:, VELOCITY] = down - np.cross(turned, down), along - np.cross(turned, along)
+    out[:, TURNING], out[:, SPEEDS] = velocity[:, 3:6], velocity[:, 6:]
+    out[:, ANGLES] = now.angles - robot.home_pose + period * mean[:, 6:]
+    return _upright(out)
+
+
+def _above(now: Motion, slope: Floats) -> Floats:
+    """Height of the feet above the plane of that slope through the trunk's centre, (n, 4), m."""
+    x, y, z = np.moveaxis(now.bodies.feet, -1, 0)
+    height: Floats = z - slope[0][:, None] * x - slope[1][:, None] * y
+    return height
+
+
+def _upright(readings: Floats) -> Floats:
+    """The readings with a direction of gravity of length one."""
+    readings[:, GRAVITY] /= np.linalg.norm(readings[:, GRAVITY], axis=1, keepdims=True)
+    return readings

@@ -1,0 +1,133 @@
+"""Motion observed through noise and delays that nobody tells of."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from evaluate.measures.metrics import measure
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out, run
+from policies.mpc.motion import Motion
+from policies.mpc.policy import MpcWbc
+from policies.mpc.reading_noise import GROUPS, QUIET, SENSED, ReadingNoise
+from quad_env import OBSERVATION
+from quad_env.seeding import episode_seeds
+from train.scenarios import practice
+
+SEEDS = episode_seeds("search", 0, 2)
+NOISE = {"noise=0.2": (0.05, 0.2, 0.1, 0.01, 1.5), "noise=0.8": (0.2, 0.8, 0.4, 0.04, 6.0)}
+
+
+@dataclass
+class Watched(MpcWbc):
+    """The policy, and what its observer said at every control step."""
+
+    read: list[Motion] = field(default_factory=list)
+    ahead: list[Motion] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        super().__init__()
+        read, ahead = self.observer.read, self.observer.ahead
+        self.observer.read = lambda *arguments: self._kept(self.read, read(*arguments))  # type: ignore[method-assign]
+        self.observer.ahead = lambda *arguments: self._kept(self.ahead, ahead(*arguments))  # type: ignore[method-assign]
+
+    @staticmethod
+    def _kept(motions: list[Motion], motion: Motion) -> Motion:
+        motions.append(motion)
+        return motion
+
+
+def walked(scenario: str, steps: int = 120) -> Watched:
+    policy = Watched()
+    roll_out(policy, practice(scenario, "search"), SEEDS, steps=steps)
+    return policy
+
+
+def error(ahead: list[Motion], read: list[Motion], late: int, part: str) -> float:
+    """Root mean square of what was foreseen less what was read when it had come, but for the first half second."""
+    foreseen, there = (np.array([getattr(each, part) for each in motions]) for motions in (ahead, read))
+    return float(np.sqrt(np.mean((foreseen[50:-late] - there[50 + late :]) ** 2)))
+
+
+@pytest.mark.parametrize(("scenario", "delay"), [("flat", 0), ("rough", 0), ("latency=0.01", 2), ("latency=0.02", 4)])
+def test_delays_show(scenario: str, delay: int) -> None:
+    """Of actions and of readings together, in control steps."""
+    np.testing.assert_array_equal(walked(scenario).observer.delays, delay)
+
+
+def test_late_readings_are_carried_on_to_where_the_robot_is_by_then() -> None:
+    """Four control steps ahead, better by far than taking them for the present."""
+    policy, late = walked("latency=0.02", 200), 4
+    for part, most in (("velocity", 0.1), ("turning", 0.5), ("angles", 0.02), ("tilt", 0.01)):
+        assert error(policy.ahead, policy.read, late, part) < min(
+            most, 0.5 * error(policy.read, policy.read, late, part)
+        ), part
+
+
+def test_readings_without_noise_and_delay_are_taken_as_they_are() -> None:
+    policy = Watched()
+    shown: list[np.ndarray] = []
+
+    def watch(step: Step) -> None:
+        shown.append(step.observation.astype(np.float64))
+
+    roll_out(policy, "flat", SEEDS, watch, steps=60)
+    for observation, read, ahead in zip(shown, policy.read, policy.ahead, strict=False):
+        np.testing.assert_allclose(read.generalised[:, 6:], observation[:, OBSERVATION["joint_velocity"]], atol=1e-12)
+        np.testing.assert_array_equal(ahead.generalised, read.generalised)
+
+
+@pytest.mark.parametrize("scenario", list(NOISE))
+def test_noise_shows(scenario: str) -> None:
+    """Variances on top of those that a quiet walk seems to have, of the scenario's noise on a motion at 2.5 Hz."""
+    noise, rng = ReadingNoise(0.01), np.random.default_rng(0)
+    noise.allocate(2)
+    time = 0.01 * np.arange(400)
+    sines = np.sin(2 * np.pi * 2.5 * time[:, None] + np.arange(SENSED))
+    sigma = np.repeat(NOISE[scenario], [group.stop - group.start for group in GROUPS])
+    for each in sines:
+        found = noise.variances(np.tile(0.2 * each, (2, 1)) + sigma * rng.standard_normal((2, SENSED)))
+    np.testing.assert_allclose(found, np.tile(np.square(NOISE[scenario]) - QUIET**2, (2, 1)), rtol=0.3)
+
+
+def test_motions_without_noise_seem_to_have_none() -> None:
+    policy = walked("flat", 200)
+    variances = np.maximum(policy.observer._noise._seeming, 0.0)
+    assert (np.sqrt(variances) < QUIET).all()
+
+
+@pytest.mark.parametrize("scenario", ["latency=0.02", "noise=0.8"])
+def test_robots_walk_on_late_and_on_noisy_readings(scenario: str) -> None:
+    found = measure(run(MpcWbc(), practice(scenario, "search"), SEEDS, steps=500))
+    assert not found.fell.any()
+    assert (found.velocity_error < 0.4).all()
+
+
+def test_a_restart_forgets_one_robot_alone() -> None:
+    policy = walked("latency=0.02")
+    policy.observer.restart(np.array([True, False]))
+    np.testing.assert_array_equal(policy.observer.delays, (0, 4))
+    np.testing.assert_array_equal(policy.observer.looks > 0, (False, True))
+
+
+def test_targets_are_those_that_were_asked_for_not_its_own() -> None:
+    """As under a residual, which shifts them."""
+    policy = MpcWbc()
+    seen = np.zeros((1, 48), np.float32)
+    seen[:, OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
+    seen[:, OBSERVATION["previous_action"]] = 0.1
+    read = policy.observer.read(seen, np.zeros((1, 6)))
+    np.testing.assert_allclose(read.targets, policy.robot.home_pose[None] + 0.1, atol=1e-6)
+
+
+def test_a_restarted_robot_has_no_noise_until_it_shows() -> None:
+    noise, rng = ReadingNoise(0.01), np.random.default_rng(0)
+    noise.allocate(2)
+    for _ in range(50):
+        noise.variances(rng.standard_normal((2, SENSED)))
+    noise.restart(np.array([True, False]))
+    for _ in range(5):
+        found = noise.variances(np.zeros((2, SENSED)))
+    assert not found[0].any()
+    assert found[1].all()
