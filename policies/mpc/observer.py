@@ -8,7 +8,7 @@ body). Where readings are noisy (`reading_noise`), a Kalman filter takes them in
 foretold; readings without noise it takes as they are.
 """
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,12 @@ from policies.mpc.motion import Motion, motion
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
 from policies.mpc.servo_step import Bools, landing, response
 from quad_env import OBSERVATION
+from quad_env.columns import Rows
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
 
 T = TypeVar("T", bound=np.generic)
+P = TypeVar("P", bound=Any)
 
 GRAVITY, TURNING, VELOCITY, ANGLES, SPEEDS = GROUPS
 
@@ -98,21 +100,21 @@ class Observer:
         """Motion of the robots when their next targets take effect: after `read`, and knowing which feet touched the
         ground then, (n, 4), and its rise per metre forward and to the left, (2, n)."""
         assert self._read is not None
-        now, seen = self._read, self._seen.copy()
+        now, seen, ground = self._read, self._seen.copy(), self._ground
         height = _above(now, slope)
         count = touching.sum(axis=1)
-        fallen = self._ground - self._period * now.velocity[:, 2]
-        self._ground = np.where(count, (height * touching).sum(axis=1) / np.maximum(count, 1), fallen)
-        ground, uneven = self._ground, np.where(touching, height - self._ground[:, None], 0.0)
+        fallen = ground - self._period * now.velocity[:, 2]
+        ground[:] = np.where(count, (height * touching).sum(axis=1) / np.maximum(count, 1), fallen)
+        ground, uneven = ground.copy(), np.where(touching, height - ground[:, None], 0.0)
         for steps in range(self.delays.max(initial=0), 0, -1):
-            late, targets = self.delays >= steps, self._targets[steps - 1]
-            gaps = _above(now, slope) - ground[:, None] - uneven
-            velocity = landing(self._robot, now, gaps, targets, wrench, self._period)
-            ground = np.where(late, ground - 0.5 * self._period * (now.velocity + velocity[:, :3])[:, 2], ground)
-            then = np.clip(carried(self._robot, now, velocity, self._period), -BOUNDS, BOUNDS)
-            seen[:, :SENSED] = np.where(late[:, None], then, seen[:, :SENSED])
-            now = motion(self._robot, self._dynamics, seen)
-        return now
+            rows = np.flatnonzero(self.delays >= steps)
+            then = motion(self._robot, self._dynamics, seen[rows])
+            gaps = _above(then, slope[:, rows]) - ground[rows, None] - uneven[rows]
+            velocity = landing(self._robot, then, gaps, self._targets[steps - 1, rows], wrench[rows], self._period)
+            ground[rows] -= 0.5 * self._period * (then.velocity + velocity[:, :3])[:, 2]
+            seen[rows, :SENSED] = np.clip(carried(self._robot, then, velocity, self._period), -BOUNDS, BOUNDS)
+        rows = np.flatnonzero(self.delays)
+        return now if not len(rows) else _replaced(now, rows, motion(self._robot, self._dynamics, seen[rows]))
 
     def keep(self, standing: Bools) -> None:
         """Take note of the feet that stand in the control period that begins, (n, 4)."""
@@ -174,6 +176,15 @@ def _above(now: Motion, slope: Floats) -> Floats:
     x, y, z = np.moveaxis(now.bodies.feet, -1, 0)
     height: Floats = z - slope[0][:, None] * x - slope[1][:, None] * y
     return height
+
+
+def _replaced(whole: P, rows: Rows, part: P) -> P:
+    """The parts of a motion with those rows, (g,), of another's."""
+    if isinstance(whole, tuple):
+        return type(whole)(*(_replaced(old, rows, new) for old, new in zip(whole, part, strict=True)))
+    out: P = whole.copy()
+    out[rows] = part
+    return out
 
 
 def _upright(readings: Floats) -> Floats:
