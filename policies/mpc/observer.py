@@ -40,6 +40,8 @@ MODEL_ERROR = 0.05
 """Mean square of the joints' speeds that no delay explains, rad²/s²."""
 DELAY_LOOKS = 16
 """Control steps before another delay is believed."""
+LISTENING = 4, 8
+"""Control steps at the start that tell whether readings are noisy, and how noisy if they are."""
 UNFORESEEN = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
 """What a control step brings of each group beyond what was foretold, standard deviations."""
 BOUNDS = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [3, 3, 3, 12, 12])
@@ -61,6 +63,8 @@ class Observer:
         self._noise.allocate(num_envs)
         self.looks = np.zeros(num_envs, np.int64)
         """Readings that each robot has had since its start, (n,)."""
+        self.listening = np.ones(num_envs, np.bool_)
+        """Robots that had better stand until it is known how noisy their readings are, (n,)."""
         self.delays = np.zeros(num_envs, np.int64)
         """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
         self._unexplained = np.zeros((LONGEST + 1, num_envs))
@@ -93,6 +97,8 @@ class Observer:
             state = np.where((self.looks == 0)[:, None], readings, self._foretold(self._read, readings, noise, wrench))
             seen[:, :SENSED] = self._taken_in(state, readings, noise)
         self.looks += 1
+        shortly, longer = LISTENING
+        self.listening = self.looks <= np.where(noise.any(axis=1), longer, shortly)
         self._seen, self._read = seen, motion(self._robot, self._dynamics, seen)
         return self._read._replace(targets=self._acted(self._targets))
 

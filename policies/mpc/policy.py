@@ -50,8 +50,6 @@ HURRY = 0.3
 """Of a change of frequency, what is made in a control period."""
 PATIENCE = 0.1
 """For how long a robot goes on without solutions, s: half a step of the gait."""
-LISTENING = 8
-"""Control steps that it stands in the home pose at first, to learn how noisy its readings are."""
 FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the inverted PD law counts on at most."""
 
@@ -210,8 +208,7 @@ class Mpc(ShiftableFootholds):
         failed |= self._aim(now, push, pushed, places[:, 0], wished, contacts.standing, friction)
         self._give_way(failed | lost, observation, now.angles)
         self._new[:] = False
-        listening = self.observer.looks <= LISTENING
-        self._targets = np.where(listening[:, None], self.robot.home_pose, self._targets)
+        self._targets = np.where(self.observer.listening[:, None], self.robot.home_pose, self._targets)
         self.observer.keep(contacts.standing)
         return to_actions(self.robot, self._targets)
 
