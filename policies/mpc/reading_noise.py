@@ -23,6 +23,8 @@ QUIET = np.array([0.001, 0.12, 0.025, 0.0015, 0.4])
 """Standard deviations that the readings of each group seem to have in a walk without noise."""
 TIME = 0.5
 """Time constant of the estimate, s; at first it is a mean."""
+EARLY = 8
+"""Looks until which the mean says little: after k of them a quiet walk may seem 1 + 8 / k times as noisy."""
 FIRST = 3
 """Looks before there are two second differences."""
 
@@ -54,5 +56,6 @@ class ReadingNoise:
         self._seeming += np.where(self._looks >= FIRST, share, 0.0)[:, None] * (seeming - self._seeming)
         self._last = np.stack((readings, last, bent))
         self._looks += 1
-        variances: Floats = np.maximum(self._seeming - QUIET**2, 0.0)
+        quiet = QUIET**2 * (1.0 + EARLY / np.maximum(self._looks - FIRST, 1))[:, None]
+        variances: Floats = np.maximum(self._seeming - quiet, 0.0)
         return variances
