@@ -48,6 +48,7 @@ BOUNDS = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [3, 3, 3, 12, 12])
 """Largest readings that a motion is carried on to."""
 FAR = 10.0
 """How far below an unseen ground is, m."""
+_NO_GRAVITY = 1e-9
 
 
 class Observer:
@@ -194,6 +195,7 @@ def _replaced(whole: P, rows: Rows, part: P) -> P:
 
 
 def _upright(readings: Floats) -> Floats:
-    """The readings with a direction of gravity of length one."""
-    readings[:, GRAVITY] /= np.linalg.norm(readings[:, GRAVITY], axis=1, keepdims=True)
+    """The readings with a direction of gravity of length one, as far as there is one."""
+    length = np.linalg.norm(readings[:, GRAVITY], axis=1, keepdims=True)
+    readings[:, GRAVITY] /= np.maximum(length, _NO_GRAVITY)
     return readings

@@ -131,3 +131,9 @@ def test_a_restarted_robot_has_no_noise_until_it_shows() -> None:
         found = noise.variances(np.zeros((2, SENSED)))
     assert not found[0].any()
     assert found[1].all()
+
+
+def test_readings_of_zeros_are_no_error() -> None:
+    policy = MpcWbc()
+    for _ in range(3):
+        assert np.isfinite(policy.act(np.zeros(48))).all()
