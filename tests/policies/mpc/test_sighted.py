@@ -127,9 +127,9 @@ def test_a_policy_without_sight_is_told_so_in_an_environment_with_a_scan_and_the
 
 
 def test_it_walks_where_the_ground_is_too_rough_for_one_that_does_not_see() -> None:
-    seeds, ground = episode_seeds("search", 5, 4), practice("rough=0.24", "search")
+    seeds, ground = episode_seeds("search", 5, 12), practice("rough=0.24", "search")
     blind, sighted = (measure(rollout.run(policy, ground, seeds)) for policy in (MpcWbc(), SightedMpcWbc()))
-    assert sighted.fell.sum() < blind.fell.sum()
+    assert sighted.succeeded.sum() >= blind.succeeded.sum() + 3
     assert sighted.velocity_error.mean() < blind.velocity_error.mean()
 
 

@@ -68,7 +68,7 @@ def test_spaces_are_made_of_the_joint_limits(weak: Robot) -> None:
 def test_targets_pose_torque_and_speed_are_those_of_the_robot(weak: Robot, actuator: str) -> None:
     env = SimpleQuadEnv(robot=weak, actuator=actuator)
     seen, _ = env.reset(seed=0)
-    position, asked = (env.unwrapped._table.slices[name] for name in ("joint_position", "previous_action"))
+    position, asked = (env.unwrapped.observation_table.slices[name] for name in ("joint_position", "previous_action"))
     assert np.abs(seen[position]).max() <= 0.05 + 1e-6  # the start noise about its own home pose
     torques, overspeed = [], []
     for _ in range(20):
