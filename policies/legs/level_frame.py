@@ -11,6 +11,13 @@ from policies.gait import Floats
 
 Vector = tuple[Floats, Floats, Floats]
 
+
+def vector(components: Floats) -> Vector:
+    """The three components along the first axis, (3, …)."""
+    x, y, z = components
+    return x, y, z
+
+
 _NO_HEADING = 1e-6
 """Length of the horizontal part of the trunk's x axis below which it has no heading."""
 

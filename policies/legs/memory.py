@@ -1,5 +1,7 @@
 """Arrays that a controller remembers from step to step, robots along the last axis."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,6 +11,13 @@ from policies.gait import Floats
 def taken_in(control_period: float, time_constant: float) -> float:
     """Share of a change that a first-order filter of that time constant takes in within a control period, both s."""
     return control_period / (control_period + time_constant)
+
+
+def at_first_a_mean(share: float | Floats, looks: NDArray[Any]) -> Floats:
+    """Share that such a filter takes in at its k-th look, counted in `looks`, where until there are many it is their
+    mean: at least 1 / k."""
+    larger: Floats = np.maximum(share, 1.0 / np.maximum(looks, 1))
+    return larger
 
 
 class Memory:

@@ -6,7 +6,7 @@ import numpy as np
 
 from policies.gait import Floats
 from policies.legs.kinematics import foot_positions
-from policies.legs.level_frame import LevelFrame, Vector, level_frame
+from policies.legs.level_frame import LevelFrame, Vector, level_frame, vector
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
@@ -46,17 +46,13 @@ def motion(observation: Floats) -> tuple[LevelFrame, Vector, Floats]:
     """Attitude, velocity of the trunk's centre in the level frame, m/s, and yaw rate about the vertical, rad/s, of
     observations (k, n)."""
     frame = level_frame(observation[OBSERVATION["projected_gravity"]])
-    velocity, turn = (_vector(observation[OBSERVATION[name]]) for name in ("linear_velocity", "angular_velocity"))
+    velocity, turn = (vector(observation[OBSERVATION[name]]) for name in ("linear_velocity", "angular_velocity"))
     return frame, frame.to_level(velocity), frame.up_x * turn[0] + frame.up_y * turn[1] + frame.up_z * turn[2]
 
 
 def hips(robot: Robot) -> tuple[Floats, Floats]:
     """Hip joints from the trunk's centre, forward and to the left, (4, 1) each, m."""
     return robot.hip_positions[:, 0:1], robot.hip_positions[:, 1:2]
-
-
-def _vector(components: Floats) -> Vector:
-    return components[0], components[1], components[2]
 
 
 def length(x: Floats, y: Floats) -> Floats:

@@ -7,12 +7,12 @@ robot collision detection and hybrid force/motion control", ICRA 2005.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from policies.gait import Floats
-from policies.legs.memory import taken_in
+from policies.legs.memory import at_first_a_mean, taken_in
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
+from quad_env.columns import Mask
 from quad_env.physics.dynamics import RigidBodies
 from quad_env.robots.robot import Robot
 
@@ -61,7 +61,7 @@ class ContactSense:
         self.grip = np.full(num_envs, self._parameters.friction)
         """Friction that is relied on, (n,)."""
 
-    def restart(self, mask: NDArray[np.bool_]) -> None:
+    def restart(self, mask: Mask) -> None:
         """Fresh state for those robots."""
         self._known &= ~mask
         self._looks[mask] = 0.0
@@ -83,7 +83,7 @@ class ContactSense:
         turned = self._period * motion.turning[:, 2]
         cosine, sine, (x, y) = np.cos(turned), np.sin(turned), self.wrench[:, :2].T.copy()
         self.wrench[:, 0], self.wrench[:, 1] = cosine * x + sine * y, cosine * y - sine * x
-        shares = np.maximum(self._shares, 1.0 / (FIRST + self._looks[:, None]))
+        shares = at_first_a_mean(self._shares, FIRST + self._looks[:, None])
         self.wrench += np.where(telling[:, None], shares, 0.0) * (bounded - self.wrench)
         self._looks += telling
         self._feel_slip(forces, motion.feet_velocity)

@@ -3,13 +3,13 @@
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from policies.gait import Floats, smoothstep
 from policies.legs.footholds import swung
 from policies.legs.ground_plane import at
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
+from quad_env.columns import Mask
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
@@ -123,7 +123,7 @@ def arms(
     aim: Floats,
     centre: Floats,
     velocity: Floats,
-    stands: NDArray[np.bool_],
+    stands: Mask,
     since: Floats,
     times: Floats,
     z: Floats,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from policies.gait import Floats
 from quad_env import OBSERVATION
+from quad_env.columns import Mask
 
 SPEED_GAIN = 90.0
 """Correction of the speed per error of the angle that was predicted, 1/s; 100 would be that of one control step."""
@@ -29,7 +30,7 @@ class JointPrediction:
         self._angles, self._speeds = np.zeros((2, num_envs, 12))
         self._planned = np.zeros((self._late, num_envs, 12))
 
-    def restart(self, mask: NDArray[np.bool_]) -> None:
+    def restart(self, mask: Mask) -> None:
         """Fresh state for those robots."""
         self._known &= ~mask
         self._speeds[mask], self._planned[:, mask] = 0.0, 0.0

@@ -14,14 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait import Floats
-from policies.legs.memory import taken_in
+from policies.legs.ground_plane import above
+from policies.legs.level_frame import vector
+from policies.legs.memory import at_first_a_mean, taken_in
 from policies.mpc.motion import Motion, motion
 from policies.mpc.reading_noise import GROUPS, SENSED, ReadingNoise
-from policies.mpc.servo_step import Bools, landing, response
+from policies.mpc.servo_step import landing, response
 from quad_env import OBSERVATION
-from quad_env.columns import Rows
+from quad_env.columns import Mask, Rows
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
+from quad_env.sensing.estimator import unit
 
 T = TypeVar("T", bound=np.generic)
 P = TypeVar("P", bound=Any)
@@ -38,6 +41,8 @@ NOISE_GAIN = 0.1
 """... and on top of that this share of the noise's own mean square."""
 MODEL_ERROR = 0.05
 """Mean square of the joints' speeds that no delay explains, rad²/s²."""
+FIRST_FORETOLD = 2
+"""Readings until one has been foretold from another that was."""
 DELAY_LOOKS = 16
 """Control steps before another delay is believed."""
 LISTENING = 4, 8
@@ -48,7 +53,6 @@ BOUNDS = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [3, 3, 3, 12, 12])
 """Largest readings that a motion is carried on to."""
 FAR = 10.0
 """How far below an unseen ground is, m."""
-_NO_GRAVITY = 1e-9
 
 
 class Observer:
@@ -62,8 +66,6 @@ class Observer:
     def allocate(self, num_envs: int) -> None:
         """Fresh state for so many robots."""
         self._noise.allocate(num_envs)
-        self.looks = np.zeros(num_envs, np.int64)
-        """Readings that each robot has had since its start, (n,)."""
         self.listening = np.ones(num_envs, np.bool_)
         """Robots that had better stand until it is known how noisy their readings are, (n,)."""
         self.delays = np.zeros(num_envs, np.int64)
@@ -76,34 +78,38 @@ class Observer:
         self._read: Motion | None = None
         self.restart(np.ones(num_envs, np.bool_))
 
-    def restart(self, mask: NDArray[np.bool_]) -> None:
+    def restart(self, mask: Mask) -> None:
         """Fresh state for those robots."""
         self._noise.restart(mask)
-        self.looks[mask], self.delays[mask] = 0, 0
+        self.delays[mask] = 0
         self._unexplained[:, mask] = 0.0
         self._targets[:, mask], self._standing[:, mask] = self._robot.home_pose, True
         self._ground[mask] = -FAR
         self._doubt[mask], self._joint_doubt[mask] = 0.0, 0.0
 
+    @property
+    def looks(self) -> NDArray[np.int64]:
+        """Readings that each robot has had since its start, (n,)."""
+        return self._noise.looks
+
     def read(self, observation: NDArray[np.float32], wrench: Floats) -> Motion:
         """Motion of the robots when they were read, (n, k), with the targets that led to it; trunks were pushed by
         wrenches, (n, 6)."""
         seen = observation.astype(np.float64)
-        readings = seen[:, :SENSED]
+        readings = seen[:, SENSED]
         # What others make of a policy's targets, a residual or the safety layer, is what the joints follow.
         targets = seen[:, OBSERVATION["previous_action"]] + self._robot.home_pose
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
         noise = self._noise.variances(readings)
         if self._read is not None:
-            state = np.where((self.looks == 0)[:, None], readings, self._foretold(self._read, readings, noise, wrench))
-            seen[:, :SENSED] = self._taken_in(state, readings, noise)
-        self.looks += 1
+            state = np.where((self.looks == 1)[:, None], readings, self._foretold(self._read, readings, noise, wrench))
+            seen[:, SENSED] = self._taken_in(state, readings, noise)
         shortly, longer = LISTENING
         self.listening = self.looks <= np.where(noise.any(axis=1), longer, shortly)
         self._seen, self._read = seen, motion(self._robot, self._dynamics, seen)
         return self._read._replace(targets=self._acted(self._targets))
 
-    def ahead(self, wrench: Floats, touching: Bools, slope: Floats) -> Motion:
+    def ahead(self, wrench: Floats, touching: Mask, slope: Floats) -> Motion:
         """Motion of the robots when their next targets take effect: after `read`, and knowing which feet touched the
         ground then, (n, 4), and its rise per metre forward and to the left, (2, n)."""
         assert self._read is not None
@@ -119,11 +125,11 @@ class Observer:
             gaps = _above(then, slope[:, rows]) - ground[rows, None] - uneven[rows]
             velocity = landing(self._robot, then, gaps, self._targets[steps - 1, rows], wrench[rows], self._period)
             ground[rows] -= 0.5 * self._period * (then.velocity + velocity[:, :3])[:, 2]
-            seen[rows, :SENSED] = np.clip(carried(self._robot, then, velocity, self._period), -BOUNDS, BOUNDS)
+            seen[rows, SENSED] = np.clip(carried(self._robot, then, velocity, self._period), -BOUNDS, BOUNDS)
         rows = np.flatnonzero(self.delays)
         return now if not len(rows) else _replaced(now, rows, motion(self._robot, self._dynamics, seen[rows]))
 
-    def keep(self, standing: Bools) -> None:
+    def keep(self, standing: Mask) -> None:
         """Take note of the feet that stand in the control period that begins, (n, 4)."""
         self._standing = np.concatenate((standing[None], self._standing[:-1]))
 
@@ -136,11 +142,12 @@ class Observer:
         step = response(self._robot, before, self._acted(self._standing), wrench, self._period)
         missed = step.velocity(self._targets)[..., 6:] - readings[:, SPEEDS]
         missed = (missed * missed).mean(axis=2)
-        share = np.maximum(taken_in(self._period, DELAY_TIME), 1.0 / np.maximum(self.looks - 1, 1))
-        self._unexplained += np.where(self.looks > 1, share * (missed - self._unexplained), 0.0)
+        known = self.looks - FIRST_FORETOLD
+        share = at_first_a_mean(taken_in(self._period, DELAY_TIME), known)
+        self._unexplained += np.where(known > 0, share * (missed - self._unexplained), 0.0)
         best, left = self._unexplained.argmin(axis=0), self._acted(self._unexplained)
         least = LEAST_GAIN * np.maximum(left - noise[:, -1], MODEL_ERROR) + NOISE_GAIN * noise[:, -1]
-        better = (left - self._unexplained.min(axis=0) > least) & (self.looks >= DELAY_LOOKS)
+        better = (left - self._unexplained.min(axis=0) > least) & (self.looks > DELAY_LOOKS)
         self.delays = np.where(better, best, self.delays)
         velocity = step.velocity(self._acted(self._targets))
         return np.clip(carried(self._robot, before, velocity, self._period), -BOUNDS, BOUNDS)
@@ -171,7 +178,7 @@ def carried(robot: Robot, now: Motion, velocity: Floats, period: float) -> Float
     turned = period * mean[:, 3:6]
     down = -now.rotation[:, 2]
     along = np.einsum("nji,nj->ni", now.rotation, velocity[:, :3])
-    out = np.empty((len(mean), SENSED))
+    out = np.empty((len(mean), SENSED.stop))
     out[:, GRAVITY], out[:, VELOCITY] = down - np.cross(turned, down), along - np.cross(turned, along)
     out[:, TURNING], out[:, SPEEDS] = velocity[:, 3:6], velocity[:, 6:]
     out[:, ANGLES] = now.angles - robot.home_pose + period * mean[:, 6:]
@@ -180,9 +187,8 @@ def carried(robot: Robot, now: Motion, velocity: Floats, period: float) -> Float
 
 def _above(now: Motion, slope: Floats) -> Floats:
     """Height of the feet above the plane of that slope through the trunk's centre, (n, 4), m."""
-    x, y, z = np.moveaxis(now.bodies.feet, -1, 0)
-    height: Floats = z - slope[0][:, None] * x - slope[1][:, None] * y
-    return height
+    forward, lateral = slope
+    return above((np.zeros(len(forward)), forward, lateral), vector(now.bodies.feet.T)).T
 
 
 def _replaced(whole: P, rows: Rows, part: P) -> P:
@@ -196,6 +202,5 @@ def _replaced(whole: P, rows: Rows, part: P) -> P:
 
 def _upright(readings: Floats) -> Floats:
     """The readings with a direction of gravity of length one, as far as there is one."""
-    length = np.linalg.norm(readings[:, GRAVITY], axis=1, keepdims=True)
-    readings[:, GRAVITY] /= np.maximum(length, _NO_GRAVITY)
+    readings[:, GRAVITY] = unit(readings[:, GRAVITY])
     return readings

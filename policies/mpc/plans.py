@@ -6,8 +6,8 @@ do, those share the wrench that the planned forces have about the centre of mass
 
 import numpy as np
 
-from policies.mpc.rigid_body import Bools, Floats, Friction
-from quad_env.columns import Ids, Rows
+from policies.mpc.rigid_body import Floats, Friction
+from quad_env.columns import Ids, Mask, Rows
 from quad_env.physics.rotations import skew
 
 _SINGULAR = 1e-4
@@ -33,7 +33,7 @@ class Plans:
         self._moments = np.zeros((num_envs, self._steps, 3))
         self.restart(np.ones(num_envs, np.bool_))
 
-    def restart(self, mask: Bools) -> None:
+    def restart(self, mask: Mask) -> None:
         """Fresh state for those robots."""
         self.forces[mask] = [0.0, 0.0, 0.25 * self._weight]
         self._stands[mask], self._moments[mask], self.age[mask] = True, 0.0, np.inf
@@ -42,18 +42,18 @@ class Plans:
         """So many s have passed."""
         self.age += time
 
-    def due(self, standing: Bools, interval: float) -> Bools:
+    def due(self, standing: Mask, interval: float) -> Mask:
         """Which robots need another plan, (n,): after `interval` s, or where other feet stand than was planned."""
-        others: Bools = (self._stands[self._robots, self._step] != standing).any(axis=1)
+        others: Mask = (self._stands[self._robots, self._step] != standing).any(axis=1)
         return others | (self.age > interval - _TICK)
 
-    def renew(self, robots: Ids, forces: Floats, stands: Bools, arms: Floats) -> None:
+    def renew(self, robots: Ids, forces: Floats, stands: Mask, arms: Floats) -> None:
         """Plans from now on of g robots: forces (g, N, 4, 3), which feet stand, (g, N, 4), and the feet from the centre
         of mass, (g, N, 4, 3), m."""
         self.forces[robots], self._stands[robots], self.age[robots] = forces, stands, 0.0
         self._moments[robots] = np.einsum("njlax,njlx->nja", skew(arms), forces)
 
-    def now(self, standing: Bools, arms: Floats, friction: Friction) -> Floats:
+    def now(self, standing: Mask, arms: Floats, friction: Friction) -> Floats:
         """Forces of the feet now, (n, 4, 3), N. `arms`: of the feet from the centre of mass, (n, 4, 3), m."""
         robots, step = self._robots, self._step
         forces: Floats = self.forces[robots, step]
@@ -73,7 +73,7 @@ class Plans:
         return np.minimum((self.age + _TICK) / self._period, self._steps - 1).astype(np.intp)
 
 
-def shared(wrench: Floats, standing: Bools, arms: Floats, friction: Friction) -> Floats:
+def shared(wrench: Floats, standing: Mask, arms: Floats, friction: Friction) -> Floats:
     """The smallest forces of the standing feet, (n, 4, 3), N, that together have that wrench about the centre of mass,
     (n, 6), N and N·m, as near as may be; then drawn into the friction's bounds."""
     count = len(arms)

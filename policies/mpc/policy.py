@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, Actions, ShiftableFootholds, to_actions
 from policies.gait import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
-from policies.legs.ground_plane import carried, fitted, renewed
-from policies.legs.level_frame import Vector
+from policies.legs.ground_plane import above, carried, fitted, renewed, total
+from policies.legs.level_frame import vector
 from policies.legs.memory import taken_in
 from policies.mpc.contact import ContactSense, as_accelerations
+from policies.mpc.contact_states import ContactStates, contact_states
 from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
 from policies.mpc.joint_prediction import JointPrediction
 from policies.mpc.leg_torques import leg_torques
@@ -29,7 +30,7 @@ from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
 from policies.mpc.whole_body import Priorities, Torques, Wish, torques
 from policies.safety.stop import Stop
 from quad_env import OBSERVATION
-from quad_env.columns import Rows
+from quad_env.columns import Mask, Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
@@ -40,10 +41,6 @@ HORIZON = 10
 """Steps of the prediction."""
 STEEPEST = 0.6
 """Largest slope that is believed, m/m."""
-LATEST = 0.5
-"""Share of a stance up to which a foot in the air is still on its way down; later the gait goes on without it."""
-EARLIEST = 0.6
-"""Share of a swing from which on a foot may land."""
 USUAL_ERROR = 0.4
 """Velocity error, m/s, up to which it steps at its usual frequency."""
 HURRY = 0.3
@@ -52,17 +49,6 @@ PATIENCE = 0.1
 """For how long a robot goes on without solutions, s: half a step of the gait."""
 FASTEST_JOINT = 2000.0
 """Joint acceleration, rad/s², that the inverted PD law counts on at most."""
-
-
-class Contacts(NamedTuple):
-    """Which feet stand, and why; (n, 4)."""
-
-    standing: NDArray[np.bool_]
-    """That bear the robot now."""
-    late: NDArray[np.bool_]
-    """That should stand and have not touched the ground yet."""
-    landed: NDArray[np.bool_]
-    """Whose places tell of the ground."""
 
 
 class Forecast(NamedTuple):
@@ -110,7 +96,6 @@ class Mpc(ShiftableFootholds):
         self.frequency, self.leg_offsets = p.frequency, OFFSETS[gait]
         self._dynamics = Dynamics(robot)
         self._gait = Gait(self.leg_offsets, p.duty)
-        self._flies = self._gait.flies
         weights = Weights(
             np.array([p.roll_weight, p.pitch_weight, p.yaw_weight]),
             np.array([0.0, 0.0, p.height_weight]),
@@ -153,7 +138,7 @@ class Mpc(ShiftableFootholds):
         """Robots that it has given up and stopped, (n,)."""
         self._planned: tuple[Rows, Body, Floats] | None = None
 
-    def _restart(self, mask: NDArray[np.bool_]) -> None:
+    def _restart(self, mask: Mask) -> None:
         super()._restart(mask)
         self.sense.restart(mask)
         self._joints.restart(mask)
@@ -180,7 +165,8 @@ class Mpc(ShiftableFootholds):
         weight = load.pressing(now.rotation)
         push = self.sense.wrench - weight
         late = self.control_period * self.observer.delays
-        contacts = self._touching(cycle, self._gait.legs(self._phase - TURN * self._frequencies * late), forces[..., 2])
+        felt = self._gait.legs(self._phase - TURN * self._frequencies * late)
+        contacts = contact_states(p, cycle, felt, forces[..., 2], self._new, flies=self._gait.flies)
         ground = self._ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         height, stance = self._height, p.duty / self._frequencies
@@ -231,39 +217,27 @@ class Mpc(ShiftableFootholds):
         self._frequencies = self._frequencies + HURRY * (wished - self._frequencies)
         self._tick(self._frequencies - self.frequency)
 
-    def _touching(self, cycle: LegCycle, seen: LegCycle, force: Floats) -> Contacts:
-        """Contacts by the gait, now and when the vertical forces of the feet were felt, (n, 4), N."""
-        p, old = self.parameters, ~self._new[:, None]
-        touching = force > p.touch_force
-        late = ~cycle.swing & ~seen.swing & ~touching & (cycle.progress < LATEST) & old
-        early = cycle.swing & seen.swing & (force > p.early_force) & (seen.progress > EARLIEST)
-        standing = (~cycle.swing & ~late) | early
-        if not self._flies:
-            # Something has to bear the robot, even in the plan of one that is thrown up.
-            standing = np.where(standing.any(axis=1, keepdims=True), standing, ~cycle.swing)
-        return Contacts(standing, late, (~cycle.swing & touching & ~late) | early | ~old)
-
-    def _ground(self, now: Motion, landed: NDArray[np.bool_]) -> Ground:
+    def _ground(self, now: Motion, landed: Mask) -> Ground:
         """The plane of the slope that the footprints have shown for a while, at the footprints' mean height."""
-        prints = carried(_vector(self._prints), _vector(now.velocity.T), now.turning[:, 2], self.control_period)
-        prints = renewed(prints, _vector(now.bodies.feet.T), landed.T)
+        prints = carried(vector(self._prints), vector(now.velocity.T), now.turning[:, 2], self.control_period)
+        prints = renewed(prints, vector(now.bodies.feet.T), landed.T)
         self._prints = np.stack(prints)
         _, *slope = fitted(prints)
         share = taken_in(self.control_period, self.parameters.slope_time)
         self._slope = self._slope + share * (np.clip(np.stack(slope), -STEEPEST, STEEPEST) - self._slope)
         forward, lateral = self._slope
-        above = prints[2] - forward * prints[0] - lateral * prints[1]
-        return Ground(0.25 * (above[0] + above[1] + above[2] + above[3]), forward, lateral)
+        under_the_trunk = 0.25 * total(above((np.zeros(self.num_envs), forward, lateral), prints))
+        return Ground(under_the_trunk, forward, lateral)
 
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
         """What the feet swing over to their footholds, (n, 4, 2)."""
         return ground
 
-    def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: NDArray[np.bool_]) -> Floats:
+    def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         """Height of the ground where each foot stands over the horizon, m, (n, 1 or N, 1 or 4)."""
         return ground.height[:, None, None]
 
-    def _feet(self, now: Motion, cycle: LegCycle, contacts: Contacts, aim: Floats, ground: Terrain) -> Floats:
+    def _feet(self, now: Motion, cycle: LegCycle, contacts: ContactStates, aim: Floats, ground: Terrain) -> Floats:
         """Accelerations that the feet are to have, level frame, (n, 4, 3), m/s²."""
         p, feet, velocity = self.parameters, now.bodies.feet, now.feet_velocity
         lifted = cycle.swing & ~self._swinging
@@ -294,7 +268,7 @@ class Mpc(ShiftableFootholds):
         in_the_air = np.where(contacts.late[..., None], searching, swinging)
         return np.where(contacts.standing[..., None], -p.stance_damping * velocity, in_the_air)
 
-    def _schedule(self, standing: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Floats]:
+    def _schedule(self, standing: Mask) -> tuple[Mask, Floats]:
         """Which feet stand over the horizon, (n, N, 4), and since when, s: now as they do, then by the gait."""
         horizon = self._horizon
         ahead = TURN * self._frequencies[:, None] * horizon.middles
@@ -310,9 +284,9 @@ class Mpc(ShiftableFootholds):
         ground: Ground,
         pushed: Floats,
         places: Floats,
-        stands: NDArray[np.bool_],
+        stands: Mask,
         friction: Friction,
-    ) -> NDArray[np.bool_]:
+    ) -> Mask:
         """Renew the plans of these robots, (g,); which have none, (n,): they go on with the one before."""
         horizon, bodies = self._horizon, now.bodies
         forward, lateral, height = ground.forward[robots], ground.lateral[robots], ground.height[robots]
@@ -365,9 +339,9 @@ class Mpc(ShiftableFootholds):
         pushed: Floats,
         places: Floats,
         feet: Floats,
-        standing: NDArray[np.bool_],
+        standing: Mask,
         friction: Friction,
-    ) -> NDArray[np.bool_]:
+    ) -> Mask:
         """Find joint targets; for which robots no torques were found, (n,)."""
         robot, half = self.robot, 0.5 * self.control_period
         moments = self._horizon.moments(now.bodies.rotational_inertia, places[:, None])[:, 0]
@@ -388,7 +362,7 @@ class Mpc(ShiftableFootholds):
         """Torques of the joints for that wish, of robots whose trunks are pushed, (n, 6), N and N·m."""
         return leg_torques(now.bodies, wish, push, self.robot.rated_torque)
 
-    def _give_way(self, failed: NDArray[np.bool_], observation: NDArray[np.float32], joints: Floats) -> None:
+    def _give_way(self, failed: Mask, observation: NDArray[np.float32], joints: Floats) -> None:
         """Hand robots over to a controlled stop, until a reset, whose programs have failed for `PATIENCE`."""
         self._unsolved = np.where(failed, self._unsolved + 1, 0)
         giving_up = np.greater(self._unsolved * self.control_period, PATIENCE) & ~self.stopped
@@ -421,8 +395,3 @@ class MpcWbc(Mpc):
 def _bearing(load: Load, now: Motion) -> Motion:
     """The motion of robots that carry these loads."""
     return now._replace(bodies=loaded(now.bodies, now.rotation, now.generalised, load))
-
-
-def _vector(components: Floats) -> Vector:
-    x, y, z = components
-    return x, y, z

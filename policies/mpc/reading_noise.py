@@ -6,19 +6,21 @@ filters since Mehra, "On the identification of variances and adaptive Kalman fil
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from policies.gait import Floats
-from policies.legs.memory import taken_in
+from policies.legs.memory import at_first_a_mean, taken_in
 from quad_env import OBSERVATION
+from quad_env.columns import Mask
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.task.observations import observation_table
 
 GROUPS = tuple(
     OBSERVATION[name]
     for name in ("projected_gravity", "angular_velocity", "linear_velocity", "joint_position", "joint_velocity")
 )
 """Readings of one kind each, which share a noise: (1, rad/s, m/s, rad, rad/s)."""
-SENSED = GROUPS[-1].stop
-"""Readings in an observation, its first ones."""
+SENSED = observation_table(SIMPLE_QUAD).sensed
+"""Readings in an observation, its first ones; the same of every robot."""
 QUIET = np.array([0.001, 0.12, 0.025, 0.0015, 0.4])
 """Standard deviations that the readings of each group seem to have in a walk without noise."""
 TIME = 0.5
@@ -38,13 +40,14 @@ class ReadingNoise:
 
     def allocate(self, num_envs: int) -> None:
         """Fresh state for so many robots."""
-        self._looks = np.zeros(num_envs, np.int64)
-        self._last = np.zeros((3, num_envs, SENSED))
+        self.looks = np.zeros(num_envs, np.int64)
+        """Readings that each robot has had since its start, (n,)."""
+        self._last = np.zeros((3, num_envs, SENSED.stop))
         self._seeming = np.zeros((num_envs, len(GROUPS)))
 
-    def restart(self, mask: NDArray[np.bool_]) -> None:
+    def restart(self, mask: Mask) -> None:
         """Fresh state for those robots."""
-        self._looks[mask], self._seeming[mask] = 0, 0.0
+        self.looks[mask], self._seeming[mask] = 0, 0.0
 
     def variances(self, readings: Floats) -> Floats:
         """Of each group, (n, 5), after these readings as well, (n, 33)."""
@@ -52,10 +55,11 @@ class ReadingNoise:
         bent = readings - 2.0 * last + before
         product = -0.25 * bent * bend
         seeming = np.stack([product[:, group].mean(axis=1) for group in GROUPS], axis=-1)
-        share = np.maximum(self._share, 1.0 / np.maximum(self._looks - FIRST + 1, 1))
-        self._seeming += np.where(self._looks >= FIRST, share, 0.0)[:, None] * (seeming - self._seeming)
         self._last = np.stack((readings, last, bent))
-        self._looks += 1
-        quiet = QUIET**2 * (1.0 + EARLY / np.maximum(self._looks - FIRST, 1))[:, None]
+        self.looks += 1
+        told = self.looks - FIRST
+        share = np.where(told > 0, at_first_a_mean(self._share, told), 0.0)
+        self._seeming += share[:, None] * (seeming - self._seeming)
+        quiet = QUIET**2 * (1.0 + EARLY / np.maximum(told, 1))[:, None]
         variances: Floats = np.maximum(self._seeming - quiet, 0.0)
         return variances

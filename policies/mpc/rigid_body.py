@@ -17,13 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.mpc.quadratic_program import Programs
-from quad_env.columns import Ids, Rows
+from quad_env.columns import Ids, Mask, Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-
 LEGS = 4
 
 
@@ -130,7 +128,7 @@ class Horizon:
         )
 
     def programs(
-        self, body: Body, arms: Floats, standing: Bools, wanted: Reference, friction: Friction
+        self, body: Body, arms: Floats, standing: Mask, wanted: Reference, friction: Friction
     ) -> Iterator[tuple[Rows, Programs]]:
         """The forces' programs, those of one shape together, with the robots whose they are.
 
@@ -165,7 +163,7 @@ class Horizon:
                 ),
             )
 
-    def spread(self, solution: Floats, standing: Bools) -> Floats:
+    def spread(self, solution: Floats, standing: Mask) -> Floats:
         """Forces of every foot in every step, (g, N, 4, 3), N, zero where it does not stand, of solutions (g, k)."""
         forces = np.zeros((*standing.shape, 3))
         forces[standing] = solution.reshape(-1, 3)

@@ -8,13 +8,11 @@ of Stewart and Trinkle, "An implicit time-stepping scheme for rigid body dynamic
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from policies.gait import Floats
 from policies.mpc.motion import Motion
+from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
-
-Bools = NDArray[np.bool_]
 
 PASSES = 3
 """Looks for the feet that touch the ground: first none, then those that would be below it, then without those that it
@@ -39,7 +37,7 @@ class Response(NamedTuple):
         return velocity
 
 
-def response(robot: Robot, now: Motion, standing: Bools, wrench: Floats, period: float) -> Response:
+def response(robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: float) -> Response:
     """Of a control period of `period` s in which these feet stand, (n, 4), and wrenches push the trunks, (n, 6)."""
     size = now.generalised.shape[1]
     system, known = _system(robot, now, standing, wrench, period)
@@ -70,7 +68,7 @@ def landing(robot: Robot, now: Motion, gaps: Floats, targets: Floats, wrench: Fl
     return velocity
 
 
-def _system(robot: Robot, now: Motion, standing: Bools, wrench: Floats, period: float) -> tuple[Floats, Floats]:
+def _system(robot: Robot, now: Motion, standing: Mask, wrench: Floats, period: float) -> tuple[Floats, Floats]:
     """Matrix and known side of the equations for generalised velocity and impulses, (n, 30, 30) and (n, 30), with all
     targets at zero; the impulse of a foot that does not stand is zero."""
     bodies, before = now.bodies, now.generalised

@@ -13,6 +13,7 @@ from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import STEEPEST, MpcWbc
 from policies.mpc.quadratic_program import Solver, solve
+from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
@@ -122,7 +123,7 @@ class SightedMpcWbc(MpcWbc):
         self._heights = observation[:, self._shown].astype(np.float64)
         return super()._act(observation)
 
-    def _ground(self, now: Motion, landed: NDArray[np.bool_]) -> Ground:
+    def _ground(self, now: Motion, landed: Mask) -> Ground:
         ground = super()._ground(now, landed)
         self._seen_ground = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
         mean = np.einsum("cij,nij->cn", self._mean_plane, self._seen_ground.heights)
@@ -137,6 +138,6 @@ class SightedMpcWbc(MpcWbc):
         between = [self._seen_ground.at(last + share * (aim - last)) for share in ON_THE_WAY]
         return Steps(start, end, np.max([start, end, *between], axis=0))
 
-    def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: NDArray[np.bool_]) -> Floats:
+    def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         lasting = np.cumprod(stands, axis=1).astype(np.bool_)
         return np.where(lasting, now.bodies.feet[:, None, :, 2], self._seen_ground.at(aim)[:, None])

@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 
 from policies.mpc.quadratic_program import Programs, Solver, solve
 from policies.mpc.rigid_body import Friction, alike, friction_rows
-from quad_env.columns import Rows
+from quad_env.columns import Mask, Rows
 from quad_env.physics.dynamics import RigidBodies
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-
 TRUNK = slice(3, 6)
 """Angular part of the generalised velocity."""
 
@@ -32,7 +30,7 @@ class Wish(NamedTuple):
     """Accelerations of the feet, world frame, (n, 4, 3), m/s²."""
     forces: Floats
     """Of the standing feet, world frame, (n, 4, 3), N."""
-    standing: Bools
+    standing: Mask
     """(n, 4)."""
 
 
@@ -60,7 +58,7 @@ class Torques(NamedTuple):
     """(n, 12), N·m."""
     acceleration: Floats
     """Of the joints, (n, 12), rad/s²."""
-    found: Bools
+    found: Mask
     """For which robots there is an answer; the others' is zero, (n,)."""
 
 
@@ -98,7 +96,7 @@ def programs(
     for robots in alike(wish.standing.sum(axis=1)):
         standing, group = wish.standing[robots], len(robots)
 
-        def of_feet(values: Floats, chosen: Bools, robots: Rows = robots) -> Floats:
+        def of_feet(values: Floats, chosen: Mask, robots: Rows = robots) -> Floats:
             """Of the chosen feet, their three axes under each other."""
             return values[robots][chosen].reshape(len(robots), -1, *values.shape[3:])
 

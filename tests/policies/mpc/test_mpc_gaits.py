@@ -11,6 +11,7 @@ from evaluate.rollouts.rollout import roll_out
 from policies.gait import TURN, leg_phases
 from policies.gaits.parameters import OFFSETS
 from policies.legs.contacts import duty_factors, landing_offsets, landings, wrapped
+from policies.mpc.contact_states import contact_states
 from policies.mpc.parameters import OTHER_GAITS, MpcParameters
 from policies.mpc.policy import Mpc, MpcWbc
 from quad_env.seeding import episode_seeds
@@ -68,7 +69,8 @@ def test_feet_that_are_late_all_together_bear_a_robot_unless_its_gait_flies(gait
     policy = MpcWbc(gait=gait)
     policy.act(np.r_[0.0, 0.0, -1.0, np.zeros(45)])
     early_in_the_stance = policy._gait.legs(np.array([TURN * (1.1 - policy.parameters.duty)]))
-    contacts = policy._touching(early_in_the_stance, early_in_the_stance, np.zeros((1, 4)))
+    legs, new = early_in_the_stance, np.zeros(1, np.bool_)
+    contacts = contact_states(policy.parameters, legs, legs, np.zeros((1, 4)), new, flies=policy._gait.flies)
     assert contacts.standing.sum() == bearing
     assert contacts.late.any()
 

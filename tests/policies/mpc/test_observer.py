@@ -84,10 +84,10 @@ def test_noise_shows(scenario: str) -> None:
     noise, rng = ReadingNoise(0.01), np.random.default_rng(0)
     noise.allocate(2)
     time = 0.01 * np.arange(400)
-    sines = np.sin(2 * np.pi * 2.5 * time[:, None] + np.arange(SENSED))
+    sines = np.sin(2 * np.pi * 2.5 * time[:, None] + np.arange(SENSED.stop))
     sigma = np.repeat(NOISE[scenario], [group.stop - group.start for group in GROUPS])
     for each in sines:
-        found = noise.variances(np.tile(0.2 * each, (2, 1)) + sigma * rng.standard_normal((2, SENSED)))
+        found = noise.variances(np.tile(0.2 * each, (2, 1)) + sigma * rng.standard_normal((2, SENSED.stop)))
     np.testing.assert_allclose(found, np.tile(np.square(NOISE[scenario]) - QUIET**2, (2, 1)), rtol=0.3)
 
 
@@ -125,10 +125,10 @@ def test_a_restarted_robot_has_no_noise_until_it_shows() -> None:
     noise, rng = ReadingNoise(0.01), np.random.default_rng(0)
     noise.allocate(2)
     for _ in range(50):
-        noise.variances(rng.standard_normal((2, SENSED)))
+        noise.variances(rng.standard_normal((2, SENSED.stop)))
     noise.restart(np.array([True, False]))
     for _ in range(5):
-        found = noise.variances(np.zeros((2, SENSED)))
+        found = noise.variances(np.zeros((2, SENSED.stop)))
     assert not found[0].any()
     assert found[1].all()
 
