@@ -5,6 +5,8 @@ Those of a motion change little from one control step to the next. Autocorrelati
 filters since Mehra, "On the identification of variances and adaptive Kalman filtering", 1970.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from policies.gait import Floats
@@ -32,34 +34,39 @@ FIRST = 3
 
 
 class ReadingNoise:
-    """Noise of what n robots are shown, control step by control step of `period` s."""
+    """Noise of what n robots are shown, control step by control step of `period` s.
 
-    def __init__(self, period: float) -> None:
-        self._share = taken_in(period, TIME)
+    Args:
+        groups: where the k readings of each kind are, m slices.
+        quiet: standard deviations that these seem to have without noise, (m,).
+    """
+
+    def __init__(self, period: float, groups: Sequence[slice] = GROUPS, quiet: Floats = QUIET) -> None:
+        self._share, self._groups, self._quiet = taken_in(period, TIME), tuple(groups), quiet
         self.allocate(1)
 
     def allocate(self, num_envs: int) -> None:
         """Fresh state for so many robots."""
         self.looks = np.zeros(num_envs, np.int64)
         """Readings that each robot has had since its start, (n,)."""
-        self._last = np.zeros((3, num_envs, SENSED.stop))
-        self._seeming = np.zeros((num_envs, len(GROUPS)))
+        self._last = np.zeros((3, num_envs, max(group.stop for group in self._groups)))
+        self._seeming = np.zeros((num_envs, len(self._groups)))
 
     def restart(self, mask: Mask) -> None:
         """Fresh state for those robots."""
         self.looks[mask], self._seeming[mask] = 0, 0.0
 
     def variances(self, readings: Floats) -> Floats:
-        """Of each group, (n, 5), after these readings as well, (n, 33)."""
+        """Of each group, (n, m), after these readings as well, (n, k)."""
         last, before, bend = self._last
         bent = readings - 2.0 * last + before
         product = -0.25 * bent * bend
-        seeming = np.stack([product[:, group].mean(axis=1) for group in GROUPS], axis=-1)
+        seeming = np.stack([product[:, group].mean(axis=1) for group in self._groups], axis=-1)
         self._last = np.stack((readings, last, bent))
         self.looks += 1
         told = self.looks - FIRST
         share = np.where(told > 0, at_first_a_mean(self._share, told), 0.0)
         self._seeming += share[:, None] * (seeming - self._seeming)
-        quiet = QUIET**2 * (1.0 + EARLY / np.maximum(told, 1))[:, None]
+        quiet = self._quiet**2 * (1.0 + EARLY / np.maximum(told, 1))[:, None]
         variances: Floats = np.maximum(self._seeming - quiet, 0.0)
         return variances

@@ -13,6 +13,7 @@ from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import STEEPEST, MpcWbc
 from policies.mpc.quadratic_program import Solver, solve
+from policies.mpc.reading_noise import ReadingNoise
 from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -22,6 +23,8 @@ SCAN = HeightScan(ahead=14, behind=14, aside=10, spacing=0.05)
 """What it is shown unless it is told another."""
 LEVELLING_TIME = 0.1
 """Time constant with which the trunk takes that ground in, s."""
+QUIET = 0.02
+"""Standard deviation, m, that a scan without noise seems to have where there are steps."""
 _EDGE = 1e-9
 ON_THE_WAY = (0.25, 0.5, 0.75)
 """Where from foothold to foothold the ground is looked at that a foot is to clear."""
@@ -66,9 +69,26 @@ def mean_plane(scan: HeightScan) -> Floats:
 
 def seen_ground(scan: HeightScan, shown: Floats, ground: Ground, foot_radius: float) -> SeenGround:
     """The ground that the entries of a scan show, (n, p), m; by the footprints' plane where they show nothing."""
-    heights = ground.at(*np.moveaxis(scan.grid, -1, 0).reshape(2, -1)).reshape(len(shown), *scan.grid.shape[:2])
+    heights = on_grid(scan, ground)
     heights[:, scan.seen] = np.where(shown > UNSEEN, shown + foot_radius, heights[:, scan.seen])
     return SeenGround(scan, heights)
+
+
+def on_grid(scan: HeightScan, ground: Ground) -> Floats:
+    """Heights of the plane at the scan's points, (n, rows, columns), m."""
+    rows, columns, _ = scan.grid.shape
+    return ground.at(*np.moveaxis(scan.grid, -1, 0).reshape(2, -1)).reshape(-1, rows, columns)
+
+
+def believed(seen: SeenGround, ground: Ground, noise: Floats) -> SeenGround:
+    """The ground as near to the plane as what is seen off it is noise of that variance, (n,), m².
+
+    Every point by the linear estimate of least mean square error that knows nothing of the others.
+    """
+    plane = on_grid(seen.scan, ground)
+    apart = seen.heights - plane
+    share = np.clip(1.0 - noise / np.maximum((apart * apart).mean(axis=(1, 2)), _EDGE), 0.0, 1.0)
+    return seen._replace(heights=plane + share[:, None, None] * apart)
 
 
 class Steps(NamedTuple):
@@ -113,11 +133,18 @@ class SightedMpcWbc(MpcWbc):
         self.height_scan = self._scan = height_scan
         self._mean_plane = mean_plane(height_scan)
         self._shown = table_with(robot, height_scan).slices["height_scan"]
+        points = slice(0, height_scan.grid[..., 0].size)
+        self._scan_noise = ReadingNoise(control_period, [points], np.array([QUIET]))
         super().__init__(parameters, robot=robot, control_period=control_period, solver=solver, late=late)
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
+        self._scan_noise.allocate(num_envs)
         self._level = np.zeros((3, num_envs))
+
+    def _restart(self, mask: Mask) -> None:
+        super()._restart(mask)
+        self._scan_noise.restart(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._heights = observation[:, self._shown].astype(np.float64)
@@ -125,7 +152,9 @@ class SightedMpcWbc(MpcWbc):
 
     def _ground(self, now: Motion, landed: Mask) -> Ground:
         ground = super()._ground(now, landed)
-        self._seen_ground = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
+        seen = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
+        noise = self._scan_noise.variances(seen.heights.reshape(self.num_envs, -1))[:, 0]
+        self._seen_ground = believed(seen, ground, noise)
         mean = np.einsum("cij,nij->cn", self._mean_plane, self._seen_ground.heights)
         mean[1:] = np.clip(mean[1:], -STEEPEST, STEEPEST)
         share = np.where(self._new, 1.0, taken_in(self.control_period, LEVELLING_TIME))

@@ -12,7 +12,16 @@ from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
 from policies.mpc.footing import Ground
 from policies.mpc.policy import MpcWbc
-from policies.mpc.sighted import SCAN, UNDER_THE_LEGS, SeenGround, SightedMpcWbc, Steps, mean_plane, seen_ground
+from policies.mpc.sighted import (
+    SCAN,
+    UNDER_THE_LEGS,
+    SeenGround,
+    SightedMpcWbc,
+    Steps,
+    believed,
+    mean_plane,
+    seen_ground,
+)
 from quad_env import OBSERVATION, OBSERVATION_SIZE, HeightScan
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.seeding import episode_seeds
@@ -56,6 +65,36 @@ def test_beyond_the_grid_the_ground_goes_on_as_at_its_edge() -> None:
     np.testing.assert_allclose(SeenGround(SMALL, heights).at(far), [[45.0, 0.0, 48.0, 48.0]])
     line = HeightScan(ahead=0, behind=0, aside=0)
     np.testing.assert_allclose(SeenGround(line, np.ones((1, 1, 1))).at(far), 1.0)
+
+
+def test_noise_draws_what_is_seen_to_the_footprints_plane() -> None:
+    """By the share of it in what lies off the plane: steps of ±0.1 m, and noise of 0.1 m beside the second's."""
+    steps = np.where(SMALL.points[:, 0] > 0.0, 0.1, -0.1)
+    rng, flat = np.random.default_rng(0), Ground(*np.zeros((3, 2)))
+    shown = np.stack((steps, steps + 0.1 * rng.choice((-1.0, 1.0), len(steps))))
+    seen = seen_ground(SMALL, shown, flat, 0.0)
+    found = believed(seen, flat, np.array([0.0, 0.01]))
+    np.testing.assert_array_equal(found.heights[0], seen.heights[0])
+    share = 1.0 - 0.01 / np.square(shown[1]).mean()
+    np.testing.assert_allclose(found.heights[1], share * seen.heights[1])
+    np.testing.assert_allclose(believed(seen, flat, np.ones(2)).heights, 0.0)
+
+
+def test_steps_that_pass_are_no_noise_and_noise_shows() -> None:
+    policy, robots = SightedMpcWbc(), episode_seeds("search", 9, 2)
+    variances = []
+    told = policy._scan_noise.variances
+    policy._scan_noise.variances = lambda heights: variances.append(told(heights)) or variances[-1]  # type: ignore
+    for scenario in ("stairs=0.2", "noise=0.8"):
+        rollout.roll_out(policy, practice(scenario, "search"), robots, lambda _: False, steps=300)
+    clean, noisy = np.sqrt(variances[:300]), np.sqrt(variances[400:])
+    assert clean.max() < 0.01
+    np.testing.assert_allclose(noisy, 0.4, atol=0.02)
+
+
+def test_it_walks_on_a_noisy_scan() -> None:
+    found = measure(rollout.run(SightedMpcWbc(), practice("noise=0.8", "search"), episode_seeds("search", 9, 4)))
+    assert found.succeeded.sum() >= 2
 
 
 def test_the_trunk_levels_with_the_plane_under_the_legs_whatever_stands_beyond() -> None:
