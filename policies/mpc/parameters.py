@@ -12,7 +12,7 @@ PARAMETERS_FILE = Path(__file__).with_name("mpc_wbc.json")
 
 @dataclass(frozen=True)
 class MpcParameters(Parameters):
-    """Gait, cost and gains; the defaults were set by hand on a few search episodes."""
+    """Gait, cost and gains; the defaults were set by hand on a few search episodes, those in force were searched."""
 
     frequency: float = number(2.5, limits=(0.1, 20.0), search=(1.8, 4.5))
     """Gait cycles a second, Hz."""
@@ -24,7 +24,7 @@ class MpcParameters(Parameters):
     """Share of the cycle that a foot is on the ground."""
     height: float = number(0.36, limits=(0.1, 1.0), search=(0.34, 0.48))
     """Trunk's centre above the ground, m."""
-    step_height: float = number(0.08, limits=(0.0, 0.5), search=(0.04, 0.2))
+    step_height: float = number(0.08, limits=(0.0, 0.5), search=(0.02, 0.2))
     """Lift of a swinging foot, m."""
     width: float = number(0.5, limits=(0.1, 1.0), search=(0.42, 0.62))
     """Between the lines of the left and the right feet, m."""
@@ -59,7 +59,7 @@ class MpcParameters(Parameters):
     """The same per velocity error, 1/s."""
     turning_priority: float = number(1.0, limits=(1e-6, 1e6), search=(0.1, 20.0))
     """Weight of the trunk's angular acceleration in the whole body's program, s⁴/rad²."""
-    standing_priority: float = number(10.0, limits=(1e-6, 1e6), search=(0.5, 100.0))
+    standing_priority: float = number(10.0, limits=(1e-6, 1e6), search=(0.1, 25.0))
     """The same of the accelerations of standing feet, s⁴/m²."""
     swinging_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.02, 2.0))
     """The same of swinging feet."""
@@ -69,7 +69,7 @@ class MpcParameters(Parameters):
     """Deceleration asked of a standing foot, 1/s."""
     disturbance_time: float = number(0.3, limits=(0.02, 1e6), search=(0.1, 2.0))
     """Time constant with which the rigid body's acceleration is corrected by what was observed, s."""
-    load_time: float = number(0.06, limits=(0.0, 1e6), search=(0.02, 0.5))
+    load_time: float = number(0.06, limits=(0.0, 1e6), search=(0.005, 0.5))
     """The same of the vertical force, s."""
     load_height: float = number(0.15, limits=(-1.0, 2.0))
     """Centre of a load above the trunk's centre, m."""

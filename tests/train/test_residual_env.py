@@ -126,7 +126,7 @@ def test_what_a_learner_remembers_is_what_the_policy_will_across_falls_held_corr
         ("trot", (1, 0.05, 0.1, 0, 0), "joints", 0.0),
         ("trot", (1, 0.05, 0.1, 0, 0), "joints", 0.1),
         ("trot_integral", (0, 0.05, 0, 0, 0), "feet", 0.0),
-        ("mpc_wbc", (0.3, 0.02, 0.02, 0.02, 0.02), "joints", 0.5),
+        ("mpc_wbc", (0.3, 0.1, 0.02, 0.02, 0.02), "joints", 0.5),
         ("stand", (0,) * 5, "joints", 0.0),
     ],
 )

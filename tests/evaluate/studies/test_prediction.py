@@ -11,6 +11,7 @@ from evaluate.__main__ import main
 from evaluate.studies import prediction
 from evaluate.studies.prediction import Walk, errors, turned_back, walk
 from policies.mpc.motion import motion
+from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from policies.mpc.rigid_body import Body, Horizon, Weights
 from quad_env.config import GRAVITY
@@ -23,8 +24,9 @@ PERIODS = 0.04, 0.01
 
 @pytest.fixture(scope="module")
 def walked() -> Walk:
+    """By parameters that no search changes: what is tested are the forecasts."""
     seeds = episode_seeds("validation", 3, 2)
-    return walk(MpcWbc(), "flat", seeds, command=(0.5, 0.0, 0.6), steps=300)
+    return walk(MpcWbc(MpcParameters()), "flat", seeds, command=(0.5, 0.0, 0.6), steps=300)
 
 
 def now(env: SimpleQuadEnv) -> WholeBody:

@@ -97,7 +97,8 @@ def test_a_restarted_robot_begins_anew(policy: type[Mpc]) -> None:
 def test_a_shifted_gait_is_that_of_other_parameters_and_a_restarted_robot_has_its_own(
     parameters: dict[str, float], gait: tuple[float, ...], foothold: tuple[float, ...]
 ) -> None:
-    own, other, shifted, rows = MpcWbc(), MpcWbc(MpcParameters(**parameters)), MpcWbc(), observations(2)
+    own, other, shifted = (MpcWbc(MpcParameters(**changed)) for changed in ({}, parameters, {}))
+    rows = observations(2)
     for policy in (own, other, shifted):
         policy.reset(num_envs=2)
     shifted.gait_shift[:], shifted.foothold_shift[:] = gait, foothold
@@ -112,7 +113,7 @@ def test_a_shifted_gait_is_that_of_other_parameters_and_a_restarted_robot_has_it
 
 
 def test_a_shifted_frequency_is_that_of_its_clock() -> None:
-    policy, rows, phases = MpcWbc(), observations(2), []
+    policy, rows, phases = MpcWbc(MpcParameters(frequency_gain=0.0)), observations(2), []
     policy.reset(num_envs=2)
     policy.gait_shift[1, 0] = 0.5
     for _ in range(20):
