@@ -22,6 +22,7 @@ from policies.residual import ResidualPolicy
 from policies.safety import Safe, SafetyLimits
 from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.channel import steps_late
@@ -76,16 +77,18 @@ def names() -> tuple[str, ...]:
 def make(
     name: str,
     *,
-    robot: Robot = SIMPLE_QUAD,
+    robot: str | Robot = SIMPLE_QUAD,
     control_period: float = CONTROL_PERIOD,
     actuator: str | Actuator = "ideal",
     sensors: str | SensorSuite | None = None,
 ) -> Policy:
-    """A fresh policy by name, for an environment's `robot`, `dt`, s, and `sensors`, of which policies that predict take
-    the encoders' delay; for `safe:NAME` within the safety layer, whose limits are those of the actuator.
+    """A fresh policy by name, for an environment's `robot`, which may be a name of `quad_env.ROBOTS`, `dt`, s, and
+    `sensors`, of which policies that predict take the encoders' delay; for `safe:NAME` within the safety layer, whose
+    limits are those of the actuator.
 
     Raises PolicyError for a name that does not exist or a model that is not there or was trained for others.
     """
+    robot = robot_of(robot)
     if name.startswith(SAFE):
         policy = make(name.removeprefix(SAFE), robot=robot, control_period=control_period, sensors=sensors)
         return Safe(policy, SafetyLimits.of(robot, actuator))
@@ -100,7 +103,7 @@ def make(
 def resolve(
     name_or_path: str | Path,
     *,
-    robot: Robot = SIMPLE_QUAD,
+    robot: str | Robot = SIMPLE_QUAD,
     control_period: float = CONTROL_PERIOD,
     actuator: str | Actuator = "ideal",
     sensors: str | SensorSuite | None = None,
@@ -109,7 +112,7 @@ def resolve(
     """A fresh policy by name, see `make`, else from the bundle in the folder of that path, or from outside, see
     `Foreign`; `trust` lets it load files in which code can be hidden. Raises PolicyError.
     """
-    text = str(name_or_path)
+    text, robot = str(name_or_path), robot_of(robot)
     if is_reference(inner := text.removeprefix(SAFE)):
         policy: Policy = Foreign(inner, robot=robot, control_period=control_period, trust=trust)
         return Safe(policy, SafetyLimits.of(robot, actuator)) if text.startswith(SAFE) else policy

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
         StartNoise,
         TaskConfig,
     )
+    from quad_env.robots.anatomy import ModelError
+    from quad_env.robots.named import ROBOTS
     from quad_env.robots.robot import Robot
     from quad_env.robots.simple_quad import JOINT_NAMES, SIMPLE_QUAD
     from quad_env.scenarios.axes import AXES, Axis
@@ -56,6 +58,7 @@ __all__ = [
     "MAX_EPISODE_STEPS",
     "OBSERVATION",
     "OBSERVATION_SIZE",
+    "ROBOTS",
     "SCENARIOS",
     "SENSORS",
     "SIMPLE_QUAD",
@@ -74,6 +77,7 @@ __all__ = [
     "Imu",
     "JointTorque",
     "Latency",
+    "ModelError",
     "Motors",
     "Payload",
     "Pushes",
@@ -96,6 +100,8 @@ __all__ = [
 _MODULES = (
     "actuation.models",
     "config",
+    "robots.anatomy",
+    "robots.named",
     "robots.robot",
     "robots.simple_quad",
     "scenarios.axes",

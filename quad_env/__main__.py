@@ -7,9 +7,15 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NoReturn
 
 INTERRUPTED, FAILED = 130, 2
+COMMANDS = {
+    "info": "robot, spaces, scenarios, actuators and sensors of the environment",
+    "describe": "what a robot's model tells of its legs, joints and servos, and whether the robot stands",
+}
+"""What each command prints, by its name."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -43,23 +49,52 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(arguments: list[str] | None) -> int:
     parser = _Parser(prog="python -m quad_env", description="SimpleQuad: a quadruped locomotion environment.")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
-    help_info = "robot, spaces, scenarios, actuators and sensors of the environment"
-    commands.add_parser("info", help=help_info, description=f"Print {help_info}.").set_defaults(run=_info)
-    parser.set_defaults(run=parser.print_help)
+    info, describe = (
+        commands.add_parser(name, help=told, description=f"Print {told}.") for name, told in COMMANDS.items()
+    )
+    info.set_defaults(run=_info)
+    describe.add_argument("robot", help="an MJCF (.xml), a .toml that this command has written, or a robot's name")
+    describe.add_argument("--picture", type=Path, metavar="PNG", help="picture of the robot standing to write")
+    describe.add_argument("--toml", type=Path, metavar="TOML", help="file of its figures to write, for changes by hand")
+    describe.set_defaults(run=_describe)
+    parser.set_defaults(run=lambda _: parser.print_help())
     try:
-        run: Callable[[], None] = parser.parse_args(arguments).run
+        options = parser.parse_args(arguments)
     except SystemExit as end:  # after --help or a mistake
         return end.code if isinstance(end.code, int) else 0
-    run()
-    return 0
-
-
-def _info() -> None:
-    from quad_env import info
-
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="replace")  # a terminal may lack a sign such as ±
+    run: Callable[[argparse.Namespace], int | None] = options.run
+    return run(options) or 0
+
+
+def _info(_: argparse.Namespace) -> None:
+    from quad_env import info
+
     print(info.text())
+
+
+def _describe(options: argparse.Namespace) -> int:
+    from quad_env import describe
+    from quad_env.robots.named import robot_of
+
+    told = Path(options.robot)
+    try:
+        robot = robot_of(options.robot)
+        print("\n".join(describe.text(robot)))
+        if options.toml is not None:
+            describe.write_toml(options.toml, robot.mjcf, robot)
+            print(f"written: {options.toml}")
+        print(describe.standing(robot, options.picture))
+        if options.picture is not None:
+            print(f"written: {options.picture}")
+    except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        if options.toml is not None and told.suffix == ".xml" and told.is_file() and not options.toml.exists():
+            describe.write_toml(options.toml, told, None)
+            print(f"written, with what there is to tell: {options.toml}", file=sys.stderr)
+        return FAILED
+    return 0
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from quad_env.columns import Column, Rows, Vector
 from quad_env.config import TaskConfig
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
@@ -60,7 +61,7 @@ class QuadEnvBase:
         actuator: str | Actuator,
         sensors: str | SensorSuite | None,
         estimator: str,
-        robot: Robot,
+        robot: str | Robot,
         height_scan: HeightScan | None,
         readings: bool = False,
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
@@ -74,7 +75,7 @@ class QuadEnvBase:
         self.config = config or TaskConfig()
         self.scenario = find_scenario(_setting(scenario))
         """What the robot has to cope with."""
-        self.robot = robot
+        self.robot = robot = robot_of(robot)
         """Names, geometry and limits of the robot; everything that the environment knows of it."""
         rate = self.config.control_rate
         self.dt = 1 / rate

@@ -49,7 +49,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         sensors: what the observation is built from: None or "truth", a name of `quad_env.SENSORS`, or a
             `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its value, and
             `sensor_<name>_time`, s since the start of the episode, when it was measured, to the infos.
-        robot: the `quad_env.Robot` that is simulated.
+        robot: the `quad_env.Robot` that is simulated, or its name among `quad_env.ROBOTS`.
         estimator: what makes gravity and velocity of the sensors' readings: a name of `quad_env.ESTIMATORS`.
         height_scan: the `quad_env.HeightScan` that is the observation's last term, `height_scan`; None: there is none.
     """
@@ -68,7 +68,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         config: TaskConfig | None = None,
         actuator: str | Actuator = "ideal",
         sensors: str | SensorSuite | None = None,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         estimator: str = COMPLEMENTARY,
         height_scan: HeightScan | None = None,
     ) -> None:

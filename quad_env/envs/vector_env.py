@@ -70,7 +70,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         readings: bool = False,
         actuator: str | Actuator = "ideal",
         sensors: str | SensorSuite | None = None,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         estimator: str = COMPLEMENTARY,
         height_scan: HeightScan | None = None,
     ) -> None:
@@ -98,7 +98,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
         self._readings = readings
-        self._schedule = Schedule(robot, self.scenario, num_envs, self.dt)
+        self._schedule = Schedule(self.robot, self.scenario, num_envs, self.dt)
         self._rows = np.arange(num_envs)
         self._started = np.zeros(num_envs, bool)
         self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)

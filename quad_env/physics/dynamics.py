@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.robots.imported import spec_of
 from quad_env.robots.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -70,7 +71,7 @@ class Dynamics:
     def _compiled(self) -> _Model:
         import mujoco
 
-        model = mujoco.MjModel.from_xml_path(str(self.robot.mjcf))
+        model = spec_of(self.robot).compile()
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
         feet = [model.site(f"{leg}_foot").id for leg in self.robot.leg_names]
         return _Model(mujoco, model, mujoco.MjData(model), model.body("base_link").id, feet)

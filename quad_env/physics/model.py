@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator, Line, weaker
 from quad_env.config import GRAVITY
+from quad_env.robots.imported import log_to_the_console, spec_of
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import Ground, Payload
 from quad_env.scenarios.scenario import Scenario
@@ -18,7 +19,6 @@ TRUNK_SENSOR = "trunk_ground"
 PAYLOAD = "payload"
 """Name of the payload's body."""
 _GROUND, _TERRAIN = "ground", "terrain"
-_DEFAULT_LOG = "MUJOCO_LOG.TXT"
 _FLOOR_DEPTH = 1.0
 """m of solid ground below a height field or a tread."""
 
@@ -27,9 +27,9 @@ def compile_model(
     robot: Robot, scenario: Scenario, actuator: Actuator = ACTUATORS["ideal"], timestep: float | None = None
 ) -> mujoco.MjModel:
     """The robot with these motors in that scenario, with that time a physics step, s, or the MJCF's."""
-    _log_to_the_console()
+    log_to_the_console()
     terrain, motors = scenario.terrain, scenario.motors
-    spec = mujoco.MjSpec.from_file(str(robot.mjcf))
+    spec = spec_of(robot)
     spec.option.timestep = timestep or spec.option.timestep
     if isinstance(terrain, SmoothRandom):
         _add_height_field(spec, terrain)
@@ -65,14 +65,6 @@ def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     model = spec.compile()
     model.qpos0[2] = start
     return model
-
-
-def _log_to_the_console() -> None:
-    """Keep MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder; a file that somebody has chosen is kept."""
-    log = mujoco.MjLogConfig.get()
-    if log.logfile == _DEFAULT_LOG:
-        log.logto_file = False
-        log.set()
 
 
 def stepped_model(model: mujoco.MjModel, sensors: tuple[str, ...] = (TRUNK_SENSOR,)) -> mujoco.MjModel:
@@ -212,6 +204,8 @@ def _let_shins_through(model: mujoco.MjModel, ground: NDArray[np.intp], robot: R
     """Ground and shins do not collide, all else as before: a second bit is that of collisions with the ground."""
     colliding = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_contype != 0))
     model.geom_contype[colliding] = model.geom_conaffinity[colliding] = 0b11
-    shins = [model.geom(f"{leg}_calf").id for leg in robot.leg_names]
+    feet = [model.geom(f"{leg}_foot").id for leg in robot.leg_names]
+    calves = [model.body(f"{leg}_calf_link").id for leg in robot.leg_names]
+    shins = np.setdiff1d(colliding[np.isin(model.geom_bodyid[colliding], calves)], feet)
     model.geom_contype[shins] = model.geom_conaffinity[shins] = 0b01
     model.geom_contype[ground] = model.geom_conaffinity[ground] = 0b10

@@ -7,6 +7,7 @@ straight down; hips turn about +x (abduction), thighs and calves about +y. Lengt
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +21,7 @@ class Robot:
 
     name: str
     mjcf: Path
-    urdf: Path
+    urdf: Path | None
     leg_names: tuple[str, ...]
     """Front before hind, left before right."""
     joint_names: tuple[str, ...]
@@ -51,10 +52,35 @@ class Robot:
     """Rated joint speed, rad/s; reported, not enforced, with the ideal actuator."""
     knee_direction: float = -1.0
     """Sign of the calf's angle when the knee is bent."""
+    imported: bool = False
+    """Whether the MJCF is somebody's own, that is put on our ground (`quad_env.robots.imported`)."""
 
     def __post_init__(self) -> None:
         for name in ("home_pose", "hip_positions", "trunk_size"):
             object.__setattr__(self, name, _constant(getattr(self, name)))
+
+    @classmethod
+    def from_mjcf(cls, path: str | Path, name: str | None = None, **figures: Any) -> "Robot":
+        """The quadruped of an MJCF, whatever its parts are called and in whatever order its legs are.
+
+        The trunk is the body of the only free joint, a leg a chain of three hinges below it: about the trunk's x axis
+        and twice about the leg's y axis. Lengths, limits, torques and the way the knees bend are read from the compiled
+        model, the home pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints are driven by
+        our servos: a stiffness of SimpleQuad's times mass and leg length, a damping that grows with stiffness and with
+        the root of leg length as times do, and the least of the model's largest torques.
+
+        Args:
+            path: the MJCF, or a TOML file of figures with the MJCF's path from there as `mjcf`: what
+                `python -m quad_env describe` writes.
+            name: of the robot; None for the model's.
+            figures: fields of `Robot` that are not to be inferred.
+
+        Raises:
+            ModelError: a ValueError that says in a line why this is no such quadruped, or what has to be given.
+        """
+        from quad_env.robots.imported import robot_from
+
+        return robot_from(Path(path), name, **figures)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Robot) and self._key == other._key
@@ -126,7 +152,9 @@ class Robot:
     def _compiled(self) -> tuple[Floats, Floats, float]:
         import mujoco  # here, since it takes long, and most figures need none
 
-        model = mujoco.MjModel.from_xml_path(str(self.mjcf))
+        from quad_env.robots.imported import spec_of
+
+        model = spec_of(self).compile() if self.imported else mujoco.MjModel.from_xml_path(str(self.mjcf))
         lower, upper = model.jnt_range[[model.joint(name).id for name in self.joint_names]].T
         return _constant(lower), _constant(upper), float(np.round(model.body_mass.sum(), 9))
 

@@ -1,0 +1,75 @@
+"""What a robot's model tells, as text for a terminal; whether the robot stands; a file in which to tell the rest."""
+
+import json
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from quad_env.robots.anatomy import ModelError
+from quad_env.robots.imported import FIGURES
+from quad_env.robots.robot import Robot
+
+STAND_TIME = 2.0
+"""s"""
+LARGEST_TILT, LARGEST_SINK = 0.1, 0.2
+"""Of a robot that stands: rad, and a share of its height."""
+
+
+def text(robot: Robot) -> Iterator[str]:
+    """What was found, in lines."""
+    yield f"{robot.name}: {robot.mass:.1f} kg, {robot.num_joints} joints, from {robot.mjcf}"
+    yield (
+        f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "
+        f"foot {robot.foot_radius:.3f} m; knees bend {'backward' if robot.knee_direction < 0 else 'forward'}"
+    )
+    yield f"trunk        {' × '.join(f'{size:.2f}' for size in robot.trunk_size)} m, {robot.home_height:.3f} m high"
+    yield (
+        f"servos       {robot.servo_stiffness:.0f} N·m/rad, {robot.servo_damping:.1f} N·m·s/rad, "
+        f"at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s"
+    )
+    width = max(map(len, robot.joint_names))
+    yield f"  {'joint':{width}}{'lower':>8}{'home':>8}{'upper':>8}  rad"
+    rows = zip(robot.joint_names, robot.joint_lower, robot.home_pose, robot.joint_upper, strict=True)
+    yield from (f"  {name:{width}}{lower:8.2f}{home:8.2f}{upper:8.2f}" for name, lower, home, upper in rows)
+    yield "Angles are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
+
+
+def standing(robot: Robot, picture: Path | None = None) -> str:
+    """Stand on the home pose's targets for a while; what came of it. Raises ModelError where the robot does not."""
+    from quad_env.config import TaskConfig
+    from quad_env.envs.env import SimpleQuadEnv
+
+    env = SimpleQuadEnv(robot=robot, render_mode=None if picture is None else "rgb_array", terminate_on_fall=False)
+    env.reset(seed=0, options={"command": np.zeros(3)})
+    steps = round(STAND_TIME * TaskConfig().control_rate)
+    for _ in range(steps):
+        observation, *_ = env.step(robot.home_pose.astype(np.float32))
+    height, tilt = env.simulation.state_of_one((0.0, 0.0, 0.0)).height, math.acos(min(max(-observation[2], -1.0), 1.0))
+    if picture is not None:
+        from PIL import Image
+
+        Image.fromarray(np.asarray(env.render())).save(picture)
+    env.close()
+    told = f"after {STAND_TIME:g} s its trunk is {height:.3f} m high and tilted by {tilt:.3f} rad"
+    if tilt > LARGEST_TILT or height < (1.0 - LARGEST_SINK) * robot.home_height:
+        raise ModelError(f"the robot does not stand in its home pose: {told}; give another home_pose or stiffer servos")
+    return f"It stands: {told}."
+
+
+def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
+    """Write a robot's figures, all of them inferred or, without a robot, all yet to be told."""
+    lines = [f"mjcf = {json.dumps(os.path.relpath(mjcf, path.parent))}"]
+    lines += [f"# {figure} =" for figure in FIGURES] if robot is None else _figures(robot)
+    path.write_text("\n".join(lines) + "\n")
+
+
+def _figures(robot: Robot) -> Iterator[str]:
+    yield f"name = {json.dumps(robot.name)}"
+    for figure in FIGURES:
+        value = getattr(robot, figure)
+        if isinstance(value, np.ndarray):
+            value = np.round(value, 4).tolist()
+        yield f"{figure} = {value if isinstance(value, list) else round(value, 4)}"

