@@ -43,7 +43,7 @@ class PrintedGait(Parameters):
 
         Swing runs from -s/2 to s/2 under a half sine, stance backward by s from `stance_start` m on the ground.
         """
-        phases = leg_phases(phase, TROT_OFFSETS)
+        phases = leg_phases(phase, robot.in_leg_order(TROT_OFFSETS))
         swing = phases < np.pi
         t = np.where(swing, phases, phases - np.pi) / np.pi
         x = np.where(swing, -self.step_length / 2.0 + self.step_length * t, stance_start - self.step_length * t)
@@ -80,7 +80,6 @@ class Document(GaitedPolicy):
     """
 
     name = "document"
-    leg_offsets = TROT_OFFSETS
 
     def __init__(
         self,
@@ -91,6 +90,7 @@ class Document(GaitedPolicy):
     ) -> None:
         self.parameters = parameters if parameters is not None else PrintedGait()
         self.frequency = self.parameters.frequency
+        self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
         self._warned = False
         super().__init__(robot=robot, control_period=control_period)
 

@@ -29,7 +29,7 @@ class LegCycle(NamedTuple):
 class Gait:
     """A periodic footfall pattern."""
 
-    offsets: tuple[float, float, float, float]
+    offsets: tuple[float, ...]
     """Phase of each leg ahead of the clock, rad, order fl, fr, hl, hr."""
     duty: float = 0.5
     """Share of the cycle that a foot is on the ground, between 0 and 1 exclusive."""

@@ -109,7 +109,7 @@ class Gaits(GaitedPolicy):
         searched = searched_parameters() if parameters is None else parameters
         self.parameters = {STAND: stand_parameters(robot), **searched}
         self.frequency = self.parameters[gait].frequency
-        self.leg_offsets = _offsets(gait)
+        self.leg_offsets = _offsets(robot, gait)
         self._first = gait
         super().__init__(robot=robot, control_period=control_period)
 
@@ -163,7 +163,7 @@ class Gaits(GaitedPolicy):
         rows = mask[:, None]
         stand = row(self.parameters[STAND])
         foot_y = self.robot.side * stand[INDEX["stance_width"]] / 2.0 - self.robot.hip_positions[:, 1]
-        self._change.place(mask, stand, np.array(OFFSETS["walk"]))
+        self._change.place(mask, stand, np.array(_offsets(self.robot, "walk")))
         self._gait = np.where(mask, GAITS.index(STAND), self._gait)
         self._command = np.where(rows, 0.0, self._command)
         self._window, self.swing = self._window & ~rows, self.swing & ~rows
@@ -174,7 +174,7 @@ class Gaits(GaitedPolicy):
         self._send(self._first, mask, self.parameters[self._first])
 
     def _send(self, gait: str, mask: Mask, parameters: GaitParameters) -> None:
-        offsets = np.array(_offsets(gait))
+        offsets = np.array(_offsets(self.robot, gait))
         # A robot at rest has no footfalls to shift: it sets out with the new ones, from no lift.
         unlifted = np.where(np.array(NAMES) == "step_height", 0.0, self._change.values)
         self._change.place(mask & self._standing & self.settled, unlifted, offsets)
@@ -262,8 +262,8 @@ def _middle(robot: Robot, p: Columns) -> tuple[Floats, Floats]:
     return p.stance_shift, robot.side * (p.stance_width / 2.0) - robot.hip_positions[:, 1]
 
 
-def _offsets(gait: str) -> tuple[float, ...]:
-    return OFFSETS.get(gait, OFFSETS["walk"])
+def _offsets(robot: Robot, gait: str) -> tuple[float, ...]:
+    return robot.in_leg_order(OFFSETS.get(gait, OFFSETS["walk"]))
 
 
 def _known(gait: str) -> None:

@@ -93,7 +93,7 @@ class Mpc(ShiftableFootholds):
         if gait != TROT:
             self.name = f"{self.name}_{gait}"
         self.parameters = p = parameters if parameters is not None else in_force
-        self.frequency, self.leg_offsets = p.frequency, OFFSETS[gait]
+        self.frequency, self.leg_offsets = p.frequency, robot.in_leg_order(OFFSETS[gait])
         self._dynamics = Dynamics(robot)
         self._gait = Gait(self.leg_offsets, p.duty)
         weights = Weights(

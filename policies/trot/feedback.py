@@ -60,7 +60,6 @@ class TrotFeedback(ShiftableGait):
     """Command-following trot with feedback; steps in place at zero command."""
 
     name = "trot_feedback"
-    leg_offsets = TROT_OFFSETS
 
     def __init__(
         self,
@@ -71,8 +70,9 @@ class TrotFeedback(ShiftableGait):
     ) -> None:
         self.parameters = p = parameters if parameters is not None else searched_parameters()
         self.frequency = p.frequency
-        self._gait = Gait(TROT_OFFSETS, p.duty)
-        self._offsets = np.array(TROT_OFFSETS)[:, None]
+        self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
+        self._gait = Gait(self.leg_offsets, p.duty)
+        self._offsets = np.array(self.leg_offsets)[:, None]
         self._neutral = (hips(robot)[0] + p.stance_shift, robot.side[:, None] * (p.stance_width / 2.0))
         self._wide = _rectangle(robot, p.brace_length, p.brace_width)
         self._hold = _rectangle(robot, p.hold_length, p.hold_width)

@@ -77,7 +77,6 @@ class Trot(ShiftableGait):
     """Command-following trot; steps in place at zero command."""
 
     name = "trot"
-    leg_offsets = TROT_OFFSETS
 
     def __init__(
         self,
@@ -88,7 +87,8 @@ class Trot(ShiftableGait):
     ) -> None:
         self.parameters = parameters if parameters is not None else searched_parameters()
         self.frequency = self.parameters.frequency
-        self._gait = Gait(TROT_OFFSETS, self.parameters.duty)
+        self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
+        self._gait = Gait(self.leg_offsets, self.parameters.duty)
         super().__init__(robot=robot, control_period=control_period)
 
     def _allocate(self, num_envs: int) -> None:

@@ -181,9 +181,12 @@ def _named(legs: list[Leg]) -> tuple[Leg, ...]:
         )
         for leg in legs
     )
-    if len({leg.name for leg in named}) < LEGS:
+    between = all(
+        (leg.hip[0] > 0) == (leg.name[0] == "f") and (leg.hip[1] > 0) == (leg.name[1] == "l") for leg in named
+    )
+    if len({leg.name for leg in named}) < LEGS or not between:
         told = ", ".join(str(_rounded(leg.hip)) for leg in named)
-        raise ModelError(f"hips are wanted at the four corners of the trunk; they are at {told} m")
+        raise ModelError(f"hips are wanted at four corners about the origin of the trunk; they are at {told} m")
     return named
 
 

@@ -4,15 +4,17 @@ Frames: base frame x forward, y left, z up, origin at the trunk's centre. Joint 
 straight down; hips turn about +x (abduction), thighs and calves about +y. Lengths in m, angles in rad, masses in kg.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +25,7 @@ class Robot:
     mjcf: Path
     urdf: Path | None
     leg_names: tuple[str, ...]
-    """Front before hind, left before right."""
+    """In the order of the model; SimpleQuad's has front before hind, left before right."""
     joint_names: tuple[str, ...]
     """Hip, thigh and calf of each leg, as in the MJCF."""
     home_pose: Floats
@@ -109,6 +111,11 @@ class Robot:
     def side(self) -> Floats:
         """+1 for left legs, -1 for right legs, shape (4,)."""
         return _constant(np.sign(self.hip_positions[:, 1]))
+
+    def in_leg_order(self, corners: Sequence[T]) -> tuple[T, ...]:
+        """What is told of the front left, front right, hind left and hind right leg, in the order of the legs."""
+        before, left = (np.sign(self.hip_positions[:, axis]) for axis in (0, 1))
+        return tuple(corners[2 * int(b < 0) + int(side < 0)] for b, side in zip(before, left, strict=True))
 
     @cached_property
     def diagonals(self) -> tuple[tuple[int, int], ...]:
