@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.robots.imported import spec_of
 from quad_env.robots.robot import Robot
+from quad_env.robots.stage import spec_of
 
 Floats = NDArray[np.float64]
 

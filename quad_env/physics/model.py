@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator, Line, weaker
 from quad_env.config import GRAVITY
-from quad_env.robots.imported import log_to_the_console, spec_of
 from quad_env.robots.robot import Robot
+from quad_env.robots.stage import log_to_the_console, spec_of
 from quad_env.scenarios.disturbances import Ground, Payload
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs

@@ -63,6 +63,14 @@ class Anatomy:
         """Ids of the twelve joints, in the order of the model."""
         return [joint for leg in self.legs for joint in leg.joints]
 
+    def limits(self, model: Any) -> tuple[Floats, Floats]:
+        """Lower and upper limits of the joints in the robot's terms, (12,) each, rad; ±π where there are none."""
+        signs, zeros = (np.concatenate([getattr(leg, of) for leg in self.legs]) for of in ("signs", "zeros"))
+        apart = model.jnt_range[self.joints] - model.qpos0[model.jnt_qposadr[self.joints]][:, None]
+        limits = zeros[:, None] + np.sort(signs[:, None] * apart, axis=1)
+        limits = np.where(model.jnt_limited[self.joints][:, None], limits, (-np.pi, np.pi))
+        return limits[:, 0], limits[:, 1]
+
 
 def anatomy(mujoco: Any, model: Any) -> Anatomy:
     """Of a compiled model; `mujoco` is the package. Raises ModelError."""
@@ -200,7 +208,7 @@ def _foot(mujoco: Any, model: Any, data: Any, knee: int) -> tuple[int, Floats, f
     best: tuple[float, int, Floats, float] | None = None
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
-        if not (body == shin or below(body, shin)) or not (model.geom_contype[geom] | model.geom_conaffinity[geom]):
+        if not (body == shin or below(body, shin)) or geom not in colliding(model, body):
             continue
         for place, radius in _balls(mujoco, model, geom):
             at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ place
@@ -221,3 +229,9 @@ def _balls(mujoco: Any, model: Any, geom: int) -> list[tuple[Floats, float]]:
     along = np.zeros(9)
     mujoco.mju_quat2Mat(along, model.geom_quat[geom])
     return [(place + sign * half * along.reshape(3, 3)[:, 2], float(radius)) for sign in (1.0, -1.0)]
+
+
+def colliding(model: Any, body: int) -> list[int]:
+    """Ids of a body's geoms that do."""
+    collides = (model.geom_contype | model.geom_conaffinity) != 0
+    return [int(geom) for geom in np.flatnonzero((model.geom_bodyid == body) & collides)]

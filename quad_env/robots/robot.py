@@ -55,7 +55,7 @@ class Robot:
     knee_direction: float = -1.0
     """Sign of the calf's angle when the knee is bent."""
     imported: bool = False
-    """Whether the MJCF is somebody's own, that is put on our ground (`quad_env.robots.imported`)."""
+    """Whether the MJCF is somebody's own, that is put on our ground (`quad_env.robots.stage`)."""
 
     def __post_init__(self) -> None:
         for name in ("home_pose", "hip_positions", "trunk_size"):
@@ -157,11 +157,9 @@ class Robot:
 
     @cached_property
     def _compiled(self) -> tuple[Floats, Floats, float]:
-        import mujoco  # here, since it takes long, and most figures need none
+        from quad_env.robots.stage import spec_of  # here, since MuJoCo takes long, and most figures need none
 
-        from quad_env.robots.imported import spec_of
-
-        model = spec_of(self).compile() if self.imported else mujoco.MjModel.from_xml_path(str(self.mjcf))
+        model = spec_of(self).compile()
         lower, upper = model.jnt_range[[model.joint(name).id for name in self.joint_names]].T
         return _constant(lower), _constant(upper), float(np.round(model.body_mass.sum(), 9))
 

@@ -16,10 +16,10 @@ from quad_env import ModelError, Robot
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots import named
-from quad_env.robots.imported import spec_of
 from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.named import ROBOTS, robot_of
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.robots.stage import spec_of
 from tests.quad_env.robots.made import Made
 
 MADE = {
@@ -235,6 +235,6 @@ def test_a_file_that_is_not_there_or_huge_is_not_read(
     path = tmp_path / "made.xml"
     if said == "larger than":
         Made().write(tmp_path)
-        monkeypatch.setattr("quad_env.robots.imported.LARGEST_FILE", 100)
+        monkeypatch.setattr("quad_env.robots.stage.LARGEST_FILE", 100)
     with pytest.raises((ModelError, FileNotFoundError), match=said):
         Robot.from_mjcf(path)
