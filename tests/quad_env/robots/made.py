@@ -25,6 +25,8 @@ class Made:
     mass: float = 6.0
     lengths: tuple[float, float, float] = (0.08, 0.2, 0.22)
     """Hip offset, thigh and calf."""
+    aside: tuple[float, float] = (0.0, 0.0)
+    """Of the thigh joint ahead of the hip joint, of the knee outboard of the thigh joint; the hip offset is of both."""
     free: str = "<freejoint/>"
     foot: str = '<geom type="sphere" size="0.025" pos="{x} 0 {z}"/>'
     limits: tuple[tuple[float, float], ...] | None = None
@@ -63,8 +65,8 @@ class Made:
         (offset, thigh, calf), (hip, upper, lower) = self.lengths, self.zeros
         bodies = [
             ("1 0 0", (0.2 * ahead, 0.1 * left, 0.0), (np.cos(hip / 2), np.sin(hip / 2), 0.0, 0.0)),
-            ("0 1 0", (0.0, offset * left, 0.0), (1.0, 0.0, 0.0, 0.0)),
-            ("0 1 0", (-thigh * np.sin(upper), 0.0, -thigh * np.cos(upper)), (1.0, 0.0, 0.0, 0.0)),
+            ("0 1 0", (self.aside[0], (offset - self.aside[1]) * left, 0.0), (1.0, 0.0, 0.0, 0.0)),
+            ("0 1 0", (-thigh * np.sin(upper), self.aside[1] * left, -thigh * np.cos(upper)), (1.0, 0.0, 0.0, 0.0)),
         ]
         text = ""
         for number, (axis, place, quaternion) in enumerate(bodies[: self.hinges]):

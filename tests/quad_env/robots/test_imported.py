@@ -29,6 +29,7 @@ MADE = {
     "one axis turned round": Made(signs=(1, -1, 1)),
     "bent at zero": Made(zeros=(0.2, 0.7, -1.4)),
     "all of it": Made(order=("hl", "fr", "hr", "fl"), signs=(-1, 1, -1), zeros=(-0.1, 0.5, -0.9), mass=20.0),
+    "joints beside each other": Made(aside=(0.04, 0.03)),
     "forward knees": Made(knees=1),
     "without limits": Made(limits=()),
 }
@@ -50,6 +51,7 @@ def test_feet_are_where_mujoco_has_them(robot: Robot) -> None:
     model = spec_of(robot).compile()
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
     assert [model.joint(i).name for i in range(1, 13)] == list(robot.joint_names)
+    np.testing.assert_array_equal(model.actuator_ctrlrange, model.jnt_range[1:])
     for _ in range(10):
         angles = rng.uniform(np.maximum(robot.joint_lower, -2.0), np.minimum(robot.joint_upper, 2.0))
         data.qpos[:7], data.qpos[7:] = (0, 0, 0, 1, 0, 0, 0), angles
@@ -109,6 +111,8 @@ def test_gaits_go_by_where_a_leg_is_and_not_by_its_number(name: str, order: tupl
     at = dict(zip(order, policy.leg_offsets, strict=True))
     usual = dict(zip(("fl", "fr", "hl", "hr"), policies.make(name).leg_offsets, strict=True))
     assert at == usual
+    assert SIMPLE_QUAD.in_leg_order("abcd") == tuple("abcd")
+    assert policy.robot.in_leg_order(("fl", "fr", "hl", "hr")) == order
 
 
 def test_what_was_asked_for_is_what_was_made(tmp_path: Path) -> None:
