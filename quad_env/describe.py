@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from quad_env.info import joint_table
 from quad_env.robots.anatomy import ModelError
 from quad_env.robots.imported import FIGURES
 from quad_env.robots.robot import Robot
@@ -30,11 +31,8 @@ def text(robot: Robot) -> Iterator[str]:
         f"servos       {robot.servo_stiffness:.0f} N·m/rad, {robot.servo_damping:.1f} N·m·s/rad, "
         f"at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s"
     )
-    width = max(map(len, robot.joint_names))
-    yield f"  {'joint':{width}}{'lower':>8}{'home':>8}{'upper':>8}  rad"
-    rows = zip(robot.joint_names, robot.joint_lower, robot.home_pose, robot.joint_upper, strict=True)
-    yield from (f"  {name:{width}}{lower:8.2f}{home:8.2f}{upper:8.2f}" for name, lower, home, upper in rows)
-    yield "Angles are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
+    yield from joint_table(robot)
+    yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
 
 
 def standing(robot: Robot, picture: Path | None = None) -> str:

@@ -38,9 +38,15 @@ def _head(robot: Robot) -> Iterator[str]:
 
 def _action(robot: Robot) -> Iterator[str]:
     yield f"action       float32, shape ({robot.num_joints},): target joint angles, rad"
+    yield from joint_table(robot)
+
+
+def joint_table(robot: Robot) -> Iterator[str]:
+    """Limits and home pose of its joints, rad."""
     rows = zip(robot.joint_names, robot.joint_lower, robot.home_pose, robot.joint_upper, strict=True)
-    yield f"  {'joint':16}{'lower':>7}{'home':>7}{'upper':>7}"
-    yield from (f"  {name:16}{lower:7.2f}{home:7.2f}{upper:7.2f}" for name, lower, home, upper in rows)
+    width = max(16, *(len(name) + 1 for name in robot.joint_names))
+    yield f"  {'joint':{width}}{'lower':>7}{'home':>7}{'upper':>7}"
+    yield from (f"  {name:{width}}{lower:7.2f}{home:7.2f}{upper:7.2f}" for name, lower, home, upper in rows)
 
 
 def _observation(robot: Robot) -> Iterator[str]:

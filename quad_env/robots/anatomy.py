@@ -6,6 +6,7 @@ model when they are zero in the terms of `Robot`: legs straight down, hips about
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -63,11 +64,20 @@ class Anatomy:
         """Ids of the twelve joints, in the order of the model."""
         return [joint for leg in self.legs for joint in leg.joints]
 
+    @cached_property
+    def signs(self) -> Floats:
+        """Of the axes of the joints, (12,)."""
+        return np.concatenate([leg.signs for leg in self.legs])
+
+    @cached_property
+    def zeros(self) -> Floats:
+        """What the joints are, in the robot's terms, where the model has them at `qpos0`, (12,), rad."""
+        return np.concatenate([leg.zeros for leg in self.legs])
+
     def limits(self, model: Any) -> tuple[Floats, Floats]:
         """Lower and upper limits of the joints in the robot's terms, (12,) each, rad; ±π where there are none."""
-        signs, zeros = (np.concatenate([getattr(leg, of) for leg in self.legs]) for of in ("signs", "zeros"))
         apart = model.jnt_range[self.joints] - model.qpos0[model.jnt_qposadr[self.joints]][:, None]
-        limits = zeros[:, None] + np.sort(signs[:, None] * apart, axis=1)
+        limits = self.zeros[:, None] + np.sort(self.signs[:, None] * apart, axis=1)
         limits = np.where(model.jnt_limited[self.joints][:, None], limits, (-np.pi, np.pi))
         return limits[:, 0], limits[:, 1]
 

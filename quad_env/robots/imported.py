@@ -148,10 +148,9 @@ def _rated_torque(model: Any, found: Anatomy) -> float:
 
 def _stand(model: Any, found: Anatomy) -> Floats | None:
     """Joints in the robot's terms in the first keyframe that looks like a stand, (12,), rad."""
-    signs, zeros = (np.concatenate([getattr(leg, of) for leg in found.legs]) for of in ("signs", "zeros"))
     places, leg = model.jnt_qposadr[found.joints], found.legs[0]
     for key in range(model.nkey):
-        angles: Floats = zeros + signs * (model.key_qpos[key] - model.qpos0)[places]
+        angles: Floats = found.zeros + found.signs * (model.key_qpos[key] - model.qpos0)[places]
         share = _height(leg, angles) / (leg.thigh_length + leg.calf_length)
         if SHORTEST_BEND < share < LONGEST_BEND:
             return angles
