@@ -76,8 +76,8 @@ def seen_ground(scan: HeightScan, shown: Floats, ground: Ground, foot_radius: fl
 
 def on_grid(scan: HeightScan, ground: Ground) -> Floats:
     """Heights of the plane at the scan's points, (n, rows, columns), m."""
-    rows, columns, _ = scan.grid.shape
-    return ground.at(*np.moveaxis(scan.grid, -1, 0).reshape(2, -1)).reshape(-1, rows, columns)
+    grid = scan.grid
+    return ground.at(*np.moveaxis(grid, -1, 0).reshape(2, -1)).reshape(-1, *grid.shape[:2])
 
 
 def believed(seen: SeenGround, ground: Ground, noise: Floats) -> SeenGround:

@@ -38,7 +38,7 @@ class Leg:
     zeros: Floats
     """What the joints are, in the robot's terms, where the model has them at `qpos0`, (3,)."""
     hip: Floats
-    """Hip joint in the base frame at the height and side of the trunk's, (3,)."""
+    """Where on the hip's axis its thigh joint is, base frame, (3,)."""
     hip_offset: float
     """Outboard from the hip joint to the plane in which the leg bends."""
     thigh_length: float
@@ -96,9 +96,8 @@ def anatomy(mujoco: Any, model: Any) -> Anatomy:
     return Anatomy(trunk, legs)
 
 
-def _name(mujoco: Any, model: Any, kind: str, number: int) -> str:
-    name = mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), number)
-    return repr(name) if name else f"number {number}"
+def _name(part: Any) -> str:
+    return repr(part.name) if part.name else f"number {part.id}"
 
 
 def _trunk(mujoco: Any, model: Any) -> int:
@@ -115,42 +114,39 @@ def _chains(mujoco: Any, model: Any, trunk: int) -> list[list[int]]:
         if (body := int(model.jnt_bodyid[joint])) == trunk:
             continue
         if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
-            raise ModelError(f"joint {_name(mujoco, model, 'joint', joint)} is no hinge")
+            raise ModelError(f"joint {_name(model.joint(joint))} is no hinge")
         root = body
         while model.body_parentid[root] not in (0, trunk):
             root = int(model.body_parentid[root])
         if model.body_parentid[root] != trunk:
-            raise ModelError(f"joint {_name(mujoco, model, 'joint', joint)} is not below the trunk")
+            raise ModelError(f"joint {_name(model.joint(joint))} is not below the trunk")
         chains.setdefault(root, []).append(joint)
     if nameless := [joint for chain in chains.values() for joint in chain if not model.joint(joint).name]:
         raise ModelError(f"joints are told apart by their names; number {nameless[0]} of this model has none")
     count = sum(map(len, chains.values()))
     if count != LEGS * JOINTS_PER_LEG or len(chains) != LEGS:
-        told = ", ".join(f"{len(c)} below {_name(mujoco, model, 'body', root)}" for root, c in chains.items())
+        told = ", ".join(f"{len(c)} below {_name(model.body(root))}" for root, c in chains.items())
         raise ModelError(f"four legs of three hinges are wanted; this model has {count} hinges: {told or 'none'}")
     for root, chain in chains.items():
         bodies = [int(model.jnt_bodyid[joint]) for joint in chain]
-        parents = [trunk, *bodies[:-1]]
-        if len(chain) != JOINTS_PER_LEG or not all(map(_below(model), bodies, parents)):
-            raise ModelError(f"the joints below {_name(mujoco, model, 'body', root)} are no chain of three hinges")
+        pairs = zip(bodies, (trunk, *bodies), strict=False)
+        if len(chain) != JOINTS_PER_LEG or not all(_below(model, *pair) for pair in pairs):
+            raise ModelError(f"the joints below {_name(model.body(root))} are no chain of three hinges")
     return list(chains.values())
 
 
-def _below(model: Any) -> Any:
-    def below(body: int, ancestor: int) -> bool:
-        while (body := int(model.body_parentid[body])) > 0:
-            if body == ancestor:
-                return True
-        return False
-
-    return below
+def _below(model: Any, body: int, ancestor: int) -> bool:
+    while (body := int(model.body_parentid[body])) > 0:
+        if body == ancestor:
+            return True
+    return False
 
 
 def _leg(mujoco: Any, model: Any, data: Any, trunk: int, chain: list[int]) -> Leg:
     base, origin = data.xmat[trunk].reshape(3, 3), data.xpos[trunk]
     hip, thigh, knee = ((data.xanchor[joint] - origin) @ base for joint in chain)
     axes = [data.xaxis[joint] @ base for joint in chain]
-    told = [_name(mujoco, model, "joint", joint) for joint in chain]
+    told = [_name(model.joint(joint)) for joint in chain]
     if abs(axes[0][0]) < _PARALLEL:
         raise ModelError(f"joint {told[0]}, the hip, turns about {_rounded(axes[0])}, not about the trunk's x axis")
     if abs(axes[1] @ axes[2]) < _PARALLEL or abs(axes[1][0]) > 1.0 - _PARALLEL or axes[1][1] == 0.0:
@@ -214,18 +210,18 @@ def _rounded(axis: Floats) -> tuple[float, ...]:
 
 def _foot(mujoco: Any, model: Any, data: Any, knee: int) -> tuple[int, Floats, float]:
     """The geom below the knee that collides and reaches farthest, where its ball is in its body, and its radius."""
-    shin, below = int(model.jnt_bodyid[knee]), _below(model)
+    shin = int(model.jnt_bodyid[knee])
     best: tuple[float, int, Floats, float] | None = None
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
-        if not (body == shin or below(body, shin)) or geom not in colliding(model, body):
+        if not (body == shin or _below(model, body, shin)) or geom not in colliding(model, body):
             continue
         for place, radius in _balls(mujoco, model, geom):
             at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ place
             if best is None or np.linalg.norm(at - data.xanchor[knee]) + radius > best[0]:
                 best = float(np.linalg.norm(at - data.xanchor[knee])) + radius, geom, place, radius
     if best is None:
-        raise ModelError(f"below joint {_name(mujoco, model, 'joint', knee)} no sphere or capsule collides: no foot")
+        raise ModelError(f"below joint {_name(model.joint(knee))} no sphere or capsule collides: no foot")
     return best[1:]
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.robots import stage
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
-from quad_env.robots.anatomy import colliding as colliding_geoms
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError, colliding
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -173,14 +172,14 @@ def _home_pose(robot: Robot, height: float) -> Floats:
     return pose
 
 
-def _corners(model: Any, body: int, *, colliding: bool) -> Floats:
+def _corners(model: Any, body: int, *, solid: bool) -> Floats:
     """Corners of the boxes around the geoms of a body, in its frame, (k, 3), m."""
     import mujoco
 
     signs = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
     found = []
     for geom in np.flatnonzero(model.geom_bodyid == body):
-        if colliding and geom not in colliding_geoms(model, body):
+        if solid and geom not in colliding(model, body):
             continue
         rotation = np.zeros(9)
         mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
@@ -191,8 +190,8 @@ def _corners(model: Any, body: int, *, colliding: bool) -> Floats:
 
 def _trunk_size(model: Any, trunk: int) -> Floats:
     """Of the box about the trunk's centre that holds what collides of it, else what is seen of it, (3,), m."""
-    for colliding in (True, False):
-        if len(corners := _corners(model, trunk, colliding=colliding)):
+    for solid in (True, False):
+        if len(corners := _corners(model, trunk, solid=solid)):
             size: Floats = 2.0 * np.abs(corners).max(axis=0)
             return size
     raise ModelError("the trunk has no geom: nothing tells how large it is")
@@ -201,7 +200,7 @@ def _trunk_size(model: Any, trunk: int) -> Floats:
 def _thigh_radius(model: Any, leg: Leg) -> float:
     """How far what collides of a thigh reaches beside the line of its joints, rounded up, m."""
     thigh, calf = (int(model.jnt_bodyid[joint]) for joint in leg.joints[1:])
-    corners, along = _corners(model, thigh, colliding=True), model.body_pos[calf]
+    corners, along = _corners(model, thigh, solid=True), model.body_pos[calf]
     if not len(corners):
         return leg.foot_radius
     share = np.clip(corners @ along / (along @ along), 0.0, 1.0)

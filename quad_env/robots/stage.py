@@ -112,14 +112,12 @@ def _clear(spec: Any, *kinds: str) -> None:
 
 def _turn_joints(parts: _Parts, model: Any, found: Anatomy) -> None:
     """Make the joints read what they are in the robot's terms."""
-    limits = iter(zip(*found.limits(model), strict=True))
-    for leg in found.legs:
-        for joint, sign, zero, limit in zip(leg.joints, leg.signs, leg.zeros, limits, strict=False):
-            part = parts.joints[joint]
-            part.axis = sign * np.array(part.axis)
-            part.springref = zero + sign * (part.springref - part.ref)
-            part.ref = zero
-            part.limited, part.range = 1, limit
+    for joint, sign, zero, *limits in zip(found.joints, found.signs, found.zeros, *found.limits(model), strict=True):
+        part = parts.joints[joint]
+        part.axis = sign * np.array(part.axis)
+        part.springref = zero + sign * (part.springref - part.ref)
+        part.ref = zero
+        part.limited, part.range = 1, limits
 
 
 def _name_parts(parts: _Parts, model: Any, found: Anatomy, robot: Robot) -> None:
