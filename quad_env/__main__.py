@@ -52,6 +52,7 @@ def _run(arguments: list[str] | None) -> int:
     info, describe = (
         commands.add_parser(name, help=told, description=f"Print {told}.") for name, told in COMMANDS.items()
     )
+    info.add_argument("--robot", default="simple_quad", help="its name, .xml or .toml (default: simple_quad)")
     info.set_defaults(run=_info)
     describe.add_argument("robot", help="an MJCF (.xml), a .toml that this command has written, or a robot's name")
     describe.add_argument("--picture", type=Path, metavar="PNG", help="picture of the robot standing to write")
@@ -68,10 +69,16 @@ def _run(arguments: list[str] | None) -> int:
     return run(options) or 0
 
 
-def _info(_: argparse.Namespace) -> None:
+def _info(options: argparse.Namespace) -> int:
     from quad_env import info
+    from quad_env.robots.named import robot_of
 
-    print(info.text())
+    try:
+        print(info.text(robot_of(options.robot)))
+    except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return FAILED
+    return 0
 
 
 def _describe(options: argparse.Namespace) -> int:

@@ -7,8 +7,12 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
 from typing import Any, get_args
 
+from quad_env.robots.robot import Robot
+
 GRAVITY = 9.81
 """Gravity of every world, m/s²."""
+LOWEST_TRUNK = 0.2
+"""Height of the trunk's centre, in leg lengths, below which a robot has fallen."""
 COMMAND_BOUND = 100.0
 """Largest command that the observation can show, m/s and rad/s."""
 
@@ -91,8 +95,12 @@ class FallRule:
     name: str = "simple-quad/1"
     tilt: float = 1.2217304763960306
     """rad, 70 degrees, between the trunk's z axis and the vertical"""
-    height: float = 0.12
-    """m, trunk centre above the terrain below it"""
+    height: float | None = None
+    """m, trunk centre above the terrain below it; None for a fifth of the robot's leg, SimpleQuad's 0.12 m"""
+
+    def lowest(self, robot: Robot) -> float:
+        """Height below which that robot has fallen, m."""
+        return LOWEST_TRUNK * robot.leg_length if self.height is None else self.height
 
 
 FALL_RULE = FallRule().name

@@ -9,7 +9,7 @@ from quad_env.actuation.models import ACTUATORS
 from quad_env.config import FALL_REASONS, FALL_RULE, TaskConfig
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.axes import AXES, Axis
+from quad_env.scenarios.axes import Axis, axes_of
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.suite import SENSORS, TRUTH
 from quad_env.task.observations import observation_table
@@ -18,7 +18,7 @@ from quad_env.task.observations import observation_table
 def text(robot: Robot = SIMPLE_QUAD) -> str:
     """Everything, in parts with a line between."""
     return "\n\n".join(
-        "\n".join(part) for part in (_head(robot), _action(robot), _observation(robot), _rest(), _axes())
+        "\n".join(part) for part in (_head(robot), _action(robot), _observation(robot), _rest(), _axes(robot))
     )
 
 
@@ -66,9 +66,9 @@ def _rest() -> Iterator[str]:
     yield f"estimator=   {', '.join(ESTIMATORS)}"
 
 
-def _axes() -> Iterator[str]:
+def _axes(robot: Robot) -> Iterator[str]:
     yield "scenario=    name, its severity, and the levels of its axis (push:3 is the third)"
-    yield from map(_axis, AXES.values())
+    yield from map(_axis, axes_of(robot).values())
 
 
 def _axis(axis: Axis) -> str:

@@ -245,6 +245,8 @@ class TrainConfig:
     timestep: float = number(0.005, limits=(1e-4, 0.01))
     """Physics step in training, s; a control step of 10 ms is a whole number of them, delays of motors are rounded to
     such a number. Validation and evaluation go by the robot's own, 2 ms."""
+    robot: str = "simple_quad"
+    """Robot that is trained: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
     actuator: str = "ideal"
     """Motors of the joints in training and validation, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
@@ -276,7 +278,7 @@ class TrainConfig:
     @property
     def hardware(self) -> Hardware:
         """Hardware of the robots."""
-        return Hardware(self.actuator, self.sensors, self.estimator)
+        return Hardware(self.actuator, self.sensors, self.estimator, self.robot)
 
     @property
     def judged(self) -> ValidationConfig:

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.outcomes import RULES, SUCCESS_RULE
-from quad_env.scenarios.axes import AXES
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
 from train.residual_env import BoolArray
 
@@ -50,12 +52,12 @@ class Intervals:
         return judged | fell, kept & ~fell
 
 
-def eased(scenario: Scenario, share: float) -> Scenario:
+def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scenario:
     """The scenario at that share, 0 … 1, of the way, over ln(severity), from the mildest level of its axis; as it is
     where it has no axis or is milder than that."""
     if not scenario.axis or share >= 1.0:
         return scenario
-    axis = AXES[scenario.axis]
+    axis = axes_of(robot)[scenario.axis]
     mildest, hardest = np.log(axis.levels[0]), np.log(scenario.severity)
     if (hardest - mildest) * (-1.0 if axis.falling else 1.0) <= 0.0:
         return scenario

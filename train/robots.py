@@ -237,9 +237,11 @@ def side_by_side(config: TrainConfig) -> bool:
 def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVectorEnv:
     """The robots of a run's scenario of that number, at that share of its severity."""
     name, count = list(robots_per_scenario(config).items())[number]
+    robot = config.hardware.quadruped
+    scenario = find_scenario(name, robot)
     return SimpleQuadVectorEnv(
         count,
-        scenario=_hardened(practice(eased(find_scenario(name), share), "training", config.seed), config),
+        scenario=_hardened(practice(eased(scenario, share, robot), "training", config.seed), config),
         nthread=1 if side_by_side(config) else config.threads,
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,

@@ -86,7 +86,7 @@ def _check_mixture(config: TrainConfig) -> None:
 def _check_hardware(chosen: hardware.Hardware) -> None:
     try:
         hardware.check(chosen)
-    except ValueError as error:
+    except (ValueError, OSError, ImportError) as error:
         raise UsageError(str(error)) from None
 
 

@@ -78,7 +78,7 @@ def analyse(
     """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
     made_with = dict(provenance or {"versions": versions()})
     against = baseline or usual_baseline([cell.policy for cell in cells])
-    robot, (points, ratios) = _hardware(made_with).robot, breaking_points(cells, against)
+    robot, (points, ratios) = _hardware(made_with).quadruped, breaking_points(cells, against)
     return Results(
         seed=seed,
         episodes=episodes,
@@ -89,7 +89,7 @@ def analyse(
         comparisons=tuple(compare(cells, against)),
         breaking_points=tuple(points),
         breaking_point_ratios=tuple(ratios),
-        sensitivities=tuple(sensitivities(cells)),
+        sensitivities=tuple(sensitivities(cells, robot)),
         scores=tuple(scores(cells, against)),
         versions=made_with.pop("versions"),
         provenance=made_with,

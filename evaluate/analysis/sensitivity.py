@@ -15,8 +15,10 @@ from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import Interval
 from evaluate.statistics.significance import holm
 from evaluate.terminal.format import NO_BREAK, signed
-from quad_env.scenarios.axes import AXES, Axis
-from quad_env.scenarios.named import SCENARIOS, Scenario
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.axes import AXES, Axis, axes_of
+from quad_env.scenarios.named import Scenario, scenarios_of
 from quad_env.scenarios.terrain import SmoothRandom
 
 UNDISTURBED = "flat"
@@ -66,27 +68,28 @@ class Sensitivity:
         return self.velocity_error > 0.0 and self.velocity_error_p_value < SIGNIFICANT
 
 
-def sensitivities(cells: Sequence[Cell]) -> list[Sensitivity]:
-    """Sensitivities of every axis and policy of a run that has the undisturbed scenario too, axis by axis."""
+def sensitivities(cells: Sequence[Cell], robot: Robot = SIMPLE_QUAD) -> list[Sensitivity]:
+    """Sensitivities of every axis and policy of a robot's run that has the undisturbed scenario too, axis by axis."""
     policies = dict.fromkeys(cell.policy for cell in cells)
-    found = [each for policy in policies for each in _of_policy([cell for cell in cells if cell.policy == policy])]
+    found = [each for policy in policies for each in _of_policy([cell for cell in cells if cell.policy == policy], robot)]
     axes = list(AXES)
     return sorted(found, key=lambda each: axes.index(each.axis))
 
 
-def _of_policy(cells: Sequence[Cell]) -> list[Sensitivity]:
-    undisturbed = next((cell for cell in cells if cell.scenario == SCENARIOS[UNDISTURBED]), None)
+def _of_policy(cells: Sequence[Cell], robot: Robot) -> list[Sensitivity]:
+    usual = scenarios_of(robot)[UNDISTURBED]
+    undisturbed = next((cell for cell in cells if cell.scenario == usual), None)
     if undisturbed is None:
         return []
-    found = [_sensitivity(cell, undisturbed) for cell in _hardest(cells)]
+    found = [_sensitivity(cell, undisturbed) for cell in _hardest(cells, robot)]
     corrected = iter(holm([p for each in found for p in (each.success_p_value, each.velocity_error_p_value)]))
     return [replace(each, success_p_value=next(corrected), velocity_error_p_value=next(corrected)) for each in found]
 
 
-def _hardest(cells: Sequence[Cell]) -> Iterator[Cell]:
+def _hardest(cells: Sequence[Cell], robot: Robot) -> Iterator[Cell]:
     """The cell of the hardest severity of each axis but the undisturbed one; no scenario of a user's counts, whose
     commands and starts may be others."""
-    for axis in AXES.values():
+    for axis in axes_of(robot).values():
         of_axis = [cell for cell in cells if axis.name != UNDISTURBED and _is_of(axis, cell.scenario)]
         if of_axis:
             yield (min if axis.falling else max)(of_axis, key=lambda cell: cell.scenario.severity)

@@ -31,8 +31,12 @@ class SeverityAxis:
     @property
     def nominal(self) -> Scenario:
         """The scenario of the axis's nominal severity, else the mildest."""
-        wanted = AXES[self.name].nominal if self.name in AXES else self.scenarios[0].severity
-        return next((scenario for scenario in self.scenarios if scenario.severity == wanted), self.scenarios[0])
+        axis = AXES.get(self.name)
+        wanted = self.scenarios[0].severity if axis is None else axis.nominal
+        # Of another robot than SimpleQuad the nominal severity is another one; its level is the same.
+        names = () if axis is None else (axis.name, f"{axis.name}:{axis.levels.index(axis.nominal) + 1}")
+        found = [each for each in self.scenarios if each.severity == wanted or each.name in names]
+        return found[0] if found else self.scenarios[0]
 
     @property
     def quantity(self) -> str:

@@ -45,6 +45,8 @@ class Options:
     """The full battery, every axis at every level: --scenarios full."""
     episodes: int = 24
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
+    robot: str = "simple_quad"
+    """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
     actuator: str = "ideal"
     """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
@@ -82,7 +84,7 @@ class Options:
     @property
     def hardware(self) -> Hardware:
         """Hardware of the robots."""
-        return Hardware(self.actuator, self.sensors, self.estimator)
+        return Hardware(self.actuator, self.sensors, self.estimator, self.robot)
 
     @property
     def battery(self) -> tuple[str, ...]:

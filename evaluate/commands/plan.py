@@ -47,13 +47,13 @@ def check(options: Options) -> Plan:
     if options.quick + options.full + (options.scenarios != DEFAULT_BATTERY) > 1:
         raise UsageError("--quick, --full and --scenarios each name the scenarios: give one of them")
     try:
-        scenarios = battery.resolve(options.battery)
+        hardware.check(options.hardware)
+    except (ValueError, OSError, ImportError) as error:
+        raise UsageError(str(error)) from error
+    try:
+        scenarios = battery.resolve(options.battery, options.hardware.quadruped)
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
-    try:
-        hardware.check(options.hardware)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
     compared = policies_asked_for(options.policies, scenarios, options.hardware, options.trust)
     labels = [policy.label for policy in compared]
     found = check_gates(options.gate, labels, scenarios)

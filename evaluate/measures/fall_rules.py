@@ -39,9 +39,10 @@ RULES: dict[str, FallCriterion] = {
     for rule in (
         FallCriterion(
             FALL_RULE,
-            f"the trunk touches the ground, tilts over {_OWN_TILT}, or its centre is lower than {_OWN.height:g} m",
+            f"the trunk touches the ground, tilts over {_OWN_TILT}, or its centre is lower than a fifth of its "
+            "legs",
             "this project",
-            lambda it: it.trunk_contact | (it.tilt > _OWN.tilt) | (it.height < _OWN.height),
+            lambda it: it.trunk_contact | (it.tilt > _OWN.tilt) | (it.height < _OWN.lowest(it.robot)),
         ),
         FallCriterion(
             "height-only",

@@ -5,9 +5,11 @@ from dataclasses import replace
 from itertools import chain
 
 from evaluate.rollouts.scenario_file import from_file
-from quad_env.scenarios.axes import AXES
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.combination import combined, is_combination
-from quad_env.scenarios.named import SCENARIOS, Scenario, scenario
+from quad_env.scenarios.named import SCENARIOS, Scenario, scenarios_of
 
 NOMINAL = ("flat", "push", "rough")
 """What the quick battery begins with."""
@@ -19,47 +21,48 @@ ALL = "all"
 _FILE = ".py:"
 
 
-BATTERIES: dict[str, Callable[[], tuple[Scenario, ...]]] = {
-    "quick": lambda: _battery(lambda axis: QUICK_LEVELS.get(axis, ())),
-    "default": lambda: _battery(_nominal_and_harder, tuple(AXES)),
-    "full": lambda: _battery(lambda axis: tuple(range(1, len(AXES[axis].levels) + 1)), tuple(AXES)),
-    ALL: lambda: tuple(SCENARIOS.values()),
+BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
+    "quick": lambda robot: _battery(robot, lambda axis: QUICK_LEVELS.get(axis.name, ())),
+    "default": lambda robot: _battery(robot, _nominal_and_harder, tuple(AXES)),
+    "full": lambda robot: _battery(robot, lambda axis: tuple(range(1, len(axis.levels) + 1)), tuple(AXES)),
+    ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
 """Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels;
 every axis at every level; every axis at its nominal severity."""
 
 
-def resolve(names: tuple[str, ...]) -> tuple[Scenario, ...]:
-    """Scenarios of names as `push`, `push:3`, `push:all`, `payload=15+slope=10`, `full`, `file.py:NAME`; ValueError
-    lists the valid ones."""
+def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenario, ...]:
+    """A robot's scenarios of names as `push`, `push:3`, `push:all`, `payload=15+slope=10`, `full`, `file.py:NAME`;
+    ValueError lists the valid ones."""
     if not names:
         raise ValueError(f"no scenario given; valid: {_valid()}")
-    found = tuple(chain.from_iterable(map(_named, names)))
+    found = tuple(chain.from_iterable(_named(name, robot) for name in names))
     called = [each.name for each in found]
     if twice := [name for name in dict.fromkeys(called) if called.count(name) > 1]:
         raise ValueError(f"a scenario is given twice: {' '.join(twice)}")
     return found
 
 
-def _named(name: str) -> tuple[Scenario, ...]:
+def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
-        return BATTERIES[name]()
+        return BATTERIES[name](robot)
     if _FILE in name:
         return from_file(name)
     if is_combination(name):
-        return (combined(name),)
-    axis, colon, level = name.partition(":")
-    if colon and axis in AXES:
+        return (combined(name, robot),)
+    of_axis, colon, level = name.partition(":")
+    if colon and of_axis in AXES:
+        axis = axes_of(robot)[of_axis]
         if level == ALL:
-            return tuple(map(AXES[axis].level, range(1, len(AXES[axis].levels) + 1)))
+            return tuple(map(axis.level, range(1, len(axis.levels) + 1)))
         if level.isdecimal():
-            return (AXES[axis].level(int(level)),)
+            return (axis.level(int(level)),)
         raise ValueError(
-            f"{name!r} is no level of {axis}; valid: {axis}:1 to {axis}:{len(AXES[axis].levels)}, {axis}:{ALL}"
+            f"{name!r} is no level of {of_axis}; valid: {of_axis}:1 to {of_axis}:{len(axis.levels)}, {of_axis}:{ALL}"
         )
     if name not in SCENARIOS:
         raise ValueError(f"unknown scenario {name!r}; valid: {_valid()}")
-    return (scenario(name),)
+    return (scenarios_of(robot)[name],)
 
 
 def _valid() -> str:
@@ -70,17 +73,19 @@ def _valid() -> str:
     return f"{', '.join((*SCENARIOS, *BATTERIES))}, {levels}"
 
 
-def _nominal_and_harder(axis: str) -> tuple[int, ...]:
+def _nominal_and_harder(axis: Axis) -> tuple[int, ...]:
     """Levels of the default battery."""
-    nominal = AXES[axis].levels.index(AXES[axis].nominal) + 1
+    nominal = axis.levels.index(axis.nominal) + 1
     return tuple(range(nominal, nominal + HARDER + 1))
 
 
-def _battery(levels: Callable[[str], tuple[int, ...]], nominal: tuple[str, ...] = NOMINAL) -> tuple[Scenario, ...]:
-    """The nominal scenarios of those axes and those levels of each axis, none twice."""
-    chosen = [SCENARIOS[name] for name in nominal]
-    for axis in AXES.values():
-        for level in levels(axis.name):
+def _battery(
+    robot: Robot, levels: Callable[[Axis], tuple[int, ...]], nominal: tuple[str, ...] = NOMINAL
+) -> tuple[Scenario, ...]:
+    """A robot's nominal scenarios of those axes and those levels of each axis, none twice."""
+    chosen = [scenarios_of(robot)[name] for name in nominal]
+    for axis in axes_of(robot).values():
+        for level in levels(axis):
             new = axis.level(min(level, len(axis.levels)))
             if not any(replace(new, name=known.name) == known for known in chosen):
                 chosen.append(new)

@@ -1,6 +1,6 @@
 """What the robots of a run are built of. It imports nothing, for the options are to be shown quickly."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,25 +15,27 @@ class Hardware:
     actuator: str = "ideal"
     sensors: str = "truth"
     estimator: str = "complementary"
+    robot: str = "simple_quad"
+    """Or the path of its MJCF or TOML."""
 
     @property
-    def robot(self) -> "Robot":
-        """The robot that has them; there is one so far."""
-        from quad_env.robots.simple_quad import SIMPLE_QUAD
+    def quadruped(self) -> "Robot":
+        """The robot of that name. Raises as `quad_env.robots.named.robot_of`."""
+        from quad_env.robots.named import robot_of
 
-        return SIMPLE_QUAD
+        return robot_of(self.robot)
 
     def as_json(self) -> dict[str, str]:
-        """The names; the estimator only where it is not the usual one, as before there was another."""
-        names = asdict(self)
-        return names if self.estimator != IDEAL.estimator else {n: names[n] for n in names if n != "estimator"}
+        """The names; estimator and robot only where they are not the usual ones, as before there were others."""
+        names, later = asdict(self), ("estimator", "robot")
+        return {name: value for name, value in names.items() if name not in later or value != getattr(IDEAL, name)}
 
     def policy(self, name_or_path: str, trust: bool = False) -> "Policy":
         """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none."""
         import policies
 
         return policies.resolve(
-            name_or_path, robot=self.robot, actuator=self.actuator, sensors=self.sensors, trust=trust
+            name_or_path, robot=self.quadruped, actuator=self.actuator, sensors=self.sensors, trust=trust
         )
 
 
@@ -41,18 +43,21 @@ IDEAL = Hardware()
 
 
 def words(hardware: Hardware) -> str:
-    """` Motors: motor; sensors: typical.`, an unusual estimator named too; nothing of ideal ones."""
-    if hardware == IDEAL:
-        return ""
+    """` Robot: go1. Motors: motor; sensors: typical.`, an unusual estimator named too; nothing of what is usual."""
+    robot = "" if hardware.robot == IDEAL.robot else f" Robot: {hardware.robot}."
+    if replace(hardware, robot=IDEAL.robot) == IDEAL:
+        return robot
     estimator = "" if hardware.estimator == IDEAL.estimator else f"; estimator: {hardware.estimator}"
-    return f" Motors: {hardware.actuator}; sensors: {hardware.sensors}{estimator}."
+    return f"{robot} Motors: {hardware.actuator}; sensors: {hardware.sensors}{estimator}."
 
 
 def check(hardware: Hardware) -> None:
-    """ValueError, which lists the valid names, where one is unknown or an estimator has no sensors."""
+    """ValueError, which lists the valid names, where one is unknown or an estimator has no sensors; what `robot_of`
+    raises of a robot."""
     from quad_env.actuation.models import actuator
     from quad_env.sensing.estimators import check_estimator
     from quad_env.sensing.suite import sensor_suite
 
+    _ = hardware.quadruped
     actuator(hardware.actuator)
     check_estimator(hardware.estimator, sensor_suite(hardware.sensors))

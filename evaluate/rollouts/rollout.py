@@ -102,7 +102,6 @@ def _robots(
         max_episode_steps=steps,
         terminate_on_fall=terminate_on_fall,
         readings=True,
-        robot=hardware.robot,
         height_scan=policy.height_scan,
         **asdict(hardware),
     )

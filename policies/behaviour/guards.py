@@ -15,8 +15,6 @@ from quad_env.robots.robot import Robot
 UPRIGHT_TILT = np.deg2rad(35.0)
 TOPPLING_TILT = np.deg2rad(60.0)
 """Tilt past which a robot on its legs counts itself lost and goes limp: 10° before the fall rule, `FallRule.tilt`."""
-COLLAPSED_HEIGHT = FallRule().height
-"""Height of the trunk's centre above its lowest foot, m: that of the fall rule above level ground, felt by the legs."""
 HOME_TILT = np.deg2rad(10.0)
 """Tilt up to which a robot may be in its home pose; whether it stands is for `evaluate.measures.at_rest` to say."""
 POSE_TOLERANCE = 0.15
@@ -62,7 +60,7 @@ def conditions(
         "upright": upright,
         "tilted": ~upright,
         "in home pose": at_home & begun,
-        "toppling": (up < np.cos(TOPPLING_TILT)) | (height < COLLAPSED_HEIGHT),
+        "toppling": (up < np.cos(TOPPLING_TILT)) | (height < FallRule().lowest(robot)),
         "landed": at_home & (ticks >= round(JUMP_TIME / control_period)),
         "settled": begun & (turning < SETTLED_ANGULAR),
         "late": ticks >= _limit_ticks(control_period)[state],
@@ -70,7 +68,8 @@ def conditions(
 
 
 def leg_height(robot: Robot, gravity: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Trunk's centre above the underside of its lowest foot, (n,), m, from gravity (n, 3) and joint angles (n, 12)."""
+    """Trunk's centre above the underside of its lowest foot, (n,), m: the fall rule's height above level ground, felt by
+    the legs, from gravity (n, 3) and joint angles (n, 12)."""
     feet = foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3)) + robot.hip_positions
     depth = feet[:, :, 0] * gravity[:, 0:1] + feet[:, :, 1] * gravity[:, 1:2] + feet[:, :, 2] * gravity[:, 2:3]
     height: NDArray[np.float64] = depth.max(axis=1) + robot.foot_radius

@@ -73,13 +73,14 @@ class QuadEnvBase:
         if config is not None and not isinstance(config, TaskConfig):
             raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
         self.config = config or TaskConfig()
-        self.scenario = find_scenario(_setting(scenario))
-        """What the robot has to cope with."""
         self.robot = robot = robot_of(robot)
         """Names, geometry and limits of the robot; everything that the environment knows of it."""
+        self.scenario = find_scenario(_setting(scenario), robot)
+        """What the robot has to cope with."""
         rate = self.config.control_rate
         self.dt = 1 / rate
         """Control period, s."""
+        self._lowest = self.config.fall_rule.lowest(robot)
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
         check_estimator(estimator, suite)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)

@@ -159,7 +159,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             motion = self.simulation.motion_of_one()
         self._followed = self._command
         state = self.simulation.state_of_one(self._followed, motion)
-        self._fall = 0 if self._diverged else fall_code(state, self.config.fall_rule)
+        self._fall = 0 if self._diverged else fall_code(state, self.config.fall_rule, self._lowest)
         self._terminated = self._diverged or (self._fall > 0 and self.terminate_on_fall)
         return state
 

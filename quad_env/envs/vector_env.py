@@ -210,7 +210,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             self.simulation.park(self._rows[ids][diverged])
         state = self._read(ids)
         self._state = state if ids is ALL else None
-        fall = fall_code(state, self.config.fall_rule)
+        fall = fall_code(state, self.config.fall_rule, self._lowest)
         fall[diverged] = 0
         ended = diverged | ((fall > 0) & self.terminate_on_fall)
         self._diverged[ids], self._fall[ids], self._terminated[ids] = diverged, fall, ended

@@ -26,11 +26,13 @@ LEAST_BEND = 0.1
 
 def robot_from(path: Path, name: str | None = None, **figures: Any) -> Robot:
     """The robot of an MJCF, see `Robot.from_mjcf`."""
+    source = path
     if path.suffix == ".toml":
         path, figures = _told(path, figures)
         name = figures.pop("name", None) if name is None else name
     try:
-        return _inferred(path, name, {figure: _figure(figure, value) for figure, value in figures.items()})
+        robot = _inferred(path, name, {figure: _figure(figure, value) for figure, value in figures.items()})
+        return replace(robot, source=source)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error
 

@@ -4,7 +4,8 @@ The wheel is looked at as a folder of files: nothing of it is imported, and noth
 """
 
 from collections.abc import Iterator, Mapping
-from functools import cache
+from dataclasses import replace
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,14 @@ def _named(name: str) -> Robot:
     if (spec := find_spec(WHEEL)) is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(f"the model of {name!r} is in a package that is not installed: {EXTRA}")
     folder = Path(spec.submodule_search_locations[0])
-    return Robot.from_mjcf(folder / "robot_model" / name / f"{name}.xml", name, **FIGURES[name])
+    robot = Robot.from_mjcf(folder / "robot_model" / name / f"{name}.xml", name, **FIGURES[name])
+    return replace(robot, source=None)
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, _changed: int) -> Robot:
+    """The robot of a file that was changed at that time."""
+    return Robot.from_mjcf(path)
 
 
 ROBOTS: Mapping[str, Robot] = _Robots()
@@ -72,6 +80,7 @@ def robot_of(robot: str | Robot) -> Robot:
         return robot
     if robot not in ROBOTS:
         if Path(robot).suffix in SUFFIXES:
-            return Robot.from_mjcf(robot)
+            path = Path(robot)
+            return _read(path, path.stat().st_mtime_ns) if path.is_file() else Robot.from_mjcf(path)
         raise ValueError(f"unknown robot {robot!r}; there are {', '.join(ROBOTS)}, or a path to an .xml or .toml file")
     return ROBOTS[robot]

@@ -56,6 +56,8 @@ class Robot:
     """Sign of the calf's angle when the knee is bent."""
     imported: bool = False
     """Whether the MJCF is somebody's own, that is put on our ground (`quad_env.robots.stage`)."""
+    source: Path | None = None
+    """File of a user's that it was read from, its MJCF or a TOML; None of a robot that has a name here."""
 
     def __post_init__(self) -> None:
         for name in ("home_pose", "hip_positions", "trunk_size"):
@@ -154,6 +156,13 @@ class Robot:
     def mass(self) -> float:
         """Mass of the model, kg."""
         return self._compiled[2]
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of names and figures of the compiled model, to six digits: of what a trained policy hangs on."""
+        from quad_env.robots.stage import digest
+
+        return digest(self)
 
     @cached_property
     def _compiled(self) -> tuple[Floats, Floats, float]:

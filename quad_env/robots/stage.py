@@ -7,6 +7,7 @@ zero with the leg straight down and grows about +x (hips) or +y (thighs and calv
 simulation looks for get the names that SimpleQuad's have.
 """
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -67,6 +68,26 @@ def spec_of(robot: Robot) -> Any:
     stage.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
     stage.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)
     return stage
+
+
+_DECISIVE = (
+    *("body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat"),
+    *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "qpos_spring"),
+    *("dof_armature", "dof_damping", "dof_frictionloss"),
+    *("geom_type", "geom_size", "geom_pos", "geom_quat", "geom_contype", "geom_conaffinity", "geom_friction"),
+    *("actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "key_qpos"),
+)
+"""Arrays of a model that its motion hangs on."""
+
+
+def digest(robot: Robot) -> str:
+    """SHA-256 of the robot on flat ground, see `Robot.sha256`."""
+    model = spec_of(robot).compile()
+    found = hashlib.sha256(" ".join((*robot.leg_names, *robot.joint_names)).encode())
+    for name in _DECISIVE:
+        values = np.asarray(getattr(model, name), dtype=np.float64).ravel()
+        found.update(" ".join(f"{value + 0.0:.6g}" for value in values).encode())
+    return found.hexdigest()
 
 
 def read(path: Path) -> tuple[Any, Any, Anatomy]:

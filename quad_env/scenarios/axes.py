@@ -2,14 +2,17 @@
 
 A severity is in the axis's own physical unit, its levels chosen for SimpleQuad: the last is one at which every shipped
 policy that walks falls in four of five episodes, or what is physically beyond, which is said at the axis. `push` is the
-axis at its nominal severity, `push:3` its third level.
+axis at its nominal severity, `push:3` its third level; for another robot both are what is as hard for it, `axes_of`.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from quad_env.config import CommandRanges
+from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import ratio
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import (
     Dropouts,
@@ -22,6 +25,7 @@ from quad_env.scenarios.disturbances import (
     SteadyForce,
     check_positive,
 )
+from quad_env.scenarios.scaling import scaled
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
@@ -58,9 +62,33 @@ class Axis:
         """The scenario of that severity under that name."""
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
+    def of(self, robot: Robot) -> "Axis":
+        """The axis whose levels are as hard for that robot, to three digits: see `scaled`."""
+        if robot == SIMPLE_QUAD:
+            return self
+        larger = ratio(robot, self.unit) if self.unit in AS_THE_ROBOT else 1.0
+        return replace(
+            self,
+            at=lambda severity: scaled(self.at(severity / larger), robot),
+            levels=tuple(_short(larger * level) for level in self.levels),
+            nominal=_short(larger * self.nominal),
+        )
 
+
+AS_THE_ROBOT = "m/s", "N·s", "m", "N", "kg", "N·m"
+"""Units in which what is as hard for a larger robot is more; what is of electronics, in s, Hz and rad/s, is not."""
 AXES: dict[str, Axis] = {}
 """By name."""
+
+
+@lru_cache(maxsize=32)
+def axes_of(robot: Robot) -> dict[str, Axis]:
+    """The axes for a robot, by name."""
+    return {name: axis.of(robot) for name, axis in AXES.items()}
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.3g}")
 
 
 def _axis(quantity: str, unit: str, levels: tuple[float, ...], nominal: float) -> Callable[[AtSeverity], AtSeverity]:
@@ -108,7 +136,7 @@ def _slope(degrees: float) -> Scenario:
     return Scenario("slope", terrain=Slope(math.radians(degrees)))
 
 
-@_axis("rise of a step, run 0.3 m", "m", (0.05, 0.1, 0.15, 0.2, 0.3, 0.4), nominal=0.1)
+@_axis("rise of a step, run half a leg", "m", (0.05, 0.1, 0.15, 0.2, 0.3, 0.4), nominal=0.1)
 def _stairs(rise: float) -> Scenario:
     """Up to higher than the hips of a robot that trots."""
     return Scenario("stairs", terrain=Stairs(rise))

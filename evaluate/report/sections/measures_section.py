@@ -22,7 +22,7 @@ def figures_table(results: Results, scenario: str) -> str:
     ]
     rows += [
         [f"duty factor, {leg}", *(_figure(summary.duty_factor[foot]) for summary in found.values())]
-        for foot, leg in enumerate(results.hardware.robot.leg_names)
+        for foot, leg in enumerate(results.hardware.quadruped.leg_names)
     ]
     return table(["measure", *(policy_label(results, policy) for policy in found)], rows)
 

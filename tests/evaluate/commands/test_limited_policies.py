@@ -18,6 +18,7 @@ from evaluate.rollouts import rollout
 from evaluate.rollouts.battery import BATTERIES, resolve
 from evaluate.rollouts.experiment import Chunk
 from evaluate.rollouts.hardware import IDEAL
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 RUN = ["--policies", "document@flat", "trot", "stand", "--scenarios", "push", "flat", "--episodes", "2", "--no-film"]
 CELLS = {"trot": ["push", "flat"], "stand": ["push", "flat"], "document": ["flat"]}
@@ -101,7 +102,7 @@ def test_the_readme_names_the_command_and_shows_the_policy_where_it_ran(whole, t
 
 def test_the_default_is_everyone_that_walks_on_the_battery_and_the_document_on_flat_ground_alone(tmp_path) -> None:
     plan = check(Options(out=tmp_path))
-    battery = [scenario.name for scenario in BATTERIES["default"]()]
+    battery = [scenario.name for scenario in BATTERIES["default"](SIMPLE_QUAD)]
     assert list(plan.manifest.policies) == ["document", *WALKING_POLICIES]
     assert plan.manifest.only_on == {"document": ("flat",)}
     everywhere = {(scenario, policy) for scenario in battery for policy in WALKING_POLICIES}

@@ -10,6 +10,7 @@ from evaluate.commands.options import DEFAULT_POLICIES
 from evaluate.commands.readme import insert
 from evaluate.report.results_page import every_figure, newcomers_table
 from evaluate.rollouts.battery import BATTERIES
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from evaluate.terminal.command_line import UsageError
 
 CELL = {
@@ -144,7 +145,7 @@ def test_the_command_that_makes_the_tables_is_below_them(changes, command, tmp_p
 
 @pytest.mark.parametrize(("battery", "words"), [("default", ""), ("quick", " --scenarios quick")])
 def test_a_battery_is_called_by_its_name(battery, words, tmp_path) -> None:
-    cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery]()), CELL)
+    cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery](SIMPLE_QUAD)), CELL)
     of = {policy: {"scenarios": cells} for policy in DEFAULT_POLICIES}
     readme, page = written(tmp_path, FOUND | {"policies": of, "episodes": 24})
     assert f"\n`python -m evaluate{words}`;" in readme

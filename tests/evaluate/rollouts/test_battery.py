@@ -8,6 +8,7 @@ import pytest
 import quad_env
 from evaluate.__main__ import main
 from evaluate.rollouts import battery
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.disturbances import Motors
 from quad_env.serialisation import from_plain, to_plain
@@ -60,13 +61,13 @@ def test_a_battery_has_the_nominal_three_and_no_scenario_twice(name) -> None:
 
 
 def test_the_full_battery_has_every_severity_of_every_axis() -> None:
-    there = {(scenario.axis, scenario.severity) for scenario in battery.BATTERIES["full"]()}
+    there = {(scenario.axis, scenario.severity) for scenario in battery.BATTERIES["full"](SIMPLE_QUAD)}
     assert there >= {(axis.name, level) for axis in AXES.values() for level in axis.levels}
 
 
 def test_the_default_battery_has_every_axis_at_its_nominal_severity_and_the_next_two() -> None:
     found: dict[str, list[float]] = {}
-    for scenario in battery.BATTERIES["default"]():
+    for scenario in battery.BATTERIES["default"](SIMPLE_QUAD):
         found.setdefault(scenario.axis, []).append(scenario.severity)
     assert list(found) == list(AXES)
     assert found["push"] == [35.0, 50.0, 65.0]
@@ -145,7 +146,7 @@ def test_a_file_that_is_not_there_is_said(tmp_path) -> None:
         battery.resolve((f"{tmp_path / 'nowhere.py'}:GUST",))
 
 
-@pytest.mark.parametrize("scenario", battery.BATTERIES["full"](), ids=lambda scenario: scenario.name)
+@pytest.mark.parametrize("scenario", battery.BATTERIES["full"](SIMPLE_QUAD), ids=lambda scenario: scenario.name)
 def test_every_scenario_is_written_down_and_read_back(scenario) -> None:
     assert from_plain(to_plain(scenario)) == scenario
 

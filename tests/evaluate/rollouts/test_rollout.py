@@ -182,7 +182,7 @@ def test_the_battery_lists_its_scenarios_when_asked_for_another() -> None:
     with pytest.raises(ValueError, match="twice"):
         battery.resolve(("flat", "flat"))
     assert [s.name for s in battery.resolve(("all",))] == list(quad_env.SCENARIOS)
-    assert [s.name for s in battery.BATTERIES["quick"]()[:3]] == list(battery.NOMINAL)
+    assert [s.name for s in battery.BATTERIES["quick"](SIMPLE_QUAD)[:3]] == list(battery.NOMINAL)
 
 
 def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy() -> None:

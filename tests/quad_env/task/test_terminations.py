@@ -30,31 +30,31 @@ def tilted(state: QuadState[float], degrees: float, axis: int) -> QuadState[floa
 
 
 def test_a_standing_robot_has_not_fallen(standing: QuadState) -> None:
-    assert fall_code(standing, FallRule()) == 0
+    assert fall_code(standing, FallRule(), 0.12) == 0
 
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_tilt_counts_from_70_degrees_in_roll_and_pitch_alike(standing: QuadState, axis: int) -> None:
-    assert fall_code(tilted(standing, 69.9, axis), FallRule()) == 0
-    assert fall_code(tilted(standing, 70.1, axis), FallRule()) == TILT
+    assert fall_code(tilted(standing, 69.9, axis), FallRule(), 0.12) == 0
+    assert fall_code(tilted(standing, 70.1, axis), FallRule(), 0.12) == TILT
 
 
 def test_yaw_is_no_tilt(standing: QuadState) -> None:
-    assert fall_code(tilted(standing, 179.0, 2), FallRule()) == 0
+    assert fall_code(tilted(standing, 179.0, 2), FallRule(), 0.12) == 0
 
 
 def test_height_counts_below_12_cm_above_the_terrain(standing: QuadState) -> None:
-    assert fall_code(standing._replace(height=0.121), FallRule()) == 0
-    assert fall_code(standing._replace(height=0.119), FallRule()) == HEIGHT
+    assert fall_code(standing._replace(height=0.121), FallRule(), 0.12) == 0
+    assert fall_code(standing._replace(height=0.119), FallRule(), 0.12) == HEIGHT
 
 
 def test_of_two_reasons_the_first_counts_for_one_robot_and_in_a_batch(standing: QuadState[float]) -> None:
     low, tilted_and_low = standing._replace(height=0.1), tilted(standing, 80.0, 0)._replace(height=0.1)
     states = (standing, low, tilted_and_low, tilted_and_low._replace(trunk_contact=True))
-    codes = [fall_code(state, FallRule()) for state in states]
+    codes = [fall_code(state, FallRule(), 0.12) for state in states]
     assert [FALL_REASONS[code] for code in codes] == ["none", "height", "tilt", "trunk_contact"]
     batch = QuadState(*(np.moveaxis(np.array(readings), 0, -1) for readings in zip(*states, strict=True)))
-    assert fall_code(batch, FallRule()).tolist() == codes
+    assert fall_code(batch, FallRule(), 0.12).tolist() == codes
 
 
 def test_a_dropped_trunk_touches_the_ground_in_the_simulation() -> None:
@@ -64,5 +64,5 @@ def test_a_dropped_trunk_touches_the_ground_in_the_simulation() -> None:
     folded = np.tile([0.0, 1.5, -2.5], 4)[None]
     for _ in range(200):
         simulation.step(folded * [[0, -1, 1] * 4], np.zeros((1, 2)))
-        codes.add(fall_code(simulation.state_of_one((0.0, 0.0, 0.0)), FallRule()))
+        codes.add(fall_code(simulation.state_of_one((0.0, 0.0, 0.0)), FallRule(), 0.12))
     assert codes - {0}
