@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from policies import shipped
 from policies.base import CONTROL_PERIOD, Policy, PolicyError
 from policies.bases import BASES
 from policies.behaviour import Behaviour
@@ -28,23 +29,23 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.channel import steps_late
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 
-MODELS = Path(__file__).resolve().parents[1] / "models"
-"""The trained policies that ship with the project, each in a folder with its name."""
-TRAINED = tuple(sorted({"residual", *(file.parent.name for file in MODELS.glob(f"*/{DESCRIPTION}"))}))
-"""Their names; the residual's, whether it is there or not."""
+TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))
+"""Names of the trained policies that ship with the project; the residual's, whether it is there or not."""
 
 
 def _shipped(name: str, *, robot: Robot, control_period: float) -> Policy:
-    if not MODELS.joinpath(name).is_dir():
-        raise PolicyError(f"no trained policy in {MODELS / name}; make one with `python -m train`")
-    policy = _loaded(MODELS / name, robot, control_period)
+    folder = shipped.folder_of(robot) / name
+    if not folder.is_dir():
+        of_robot = "" if robot == SIMPLE_QUAD else f" --robot {robot.source or robot.name}"
+        raise PolicyError(f"no trained policy in {folder}; make one with `python -m train{of_robot}`")
+    policy = _loaded(folder, robot, control_period)
     policy.name = name
     return policy
 
 
 def _loaded(folder: str | Path, robot: Robot, control_period: float) -> Policy:
     """The policy of a bundle, which was trained for one robot and one control period."""
-    policy = load(folder)
+    policy = load(folder, robot)
     if not policy.fits(robot, control_period):
         raise PolicyError(
             f"the policy in {folder} was trained for {policy.robot.name} with a control period of "

@@ -37,6 +37,7 @@ from policies.residual import (
     correction_width,
 )
 from quad_env import ENV_ID
+from quad_env.robots.named import ROBOTS
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task.observations import observation_table
@@ -59,9 +60,10 @@ _FIELDS = {
     "git_revision",
     "weights_sha256",
 }
-_ROBOTS = {SIMPLE_QUAD.name: SIMPLE_QUAD}
 _LATER_FIELDS = {
     "robot": SIMPLE_QUAD.name,
+    "joints": list(SIMPLE_QUAD.joint_names),
+    "model_sha256": None,
     "control_period": CONTROL_PERIOD,
     "inputs": {},
     "hold": 1,
@@ -98,6 +100,8 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "name": policy.name,
         "env_id": ENV_ID,
         "robot": policy.robot.name,
+        "joints": list(policy.robot.joint_names),
+        "model_sha256": policy.robot.sha256,
         "control_period": policy.control_period,
         "observation": _layout(policy.robot),
         "observation_scale": observation_table(policy.robot).scale.tolist(),
@@ -120,8 +124,9 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
     write_atomically(folder / DESCRIPTION, text.encode())
 
 
-def load(path: str | Path) -> ResidualPolicy:
-    """The policy of a bundle's folder, or of a training run's, which is that of its best validation.
+def load(path: str | Path, robot: Robot | None = None) -> ResidualPolicy:
+    """The policy of a bundle's folder, or of a training run's, which is that of its best validation; for its `robot`,
+    which has to be given where it is none of `quad_env.ROBOTS`.
 
     Raises PolicyError, one line, if anything is missing, damaged or does not fit.
     """
@@ -134,12 +139,15 @@ def load(path: str | Path) -> ResidualPolicy:
             _fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
         return network_of(folder, description["network"], _parse_weights(folder, weights), inputs, outputs)
 
-    return assembled(folder, description, network)
+    return assembled(folder, description, network, robot)
 
 
-def assembled(place: Path, description: dict[str, Any], network: Callable[[int, int], Network]) -> ResidualPolicy:
-    """The policy of a description, with the network of so many inputs and outputs. Raises PolicyError."""
-    robot, control_period = _made_for(place, description)
+def assembled(
+    place: Path, description: dict[str, Any], network: Callable[[int, int], Network], robot: Robot | None = None
+) -> ResidualPolicy:
+    """The policy of a description, with the network of so many inputs and outputs; `robot` as in `load`. Raises
+    PolicyError."""
+    robot, control_period = _made_for(place, description, robot)
     _check_environment(place, description, robot)
     try:
         base = described(description["base"], robot, control_period)
@@ -219,13 +227,27 @@ def _check_environment(folder: Path, description: dict[str, Any], robot: Robot) 
         _fail(folder, "training must be an object and git_revision a text")
 
 
-def _made_for(folder: Path, description: dict[str, Any]) -> tuple[Robot, float]:
-    robot, control_period = description["robot"], description["control_period"]
-    if not isinstance(robot, str) or robot not in _ROBOTS:
-        _fail(folder, f"robot must be one of {', '.join(_ROBOTS)}, not {robot!r}")
+def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) -> tuple[Robot, float]:
+    """The robot, if it is the one that is given, and the control period, s."""
+    name, control_period = description["robot"], description["control_period"]
+    if robot is None or name != robot.name:  # whose is said by whoever wants it for another
+        robot = _named(folder, name)
+    if description["joints"] != list(robot.joint_names):
+        _fail(folder, f"it was trained on other joints than those of {robot.name}, or in another order")
+    if description["model_sha256"] not in (None, robot.sha256):
+        _fail(folder, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
     if not is_number(control_period) or not 0.0 < control_period <= _LONGEST_PERIOD:
         _fail(folder, f"control_period must be a time above 0 s, at most {_LONGEST_PERIOD:g} s")
-    return _ROBOTS[robot], float(control_period)
+    return robot, float(control_period)
+
+
+def _named(folder: Path, name: Any) -> Robot:
+    if not isinstance(name, str) or name not in ROBOTS:
+        _fail(folder, f"it is for a robot {name!r}, which is none of {', '.join(ROBOTS)}: say which with --robot")
+    try:
+        return ROBOTS[name]
+    except ModuleNotFoundError as error:
+        _fail(folder, str(error))
 
 
 def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]], inputs: int, outputs: int) -> Network:

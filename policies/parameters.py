@@ -2,12 +2,16 @@
 
 import json
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from policies.base import PolicyError
+from policies.shipped import folder_of
+from quad_env.robots import similarity
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Range = tuple[float, float]
 N = TypeVar("N", int, float, float | None)
@@ -15,9 +19,10 @@ P = TypeVar("P", bound="Parameters")
 T = TypeVar("T")
 
 
-def number(default: N, *, limits: Range, search: Range | None = None) -> N:
-    """A field: its default, what it must lie within, and bounds within which a search of it makes sense."""
-    return field(default=default, metadata={"limits": limits, "search": search})
+def number(default: N, *, limits: Range, search: Range | None = None, unit: str = "") -> N:
+    """A field: its default, what it must lie within, bounds within which a search of it makes sense, and its unit where
+    it is another number for a larger robot, one of `quad_env.robots.similarity`."""
+    return field(default=default, metadata={"limits": limits, "search": search, "unit": unit})
 
 
 def limits_of(kind: Any) -> dict[str, Range]:
@@ -38,6 +43,30 @@ class Parameters:
         for name, (low, high) in limits_of(self).items():
             if not low <= (value := getattr(self, name)) <= high:  # nan lies nowhere
                 raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
+
+
+def likewise(parameters: P, robot: Robot) -> P:
+    """SimpleQuad's parameters for a robot, by dynamic similarity."""
+    if robot == SIMPLE_QUAD:
+        return parameters
+    values = ((each.name, each.metadata["unit"], getattr(parameters, each.name)) for each in fields(parameters))
+    return replace(parameters, **{name: similarity.likewise(robot, value, unit) for name, unit, value in values})
+
+
+def likewise_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:
+    """Bounds of a search of SimpleQuad's parameters of that kind, for a robot."""
+    if robot == SIMPLE_QUAD:
+        return dict(ranges)
+    units = {each.name: each.metadata["unit"] for each in fields(kind)}
+    ends = {name: [similarity.likewise(robot, end, units[name]) for end in bounds] for name, bounds in ranges.items()}
+    return {name: (min(both), max(both)) for name, both in ends.items()}
+
+
+def in_force(robot: Robot, file: Path, decode: Callable[[Path], P]) -> P:
+    """The robot's parameters: SimpleQuad's from that file; of another robot those of a file of that name in its own
+    folder, or without one SimpleQuad's by dynamic similarity. Raises PolicyError for a damaged file."""
+    own = folder_of(robot) / file.name if robot != SIMPLE_QUAD else file
+    return decode(own) if own.is_file() else likewise(decode(file), robot)
 
 
 def from_json(kind: type[P], values: Any) -> P:

@@ -61,7 +61,7 @@ def chance(claimed: float, of: int, seen: int) -> float:
 
 @pytest.mark.parametrize("name", policies.TRAINED)
 def test_a_shipped_policy_succeeds_as_often_as_its_card_says(name: str) -> None:
-    said = card(policies.MODELS / name)
+    said = card(policies.shipped.MODELS / name)
     policy = policies.make(name)
     for scenario in ASKED:
         seen = succeeded(policy, scenario)

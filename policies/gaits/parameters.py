@@ -1,16 +1,17 @@
 """The gaits by name: footfall pattern and numbers of each, and frequency and duty factor by the speed asked for."""
 
 from dataclasses import dataclass, fields, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from policies.gait import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
-from policies.parameters import Parameters, from_json, number, read
+from policies.parameters import Parameters, from_json, likewise, number, read
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import WIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
 """The searched parameters of each gait, written by `python -m train search gait`."""
@@ -35,47 +36,47 @@ BEYOND = 10.0
 class GaitParameters(Parameters):
     """Numbers of one gait; a robot that changes gait goes through all values between."""
 
-    frequency: float = number(3.0, limits=(0.5, 10.0))
+    frequency: float = number(3.0, limits=(0.5, 10.0), unit="Hz")
     """Gait cycles a second at rest, Hz."""
-    frequency_rise: float = number(0.5, limits=(0.0, 10.0))
+    frequency_rise: float = number(0.5, limits=(0.0, 10.0), unit="Hz")
     """Added to the frequency at Froude number 1, Hz; in proportion to the root of the Froude number."""
     duty: float = number(0.6, limits=(0.1, 0.95))
     """Share of the cycle that a foot is on the ground, at rest."""
     duty_fall: float = number(0.05, limits=(0.0, 0.5))
     """Taken off the duty factor at Froude number 1; in proportion to the root of the Froude number."""
-    body_height: float = number(0.32, limits=(0.1, 0.6))
+    body_height: float = number(0.32, limits=(0.1, 0.6), unit="m")
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = number(0.08, limits=(0.0, 0.3))
+    step_height: float = number(0.08, limits=(0.0, 0.3), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.5, limits=(0.2, 0.8))
+    stance_width: float = number(0.5, limits=(0.05, 2.0), unit=WIDE)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = number(0.0, limits=(-0.2, 0.2))
+    stance_shift: float = number(0.0, limits=(-0.2, 0.2), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
     bounce: float = number(0.0, limits=(0.0, 2.0))
     """How far each hip is thrown up while its leg swings, per free flight of that time."""
-    sway: float = number(0.0, limits=(-0.2, 0.2))
+    sway: float = number(0.0, limits=(-0.2, 0.2), unit="m")
     """How far the trunk leans over to the side of the standing feet while those of the other side swing, m."""
     stance_load: float = number(0.8, limits=(0.0, 3.0))
     """Share of its mean load whose give in the joint servos the targets of a standing leg make up for."""
-    servo_lead: float = number(0.01, limits=(0.0, 0.1))
+    servo_lead: float = number(0.01, limits=(0.0, 0.1), unit="s")
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
     forward_gain: float = number(1.0, limits=(-10.0, 10.0))
     """Gait's forward velocity per commanded."""
-    forward_bias: float = number(0.0, limits=(-1.0, 1.0))
+    forward_bias: float = number(0.0, limits=(-1.0, 1.0), unit="m/s ahead")
     """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
     lateral_gain: float = number(1.0, limits=(-10.0, 10.0))
     """Gait's lateral velocity per commanded."""
     yaw_gain: float = number(1.0, limits=(-10.0, 10.0))
     """Gait's yaw rate per commanded."""
-    yaw_per_lateral: float = number(0.0, limits=(-10.0, 10.0))
+    yaw_per_lateral: float = number(0.0, limits=(-10.0, 10.0), unit="1/m ahead")
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
-    forward_limit: float = number(BEYOND, limits=(0.01, 100.0))
+    forward_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="m/s")
     """Fastest forward command that the gait follows, m/s; asked for more it goes the same way more slowly: `slowed`."""
-    backward_limit: float = number(BEYOND, limits=(0.01, 100.0))
+    backward_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="m/s")
     """Fastest backward command, m/s."""
-    lateral_limit: float = number(BEYOND, limits=(0.01, 100.0))
+    lateral_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="m/s")
     """Fastest sideways command, m/s."""
-    yaw_limit: float = number(BEYOND, limits=(0.01, 100.0))
+    yaw_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="rad/s")
     """Fastest yaw rate command, rad/s."""
 
 
@@ -145,13 +146,13 @@ def row(parameters: GaitParameters) -> Floats:
     return np.array([getattr(parameters, name) for name in NAMES], dtype=np.float64)
 
 
-@cache
-def searched_parameters() -> dict[str, GaitParameters]:
-    """The outcome of the searches, from PARAMETERS_FILE, by gait that steps. Raises PolicyError where it is damaged."""
+def searched_parameters(robot: Robot = SIMPLE_QUAD) -> dict[str, GaitParameters]:
+    """SimpleQuad's outcome of the searches, from PARAMETERS_FILE, for the robot, by gait that steps. Raises PolicyError
+    where it is damaged."""
 
     def decoded(gaits: dict[str, Any]) -> dict[str, GaitParameters]:
         if set(gaits) != set(OFFSETS):
             raise ValueError(f"it has {', '.join(gaits)} instead of {', '.join(OFFSETS)}")
         return {name: from_json(GaitParameters, values) for name, values in gaits.items()}
 
-    return read(PARAMETERS_FILE, "gait", decoded)
+    return {name: likewise(each, robot) for name, each in read(PARAMETERS_FILE, "gait", decoded).items()}

@@ -106,7 +106,7 @@ class Gaits(GaitedPolicy):
             raise ValueError(f"unknown foot path {path!r}; there are {', '.join(SWING_PATHS)}")
         self.name = name
         self.path = path
-        searched = searched_parameters() if parameters is None else parameters
+        searched = searched_parameters(robot) if parameters is None else parameters
         self.parameters = {STAND: stand_parameters(robot), **searched}
         self.frequency = self.parameters[gait].frequency
         self.leg_offsets = _offsets(robot, gait)

@@ -1,10 +1,12 @@
 """Parameters of the model-predictive controllers."""
 
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-from policies.parameters import Parameters, from_json, number, read, search_ranges_of
+from policies.parameters import Parameters, from_json, in_force, likewise, number, read, search_ranges_of
+from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import LONG, WIDE
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("mpc_wbc.json")
 """The parameters in force of the trot; `python -m train search feedback --policy mpc_wbc` writes such a file."""
@@ -14,82 +16,82 @@ PARAMETERS_FILE = Path(__file__).with_name("mpc_wbc.json")
 class MpcParameters(Parameters):
     """Gait, cost and gains; the defaults were set by hand on a few search episodes, those in force were searched."""
 
-    frequency: float = number(2.5, limits=(0.1, 20.0), search=(1.8, 4.5))
+    frequency: float = number(2.5, limits=(0.1, 20.0), search=(1.8, 4.5), unit="Hz")
     """Gait cycles a second, Hz."""
-    frequency_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 3.0))
+    frequency_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 3.0), unit="1/m")
     """How much faster it steps per velocity error beyond 0.4 m/s, Hz per m/s."""
-    most_faster: float = number(2.0, limits=(0.0, 20.0))
+    most_faster: float = number(2.0, limits=(0.0, 20.0), unit="Hz")
     """Hz."""
     duty: float = number(0.5, limits=(0.05, 0.95), search=(0.45, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    height: float = number(0.36, limits=(0.1, 1.0), search=(0.34, 0.48))
+    height: float = number(0.36, limits=(0.1, 1.0), search=(0.34, 0.48), unit="m")
     """Trunk's centre above the ground, m."""
-    step_height: float = number(0.08, limits=(0.0, 0.5), search=(0.02, 0.2))
+    step_height: float = number(0.08, limits=(0.0, 0.5), search=(0.02, 0.2), unit="m")
     """Lift of a swinging foot, m."""
-    width: float = number(0.5, limits=(0.1, 1.0), search=(0.42, 0.62))
+    width: float = number(0.5, limits=(0.1, 1.0), search=(0.42, 0.62), unit=WIDE)
     """Between the lines of the left and the right feet, m."""
-    length: float = number(0.5, limits=(0.1, 1.0), search=(0.4, 0.6))
+    length: float = number(0.5, limits=(0.1, 1.0), search=(0.4, 0.6), unit=LONG)
     """Between the lines of the fore and the hind feet, m."""
-    shift: float = number(0.0, limits=(-0.3, 0.3), search=(-0.05, 0.05))
+    shift: float = number(0.0, limits=(-0.3, 0.3), search=(-0.05, 0.05), unit="m ahead")
     """Middle of the feet ahead of the centre of mass, m."""
-    step_gain: float = number(0.06, limits=(-1.0, 1.0), search=(0.0, 0.2))
+    step_gain: float = number(0.06, limits=(-1.0, 1.0), search=(0.0, 0.2), unit="s")
     """A foot is put further out by this times the velocity error, s."""
-    horizon_step: float = number(0.04, limits=(0.005, 0.2))
+    horizon_step: float = number(0.04, limits=(0.005, 0.2), unit="s")
     """Of the prediction, s."""
-    plan_period: float = number(0.0, limits=(0.0, 0.2))
+    plan_period: float = number(0.0, limits=(0.0, 0.2), unit="s")
     """Between two plans while the feet stand as planned, s; 0 for one at every control step."""
     roll_weight: float = number(10.0, limits=(0.0, 1e6))
     pitch_weight: float = number(10.0, limits=(0.0, 1e6))
     yaw_weight: float = number(2.0, limits=(0.0, 1e6))
-    height_weight: float = number(100.0, limits=(0.0, 1e6))
-    turn_weight: float = number(0.1, limits=(0.0, 1e6))
+    height_weight: float = number(100.0, limits=(0.0, 1e6), unit="1/m²")
+    turn_weight: float = number(0.1, limits=(0.0, 1e6), unit="s²")
     """Of the rates of roll and pitch."""
-    yaw_rate_weight: float = number(0.3, limits=(0.0, 1e6))
-    velocity_weight: float = number(2.0, limits=(0.0, 1e6))
+    yaw_rate_weight: float = number(0.3, limits=(0.0, 1e6), unit="s²")
+    velocity_weight: float = number(2.0, limits=(0.0, 1e6), unit="s²/m²")
     """Of the horizontal velocity error."""
-    vertical_weight: float = number(0.5, limits=(0.0, 1e6))
+    vertical_weight: float = number(0.5, limits=(0.0, 1e6), unit="s²/m²")
     """Of the vertical velocity."""
-    force_weight: float = number(1e-5, limits=(1e-9, 1e3))
+    force_weight: float = number(1e-5, limits=(1e-9, 1e3), unit="1/N²")
     """Per squared newton."""
     friction: float = number(0.65, limits=(0.01, 2.0), search=(0.2, 0.7))
     """Horizontal force of a foot along each axis, per vertical."""
-    swing_stiffness: float = number(300.0, limits=(0.0, 1e5), search=(100.0, 1500.0))
+    swing_stiffness: float = number(300.0, limits=(0.0, 1e5), search=(100.0, 1500.0), unit="1/s²")
     """Acceleration of a swinging foot per distance from its path, 1/s²."""
-    swing_damping: float = number(30.0, limits=(0.0, 1e4), search=(10.0, 80.0))
+    swing_damping: float = number(30.0, limits=(0.0, 1e4), search=(10.0, 80.0), unit="1/s")
     """The same per velocity error, 1/s."""
-    turning_priority: float = number(1.0, limits=(1e-6, 1e6), search=(0.1, 20.0))
+    turning_priority: float = number(1.0, limits=(1e-6, 1e6), search=(0.1, 20.0), unit="s⁴")
     """Weight of the trunk's angular acceleration in the whole body's program, s⁴/rad²."""
-    standing_priority: float = number(10.0, limits=(1e-6, 1e6), search=(0.1, 25.0))
+    standing_priority: float = number(10.0, limits=(1e-6, 1e6), search=(0.1, 25.0), unit="s⁴/m²")
     """The same of the accelerations of standing feet, s⁴/m²."""
-    swinging_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.02, 2.0))
+    swinging_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.02, 2.0), unit="s⁴/m²")
     """The same of swinging feet."""
-    force_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.005, 2.0))
+    force_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.005, 2.0), unit="1/N²")
     """The same of the feet's forces, 1/N²."""
-    stance_damping: float = number(20.0, limits=(0.0, 1e4))
+    stance_damping: float = number(20.0, limits=(0.0, 1e4), unit="1/s")
     """Deceleration asked of a standing foot, 1/s."""
-    disturbance_time: float = number(0.3, limits=(0.02, 1e6), search=(0.1, 2.0))
+    disturbance_time: float = number(0.3, limits=(0.02, 1e6), search=(0.1, 2.0), unit="s")
     """Time constant with which the rigid body's acceleration is corrected by what was observed, s."""
-    load_time: float = number(0.06, limits=(0.0, 1e6), search=(0.005, 0.5))
+    load_time: float = number(0.06, limits=(0.0, 1e6), search=(0.005, 0.5), unit="s")
     """The same of the vertical force, s."""
-    load_height: float = number(0.15, limits=(-1.0, 2.0))
+    load_height: float = number(0.15, limits=(-1.0, 2.0), unit="m")
     """Centre of a load above the trunk's centre, m."""
     most_force: float = number(1.2, limits=(0.1, 100.0), search=(0.7, 2.0))
     """Largest vertical force of a foot, per weight of the robot and its load."""
-    slope_time: float = number(0.2, limits=(0.0, 1e3), search=(0.05, 1.0))
+    slope_time: float = number(0.2, limits=(0.0, 1e3), search=(0.05, 1.0), unit="s")
     """Time constant with which the slope under the feet is taken in, s."""
-    touch_force: float = number(15.0, limits=(0.0, 1e3))
+    touch_force: float = number(15.0, limits=(0.0, 1e3), unit="N")
     """Vertical force, N, from which a foot is taken to touch the ground."""
-    early_force: float = number(20.0, limits=(0.0, 1e3))
+    early_force: float = number(20.0, limits=(0.0, 1e3), unit="N")
     """Vertical force, N, from which a foot has touched the ground before its time."""
-    search_speed: float = number(0.5, limits=(0.0, 10.0), search=(0.1, 1.5))
+    search_speed: float = number(0.5, limits=(0.0, 10.0), search=(0.1, 1.5), unit="m/s")
     """Downward speed of a foot that should stand and does not touch the ground, m/s."""
-    landing_depth: float = number(0.01, limits=(0.0, 0.2), search=(0.0, 0.04))
+    landing_depth: float = number(0.01, limits=(0.0, 0.2), search=(0.0, 0.04), unit="m")
     """How far below the ground the path of a swinging foot ends, m: feet follow it late."""
     lean_gain: float = number(1.0, limits=(0.0, 10.0), search=(0.0, 1.5))
     """Shift of the footholds against a lasting force, as a share of what balances it."""
-    slip_speed: float = number(0.25, limits=(0.0, 10.0), search=(0.1, 0.6))
+    slip_speed: float = number(0.25, limits=(0.0, 10.0), search=(0.1, 0.6), unit="m/s")
     """Horizontal speed of a loaded foot that is taken for slipping, m/s."""
-    grip_memory: float = number(3.0, limits=(0.01, 1e6), search=(0.5, 20.0))
+    grip_memory: float = number(3.0, limits=(0.01, 1e6), search=(0.5, 20.0), unit="s")
     """Time constant with which a slip is forgotten, s."""
 
 
@@ -104,22 +106,21 @@ OTHER_GAITS = {
 """Than the trot, by name, set by hand on a few search episodes."""
 
 
-def parameters_of(gait: str) -> MpcParameters:
+def parameters_of(gait: str, robot: Robot = SIMPLE_QUAD) -> MpcParameters:
     """Those in force of a gait. Raises ValueError for an unknown one."""
     if gait == TROT:
-        return searched_parameters()
+        return searched_parameters(robot)
     if gait not in OTHER_GAITS:
         raise ValueError(f"unknown gait {gait!r}; there are {', '.join(sorted((TROT, *OTHER_GAITS)))}")
-    return OTHER_GAITS[gait]
+    return likewise(OTHER_GAITS[gait], robot)
 
 
 SEARCH_RANGES = search_ranges_of(MpcParameters)
 
 
-@cache
-def searched_parameters() -> MpcParameters:
-    """The trot's, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
-    return read_parameters(PARAMETERS_FILE)
+def searched_parameters(robot: Robot = SIMPLE_QUAD) -> MpcParameters:
+    """The trot's, see `in_force`. Raises PolicyError where it is missing or damaged."""
+    return in_force(robot, PARAMETERS_FILE, read_parameters)
 
 
 def read_parameters(path: Path) -> MpcParameters:

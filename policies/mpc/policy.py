@@ -89,7 +89,7 @@ class Mpc(ShiftableFootholds):
         solver: Solver = solve,
         late: int = 0,
     ) -> None:
-        in_force = parameters_of(gait)
+        in_force = parameters_of(gait, robot)
         if gait != TROT:
             self.name = f"{self.name}_{gait}"
         self.parameters = p = parameters if parameters is not None else in_force

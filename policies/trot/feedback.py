@@ -68,7 +68,7 @@ class TrotFeedback(ShiftableGait):
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        self.parameters = p = parameters if parameters is not None else searched_parameters()
+        self.parameters = p = parameters if parameters is not None else searched_parameters(robot)
         self.frequency = p.frequency
         self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
         self._gait = Gait(self.leg_offsets, p.duty)

@@ -4,8 +4,7 @@ The trot looks at nothing but the command, so that a slope, a steady force, a lo
 off it for good. Here the integral of the velocity error is added to the command that the trot follows.
 """
 
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,10 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, Actions
 from policies.legs.memory import taken_in
 from policies.legs.proprioception import motion
-from policies.parameters import from_json, number, read, search_ranges_of
-from policies.trot.open_loop import Trot, TrotParameters
+from policies.parameters import from_json, in_force, number, read, search_ranges_of
+from policies.shipped import folder_of
+from policies.trot.open_loop import PARAMETERS_FILE as TROT_FILE
+from policies.trot.open_loop import Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -28,15 +29,15 @@ PARAMETERS_FILE = Path(__file__).with_name("trot_integral.json")
 class IntegralParameters(TrotParameters):
     """The trot's, and those of the integral, whose defaults were chosen by hand on search episodes."""
 
-    integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0))
+    integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
     """Change of the followed velocity, m/s², per velocity error, m/s."""
-    yaw_integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0))
+    yaw_integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
     """Change of the followed yaw rate, rad/s², per error, rad/s."""
-    settling_time: float = number(0.3, limits=(0.01, 100.0), search=(0.05, 1.0))
+    settling_time: float = number(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
     """Time constant with which the robot is expected to take up a new command, s: until then it makes no error."""
-    largest_error: float = number(0.5, limits=(0.0, 100.0), search=(0.1, 1.0))
+    largest_error: float = number(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
     """Velocity error, m/s and rad/s, that is counted at most: beyond is a push or a fall, not a bias."""
-    largest_correction: float = number(0.8, limits=(0.0, 100.0), search=(0.2, 2.0))
+    largest_correction: float = number(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
     """Of each velocity, m/s and rad/s."""
 
 
@@ -54,10 +55,13 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
 """Wider where the trot's parameters lie at the edge of its own; and those of the command map, which its search fits."""
 
 
-@cache
-def integral_parameters() -> IntegralParameters:
-    """The parameters in force, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
-    return read_parameters(PARAMETERS_FILE)
+def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
+    """The parameters in force, see `policies.parameters.in_force`; of a robot whose trot alone was searched, with that
+    trot's. Raises PolicyError where they are missing or damaged."""
+    found, folder = in_force(robot, PARAMETERS_FILE, read_parameters), folder_of(robot)
+    if robot == SIMPLE_QUAD or (folder / PARAMETERS_FILE.name).is_file() or not (folder / TROT_FILE.name).is_file():
+        return found
+    return replace(found, **asdict(searched_parameters(robot)))
 
 
 def read_parameters(path: Path) -> IntegralParameters:
@@ -78,7 +82,7 @@ class TrotIntegral(Trot):
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        own = parameters if parameters is not None else integral_parameters()
+        own = parameters if parameters is not None else integral_parameters(robot)
         self._gains = np.array([own.integral_gain, own.integral_gain, own.yaw_integral_gain])
         super().__init__(own, robot=robot, control_period=control_period)
 

@@ -5,7 +5,6 @@ lateral and turning commands are one formula; each swing brings it back. It look
 """
 
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +14,10 @@ from policies.base import CONTROL_PERIOD, Actions, ShiftableGait, flat_joints, t
 from policies.gait import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import held_up, leg_angles
-from policies.parameters import Parameters, from_json, number, read, search_ranges_of
+from policies.parameters import Parameters, from_json, in_force, number, read, search_ranges_of
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("trot.json")
@@ -28,49 +28,53 @@ PARAMETERS_FILE = Path(__file__).with_name("trot.json")
 class TrotParameters(Parameters):
     """What the search tunes."""
 
-    frequency: float = number(3.4, limits=(0.1, 50.0), search=(2.0, 4.0))
+    frequency: float = number(3.4, limits=(0.1, 50.0), search=(2.0, 4.0), unit="Hz")
     """Gait cycles a second, Hz."""
     duty: float = number(0.48, limits=(0.01, 0.99), search=(0.45, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = number(0.28, limits=(0.01, 1.0), search=(0.25, 0.42))
+    body_height: float = number(0.28, limits=(0.01, 1.0), search=(0.25, 0.42), unit="m")
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = number(0.08, limits=(-1.0, 1.0), search=(0.04, 0.14))
+    step_height: float = number(0.08, limits=(-1.0, 1.0), search=(0.04, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.54, limits=(-2.0, 2.0), search=(0.4, 0.62))
+    stance_width: float = number(0.54, limits=(-2.0, 2.0), search=(0.4, 0.62), unit=WIDE)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = number(-0.07, limits=(-1.0, 1.0), search=(-0.1, 0.05))
+    stance_shift: float = number(-0.07, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
-    servo_lead: float = number(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05))
+    servo_lead: float = number(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05), unit="s")
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    stance_load: float = number(50.0, limits=(-1e3, 1e3), search=(0.0, 90.0))
+    stance_load: float = number(50.0, limits=(-1e3, 1e3), search=(0.0, 90.0), unit="N")
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
-    blend_time: float = number(0.3, limits=(1e-3, 100.0))
+    blend_time: float = number(0.3, limits=(1e-3, 100.0), unit="s")
     """From the home pose to the gait at the start of an episode, s."""
-    turn_lead: float = number(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2))
+    turn_lead: float = number(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2), unit="s")
     """How far ahead the gait's velocity is turned at the commanded yaw rate, s: in a curve the body lags behind."""
-    linear_acceleration: float = number(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0))
+    linear_acceleration: float = number(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0), unit="m/s²")
     """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
-    yaw_acceleration: float = number(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0))
+    yaw_acceleration: float = number(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
     """Fastest change of the yaw rate command that the gait follows, rad/s²."""
     forward_gain: float = number(1.0, limits=(-100.0, 100.0))
     """Gait's forward velocity per commanded."""
-    forward_bias: float = number(0.0, limits=(-100.0, 100.0))
+    forward_bias: float = number(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
     """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
     lateral_gain: float = number(1.0, limits=(-100.0, 100.0))
     """Gait's lateral velocity per commanded."""
     yaw_gain: float = number(1.0, limits=(-100.0, 100.0))
     """Gait's yaw rate per commanded."""
-    yaw_per_lateral: float = number(0.0, limits=(-100.0, 100.0))
+    yaw_per_lateral: float = number(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
 
 SEARCH_RANGES = search_ranges_of(TrotParameters)
 
 
-@cache
-def searched_parameters() -> TrotParameters:
-    """The outcome of the search, from PARAMETERS_FILE. Raises PolicyError where it is missing or damaged."""
-    return read(PARAMETERS_FILE, "trot", lambda values: from_json(TrotParameters, values))
+def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
+    """The outcome of the search, see `in_force`. Raises PolicyError where it is missing or damaged."""
+    return in_force(robot, PARAMETERS_FILE, read_parameters)
+
+
+def read_parameters(path: Path) -> TrotParameters:
+    """Parameters from a JSON file; raises PolicyError where it is missing or damaged, or does not name them all."""
+    return read(path, "trot", lambda values: from_json(TrotParameters, values))
 
 
 class Trot(ShiftableGait):
@@ -85,7 +89,7 @@ class Trot(ShiftableGait):
         robot: Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        self.parameters = parameters if parameters is not None else searched_parameters()
+        self.parameters = parameters if parameters is not None else searched_parameters(robot)
         self.frequency = self.parameters.frequency
         self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)
         self._gait = Gait(self.leg_offsets, self.parameters.duty)

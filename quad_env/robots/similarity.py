@@ -6,6 +6,8 @@ length L, masses as the mass m, times as √L, and everything else as its unit s
 as m·√L, torques as m·L.
 """
 
+import numpy as np
+
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -19,10 +21,14 @@ _EXPONENTS: dict[str, tuple[float, float]] = {
     "rad/s": (-0.5, 0.0),
     "rad/s²": (-1.0, 0.0),
     "Hz": (-0.5, 0.0),
-    "Hz/(m/s)": (-1.0, 0.0),
     "1/s": (-0.5, 0.0),
     "1/s²": (-1.0, 0.0),
     "1/m": (-1.0, 0.0),
+    "1/m²": (-2.0, 0.0),
+    "s²": (1.0, 0.0),
+    "s²/m²": (-1.0, 0.0),
+    "s⁴": (2.0, 0.0),
+    "s⁴/m²": (0.0, 0.0),
     "1/(m/s)": (-0.5, 0.0),
     "N": (0.0, 1.0),
     "N·s": (0.5, 1.0),
@@ -30,6 +36,12 @@ _EXPONENTS: dict[str, tuple[float, float]] = {
     "1/N²": (0.0, -2.0),
 }
 """Of leg length and mass, by unit."""
+WIDE, LONG = "m wide", "m long"
+"""Units of distances between left and right and between fore and hind feet, m: what robots of other proportions have as
+much more or less of, in leg lengths, than between their thigh joints."""
+AHEAD = " ahead"
+"""End of the unit of what the way the knees bend decides: of a robot whose knees bend forward, it is the other way
+round, as of SimpleQuad seen in a mirror that exchanges fore and hind legs."""
 
 
 def ratio(robot: Robot, unit: str) -> float:
@@ -38,3 +50,22 @@ def ratio(robot: Robot, unit: str) -> float:
     of_length, of_mass = _EXPONENTS[unit]
     longer, heavier = robot.leg_length / SIMPLE_QUAD.leg_length, robot.mass / SIMPLE_QUAD.mass
     return float(longer**of_length * heavier**of_mass)
+
+
+def likewise(robot: Robot, value: float, unit: str) -> float:
+    """A figure of SimpleQuad's, in that unit, for the robot."""
+    if unit in (WIDE, LONG):
+        apart = _width if unit == WIDE else _length
+        return apart(robot) + ratio(robot, "m") * (value - apart(SIMPLE_QUAD))
+    mirrored = unit.endswith(AHEAD) and robot.knee_direction != SIMPLE_QUAD.knee_direction
+    return (-1.0 if mirrored else 1.0) * ratio(robot, unit.removesuffix(AHEAD)) * value
+
+
+def _width(robot: Robot) -> float:
+    """Between the thigh joints of the left and of the right legs, m."""
+    return 2.0 * (float(np.abs(robot.hip_positions[:, 1]).mean()) + robot.hip_offset)
+
+
+def _length(robot: Robot) -> float:
+    """Between the thigh joints of the fore and of the hind legs, m."""
+    return 2.0 * float(np.abs(robot.hip_positions[:, 0]).mean())

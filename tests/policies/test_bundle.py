@@ -85,7 +85,7 @@ def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_sin
     policy = ResidualPolicy(base, network(Features(base).width, 8, 12))
     save(tmp_path, policy, training={}, git_revision="")
     for module in ("trot.open_loop", "trot.feedback", "gaits.policy"):
-        monkeypatch.setattr(f"policies.{module}.searched_parameters", lambda: pytest.fail("that is another base"))
+        monkeypatch.setattr(f"policies.{module}.searched_parameters", lambda *_: pytest.fail("that is another base"))
     loaded = load(tmp_path)
     assert (loaded.base.name, type(loaded.base)) == (name, type(base))
     assert trajectory(loaded) == trajectory(policy)
@@ -138,7 +138,7 @@ def test_a_bundle_is_found_by_its_path_and_by_its_name(folder, monkeypatch):
     assert trajectory(policies.resolve(str(folder))) == expected
     assert trajectory(policies.resolve(folder)) == expected
     folder.rename(folder.with_name("residual"))
-    monkeypatch.setattr(policies, "MODELS", folder.parent)
+    monkeypatch.setattr(policies.shipped, "MODELS", folder.parent)
     assert trajectory(policies.make("residual")) == expected
 
 

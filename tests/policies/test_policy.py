@@ -173,6 +173,6 @@ def test_unknown_name_is_answered_with_the_valid_ones(ask):
 
 
 def test_missing_shipped_model_names_the_command_that_makes_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(policies, "MODELS", tmp_path)
+    monkeypatch.setattr(policies.shipped, "MODELS", tmp_path)
     with pytest.raises(policies.PolicyError, match="python -m train"):
         policies.make("residual")

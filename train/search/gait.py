@@ -107,7 +107,6 @@ def main(options: Options) -> int:
     check(options, options.out)
     start = searched_parameters()[options.gait]
     found = fitted(options, search(options, start) if options.generations else start)
-    searched_parameters.cache_clear()  # another gait's search may have ended in the meantime
     gaits = searched_parameters() | {options.gait: found}
     save(options.out, json.dumps({name: asdict(gaits[name]) for name in sorted(OFFSETS)}, indent=2) + "\n")
     print(as_json(found), end="")

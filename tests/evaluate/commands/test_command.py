@@ -205,7 +205,7 @@ def test_one_bundle_by_two_paths_is_refused(capsys, tmp_path, bundle_folder) -> 
 
 @pytest.mark.usefixtures("no_simulation")
 def test_a_residual_that_is_not_shipped_is_said_to_be_missing(capsys, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(policies, "MODELS", tmp_path / "models")
+    monkeypatch.setattr(policies.shipped, "MODELS", tmp_path / "models")
     line = refused(capsys, "--out", tmp_path / "out")
     assert "python -m train" in line
 

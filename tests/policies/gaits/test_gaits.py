@@ -235,10 +235,8 @@ def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatc
     if content is not None:
         file.write_text(content)
     monkeypatch.setattr("policies.gaits.parameters.PARAMETERS_FILE", file)
-    searched_parameters.cache_clear()
     with pytest.raises(policies.PolicyError, match=r"python -m train search gait"):
         policies.make("walk")
-    searched_parameters.cache_clear()
 
 
 def test_the_file_holds_every_gait_within_the_limits_and_a_walk_of_at_least_three_quarters():

@@ -226,7 +226,6 @@ def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatc
     if content is not None:
         file.write_text(content)
     monkeypatch.setattr("policies.trot.open_loop.PARAMETERS_FILE", file)
-    searched_parameters.cache_clear()
     with pytest.raises(policies.PolicyError, match=r"train search trot"):
         policies.make("trot")
 

@@ -77,9 +77,7 @@ def test_it_stands(robot: Robot) -> None:
     assert np.abs(observation[:, 9:21]).max() < 0.06
 
 
-def test_a_scripted_policy_walks_ahead_of_everybody_s_legs(robot: Robot, request: pytest.FixtureRequest) -> None:
-    if robot.name == "hyqreal2":
-        request.applymarker(pytest.mark.xfail(reason="it falls by SimpleQuad's parameters", strict=True))
+def test_a_scripted_policy_walks_ahead_of_everybody_s_legs(robot: Robot) -> None:
     env, policy = SimpleQuadVectorEnv(2, robot=robot, nthread=1), policies.make("trot_feedback", robot=robot)
     observation, _ = env.reset(seed=0, options={"command": np.tile((0.3, 0.0, 0.0), (2, 1))})
     policy.reset(num_envs=2)
@@ -91,8 +89,7 @@ def test_a_scripted_policy_walks_ahead_of_everybody_s_legs(robot: Robot, request
     ahead, across, turning = np.mean(velocities[200:], axis=(0, 1))
     assert abs(across) < 0.05
     assert abs(turning) < 0.05
-    # Its parameters are SimpleQuad's, of which the knees bend backward.
-    assert abs(ahead - 0.3) < (0.12 if robot.knee_direction < 0.0 else 0.5)
+    assert abs(ahead - 0.3) < 0.12
 
 
 def test_the_environment_is_one(robot: Robot) -> None:
