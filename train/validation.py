@@ -22,7 +22,15 @@ def validate(policy: Policy, config: ValidationConfig, nthread: int, hardware: H
     """Mean metrics of each scenario on robots with that hardware, scenario -> name -> value."""
     seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
     return {
-        name: summarise(run(policy, practice(name, "validation", robot=hardware.quadruped), seeds, nthread=nthread, hardware=hardware))
+        name: summarise(
+            run(
+                policy,
+                practice(name, "validation", robot=hardware.quadruped),
+                seeds,
+                nthread=nthread,
+                hardware=hardware,
+            )
+        )
         for name in config.scenarios
     }
 

@@ -71,7 +71,9 @@ class Sensitivity:
 def sensitivities(cells: Sequence[Cell], robot: Robot = SIMPLE_QUAD) -> list[Sensitivity]:
     """Sensitivities of every axis and policy of a robot's run that has the undisturbed scenario too, axis by axis."""
     policies = dict.fromkeys(cell.policy for cell in cells)
-    found = [each for policy in policies for each in _of_policy([cell for cell in cells if cell.policy == policy], robot)]
+    found = [
+        each for policy in policies for each in _of_policy([cell for cell in cells if cell.policy == policy], robot)
+    ]
     axes = list(AXES)
     return sorted(found, key=lambda each: axes.index(each.axis))
 

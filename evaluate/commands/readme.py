@@ -21,6 +21,7 @@ from evaluate.report.results_page import every_figure, newcomers_table, scenario
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 MORE = "more"
 """Name of the page's second place."""
@@ -103,7 +104,9 @@ def _lines(path: Path, found: dict[str, Any]) -> tuple[list[str], list[str]]:
 def _made_by(found: dict[str, Any]) -> str:
     """The command that makes these figures, without what is as usual, and with which versions."""
     provenance, versions, scenarios = found.get("provenance", {}), found["versions"], scenarios_of(found)
-    battery = next((name for name, each in BATTERIES.items() if [one.name for one in each()] == scenarios), None)
+    battery = next(
+        (name for name, each in BATTERIES.items() if [one.name for one in each(SIMPLE_QUAD)] == scenarios), None
+    )
     chosen = {
         "policies": list(limited(found["policies"], provenance.get("only_on", {}))),
         "scenarios": [battery] if battery else scenarios,

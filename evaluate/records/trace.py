@@ -115,7 +115,7 @@ def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
     header, steps, count = Header(**about["header"]), about["steps"], table.num_rows
     if (header.kind, kind) == ("compact", "full"):
         raise ValueError(f"{path} is a compact trace: it lacks signals that measures need")
-    robot = IDEAL.robot
+    robot = IDEAL.quadruped
     signals = {name: _signal(table, robot, name, steps, count) for name in shapes(robot)}
     whole = {name: np.array(table[name].to_pylist(), dtype=kind) for name, kind in PER_EPISODE.items()}
     whole["push_impulse"] = whole["push_impulse"].reshape(*whole["push_step"].shape, 2)

@@ -68,7 +68,7 @@ def conditions(
 
 
 def leg_height(robot: Robot, gravity: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Trunk's centre above the underside of its lowest foot, (n,), m: the fall rule's height above level ground, felt by
+    """Trunk's centre above the underside of its lowest foot, (n,), m: that of the fall rule above level ground, felt by
     the legs, from gravity (n, 3) and joint angles (n, 12)."""
     feet = foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3)) + robot.hip_positions
     depth = feet[:, :, 0] * gravity[:, 0:1] + feet[:, :, 1] * gravity[:, 1:2] + feet[:, :, 2] * gravity[:, 2:3]

@@ -147,7 +147,7 @@ def _name_parts(parts: _Parts, model: Any, found: Anatomy, robot: Robot) -> None
     trunk.name = _HERE + "base_link"
     trunk.add_site(name=_HERE + "imu", rgba=(0.0, 0.0, 0.0, 0.0))
     for geom in parts.geoms.values():
-        geom.priority = 0  # the ground's friction is the scenario's
+        geom.priority, geom.condim = 0, 3  # the ground's friction is the scenario's, and slides alone
     _name_shape(parts, model, found.trunk, "trunk", half=robot.trunk_size / 2.0)
     for leg in found.legs:
         foot, shin = parts.geoms[leg.foot], int(model.jnt_bodyid[leg.joints[2]])

@@ -27,7 +27,8 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
     """The scenario of `axis=severity`, each in its axis's unit, joined by +; ValueError, one line, for what is none.
 
     Severities are as they are written for every robot; of what else they bring, such as commands, the robot has its
-    own. One severity is a scenario of its axis. A combination is of no axis: it has no levels and no severity but its name.
+    own. One severity is a scenario of its axis. A combination is of no axis: it has no levels, and no severity but its
+    name.
     """
     axes = axes_of(robot)
     parts = [_part(text, name, axes) for text in name.split(BETWEEN)]

@@ -4,9 +4,12 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
+from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import Parameters, limits_of
+from policies.shipped import folder_of
+from quad_env.robots.robot import Robot
 
 
 def check(options: object, out: Path, account: str = "") -> None:
@@ -22,6 +25,24 @@ def check(options: object, out: Path, account: str = "") -> None:
         make_writable_folder(out.parent)
     except OSError as error:
         raise UsageError(f"cannot write into {out.parent} ({error.strerror}); choose another --out") from None
+
+
+def checked_robot(hardware: Hardware) -> Robot:
+    """The robot that is searched for. Raises UsageError, one line, where there is none."""
+    try:
+        return hardware.quadruped
+    except (ValueError, OSError, ImportError) as error:
+        raise UsageError(f"--robot: {error}") from None
+
+
+def own_folder(robot: Robot) -> Path:
+    """The folder of what is found for that robot, made if need be. Raises UsageError where it cannot be."""
+    folder = folder_of(robot)
+    try:
+        make_writable_folder(folder)
+    except OSError as error:
+        raise UsageError(f"cannot write into {folder} ({error.strerror}), the robot's folder") from None
+    return folder
 
 
 def as_json(parameters: Parameters) -> str:

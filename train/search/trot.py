@@ -1,4 +1,5 @@
-"""Search of the trot's parameters: `python -m train search trot` writes trot.json and TROT.md in policies/trot.
+"""Search of the trot's parameters: `python -m train search trot` writes trot.json and TROT.md in policies/trot, for
+another robot in the robot's own folder, beginning with SimpleQuad's by dynamic similarity.
 
 CMA-ES over `policies.trot.open_loop.SEARCH_RANGES`. A generation's candidates walk the same episodes side by side,
 and every generation gets new ones, all from the "search" family of seeds, which neither training nor evaluation draws.
@@ -11,17 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from evaluate.measures.metrics import measure
 from evaluate.measures.tracking import SETTLING_TIME
-from evaluate.rollouts.rollout import run
+from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.base import CONTROL_PERIOD, Floats
-from policies.parameters import number
-from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters
+from policies.parameters import likewise, likewise_ranges, number
+from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, TrotParameters, searched_parameters
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from train.scenarios import practice
-from train.search.evolution import EpisodeEffort, changes, evolve, judged, rounded
-from train.search.outcome import as_json, check, save
-from train.search.trot_cost import MINIMUM_INTERVALS, SCENARIO_WEIGHTS, judge, mapped, method
+from train.search.evolution import EpisodeEffort, Ranges, changes, evolve, judged, rounded
+from train.search.outcome import as_json, check, checked_robot, own_folder, save
+from train.search.trot_cost import MINIMUM_INTERVALS, SCENARIO_WEIGHTS, judge, mapped, method, walked
 
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
 SPREAD = 0.15
@@ -48,21 +48,40 @@ class Options(EpisodeEffort):
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = number(108, limits=(MINIMUM_INTERVALS // 2, 10_000))  # of two command intervals each
     """Fresh episodes a scenario on which the outcome is judged beside the parameters before the search."""
-    out: Path = PARAMETERS_FILE
-    """Where the parameters go, JSON; the account of the search goes beside it, TROT.md."""
+    robot: str = "simple_quad"
+    """Robot that walks: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
+    out: Path | None = None
+    """Where the parameters go, JSON; the account of the search goes beside it, TROT.md. By default to where the robot's
+    trot has them from: beside its code for SimpleQuad, else in the robot's folder."""
+
+    @property
+    def hardware(self) -> Hardware:
+        """The robot, its motors and sensors as they come."""
+        return Hardware(robot=self.robot)
+
+    @property
+    def command(self) -> str:
+        """The command that repeats the search."""
+        told = [f"--seed {self.seed}"] + [f"--robot {self.robot}"] * (self.hardware != IDEAL)
+        return " ".join(["python -m train search trot", *told])
 
 
 def search(options: Options, start: TrotParameters) -> TrotParameters:
     """The mean of the search distribution after the last generation, its command map fitted, to four digits."""
 
     def costs(candidates: list[TrotParameters], seeds: NDArray[np.int64]) -> Floats:
-        return judge(candidates, seeds, options.steps, options.batch_threads)
+        return judge(candidates, seeds, options.steps, options.batch_threads, options.hardware)
 
-    *_, found = evolve(options, start, SEARCH_RANGES, costs, spread=SPREAD)
+    *_, found = evolve(options, start, ranges(options), costs, spread=SPREAD)
     fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
     for round_seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
-        found = mapped(found, round_seeds, options.threads)
+        found = mapped(found, round_seeds, options.threads, options.hardware)
     return rounded(found)
+
+
+def ranges(options: Options) -> Ranges:
+    """Bounds of the robot's search."""
+    return likewise_ranges(SEARCH_RANGES, TrotParameters, options.hardware.quadruped)
 
 
 def account(options: Options, before: TrotParameters, after: TrotParameters) -> str:
@@ -70,18 +89,18 @@ def account(options: Options, before: TrotParameters, after: TrotParameters) -> 
     lines = [
         "# The trot's parameters",
         "",
-        *method(f"python -m train search trot --seed {options.seed}", options, SCENARIO_WEIGHTS),
+        *method(options.command, options, SCENARIO_WEIGHTS),
         "Each candidate is judged against its own linear response on flat ground; the command map is fitted by least "
         "squares afterwards.",
         "",
-        *changes(before, after, SEARCH_RANGES, COMMAND_MAP),
+        *changes(before, after, ranges(options), COMMAND_MAP),
         "",
         f"On {options.check_episodes} fresh search episodes of 10 s a scenario:",
         "",
     ]
     seeds = episode_seeds("search", options.seed + 1_000_000, options.check_episodes)
     walks = (
-        (name, label, measure(run(Trot(parameters), practice(name, "search"), seeds, nthread=options.threads)))
+        (name, label, walked(parameters, name, seeds, options.threads, options.hardware))
         for name in SCENARIO_WEIGHTS
         for label, parameters in (("before", before), ("after", after))
     )
@@ -91,11 +110,14 @@ def account(options: Options, before: TrotParameters, after: TrotParameters) -> 
 
 def main(options: Options) -> int:
     """Search, write, judge; the exit code. Raises UsageError."""
-    check(options, options.out, ACCOUNT)
-    before = TrotParameters()
+    robot = checked_robot(options.hardware)
+    own = robot == SIMPLE_QUAD
+    out = options.out or (PARAMETERS_FILE if own else own_folder(robot) / PARAMETERS_FILE.name)
+    check(options, out, ACCOUNT)
+    before = TrotParameters() if own else likewise(searched_parameters(), robot)
     after = search(options, before)
     try:
-        save(options.out, as_json(after))
+        save(out, as_json(after))
     finally:
-        save(options.out.with_name(ACCOUNT), account(options, before, after), show=True)
+        save(out.with_name(ACCOUNT), account(options, before, after), show=True)
     return 0

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures, measure
+from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.rollout import run
 from policies.base import CONTROL_PERIOD, Actions, Floats, Policy
 from policies.trot.open_loop import Trot, TrotParameters
@@ -89,20 +90,23 @@ def method(command: str, effort: EpisodeEffort, weights: Mapping[str, float]) ->
     ]
 
 
-def judge(candidates: list[TrotParameters], seeds: NDArray[np.int64], steps: int, threads: int) -> Floats:
-    """Weighted cost of each candidate on all scenarios, (candidates,).
+def judge(
+    candidates: list[TrotParameters], seeds: NDArray[np.int64], steps: int, threads: int, hardware: Hardware = IDEAL
+) -> Floats:
+    """Weighted cost of each candidate on all scenarios of a robot, (candidates,).
 
     A candidate is judged against its own linear response on flat ground, as if its command map were fitted already,
     and billed for a response that is too weak to be mapped.
     """
-    members = len(candidates)
+    members, robot = len(candidates), hardware.quadruped
     runs = {
         name: run(
-            Panel([Trot(candidate) for candidate in candidates]),
-            practice(name, "search"),
+            Panel([Trot(candidate, robot=robot) for candidate in candidates]),
+            practice(name, "search", robot=robot),
             np.tile(seeds, members),
             nthread=threads,
             steps=steps,
+            hardware=hardware,
         )
         for name in SCENARIO_WEIGHTS
     }
@@ -119,10 +123,21 @@ def judge(candidates: list[TrotParameters], seeds: NDArray[np.int64], steps: int
     return total
 
 
-def mapped(parameters: TrotParameters, seeds: NDArray[np.int64], threads: int) -> TrotParameters:
-    """The same gait with the command map that undoes its response on flat ground."""
-    walked = measure(run(Trot(parameters), practice("flat", "search"), seeds, nthread=threads))
-    return unless_weak(parameters, interval_response(walked))
+def mapped(
+    parameters: TrotParameters, seeds: NDArray[np.int64], threads: int, hardware: Hardware = IDEAL
+) -> TrotParameters:
+    """The same gait with the command map that undoes a robot's response to it on flat ground."""
+    walks = walked(parameters, "flat", seeds, threads, hardware)
+    return unless_weak(parameters, interval_response(walks))
+
+
+def walked(
+    parameters: TrotParameters, name: str, seeds: NDArray[np.int64], threads: int, hardware: Hardware
+) -> Measures:
+    """What a robot's episodes from those seeds measure on the scenario of that name."""
+    robot = hardware.quadruped
+    policy, scenario = Trot(parameters, robot=robot), practice(name, "search", robot=robot)
+    return measure(run(policy, scenario, seeds, nthread=threads, hardware=hardware))
 
 
 def unless_weak(parameters: TrotParameters, found: Floats) -> TrotParameters:

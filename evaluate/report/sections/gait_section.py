@@ -37,7 +37,9 @@ def gaits(results: Results) -> str:
         if not len(contact):
             left_out.append(f"{policy} (fallen by then)")
             continue
-        drawn = gait_diagram(results.hardware.quadruped, contact, START, CONTROL_PERIOD, style(results, policy)[0], policy)
+        drawn = gait_diagram(
+            results.hardware.quadruped, contact, START, CONTROL_PERIOD, style(results, policy)[0], policy
+        )
         images.append(image(drawn, f"When each foot of {policy} is on the ground"))
     lead = note(
         f"Feet on the ground from {START:g} to {END:g} s of an episode on level ground, commanded {SPEED:g} m/s ahead. "

@@ -10,8 +10,8 @@ from evaluate.commands.options import DEFAULT_POLICIES
 from evaluate.commands.readme import insert
 from evaluate.report.results_page import every_figure, newcomers_table
 from evaluate.rollouts.battery import BATTERIES
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 from evaluate.terminal.command_line import UsageError
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 CELL = {
     "success_rate": 0.5,
