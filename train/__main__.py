@@ -12,11 +12,12 @@ import argparse
 import dataclasses
 from pathlib import Path
 
+from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.command_line import parse as parse_options
 from evaluate.terminal.program import HELP, Command, Program
 from policies.parameters import limits_of
-from train.config import DEFAULTS, TrainConfig, differences, load_config
+from train.config import DEFAULTS, TrainConfig, differences, likewise, load_config
 from train.run_folder import has_checkpoint
 from train.setting_ranges import check
 
@@ -56,7 +57,7 @@ def run(words: list[str]) -> int:
 def parse(words: list[str]) -> TrainConfig:
     """The settings of a command line. Raises UsageError; SystemExit(0) after --help.
 
-    The defaults shown and used are those of the chosen --policy, or with --resume those of the run that is carried on.
+    The defaults shown and used are those of the chosen --policy and --robot, or with --resume those of the run that is carried on.
     """
     defaults = _defaults(words)
     description = f"{__doc__}{PROGRAM.listing()}"
@@ -74,6 +75,7 @@ def parse(words: list[str]) -> TrainConfig:
 def _defaults(words: list[str]) -> TrainConfig:
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
+    scout.add_argument("--robot", default=Hardware.robot)
     scout.add_argument("--seed", type=int, default=0)
     scout.add_argument("--seeds", type=int, default=1)
     scout.add_argument("--out", type=Path)
@@ -82,7 +84,10 @@ def _defaults(words: list[str]) -> TrainConfig:
         found, _ = scout.parse_known_args(words)
     except (argparse.ArgumentError, SystemExit):
         return DEFAULTS["residual"]  # the real parser, which reads the same words next, says what is wrong with them
-    defaults = DEFAULTS[found.policy]
+    try:
+        defaults = likewise(DEFAULTS[found.policy], found.robot)
+    except (ValueError, OSError, ImportError) as error:
+        raise UsageError(f"--robot: {error}") from None
     low, high = limits_of(TrainConfig)["seeds"]
     if found.resume and low <= found.seeds <= high and not HELP & set(words):
         asked = dataclasses.replace(defaults, seed=found.seed, seeds=found.seeds, out=found.out)

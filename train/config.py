@@ -16,6 +16,8 @@ from policies.history import Inputs
 from policies.parameters import number
 from policies.residual import Space
 from quad_env.config import RewardWeights
+from quad_env.robots.named import robot_of
+from quad_env.scenarios import combination
 from quad_env.scenarios.named import Pushes
 from train.foreign.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE
@@ -209,7 +211,8 @@ class TrainConfig:
     address: str | None = None
     """Address of the Ray cluster, such as 10.0.0.1:6379; without it one is begun here and ended with the runs."""
     out: Path | None = None
-    """Run folder; runs/POLICY-SEED when not given. Must be new or empty, unless --resume."""
+    """Run folder; runs/POLICY-SEED when not given, of another robot than SimpleQuad with its name before. Must be new
+    or empty, unless --resume."""
     resume: bool = False
     """Carry on the run in --out from its last checkpoint."""
     threads: int = number(2, limits=(1, 256))
@@ -265,7 +268,8 @@ class TrainConfig:
     def folder(self) -> Path:
         """Run folder, or that of the folders of several seeds."""
         several = self.policy if self.seeds > 1 else f"{self.policy}-{self.seed}"
-        return self.out if self.out is not None else Path("runs") / several
+        of_robot = "" if self.robot == Hardware.robot else f"{Path(self.robot).stem}-"
+        return self.out if self.out is not None else Path("runs") / f"{of_robot}{several}"
 
     @property
     def runs(self) -> "tuple[TrainConfig, ...]":
@@ -313,6 +317,15 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
     ),
 }
 """Defaults of each kind of policy."""
+
+
+def likewise(config: TrainConfig, robot: str) -> TrainConfig:
+    """SimpleQuad's settings for the robot of that name or path: the same shares on scenarios as hard for it. Raises as
+    `quad_env.robots.named.robot_of`."""
+    quadruped = robot_of(robot)
+    mixture = tuple((combination.likewise(name, quadruped), share) for name, share in config.mixture)
+    return dataclasses.replace(config, robot=robot, mixture=mixture)
+
 
 _NOT_OF_THE_RUN = ("seeds", "engine", "address", "out", "resume", "threads")
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from evaluate.rollouts import hardware
 from evaluate.terminal.command_line import UsageError
 from policies.parameters import limits_of
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
 from train.config import LARGEST_SEED, TrainConfig
 from train.foreign.reward_term import OPTION
@@ -36,9 +38,9 @@ def check(config: TrainConfig) -> None:
     _check_layers("--ppo.actor", config.ppo.actor)
     _check_layers("--ppo.critic", config.ppo.critic)
     _check_rollout(config)
-    _check_mixture(config)
-    check_scenarios("--validation.scenarios", config.judged.scenarios)
     _check_hardware(config.hardware)
+    _check_mixture(config)
+    check_scenarios("--validation.scenarios", config.judged.scenarios, config.hardware.quadruped)
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
 
@@ -72,7 +74,7 @@ def _check_rollout(config: TrainConfig) -> None:
 
 def _check_mixture(config: TrainConfig) -> None:
     shares = [share for _, share in config.mixture]
-    check_scenarios("--mixture", [name for name, _ in config.mixture])
+    check_scenarios("--mixture", [name for name, _ in config.mixture], config.hardware.quadruped)
     if not all(0 <= share <= LARGEST_SHARE for share in shares):
         raise UsageError(
             f"--mixture needs shares that are not negative and at most {LARGEST_SHARE:g}, as in: "
@@ -90,13 +92,13 @@ def _check_hardware(chosen: hardware.Hardware) -> None:
         raise UsageError(str(error)) from None
 
 
-def check_scenarios(option: str, names: Sequence[str]) -> None:
-    """Raise UsageError, one line, where an option names no scenario, an unknown one or one twice."""
+def check_scenarios(option: str, names: Sequence[str], robot: Robot = SIMPLE_QUAD) -> None:
+    """Raise UsageError, one line, where an option names no scenario of a robot, an unknown one or one twice."""
     if not names:
         raise UsageError(f"{option} needs at least one scenario")
     for name in names:
         try:
-            scenario(name)
+            scenario(name, robot)
         except ValueError as error:
             raise UsageError(f"{option}: {error}") from None
     if len(set(names)) < len(names):

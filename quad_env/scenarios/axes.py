@@ -66,13 +66,20 @@ class Axis:
         """The axis whose levels are as hard for that robot, to three digits: see `scaled`."""
         if robot == SIMPLE_QUAD:
             return self
-        larger = ratio(robot, self.unit) if self.unit in AS_THE_ROBOT else 1.0
+        larger = self._larger(robot)
         return replace(
             self,
             at=lambda severity: scaled(self.at(severity / larger), robot),
-            levels=tuple(_short(larger * level) for level in self.levels),
-            nominal=_short(larger * self.nominal),
+            levels=tuple(self.likewise(level, robot) for level in self.levels),
+            nominal=self.likewise(self.nominal, robot),
         )
+
+    def likewise(self, severity: float, robot: Robot) -> float:
+        """What is as hard for that robot as a severity is for SimpleQuad, to three digits."""
+        return severity if robot == SIMPLE_QUAD else float(f"{self._larger(robot) * severity:.3g}")
+
+    def _larger(self, robot: Robot) -> float:
+        return ratio(robot, self.unit) if self.unit in AS_THE_ROBOT else 1.0
 
 
 AS_THE_ROBOT = "m/s", "N·s", "m", "N", "kg", "N·m"
@@ -85,10 +92,6 @@ AXES: dict[str, Axis] = {}
 def axes_of(robot: Robot) -> dict[str, Axis]:
     """The axes for a robot, by name."""
     return {name: axis.of(robot) for name, axis in AXES.items()}
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.3g}")
 
 
 def _axis(quantity: str, unit: str, levels: tuple[float, ...], nominal: float) -> Callable[[AtSeverity], AtSeverity]:

@@ -5,7 +5,7 @@ from typing import Any
 
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.axes import Axis, axes_of
+from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.scaling import scaled
 from quad_env.scenarios.scenario import Scenario
 
@@ -38,6 +38,14 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
     written = BETWEEN.join(f"{axis.name}{EQUALS}{_number(severity)}" for axis, severity in parts)
     alone = [_scenario(axis, severity, written) for axis, severity in parts]
     return alone[0] if len(alone) == 1 else _together(written, alone, robot)
+
+
+def likewise(name: str, robot: Robot) -> str:
+    """The name of what is as hard for a robot as the scenario of that name is for SimpleQuad."""
+    if robot == SIMPLE_QUAD or not is_combination(name):
+        return name
+    parts = (_part(text, name, AXES) for text in name.split(BETWEEN))
+    return BETWEEN.join(f"{axis.name}{EQUALS}{_number(axis.likewise(severity, robot))}" for axis, severity in parts)
 
 
 def _part(text: str, name: str, axes: dict[str, Axis]) -> tuple[Axis, float]:

@@ -18,6 +18,8 @@ from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.bases import describe
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
+from policies.shipped import folder_of
+from quad_env.scenarios.combination import likewise
 from train.config import differences, load_config
 from train.run_folder import BEST, CHECKPOINTS
 from train.shipping.model_card import TrainedRun, model_card
@@ -55,12 +57,13 @@ class Options:
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders of finished runs: the seeds of one policy, and others to show beside it (such as end-to-end)."""
-    to: Path = Path("models/residual")
-    """Folder that gets policy.json, policy.safetensors and MODEL.md."""
+    to: Path | None = None
+    """Folder that gets policy.json, policy.safetensors and MODEL.md; by default POLICY among the models of the robot,
+    such as models/residual and models/go1/residual."""
     policy: str = "residual"
     """Which kind of policy ships."""
-    scenarios: tuple[str, ...] = SCENARIOS
-    """Scenarios judged on."""
+    scenarios: tuple[str, ...] | None = None
+    """Scenarios judged on; by default every axis where robots begin to fail."""
     episodes: int = number(512, limits=(1, 1_000_000))
     """Episodes of each policy on each scenario."""
     seed: int = number(0, limits=(0, 2**63 - 1))
@@ -80,14 +83,15 @@ def main(options: Options) -> int:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
     runs = [trained_run(folder) for folder in options.runs]
     shipped = choose(runs, options.policy)
-    base = shipped.config.base
-    if describe(policies.load(Path(shipped.label) / BEST).base) != describe(policies.make(base)):
+    base, robot = shipped.config.base, shipped.config.hardware.quadruped
+    if describe(policies.load(Path(shipped.label) / BEST, robot).base) != describe(policies.make(base, robot=robot)):
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
-    make_writable_folder(options.to)
-    card = model_card(options.to.resolve().name, runs, shipped, judge(options, runs, shipped))
+    to = options.to or folder_of(robot) / options.policy
+    make_writable_folder(to)
+    card = model_card(to.resolve().name, runs, shipped, judge(options, runs, shipped))
     for name in ("policy.safetensors", "policy.json"):
-        write_atomically(options.to / name, (Path(shipped.label) / BEST / name).read_bytes())
-    write_atomically(options.to / "MODEL.md", card.encode())
+        write_atomically(to / name, (Path(shipped.label) / BEST / name).read_bytes())
+    write_atomically(to / "MODEL.md", card.encode())
     print(card)
     return 0
 
@@ -101,10 +105,11 @@ def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> 
     from evaluate.commands.execution import execute
     from evaluate.commands.outputs import analysed
 
-    base = shipped.config.base
+    base, robot = shipped.config.base, shipped.config.hardware.quadruped
     evaluation = Evaluation(
         policies=(base, *(run.label for run in runs)),
-        scenarios=options.scenarios,
+        robot=shipped.config.robot,
+        scenarios=options.scenarios or tuple(likewise(name, robot) for name in SCENARIOS),
         episodes=options.episodes,
         seed=options.seed,
         out=options.out,
@@ -129,7 +134,7 @@ def trained_run(folder: Path) -> TrainedRun:
         raise UsageError(f"{folder} is unfinished ({progress['steps']:,} of {config.steps:,} steps): --resume it first")
     minutes = CallbackState.read(progress["remembered"]).seconds / 60
     try:
-        policies.load(folder / BEST)
+        policies.load(folder / BEST, config.hardware.quadruped)
     except policies.PolicyError as error:
         raise UsageError(str(error)) from None
     description = json.loads((folder / BEST / "policy.json").read_bytes())
