@@ -23,6 +23,7 @@ from train.setting_ranges import check
 
 NAME = "python -m train"
 COMMANDS = {
+    "robot": Command("train.whole_path", "all for a robot of yours: describe, search, train, evaluate, report"),
     "search trot": Command("train.search.trot", "gait of the trot, by CMA-ES"),
     "search feedback": Command("train.search.feedback", "gait and gains of a policy that feels, by CMA-ES"),
     "search gait": Command("train.search.gait", "one of the gaits: walk, pace, bound, pronk or trot, by CMA-ES"),
@@ -57,7 +58,8 @@ def run(words: list[str]) -> int:
 def parse(words: list[str]) -> TrainConfig:
     """The settings of a command line. Raises UsageError; SystemExit(0) after --help.
 
-    The defaults shown and used are those of the chosen --policy and --robot, or with --resume those of the run that is carried on.
+    The defaults shown and used are those of the chosen --policy and --robot, or with --resume those of the run that is
+    carried on.
     """
     defaults = _defaults(words)
     description = f"{__doc__}{PROGRAM.listing()}"

@@ -1,0 +1,170 @@
+"""Everything for a robot of yours in one go: `python -m train robot my_robot.xml`.
+
+It describes the robot, searches its trot, trains a residual, compares them on every axis of disturbance and writes the
+report. What is done already is not done again: after Ctrl-C, or when the computer was switched off, the same command
+goes on where it was.
+"""
+
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from evaluate.commands.options import available_cores
+from evaluate.rollouts.hardware import Hardware
+from evaluate.terminal.command_line import UsageError, check_numbers
+from policies.files import make_writable_folder
+from policies.parameters import limits_of, number
+from policies.shipped import folder_of
+from quad_env.robots.robot import Robot
+from train.config import BaseName, Count
+from train.run_folder import BEST, has_checkpoint, steps_done
+from train.search import trot
+from train.search.outcome import checked_robot
+
+RESIDUAL = "residual"
+SEARCH = {"generations": 12, "candidates": 14, "episodes": 10, "steps": 400, "check_episodes": 48}
+"""A short search: SimpleQuad's parameters walk on most robots already."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Describe, search, train, evaluate, report: some 20 minutes on two cores."""
+
+    robot: Annotated[str, tyro.conf.Positional]
+    """Its MJCF, a TOML that `python -m quad_env describe` has written, or a name such as go1."""
+    base: BaseName = "trot_feedback"
+    """Policy that the residual corrects."""
+    steps: Count = number(2_500_000, limits=(1, 10**12 - 1))
+    """Steps of the training."""
+    policies: tuple[str, ...] = ("trot", "trot_feedback", RESIDUAL)
+    """Policies compared in the end, by name."""
+    scenarios: tuple[str, ...] = ("default",)
+    """Scenarios that they are compared on."""
+    episodes: int = number(8, limits=(1, 1_000_000))
+    """Episodes of each policy on each scenario."""
+    seed: int = number(0, limits=(0, 2**31))
+    """Seed of search and training, and of the evaluation's episodes."""
+    out: Path | None = None
+    """Folder for everything; results/ROBOT when not given."""
+    threads: int = number(available_cores(), limits=(1, 256))
+    """Threads of the simulation (count; default: this machine's cores)."""
+
+    @property
+    def folder(self) -> Path:
+        """Folder for everything."""
+        return self.out if self.out is not None else Path("results") / Path(self.robot).stem
+
+    @property
+    def toml(self) -> Path:
+        """The robot's figures, which may be changed by hand before the search."""
+        given = Path(self.robot)
+        return given if given.suffix == ".toml" else self.folder / f"{given.stem}.toml"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of the way."""
+
+    name: str
+    minutes: float
+    """What it takes on two cores, SimpleQuad's figures."""
+    done: Callable[[], bool]
+    do: Callable[[], None]
+
+
+def main(options: Options) -> int:
+    """Go the whole way, or what is left of it; the exit code. Raises UsageError, and KeyboardInterrupt with how to go
+    on."""
+    check_numbers(options, limits_of(options))
+    if not Path(options.robot).suffix:
+        checked_robot(Hardware(robot=options.robot))
+    make_writable_folder(options.folder)
+    stages = _stages(options)
+    try:
+        for place, stage in enumerate(stages):
+            left = sum(each.minutes for each in stages[place:] if not each.done())
+            head = f"[{place + 1} of {len(stages)}] {stage.name}"
+            if stage.done():
+                print(f"{head}: done already", flush=True)
+                continue
+            print(f"{head}; about {left:.0f} min left", flush=True)
+            began = time.monotonic()
+            stage.do()
+            print(f"{head}: {(time.monotonic() - began) / 60.0:.1f} min", flush=True)
+    except KeyboardInterrupt as interrupt:
+        again = f"go on with: python -m train robot {shlex.join(sys.argv[2:])}"
+        raise KeyboardInterrupt("; ".join([*map(str, interrupt.args), again])) from None
+    print(f"report: {options.folder / 'evaluation' / 'report.html'}")
+    return 0
+
+
+def _stages(options: Options) -> list[Stage]:
+    folder, robot = options.folder, partial(_robot, options)
+    training, evaluation = folder / "training", folder / "evaluation"
+
+    def shipped() -> Path:
+        return folder_of(robot()) / RESIDUAL
+
+    def search() -> None:
+        chosen = trot.Options(**SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads)
+        trot.main(chosen)
+
+    def train() -> None:
+        from train.__main__ import run  # here, since it knows this command
+
+        words = ["--robot", options.toml, "--base", options.base, "--steps", options.steps, "--seed", options.seed]
+        words += ["--threads", options.threads, "--out", training]
+        words += ["--validation.interval", options.steps, *["--resume"] * has_checkpoint(training)]
+        if steps_done(training) < options.steps:
+            run([str(word) for word in words])
+        shutil.copytree(training / BEST, shipped(), dirs_exist_ok=True)
+
+    def evaluate() -> None:
+        from evaluate.__main__ import compare
+        from evaluate.records.store import is_unfinished
+
+        words = ["--robot", options.toml, "--policies", *options.policies, "--scenarios", *options.scenarios]
+        words += ["--episodes", options.episodes, "--seed", options.seed, "--threads", options.threads]
+        compare([str(word) for word in (*words, "--out", evaluation, *["--resume"] * is_unfinished(evaluation))])
+
+    def found(name: str) -> bool:
+        return options.toml.is_file() and (folder_of(robot()) / name).is_file()
+
+    return [
+        Stage("describe the robot", 0.1, options.toml.is_file, partial(_describe, options)),
+        Stage("search its trot", 4.0, lambda: found(trot.ACCOUNT), search),
+        Stage("train a residual", 9.0, lambda: found(f"{RESIDUAL}/policy.json"), train),
+        Stage("compare them", 5.0, lambda: _compared(evaluation), evaluate),
+    ]
+
+
+def _robot(options: Options) -> Robot:
+    return checked_robot(Hardware(robot=str(options.toml)))
+
+
+def _compared(folder: Path) -> bool:
+    from evaluate.records.store import is_unfinished
+
+    return (folder / "results.json").is_file() and not is_unfinished(folder)
+
+
+def _describe(options: Options) -> None:
+    """Print what is found, and write it as a TOML. Raises UsageError where it is no such robot."""
+    command = [sys.executable, "-m", "quad_env", "describe", options.robot]
+    written = options.folder / "described.toml"
+    if subprocess.run([*command, "--toml", str(written)]).returncode:
+        kept = f"; tell what is missing in {written}, and give that instead" if written.is_file() else ""
+        raise UsageError(f"{options.robot} cannot be used as it is{kept}")
+    picture = options.folder / "standing.png"
+    if subprocess.run([*command, "--picture", str(picture)], capture_output=True).returncode:
+        print("no picture of it: rendering is impossible here", file=sys.stderr)
+    written.rename(options.toml)
