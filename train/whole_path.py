@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +21,7 @@ import tyro
 from evaluate.commands.options import available_cores
 from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError, check_numbers
-from policies.files import make_writable_folder
+from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
 from policies.shipped import folder_of
 from quad_env.robots.robot import Robot
@@ -30,8 +30,8 @@ from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 from train.search.outcome import checked_robot
 
-RESIDUAL = "residual"
-SEARCH = {"generations": 12, "candidates": 14, "episodes": 10, "steps": 400, "check_episodes": 48}
+RESIDUAL, DESCRIBED = "residual", "described.txt"
+SEARCH = trot.Options(generations=12, candidates=14, episodes=10, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
 
 
@@ -115,8 +115,7 @@ def _stages(options: Options) -> list[Stage]:
         return folder_of(robot()) / RESIDUAL
 
     def search() -> None:
-        chosen = trot.Options(**SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads)
-        trot.main(chosen)
+        trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
 
     def train() -> None:
         from train.__main__ import run  # here, since it knows this command
@@ -140,7 +139,7 @@ def _stages(options: Options) -> list[Stage]:
         return options.toml.is_file() and (folder_of(robot()) / name).is_file()
 
     return [
-        Stage("describe the robot", 0.1, options.toml.is_file, partial(_describe, options)),
+        Stage("describe the robot", 0.1, (folder / DESCRIBED).is_file, partial(_describe, options)),
         Stage("search its trot", 4.0, lambda: found(trot.ACCOUNT), search),
         Stage("train a residual", 9.0, lambda: found(f"{RESIDUAL}/policy.json"), train),
         Stage("compare them", 5.0, lambda: _compared(evaluation), evaluate),
@@ -158,13 +157,16 @@ def _compared(folder: Path) -> bool:
 
 
 def _describe(options: Options) -> None:
-    """Print what is found, and write it as a TOML. Raises UsageError where it is no such robot."""
+    """Print what is found, and keep it with a TOML and a picture. Raises UsageError where it is no such robot."""
     command = [sys.executable, "-m", "quad_env", "describe", options.robot]
-    written = options.folder / "described.toml"
-    if subprocess.run([*command, "--toml", str(written)]).returncode:
+    written, own = options.folder / "inferred.toml", options.toml == Path(options.robot)
+    said = subprocess.run([*command, *([] if own else ["--toml", str(written)])], stdout=subprocess.PIPE, text=True)
+    print(said.stdout, end="")
+    if said.returncode:
         kept = f"; tell what is missing in {written}, and give that instead" if written.is_file() else ""
         raise UsageError(f"{options.robot} cannot be used as it is{kept}")
-    picture = options.folder / "standing.png"
-    if subprocess.run([*command, "--picture", str(picture)], capture_output=True).returncode:
+    if subprocess.run([*command, "--picture", str(options.folder / "standing.png")], capture_output=True).returncode:
         print("no picture of it: rendering is impossible here", file=sys.stderr)
-    written.rename(options.toml)
+    if not own:
+        written.rename(options.toml)
+    write_atomically(options.folder / DESCRIBED, said.stdout.encode())
