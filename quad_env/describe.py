@@ -67,7 +67,4 @@ def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
 def _figures(robot: Robot) -> Iterator[str]:
     yield f"name = {json.dumps(robot.name)}"
     for figure in FIGURES:
-        value = getattr(robot, figure)
-        if isinstance(value, np.ndarray):
-            value = np.round(value, 4).tolist()
-        yield f"{figure} = {value if isinstance(value, list) else round(value, 4)}"
+        yield f"{figure} = {np.asarray(getattr(robot, figure)).tolist()}"  # to the last digit: the same robot
