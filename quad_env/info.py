@@ -73,5 +73,5 @@ def _axes(robot: Robot) -> Iterator[str]:
 
 def _axis(axis: Axis) -> str:
     unit = f" {axis.unit}" if axis.unit not in ("", "°") else axis.unit
-    levels = " ".join(f"{level:g}" for level in axis.levels)
-    return f"  {axis.name:13}{f'{axis.nominal:g}{unit}':12}{axis.quantity}: {levels}"
+    levels = " ".join(f"{level:.4g}" for level in axis.levels)
+    return f"  {axis.name:13}{f'{axis.nominal:.4g}{unit}':12}{axis.quantity}: {levels}"

@@ -63,7 +63,7 @@ def severity_axes(cells: Sequence[Cell]) -> tuple[SeverityAxis, ...]:
 
 def amount(value: float, unit: str) -> str:
     """`35 N·s`, `10°`, or a bare number."""
-    return f"{value:g}{'' if unit in ('', '°') else NO_BREAK}{unit}"
+    return f"{value:.4g}{'' if unit in ('', '°') else NO_BREAK}{unit}"
 
 
 def severity(scenario: Scenario) -> str:

@@ -60,7 +60,7 @@ def level_table(results: Results, axis: SeverityAxis) -> Table:
     }
     table = console_table(f"[bold]{escape(axis.name)}[/bold]: success in %, and falls, at {escape(axis.quantity)}")
     for level in axis.levels:
-        table.add_column(f"{level.severity:g}", justify="right")
+        table.add_column(f"{level.severity:.4g}", justify="right")
     if half:
         table.add_column("half at")
     for policy in results.policies:

@@ -19,6 +19,7 @@ from policies.trot.open_loop import PARAMETERS_FILE as TROT_FILE
 from policies.trot.open_loop import Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import likewise
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("trot_integral.json")
@@ -36,9 +37,9 @@ class IntegralParameters(TrotParameters):
     settling_time: float = number(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
     """Time constant with which the robot is expected to take up a new command, s: until then it makes no error."""
     largest_error: float = number(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
-    """Velocity error, m/s and rad/s, that is counted at most: beyond is a push or a fall, not a bias."""
+    """Velocity error, m/s, and of SimpleQuad's rad/s, that is counted at most: beyond is a push or a fall, no bias."""
     largest_correction: float = number(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
-    """Of each velocity, m/s and rad/s."""
+    """Of each velocity, m/s, and of SimpleQuad's rad/s."""
 
 
 SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
@@ -83,6 +84,8 @@ class TrotIntegral(Trot):
         control_period: float = CONTROL_PERIOD,
     ) -> None:
         own = parameters if parameters is not None else integral_parameters(robot)
+        # The same number is of m/s and of rad/s, which are not alike on other robots than SimpleQuad.
+        self._each = np.array([1.0, 1.0, likewise(robot, 1.0, "rad/s") / likewise(robot, 1.0, "m/s")])
         self._gains = np.array([own.integral_gain, own.integral_gain, own.yaw_integral_gain])
         super().__init__(own, robot=robot, control_period=control_period)
 
@@ -101,8 +104,8 @@ class TrotIntegral(Trot):
         self._expected = self._expected + (command - self._expected) * taken_in(period, p.settling_time)
         _, (forward, lateral, _), yaw_rate = motion(observation.T.astype(np.float64))
         error = self._expected - np.stack((forward, lateral, yaw_rate), axis=-1)
-        counted = np.clip(error, -p.largest_error, p.largest_error)
-        most = p.largest_correction
+        largest, most = p.largest_error * self._each, p.largest_correction * self._each
+        counted = np.clip(error, -largest, largest)
         self._integral = np.clip(self._integral + period * self._gains * counted, -most, most)
         corrected = observation.copy()
         corrected[:, OBSERVATION["command"]] += self._integral.astype(np.float32)

@@ -49,7 +49,7 @@ def spec_of(robot: Robot) -> Any:
     sensors = [_Sensor(s.name, s.type, s.objtype, s.objname, s.reftype, s.refname, s.intprm) for s in stage.sensors]
     stage.delete(stage.body("base_link"))
     _clear(stage, "actuators", "sensors", "keys")
-    own.option, own.njmax, own.nconmax = stage.option, stage.njmax, stage.nconmax
+    own.option, own.njmax, own.nconmax, own.nkey = stage.option, stage.njmax, stage.nconmax, stage.nkey
     stage.worldbody.add_frame().attach_body(trunk, _OWN, "")
     stage.modelname = robot.name
     for part in (*stage.bodies, *stage.joints, *stage.geoms, *stage.sites, *stage.cameras, *stage.lights):

@@ -63,7 +63,7 @@ class Axis:
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
     def of(self, robot: Robot) -> "Axis":
-        """The axis whose levels are as hard for that robot, to three digits: see `scaled`."""
+        """The axis whose levels are as hard for that robot: see `scaled`."""
         if robot == SIMPLE_QUAD:
             return self
         larger = self._larger(robot)
@@ -75,8 +75,8 @@ class Axis:
         )
 
     def likewise(self, severity: float, robot: Robot) -> float:
-        """What is as hard for that robot as a severity is for SimpleQuad, to three digits."""
-        return severity if robot == SIMPLE_QUAD else float(f"{self._larger(robot) * severity:.3g}")
+        """What is as hard for that robot as a severity is for SimpleQuad."""
+        return self._larger(robot) * severity
 
     def _larger(self, robot: Robot) -> float:
         return ratio(robot, self.unit) if self.unit in AS_THE_ROBOT else 1.0

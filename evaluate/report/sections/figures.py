@@ -39,7 +39,7 @@ def level_table(results: Results, axis: SeverityAxis) -> str:
     """Successes and falls in per cent: a policy a row, a level a column."""
     heads = [
         heading("success (falls), %", f"at {escape(axis.unit or axis.name)}"),
-        *(f"{level.severity:g}" for level in axis.levels),
+        *(f"{level.severity:.4g}" for level in axis.levels),
     ]
     found = {
         policy: [results.summaries.get((level.name, policy)) for level in axis.levels] for policy in results.policies

@@ -72,7 +72,7 @@ def push_plot(impulses: Floats, fell: Floats, title: str) -> bytes:
     axes.set_yticks([])
     axes.set_ylim(0.0, edges[-1])
     axes.grid(False)
-    levels = [f"{level:g}" for level in levels_of(impulses)]
+    levels = [f"{level:.4g}" for level in levels_of(impulses)]
     rings = ", ".join(levels) if len(levels) <= FEW_RINGS else f"{', '.join(levels[:2])} … {levels[-1]}"
     axes.set_xlabel(f"rings: {rings} N·s", fontsize=8)
     axes.set_title(short_name(title))

@@ -1,0 +1,128 @@
+"""What was chosen for SimpleQuad on robots of other sizes: the same in their own lengths, masses and times."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+from policies.bases import BASES
+from policies.parameters import Parameters, likewise, likewise_ranges
+from policies.trot.open_loop import SEARCH_RANGES, TrotParameters, searched_parameters
+from quad_env import OBSERVATION
+from quad_env.robots import similarity
+from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import ratio
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.quad_env.robots.alike import alike
+from tests.quad_env.robots.made import Made
+
+LONGER, HEAVIER = 0.4, 0.1
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return alike(tmp_path_factory.mktemp("small"), LONGER, HEAVIER)
+
+
+def test_servos_pose_and_speed_of_an_imported_robot_are_those_of_a_simple_quad_of_its_size(small: Robot) -> None:
+    assert small.leg_length == pytest.approx(LONGER * SIMPLE_QUAD.leg_length)
+    assert small.mass == pytest.approx(HEAVIER * SIMPLE_QUAD.mass)
+    for name, unit in (("servo_stiffness", "N·m"), ("rated_torque", "N·m"), ("rated_speed", "rad/s")):
+        assert getattr(small, name) == pytest.approx(ratio(small, unit) * getattr(SIMPLE_QUAD, name)), name
+    damping = ratio(small, "N·m") * ratio(small, "s") * SIMPLE_QUAD.servo_damping
+    assert small.servo_damping == pytest.approx(damping)
+    np.testing.assert_allclose(small.home_pose, SIMPLE_QUAD.home_pose, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "product"),
+    [
+        ("m/s", {"m": 1, "s": -1}),
+        ("m/s²", {"m": 1, "s": -2}),
+        ("N", {"kg": 1, "m/s²": 1}),
+        ("N·s", {"kg": 1, "m/s": 1}),
+        ("N·m", {"N": 1, "m": 1}),
+        ("rad/s", {"s": -1}),
+        ("rad/s²", {"s": -2}),
+        ("Hz", {"s": -1}),
+        ("1/s", {"s": -1}),
+        ("1/s²", {"s": -2}),
+        ("1/m", {"m": -1}),
+        ("1/m²", {"m": -2}),
+        ("1/(m/s)", {"m/s": -1}),
+        ("1/N²", {"N": -2}),
+        ("s²", {"s": 2}),
+        ("s²/m²", {"m/s": -2}),
+        ("s⁴", {"s": 4}),
+        ("s⁴/m²", {"m/s²": -2}),
+    ],
+)
+def test_a_unit_goes_as_what_it_is_made_of(small: Robot, unit: str, product: dict[str, int]) -> None:
+    assert ratio(small, unit) == pytest.approx(
+        np.prod([ratio(small, each) ** power for each, power in product.items()])
+    )
+    assert ratio(SIMPLE_QUAD, unit) == 1.0
+
+
+def test_gravity_is_the_same_and_so_is_the_froude_number(small: Robot) -> None:
+    assert ratio(small, "m/s²") == 1.0
+    assert ratio(small, "m/s") ** 2 / ratio(small, "m") == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ["trot", "trot_integral"])
+def test_a_trot_moves_both_robots_alike_in_their_own_time(name: str, small: Robot) -> None:
+    """Every parameter with a wrong unit, and every bare number in the code that has one, is another angle."""
+    time = ratio(small, "s")
+    ours, theirs = (
+        policies.make(name, robot=r, control_period=0.01 * t) for r, t in ((SIMPLE_QUAD, 1.0), (small, time))
+    )
+    for policy in (ours, theirs):
+        policy.reset(num_envs=3)
+    table = {"linear_velocity": ("m/s", 0.3), "angular_velocity": ("rad/s", 0.5), "joint_velocity": ("rad/s", 1.0)}
+    for tick in range(200):
+        seen = np.zeros((3, 48), np.float32)
+        seen[:, OBSERVATION["projected_gravity"]] = (0.0, 0.0, -1.0)
+        seen[:, OBSERVATION["command"]] = ((0.5, 0.1, 0.3), (0.0, 0.0, 0.0), (-0.4, 0.3, -1.1))
+        felt = seen.copy()
+        for term, (unit, size) in table.items():
+            part = OBSERVATION[term]
+            seen[:, part] = size * np.sin(0.05 * tick + np.arange(part.stop - part.start))
+            felt[:, part] = ratio(small, unit) * seen[:, part]
+        felt[:, OBSERVATION["command"]] *= [ratio(small, unit) for unit in ("m/s", "m/s", "rad/s")]
+        np.testing.assert_allclose(theirs.act(felt), ours.act(seen), atol=2e-6)
+
+
+def test_simple_quads_own_parameters_are_left_alone() -> None:
+    found = searched_parameters()
+    assert likewise(found, SIMPLE_QUAD) is found
+    assert likewise_ranges(SEARCH_RANGES, TrotParameters, SIMPLE_QUAD) == SEARCH_RANGES
+
+
+def test_feet_that_stand_under_their_hips_do_so_on_every_robot(tmp_path: Path) -> None:
+    robot = Robot.from_mjcf(Made().write(tmp_path))
+    straight, apart = 0.5 * (SIMPLE_QUAD.hip_positions[0, 1] + SIMPLE_QUAD.hip_offset), 0.1 + 0.08
+    assert similarity.likewise(robot, 4.0 * straight, similarity.WIDE) == pytest.approx(2.0 * apart)
+    beyond = similarity.likewise(robot, 4.0 * straight + 0.1, similarity.WIDE) - 2.0 * apart
+    assert beyond == pytest.approx(0.1 * robot.leg_length / SIMPLE_QUAD.leg_length)
+    assert similarity.likewise(robot, 0.5, similarity.LONG) == pytest.approx(0.4)
+
+
+def test_what_hangs_on_the_knees_is_the_other_way_round_where_they_bend_forward(tmp_path: Path) -> None:
+    backward, forward = (Robot.from_mjcf(Made(knees=knees).write(tmp_path, f"{knees}.xml")) for knees in (-1, 1))
+    ours, theirs = (searched_parameters(robot) for robot in (backward, forward))
+    for name in ("stance_shift", "forward_bias", "yaw_per_lateral"):
+        assert getattr(theirs, name) == pytest.approx(-getattr(ours, name)) != 0.0, name
+    assert theirs.body_height == pytest.approx(ours.body_height)
+    low, high = likewise_ranges(SEARCH_RANGES, TrotParameters, forward)["stance_shift"]
+    assert low < theirs.stance_shift < high
+
+
+@pytest.mark.parametrize(
+    "kind", {base.parameters for base in BASES.values() if base.parameters}, ids=lambda kind: kind.__name__
+)
+def test_every_unit_is_known(kind: type[Parameters], small: Robot) -> None:
+    for field in fields(kind):
+        if "unit" in field.metadata:
+            assert np.isfinite(similarity.likewise(small, 1.0, field.metadata["unit"])), field.name

@@ -1,0 +1,146 @@
+"""A level means the same for every robot: its scenarios in its own lengths, masses and times."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluate.commands.options import Options
+from evaluate.commands.plan import check
+from quad_env import SCENARIOS, SIMPLE_QUAD, Robot, Scenario, scenario
+from quad_env.config import GRAVITY
+from quad_env.envs.env import SimpleQuadEnv
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.scenarios.axes import AS_THE_ROBOT, AXES, axes_of
+from quad_env.scenarios.combination import likewise
+from quad_env.scenarios.scaling import scaled
+from tests.quad_env.robots.alike import alike
+from train.__main__ import parse
+from train.robots import make_batch
+
+LONGER, HEAVIER = 0.4, 0.1
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return alike(tmp_path_factory.mktemp("small"), LONGER, HEAVIER)
+
+
+def everything(of: Scenario) -> dict[str, float]:
+    """What a scenario asks of a robot, in units of its own."""
+    terrain = of.terrain
+    found = {
+        "forward": of.commands.forward[1],
+        "lateral": of.commands.lateral[0],
+        "yaw": of.commands.yaw_rate[1],
+        "push": of.pushes.impulse if of.pushes else 0.0,
+        "force": of.force.force if of.force else 0.0,
+        "load": of.payload.mass if of.payload else 0.0,
+        "reach": of.payload.reach[0] if of.payload else 0.0,
+        "sink": of.ground.sink_depth,
+        "torque": of.motors.torque_limit or 0.0,
+    }
+    sizes = "peak_to_valley", "correlation_length", "half_size", "spawn_radius", "cell", "rise", "run"
+    return found | {size: getattr(terrain, size) for size in sizes if hasattr(terrain, size)}
+
+
+def own(robot: Robot, of: Scenario) -> dict[str, float]:
+    """The same by what the robot measures: legs, weight, the speed of a fall from its own height."""
+    speed, weight = np.sqrt(GRAVITY * robot.leg_length), robot.mass * GRAVITY
+    by = dict.fromkeys(("forward", "lateral"), speed) | {
+        "yaw": speed / robot.leg_length,
+        "push": robot.mass * speed,
+        "force": weight,
+        "load": robot.mass,
+        "torque": weight * robot.leg_length,
+    }
+    return {name: value / by.get(name, robot.leg_length) for name, value in everything(of).items()}
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_every_level_is_as_hard_for_a_small_robot(axis: str, small: Robot) -> None:
+    for number in range(1, len(AXES[axis].levels) + 1):
+        ours, theirs = AXES[axis].level(number), axes_of(small)[axis].level(number)
+        assert ours.name == theirs.name
+        assert own(small, theirs) == pytest.approx(own(SIMPLE_QUAD, ours)), theirs
+        for same in ("latency", "noise", "dropouts"):
+            assert getattr(theirs, same) == getattr(ours, same)
+        assert theirs.ground.friction == ours.ground.friction
+        assert theirs.motors.bandwidth == ours.motors.bandwidth
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_severities_are_physical(axis: str, small: Robot) -> None:
+    ours, theirs = AXES[axis], axes_of(small)[axis]
+    ratio = theirs.level(2).severity / ours.level(2).severity
+    assert (ratio == 1.0) == (ours.unit not in AS_THE_ROBOT)
+    assert theirs.level(2).severity_unit == ours.unit
+    assert theirs.falling == ours.falling
+    if axis == "push":
+        assert theirs.level(2).pushes.impulse == pytest.approx(theirs.level(2).severity)
+
+
+def test_simple_quads_scenarios_are_the_very_ones_that_they_were(small: Robot) -> None:
+    assert all(scaled(each, SIMPLE_QUAD) is each for each in SCENARIOS.values())
+    assert all(axis.of(SIMPLE_QUAD) is axis for axis in AXES.values())
+    assert scenario("push") is SCENARIOS["push"]
+    assert scenario("push").pushes.impulse == 35.0
+    assert scenario("push", small) != SCENARIOS["push"]
+
+
+def test_what_a_user_writes_in_physical_units_stays_as_it_is(small: Robot) -> None:
+    assert scenario("push=42", small).pushes.impulse == pytest.approx(42.0)
+    assert scenario("flat", small).commands == scenario("push", small).commands
+    both = scenario("payload=0.5+rough=0.03", small)
+    assert both.payload.mass == pytest.approx(0.5)
+    assert both.terrain.peak_to_valley == pytest.approx(0.03)
+    assert both.commands == scenario("flat", small).commands
+    mine = Scenario("mine", pushes=SCENARIOS["push"].pushes)
+    assert scenario(mine, small) is mine
+
+
+def test_a_physical_name_can_be_said_for_another_robot(small: Robot) -> None:
+    assert likewise("payload=20+slope=10", small) == "payload=2+slope=10"
+    assert likewise("push", small) == "push"
+    assert likewise("payload=20", SIMPLE_QUAD) == "payload=20"
+
+
+def test_no_motor_gets_more_torque_than_it_has(small: Robot) -> None:
+    from dataclasses import replace
+
+    weak = replace(small, name="weak", rated_torque=0.5)
+    assert axes_of(weak)["weak_motors"].level(1).motors.torque_limit == 0.5
+
+
+def test_the_environment_takes_the_robots_own_scenario(small: Robot) -> None:
+    for env in (SimpleQuadEnv(scenario="push", robot=small), SimpleQuadVectorEnv(2, scenario="push", robot=small)):
+        assert env.scenario == scenario("push", small)
+        env.close()
+
+
+def test_an_evaluation_and_a_training_take_it(small: Robot, tmp_path: Path) -> None:
+    path = str(small.source)
+    plan = check(Options(policies=("trot",), scenarios=("quick",), robot=path, out=tmp_path / "out"))
+    assert [each.name for each in plan.scenarios][:3] == ["flat", "push", "rough"]
+    assert all(each == axes_of(small)[each.axis].scenario(each.severity, each.name) for each in plan.scenarios)
+    assert plan.policies[0].policy.robot == small
+    config = parse(["--robot", path])
+    assert ("payload=2", 0.07) in config.mixture
+    place = [name for name, _ in config.mixture].index("payload=2")
+    batch = make_batch(config, place, 1.0)
+    assert batch.robot == small
+    assert batch.scenario.payload.mass == pytest.approx(2.0)
+    batch.close()
+
+
+@pytest.mark.parametrize("height", [0.9, 1.1])
+def test_a_fall_is_judged_by_the_robots_own_height(height: float, small: Robot) -> None:
+    env = SimpleQuadEnv(robot=small, terminate_on_fall=False)
+    assert env.config.fall_rule.lowest(small) == pytest.approx(0.2 * small.leg_length)
+    assert env.config.fall_rule.lowest(SIMPLE_QUAD) == 0.12
+    env.reset(seed=0)
+    state = env.simulation.state_of_one((0.0, 0.0, 0.0))._replace(height=height * 0.2 * small.leg_length)
+    from quad_env.task.terminations import fall_code
+
+    assert fall_code(state, env.config.fall_rule, env._lowest) == (3 if height < 1.0 else 0)
+    env.close()
