@@ -43,7 +43,7 @@ class Options:
     """Its MJCF, a TOML that `python -m quad_env describe` has written, or a name such as go1."""
     base: BaseName = "trot_feedback"
     """Policy that the residual corrects."""
-    steps: Count = number(2_500_000, limits=(1, 10**12 - 1))
+    steps: Count = number(4_000_000, limits=(1, 10**12 - 1))
     """Steps of the training."""
     policies: tuple[str, ...] = ("trot", "trot_feedback", RESIDUAL)
     """Policies compared in the end, by name."""

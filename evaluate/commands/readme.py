@@ -17,14 +17,14 @@ from evaluate.analysis.score import Score
 from evaluate.commands.options import command
 from evaluate.report.places import insert
 from evaluate.report.plots import drawing, success
-from evaluate.report.results_page import every_figure, newcomers_table, scenarios_of
+from evaluate.report.results_page import every_figure, newcomers_table, robots_table, scenarios_of
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-MORE = "more"
-"""Name of the page's second place."""
+MORE, ROBOTS = "more", "robots"
+"""Names of the page's second place, and of the README's."""
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """Words for the picture."""
 
@@ -44,6 +44,8 @@ class Options:
     """PNG of the success of every policy on every axis, which the README shows; success.png beside the page."""
     more: Path | None = None
     """results.json of an evaluation of further policies, for the page's place `<!-- more -->` … `<!-- /more -->`."""
+    robots: tuple[Path, ...] = ()
+    """results.json of evaluations of other robots, a row each, for the README's place `<!-- robots -->`."""
 
 
 def main(options: Options) -> int:
@@ -56,6 +58,9 @@ def main(options: Options) -> int:
         texts[options.page] = insert(texts[options.page], _lines(options.more, _read(options.more))[1], MORE)
     if options.readme is not None:
         texts[options.readme] = insert(texts[options.readme], _pictured(shown, found, options, options.readme))
+        if options.robots:
+            others = [_complete(path) for path in options.robots]
+            texts[options.readme] = insert(texts[options.readme], robots_table(others), ROBOTS)
     for path, text in texts.items():
         write_atomically(path, text.encode())
     return 0
@@ -90,11 +95,24 @@ def _read(path: Path) -> dict[str, Any]:
         raise UsageError(f"{path} is not a results.json of `python -m evaluate` ({error!r})") from error
 
 
+def _complete(path: Path) -> dict[str, Any]:
+    """A results.json of a run that was not interrupted, with its scores; UsageError for another."""
+    found = _read(path)
+    _check_complete(path, found)
+    if not found.get("scores"):
+        raise UsageError(f"the evaluation of {path} has no scores: they need several axes of disturbance")
+    return found
+
+
+def _check_complete(path: Path, found: dict[str, Any]) -> None:
+    if not found["complete"]:
+        raise UsageError(f"the evaluation of {path} was interrupted: carry it on with --resume")
+
+
 def _lines(path: Path, found: dict[str, Any]) -> tuple[list[str], list[str]]:
     """The short table and every figure of a results.json; UsageError where it is none, or of an interrupted run."""
     try:
-        if not found["complete"]:
-            raise UsageError(f"the evaluation of {path} was interrupted: carry it on with --resume")
+        _check_complete(path, found)
         made_by = ["", _made_by(found)]
         return [*newcomers_table(found), *made_by], [*every_figure(found), *made_by]
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:

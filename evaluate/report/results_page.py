@@ -9,6 +9,7 @@ from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.sensitivity import LEAD, Sensitivity, effect_text
 from evaluate.analysis.severity_levels import amount, place
 from evaluate.rollouts.battery import resolve
+from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.format import (
     ABSENT,
     counted,
@@ -42,7 +43,7 @@ def newcomers_table(found: dict[str, Any]) -> list[str]:
         f"|---|{'---|' * len(names)}",
     ]
     for row in rows:
-        (scenario,) = resolve((row,))
+        (scenario,) = resolve((row,), _hardware(found).quadruped)
         words = "flat ground" if row == _ON_EVERY_ROW else place(scenario)
         lines.append(f"| {words} | {' | '.join(_short(found, name, row) for name in names)} |")
     alone = [name for name in found["policies"] if name not in names]
@@ -50,6 +51,23 @@ def newcomers_table(found: dict[str, Any]) -> list[str]:
         figures = [f"`{name}` {_short(found, name, _ON_EVERY_ROW)}" for name in alone]
         lines += ["", f"On flat ground alone: {listed(figures)}."]
     return lines
+
+
+def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
+    """Lines of the table of other robots, a robot a row: the score of each policy that all of them have."""
+    scores = [{each["policy"]: each for each in one["scores"]} for one in found]
+    names = [name for name in scores[0] if all(name in each for each in scores)]
+    lines = [f"| robot | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}"]
+    for one, policies in zip(found, scores, strict=True):
+        robot = _hardware(one).quadruped
+        what = f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"
+        cells = (share(policies[name]["score"], tuple(policies[name]["ci"])) for name in names)
+        lines.append(f"| {what} | {' | '.join(cells)} |")
+    return lines
+
+
+def _hardware(found: dict[str, Any]) -> Hardware:
+    return Hardware(**found.get("provenance", {}).get("hardware", {}))
 
 
 def _headline(found: dict[str, Any], names: list[str]) -> str:

@@ -13,14 +13,15 @@ import numpy as np
 import tyro
 from PIL import Image, ImageDraw
 
-import policies
 import quad_env
 from evaluate.report.film import moving_picture
+from evaluate.rollouts.hardware import Hardware, check
 from evaluate.rollouts.observers import Frame, Frames
 from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD
 from policies.files import make_writable_folder, write_atomically
+from quad_env.robots.similarity import likewise
 
 EPISODE = 10.0
 """Length of an episode, s."""
@@ -45,8 +46,10 @@ class Options:
     """Names of scenarios."""
     out: Path = Path("results/walking.png")
     """PNG to write, of strips; or WebP or GIF, of the policies moving side by side, a row a scenario."""
+    robots: tuple[str, ...] = (Hardware.robot,)
+    """Robots side by side, names of quad_env.ROBOTS or paths of their MJCF or TOML; all with every policy."""
     command: tuple[float, float, float] = (0.7, 0.0, 0.0)
-    """Forward m/s, lateral m/s, yaw rate rad/s."""
+    """Forward m/s, lateral m/s, yaw rate rad/s of SimpleQuad; of another robot what is as fast for its size."""
     start: float = 2.0
     """Time of the first frame, s."""
     every: float | None = None
@@ -93,13 +96,14 @@ def _check(options: Options) -> None:
         raise UsageError(f"the last frame must lie within the episode's {EPISODE:g} s; see --start, --every, --frames")
     if not options.policies or not options.scenarios:
         raise UsageError("--policies and --scenarios must each name at least one")
-    for policy in options.policies:
-        policies.resolve(policy, trust=options.trust)
-    try:
-        for scenario in options.scenarios:
-            quad_env.scenario(scenario)
-    except ValueError as error:
-        raise UsageError(f"--scenarios: {error}") from error
+    for hardware in map(_hardware, options.robots):
+        for policy in options.policies:
+            hardware.policy(policy, options.trust)
+        try:
+            for scenario in options.scenarios:
+                quad_env.scenario(scenario, hardware.quadruped)
+        except ValueError as error:
+            raise UsageError(f"--scenarios: {error}") from error
     if options.out.suffix.lower() not in (".png", *MOVING) or options.out.is_dir():
         raise UsageError(f"--out must be a .png, or a .webp or .gif that moves, not {options.out}")
     make_writable_folder(options.out.parent)
@@ -107,7 +111,8 @@ def _check(options: Options) -> None:
 
 def draw(options: Options) -> None:
     """Write the picture."""
-    walks = np.array([[walk(policy, name, options) for policy in options.policies] for name in options.scenarios])
+    columns = [(_hardware(robot), policy) for robot in options.robots for policy in options.policies]
+    walks = np.array([[walk(*column, name, options) for column in columns] for name in options.scenarios])
     scenarios, shown, count = walks.shape[:3]
     if options.moving:  # (scenario, policy, time, y, x, colour)
         sheets = walks.transpose(2, 0, 3, 1, 4, 5).reshape(count, scenarios * HEIGHT, shown * WIDTH, 3)
@@ -118,15 +123,28 @@ def draw(options: Options) -> None:
         Image.fromarray(sheet).save(options.out)
 
 
-def walk(policy: str, scenario: str, options: Options) -> list[Frame]:
+def _hardware(robot: str) -> Hardware:
+    """The robot of that name, checked. Raises UsageError."""
+    hardware = Hardware(robot=robot)
+    try:
+        check(hardware)
+    except (ValueError, OSError, ImportError) as error:
+        raise UsageError(f"--robots: {error}") from error
+    return hardware
+
+
+def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> list[Frame]:
     """Frames of one episode, with its name on the first, or on all that are to move; a fallen robot lies there."""
     first, every = 1 + round(options.start / CONTROL_PERIOD), round(options.period / CONTROL_PERIOD)
     with closing(Frames(every, first, width=SAMPLES * WIDTH, height=SAMPLES * HEIGHT, camera=options.camera)) as frames:
-        steps, found = first + (options.count - 1) * every, policies.resolve(policy, trust=options.trust)
+        steps, found = first + (options.count - 1) * every, hardware.policy(policy, options.trust)
         how = found, scenario, np.array([options.seed])
-        roll_out(*how, frames, steps=steps, command=options.command, terminate_on_fall=False)
+        units = zip(options.command, ("m/s", "m/s", "rad/s"), strict=True)
+        command = [likewise(hardware.quadruped, value, unit) for value, unit in units]
+        roll_out(*how, frames, steps=steps, command=command, terminate_on_fall=False, hardware=hardware)
     taken = frames.taken + frames.taken[-1:] * (options.count - len(frames.taken))
-    label = f"{policy}, {scenario}"
+    of_robot = f"{Path(hardware.robot).stem}: " if len(options.robots) > 1 else ""
+    label = f"{of_robot}{policy}, {scenario}"
     return [_tile(frame, label if options.moving or not i else "") for i, frame in enumerate(taken)]
 
 

@@ -4,7 +4,7 @@ import json
 import os
 import pickle
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -16,8 +16,13 @@ from policies.bundle import DESCRIPTION, WEIGHTS, load, save
 from policies.history import Inputs
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
+from policies.shipped import MODELS, folder_of
+from policies.trot.integral import integral_parameters
 from policies.trot.open_loop import Trot, TrotParameters
-from quad_env import OBSERVATION_SIZE
+from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, Robot
+from quad_env.robots.similarity import ratio
+from tests.quad_env.robots.alike import alike
+from tests.quad_env.robots.made import Made
 
 
 def network(*sizes, activation="tanh"):
@@ -322,6 +327,10 @@ TROT = {"name": "trot"}
         ({"git_revision": 5}, "git_revision"),
         ({"weights_sha256": "0" * 64}, "SHA-256"),
         ({"extra": 1}, "extra"),
+        ({"robot": "my_robot"}, "say which with --robot"),
+        ({"robot": ["go1"]}, "say which with --robot"),
+        ({"model_sha256": "0" * 64}, "another model of simple_quad"),
+        ({"joints": ["fr_hip_joint"]}, "other joints than those of simple_quad, or in another order"),
     ],
 )
 def test_field_that_does_not_fit_is_refused(folder, change, reason):
@@ -387,3 +396,45 @@ def test_a_folder_without_a_bundle_says_what_to_do(tmp_path, files, remedy):
         policies.load(tmp_path)
     assert remedy in str(refused.value)
     assert ("anew" in remedy) == ("anew" in str(refused.value))
+
+
+def test_a_bundle_of_a_users_robot_is_for_that_model_alone(tmp_path):
+    robot = alike(tmp_path)
+    save(tmp_path / "model", ResidualPolicy(Trot(robot=robot), network(62, 12)), training={}, git_revision="")
+    found = policies.resolve(tmp_path / "model", robot=robot)
+    assert found.robot == robot
+    assert found.base.parameters == Trot(robot=robot).parameters
+    with pytest.raises(policies.PolicyError, match="say which with --robot"):
+        policies.resolve(tmp_path / "model")
+    with pytest.raises(policies.PolicyError, match="was trained for simple_quad"):
+        policies.resolve(MODELS / "residual", robot=robot)
+    heavier = alike(tmp_path, heavier=0.11)  # in the place of the other
+    with pytest.raises(policies.PolicyError, match="trained on another model of"):
+        policies.resolve(tmp_path / "model", robot=heavier)
+
+
+def test_joints_in_another_order_are_another_robots(tmp_path):
+    ours, theirs = (
+        Robot.from_mjcf(Made(order=order).write(tmp_path, f"{order[0]}.xml"))
+        for order in (("fr", "fl", "hr", "hl"), ("fl", "fr", "hl", "hr"))
+    )
+    save(tmp_path / "model", ResidualPolicy(Trot(robot=ours), network(62, 12)), training={}, git_revision="")
+    with pytest.raises(policies.PolicyError, match="in another order"):
+        policies.resolve(tmp_path / "model", robot=theirs)
+
+
+def test_what_was_found_for_a_users_robot_lies_beside_its_file(tmp_path):
+    robot = alike(tmp_path)
+    assert folder_of(robot) == tmp_path / robot.name
+    with pytest.raises(policies.PolicyError, match=f"no trained policy in {tmp_path / robot.name}"):
+        policies.make("residual", robot=robot)
+    own = folder_of(robot)
+    save(own / "residual", ResidualPolicy(Trot(robot=robot), network(62, 12)), training={}, git_revision="")
+    assert policies.make("residual", robot=robot).robot == robot
+    searched = replace(Trot(robot=robot).parameters, body_height=0.1)
+    (own / "trot.json").write_text(json.dumps(asdict(searched)))
+    assert policies.make("trot", robot=robot).parameters == searched
+    integral = policies.make("trot_integral", robot=robot).parameters
+    assert integral.body_height == 0.1
+    assert integral.integral_gain == pytest.approx(ratio(robot, "1/s") * integral_parameters().integral_gain)
+    assert folder_of(SIMPLE_QUAD) == MODELS

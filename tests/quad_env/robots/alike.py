@@ -12,7 +12,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 def alike(folder: Path, longer: float = 0.4, heavier: float = 0.1) -> Robot:
     """The robot of that many times its length and mass, as a user's."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
-    time = np.sqrt(longer)
+    spec.modelname, time = "alike", np.sqrt(longer)
     for sensor in list(spec.sensors):
         spec.delete(sensor)
     for body in spec.bodies:
