@@ -13,12 +13,15 @@ from benchmarks.support.measure import difference, interleave, speed_ratio, spre
 from evaluate.terminal.command_line import check_numbers
 from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID, MAX_EPISODE_STEPS
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
 class Options(Common):
     """One robot: wrappers, checks, commands, observation, reward and infos against the physics alone."""
 
+    robot: str = SIMPLE_QUAD.name
+    """Name of the robot, or path of its MJCF or TOML."""
     steps: int = 500
     """Control steps of 10 ms in a round (count), at most an episode."""
 
@@ -28,9 +31,9 @@ def measure(options: Options) -> Outcome:
     if options.quick:
         options = replace(options, rounds=1, steps=20)
     check_numbers(options, {"steps": (1, MAX_EPISODE_STEPS)})
-    actions = bare.walk(options.steps)
-    loop = bare.Loop(bare.start("flat", 1))
-    env = gym.make(ENV_ID)
+    actions = bare.walk(options.steps, robot=options.robot)
+    loop = bare.Loop(bare.start("flat", 1, options.robot))
+    env = gym.make(ENV_ID, robot=options.robot)
 
     def environment() -> float:
         env.reset(seed=0, options={"command": bare.COMMAND})

@@ -33,6 +33,8 @@ RESETS = 5
 class Options(Common):
     """n robots: commands, observations, rewards, ends, resets, pushes and terrain against the physics alone."""
 
+    robot: str = SIMPLE_QUAD.name
+    """Name of the robot, or path of its MJCF or TOML."""
     envs: tuple[int, ...] = (1, 64, 256, 1024, 4096)
     """Numbers of robots (count)."""
     scenarios: tuple[str, ...] = tuple(SCENARIOS)
@@ -84,9 +86,9 @@ def measure(options: Options) -> Outcome:
 
 def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Result:
     """Environment and bare batch, a control step each in turns."""
-    start = bare.start(name, num_envs)
+    start = bare.start(name, num_envs, options.robot)
     robots = bare.Robots(start, options.threads)
-    walkers = Walkers(name, start, options.threads)
+    walkers = Walkers(name, start, options.threads, robot=options.robot)
     for _ in range(options.warm_up):
         walkers.step()
         robots.run(walkers.action[None])
@@ -109,12 +111,14 @@ def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Res
 class Walkers:
     """The environment's batch under the trot, which sees no scan, from the given start."""
 
-    def __init__(self, name: str, start: bare.Start, threads: int, scan: HeightScan | None = None) -> None:
+    def __init__(
+        self, name: str, start: bare.Start, threads: int, scan: HeightScan | None = None, robot: str = SIMPLE_QUAD.name
+    ) -> None:
         count = len(start.seeds)
         self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(
-            ENV_ID, count, scenario=name, nthread=threads, height_scan=scan
+            ENV_ID, count, scenario=name, nthread=threads, height_scan=scan, robot=robot
         )
-        self._policy = policies.make("trot")
+        self._policy = policies.make("trot", robot=robot)
         self._policy.reset(count)
         self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
         """Latest, (n, k)."""

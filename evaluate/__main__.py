@@ -32,6 +32,7 @@ COMMANDS = {
     "safety": Command("evaluate.studies.safety", "falls that the safety layer averts, and its false alarms"),
     "ground": Command("evaluate.studies.ground", "whether success hangs on the very surfaces of random ground"),
     "estimation": Command("evaluate.studies.estimation", "errors of attitude and velocity as sensors tell them"),
+    "straight-walking": Command("evaluate.studies.straight_walking", "speed, pushes, uneven ground and cost of a walk"),
     "prediction": Command("evaluate.studies.prediction", "what the predictive controllers foresee, and what happens"),
     "pictures": Command("evaluate.studies.pictures", "strips of frames and moving pictures of policies walking"),
     "calibration": Command("evaluate.statistics.calibration", "whether intervals and tests err as often as they say"),

@@ -36,8 +36,7 @@ TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODEL
 def _shipped(name: str, *, robot: Robot, control_period: float) -> Policy:
     folder = shipped.folder_of(robot) / name
     if not folder.is_dir():
-        of_robot = "" if robot == SIMPLE_QUAD else f" --robot {robot.source or robot.name}"
-        raise PolicyError(f"no trained policy in {folder}; make one with `python -m train{of_robot}`")
+        raise PolicyError(f"no trained policy in {folder}; make one with `python -m train` for {robot.name}")
     policy = _loaded(folder, robot, control_period)
     policy.name = name
     return policy

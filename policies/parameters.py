@@ -11,7 +11,6 @@ from policies.base import PolicyError
 from policies.shipped import folder_of
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Range = tuple[float, float]
 N = TypeVar("N", int, float, float | None)
@@ -47,25 +46,21 @@ class Parameters:
 
 def likewise(parameters: P, robot: Robot) -> P:
     """SimpleQuad's parameters for a robot, by dynamic similarity."""
-    if robot == SIMPLE_QUAD:
-        return parameters
     values = ((each.name, each.metadata["unit"], getattr(parameters, each.name)) for each in fields(parameters))
     return replace(parameters, **{name: similarity.likewise(robot, value, unit) for name, unit, value in values})
 
 
 def likewise_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:
     """Bounds of a search of SimpleQuad's parameters of that kind, for a robot."""
-    if robot == SIMPLE_QUAD:
-        return dict(ranges)
     units = {each.name: each.metadata["unit"] for each in fields(kind)}
     ends = {name: [similarity.likewise(robot, end, units[name]) for end in bounds] for name, bounds in ranges.items()}
     return {name: (min(both), max(both)) for name, both in ends.items()}
 
 
 def in_force(robot: Robot, file: Path, decode: Callable[[Path], P]) -> P:
-    """The robot's parameters: SimpleQuad's from that file; of another robot those of a file of that name in its own
-    folder, or without one SimpleQuad's by dynamic similarity. Raises PolicyError for a damaged file."""
-    own = folder_of(robot) / file.name if robot != SIMPLE_QUAD else file
+    """The robot's parameters: those of a file of that name in its own folder, or without one SimpleQuad's, of that
+    file, by dynamic similarity. Raises PolicyError for a damaged file."""
+    own = folder_of(robot) / file.name
     return decode(own) if own.is_file() else likewise(decode(file), robot)
 
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
 from typing import Any, get_args
 
-from quad_env.robots.robot import Robot
-
 GRAVITY = 9.81
 """Gravity of every world, m/s²."""
 LOWEST_TRUNK = 0.2
@@ -98,9 +96,9 @@ class FallRule:
     height: float | None = None
     """m, trunk centre above the terrain below it; None for a fifth of the robot's leg, SimpleQuad's 0.12 m"""
 
-    def lowest(self, robot: Robot) -> float:
-        """Height below which that robot has fallen, m."""
-        return LOWEST_TRUNK * robot.leg_length if self.height is None else self.height
+    def lowest(self, leg_length: float) -> float:
+        """Height below which a robot on legs of that length, m, has fallen, m."""
+        return LOWEST_TRUNK * leg_length if self.height is None else self.height
 
 
 FALL_RULE = FallRule().name

@@ -1,7 +1,7 @@
 """A robot is a value that is handed down: its figures and names stand in `quad_env.robots` alone.
 
-Nobody imports a robot's constants, nobody writes its names a second time, and the one robot that there is, SIMPLE_QUAD,
-is named where a default is chosen and hardly anywhere else.
+Nobody imports a robot's constants, nobody writes its names a second time, and the usual robot, SIMPLE_QUAD, is named
+where a default is chosen and hardly anywhere else.
 """
 
 import ast
@@ -17,11 +17,14 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 PACKAGES = ("quad_env", "policies", "evaluate", "train")
 OF_SIMPLE_QUAD = {
     "quad_env/scenarios/axes.py": "severities are chosen for it",
+    "quad_env/scenarios/named.py": "and so are the named scenarios",
+    "quad_env/scenarios/scaling.py": "which are not scaled for itself",
     "quad_env/serialisation.py": "old results know no other robot",
     "quad_env/task/observations.py": "public names are of it",
     "policies/bundle.py": "old bundles know no other robot",
-    "evaluate/rollouts/hardware.py": "evaluations know no other robot",
+    "policies/shipped.py": "what was trained for it has no folder of its own",
     "train/search/recovery.py": "parameters are searched for it",
+    "train/search/trot.py": "its parameters stand beside the code",
 }
 """Modules that name SIMPLE_QUAD otherwise than as the default of a parameter, and why."""
 LEG = re.compile(r"(?<![a-zA-Z0-9])(fl|fr|hl|hr)(?![a-zA-Z0-9])", re.IGNORECASE)

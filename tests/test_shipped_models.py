@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,9 @@ from scipy.stats import fisher_exact
 import policies
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
+from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.bases import describe
+from quad_env.robots.named import EXTRA, WHEEL
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
 
@@ -47,10 +50,10 @@ def _share(cell: str) -> float:
     return int(found[1]) / 100.0
 
 
-def succeeded(policy: policies.Policy, scenario: str) -> int:
+def succeeded(policy: policies.Policy, scenario: str, hardware: Hardware = IDEAL) -> int:
     """Episodes of success on ground and seeds that neither training nor the card has seen."""
-    seeds = episode_seeds("search", 3, EPISODES)
-    return int(measure(rollout.run(policy, practice(scenario, "search"), seeds)).succeeded.sum())
+    seeds, ground = episode_seeds("search", 3, EPISODES), practice(scenario, "search", robot=hardware.quadruped)
+    return int(measure(rollout.run(policy, ground, seeds, hardware=hardware)).succeeded.sum())
 
 
 def chance(claimed: float, of: int, seen: int) -> float:
@@ -74,6 +77,21 @@ def test_a_shipped_policy_is_over_the_base_in_force(name: str) -> None:
     policy = policies.make(name)
     assert isinstance(policy, policies.ResidualPolicy)
     assert describe(policy.base) == describe(policies.make(policy.base.name))
+
+
+@pytest.mark.skipif(find_spec(WHEEL) is None, reason=EXTRA)
+@pytest.mark.parametrize("robot", ["go1", "go2"])
+def test_what_ships_for_another_robot_is_what_its_card_says(robot: str) -> None:
+    hardware = Hardware(robot=robot)
+    said = card(policies.shipped.folder_of(hardware.quadruped) / "residual")
+    policy = hardware.policy("residual")
+    assert isinstance(policy, policies.ResidualPolicy)
+    assert describe(policy.base) == describe(hardware.policy(policy.base.name))
+    for scenario in (name for name in ASKED if name in said.success):
+        seen = succeeded(policy, scenario, hardware)
+        assert chance(said.success[scenario][1], said.episodes, seen) > UNLIKELY, (scenario, seen, said)
+    with pytest.raises(policies.PolicyError, match=f"trained for {robot}"):
+        policies.resolve(policies.shipped.MODELS / robot / "residual")
 
 
 def test_a_claim_too_high_is_told_from_a_true_one() -> None:

@@ -12,7 +12,7 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.command_line import parse as parse_options
 from evaluate.terminal.program import HELP, Command, Program
@@ -86,10 +86,9 @@ def _defaults(words: list[str]) -> TrainConfig:
         found, _ = scout.parse_known_args(words)
     except (argparse.ArgumentError, SystemExit):
         return DEFAULTS["residual"]  # the real parser, which reads the same words next, says what is wrong with them
-    try:
-        defaults = likewise(DEFAULTS[found.policy], found.robot)
-    except (ValueError, OSError, ImportError) as error:
-        raise UsageError(f"--robot: {error}") from None
+    defaults = DEFAULTS[found.policy]
+    if found.robot != Hardware.robot:  # else --help would wait for MuJoCo
+        defaults = likewise(defaults, hardware_of(found.robot))
     low, high = limits_of(TrainConfig)["seeds"]
     if found.resume and low <= found.seeds <= high and not HELP & set(words):
         asked = dataclasses.replace(defaults, seed=found.seed, seeds=found.seeds, out=found.out)

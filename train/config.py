@@ -16,7 +16,6 @@ from policies.history import Inputs
 from policies.parameters import number
 from policies.residual import Space
 from quad_env.config import RewardWeights
-from quad_env.robots.named import robot_of
 from quad_env.scenarios import combination
 from quad_env.scenarios.named import Pushes
 from train.foreign.reward_term import FileTerm
@@ -319,12 +318,10 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
 """Defaults of each kind of policy."""
 
 
-def likewise(config: TrainConfig, robot: str) -> TrainConfig:
-    """SimpleQuad's settings for the robot of that name or path: the same shares on scenarios as hard for it. Raises as
-    `quad_env.robots.named.robot_of`."""
-    quadruped = robot_of(robot)
-    mixture = tuple((combination.likewise(name, quadruped), share) for name, share in config.mixture)
-    return dataclasses.replace(config, robot=robot, mixture=mixture)
+def likewise(config: TrainConfig, hardware: Hardware) -> TrainConfig:
+    """SimpleQuad's settings for another robot: the same shares on scenarios as hard for it."""
+    mixture = tuple((combination.likewise(name, hardware.quadruped), share) for name, share in config.mixture)
+    return dataclasses.replace(config, robot=hardware.robot, mixture=mixture)
 
 
 _NOT_OF_THE_RUN = ("seeds", "engine", "address", "out", "resume", "threads")

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from evaluate.records.provenance import versions
+from evaluate.rollouts.hardware import Hardware
 from policies.files import write_atomically
-from train.config import DEFAULTS, Change, TrainConfig, differences, to_dict
+from train.config import DEFAULTS, Change, TrainConfig, differences, likewise, to_dict
 from train.foreign.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 
@@ -20,7 +21,11 @@ LEARNER = ("stable-baselines3", "torch", "safetensors")
 def command(config: TrainConfig) -> str:
     """The command that repeats a run."""
     options = [f"--policy {config.policy}"] if config.policy != "residual" else []
-    changed = differences(DEFAULTS[config.policy], config)
+    usual = DEFAULTS[config.policy]
+    if config.robot != usual.robot:  # whose defaults are other ones
+        options.append(f"--robot {shlex.quote(config.robot)}")
+        usual = likewise(usual, Hardware(robot=config.robot))
+    changed = differences(usual, config)
     options += [_words_of(each) for each in changed if each.option != "--seed"]
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
 

@@ -88,7 +88,7 @@ def _check_mixture(config: TrainConfig) -> None:
 def _check_hardware(chosen: hardware.Hardware) -> None:
     try:
         hardware.check(chosen)
-    except (ValueError, OSError, ImportError) as error:
+    except ValueError as error:
         raise UsageError(str(error)) from None
 
 

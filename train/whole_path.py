@@ -19,7 +19,7 @@ from typing import Annotated
 import tyro
 
 from evaluate.commands.options import available_cores
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import hardware_of
 from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
@@ -28,7 +28,6 @@ from quad_env.robots.robot import Robot
 from train.config import BaseName, Count
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
-from train.search.outcome import checked_robot
 
 RESIDUAL, DESCRIBED = "residual", "described.txt"
 SEARCH = trot.Options(generations=12, candidates=14, episodes=10, steps=400, check_episodes=48)
@@ -45,6 +44,8 @@ class Options:
     """Policy that the residual corrects."""
     steps: Count = number(4_000_000, limits=(1, 10**12 - 1))
     """Steps of the training."""
+    training: tuple[str, ...] = ()
+    """Further options of `python -m train`, in quotes where there are several, such as "--ppo.envs 512"."""
     policies: tuple[str, ...] = ("trot", "trot_feedback", RESIDUAL)
     """Policies compared in the end, by name."""
     scenarios: tuple[str, ...] = ("default",)
@@ -86,7 +87,7 @@ def main(options: Options) -> int:
     on."""
     check_numbers(options, limits_of(options))
     if not Path(options.robot).suffix:
-        checked_robot(Hardware(robot=options.robot))
+        hardware_of(options.robot)
     make_writable_folder(options.folder)
     stages = _stages(options)
     try:
@@ -123,6 +124,7 @@ def _stages(options: Options) -> list[Stage]:
         words = ["--robot", options.toml, "--base", options.base, "--steps", options.steps, "--seed", options.seed]
         words += ["--threads", options.threads, "--out", training]
         words += ["--validation.interval", options.steps, *["--resume"] * has_checkpoint(training)]
+        words += [word for more in options.training for word in shlex.split(more)]
         if steps_done(training) < options.steps:
             run([str(word) for word in words])
         shutil.copytree(training / BEST, shipped(), dirs_exist_ok=True)
@@ -147,7 +149,7 @@ def _stages(options: Options) -> list[Stage]:
 
 
 def _robot(options: Options) -> Robot:
-    return checked_robot(Hardware(robot=str(options.toml)))
+    return hardware_of(str(options.toml)).quadruped
 
 
 def _compared(folder: Path) -> bool:

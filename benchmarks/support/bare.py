@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import policies
 from quad_env import ENV_ID
 from quad_env.physics.model import stepped_model
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
@@ -40,9 +41,9 @@ class Start:
         return round(self.dt / float(self.model.opt.timestep))
 
 
-def start(scenario: str, num_envs: int) -> Start:
+def start(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> Start:
     """What `reset` with seeds 0, 1, … starts from, n of them."""
-    env = gym.make(ENV_ID, scenario=scenario)
+    env = gym.make(ENV_ID, scenario=scenario, robot=robot)
     distinct = min(num_envs, MOST_STARTS)
     snapshots = []
     for seed in range(distinct):
@@ -61,9 +62,11 @@ def start(scenario: str, num_envs: int) -> Start:
     )
 
 
-def walk(steps: int, seed: int = 0, command: tuple[float, float, float] = COMMAND) -> Actions:
+def walk(
+    steps: int, seed: int = 0, command: tuple[float, float, float] = COMMAND, robot: str = SIMPLE_QUAD.name
+) -> Actions:
     """Actions of the trot in one episode on flat ground, (steps, 12) rad."""
-    env, policy = gym.make(ENV_ID), policies.make("trot")
+    env, policy = gym.make(ENV_ID, robot=robot), policies.make("trot", robot=robot)
     policy.reset()
     observation, _ = env.reset(seed=seed, options={"command": command})
     actions: list[Actions] = []

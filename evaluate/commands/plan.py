@@ -48,7 +48,7 @@ def check(options: Options) -> Plan:
         raise UsageError("--quick, --full and --scenarios each name the scenarios: give one of them")
     try:
         hardware.check(options.hardware)
-    except (ValueError, OSError, ImportError) as error:
+    except ValueError as error:
         raise UsageError(str(error)) from error
     try:
         scenarios = battery.resolve(options.battery, options.hardware.quadruped)

@@ -18,10 +18,9 @@ from evaluate.commands.options import command
 from evaluate.report.places import insert
 from evaluate.report.plots import drawing, success
 from evaluate.report.results_page import every_figure, newcomers_table, robots_table, scenarios_of
-from evaluate.rollouts.battery import BATTERIES
+from evaluate.rollouts.battery import BATTERIES, resolve
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 MORE, ROBOTS = "more", "robots"
 """Names of the page's second place, and of the README's."""
@@ -122,9 +121,7 @@ def _lines(path: Path, found: dict[str, Any]) -> tuple[list[str], list[str]]:
 def _made_by(found: dict[str, Any]) -> str:
     """The command that makes these figures, without what is as usual, and with which versions."""
     provenance, versions, scenarios = found.get("provenance", {}), found["versions"], scenarios_of(found)
-    battery = next(
-        (name for name, each in BATTERIES.items() if [one.name for one in each(SIMPLE_QUAD)] == scenarios), None
-    )
+    battery = next((name for name in BATTERIES if [one.name for one in resolve((name,))] == scenarios), None)
     chosen = {
         "policies": list(limited(found["policies"], provenance.get("only_on", {}))),
         "scenarios": [battery] if battery else scenarios,

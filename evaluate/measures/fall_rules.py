@@ -41,7 +41,7 @@ RULES: dict[str, FallCriterion] = {
             FALL_RULE,
             f"the trunk touches the ground, tilts over {_OWN_TILT}, or its centre is lower than a fifth of its legs",
             "this project",
-            lambda it: it.trunk_contact | (it.tilt > _OWN.tilt) | (it.height < _OWN.lowest(it.robot)),
+            lambda it: it.trunk_contact | (it.tilt > _OWN.tilt) | (it.height < _OWN.lowest(it.robot.leg_length)),
         ),
         FallCriterion(
             "height-only",

@@ -1,7 +1,9 @@
-"""What the robots of a run are built of. It imports nothing, for the options are to be shown quickly."""
+"""What the robots of a run are built of. It imports no package, for the options are to be shown quickly."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
+
+from evaluate.terminal.command_line import UsageError
 
 if TYPE_CHECKING:
     from policies.base import Policy
@@ -51,13 +53,25 @@ def words(hardware: Hardware) -> str:
     return f"{robot} Motors: {hardware.actuator}; sensors: {hardware.sensors}{estimator}."
 
 
+def hardware_of(robot: str, option: str = "--robot") -> Hardware:
+    """The robot of that name or path, otherwise as usual. Raises UsageError."""
+    try:
+        check(found := Hardware(robot=robot))
+    except ValueError as error:
+        raise UsageError(f"{option}: {error}") from error
+    return found
+
+
 def check(hardware: Hardware) -> None:
-    """ValueError, which lists the valid names, where one is unknown or an estimator has no sensors; what `robot_of`
-    raises of a robot."""
+    """ValueError, which lists the valid names, where one is unknown, a robot cannot be had or an estimator has no
+    sensors."""
     from quad_env.actuation.models import actuator
     from quad_env.sensing.estimators import check_estimator
     from quad_env.sensing.suite import sensor_suite
 
-    _ = hardware.quadruped
+    try:
+        _ = hardware.quadruped
+    except (OSError, ImportError) as error:  # no file, or a package that is not installed
+        raise ValueError(str(error)) from error
     actuator(hardware.actuator)
     check_estimator(hardware.estimator, sensor_suite(hardware.sensors))

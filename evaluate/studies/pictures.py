@@ -1,7 +1,7 @@
 """Pictures of policies walking: `python -m evaluate pictures` draws strips of frames, one row a policy and scenario.
 
-Look at the robot before believing a figure. With `--scenarios flat rough --out docs/walking.webp` it draws the README's
-picture, in which the policies move side by side.
+Look at the robot before believing a figure. With `--scenarios flat rough --out docs/walking.webp` the policies move
+side by side; with `--robots simple_quad go1 go2 --policies residual` too, the robots do, as in the README.
 """
 
 from contextlib import closing
@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw
 
 import quad_env
 from evaluate.report.film import moving_picture
-from evaluate.rollouts.hardware import Hardware, check
+from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.rollouts.observers import Frame, Frames
 from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
@@ -96,7 +96,7 @@ def _check(options: Options) -> None:
         raise UsageError(f"the last frame must lie within the episode's {EPISODE:g} s; see --start, --every, --frames")
     if not options.policies or not options.scenarios:
         raise UsageError("--policies and --scenarios must each name at least one")
-    for hardware in map(_hardware, options.robots):
+    for hardware in (hardware_of(robot, "--robots") for robot in options.robots):
         for policy in options.policies:
             hardware.policy(policy, options.trust)
         try:
@@ -111,7 +111,7 @@ def _check(options: Options) -> None:
 
 def draw(options: Options) -> None:
     """Write the picture."""
-    columns = [(_hardware(robot), policy) for robot in options.robots for policy in options.policies]
+    columns = [(Hardware(robot=robot), policy) for robot in options.robots for policy in options.policies]
     walks = np.array([[walk(*column, name, options) for column in columns] for name in options.scenarios])
     scenarios, shown, count = walks.shape[:3]
     if options.moving:  # (scenario, policy, time, y, x, colour)
@@ -121,16 +121,6 @@ def draw(options: Options) -> None:
     else:
         sheet = walks.transpose(0, 1, 3, 2, 4, 5).reshape(scenarios * shown * HEIGHT, count * WIDTH, 3)
         Image.fromarray(sheet).save(options.out)
-
-
-def _hardware(robot: str) -> Hardware:
-    """The robot of that name, checked. Raises UsageError."""
-    hardware = Hardware(robot=robot)
-    try:
-        check(hardware)
-    except (ValueError, OSError, ImportError) as error:
-        raise UsageError(f"--robots: {error}") from error
-    return hardware
 
 
 def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> list[Frame]:
@@ -143,8 +133,9 @@ def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> li
         command = [likewise(hardware.quadruped, value, unit) for value, unit in units]
         roll_out(*how, frames, steps=steps, command=command, terminate_on_fall=False, hardware=hardware)
     taken = frames.taken + frames.taken[-1:] * (options.count - len(frames.taken))
-    of_robot = f"{Path(hardware.robot).stem}: " if len(options.robots) > 1 else ""
-    label = f"{of_robot}{policy}, {scenario}"
+    robots, several = len(options.robots) > 1, len(options.policies) > 1
+    called = [Path(hardware.robot).stem] * robots + [policy] * (several or not robots)
+    label = ", ".join((*called, scenario))
     return [_tile(frame, label if options.moving or not i else "") for i, frame in enumerate(taken)]
 
 

@@ -60,7 +60,7 @@ def conditions(
         "upright": upright,
         "tilted": ~upright,
         "in home pose": at_home & begun,
-        "toppling": (up < np.cos(TOPPLING_TILT)) | (height < FallRule().lowest(robot)),
+        "toppling": (up < np.cos(TOPPLING_TILT)) | (height < FallRule().lowest(robot.leg_length)),
         "landed": at_home & (ticks >= round(JUMP_TIME / control_period)),
         "settled": begun & (turning < SETTLED_ANGULAR),
         "late": ticks >= _limit_ticks(control_period)[state],

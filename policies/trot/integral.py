@@ -60,7 +60,7 @@ def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
     """The parameters in force, see `policies.parameters.in_force`; of a robot whose trot alone was searched, with that
     trot's. Raises PolicyError where they are missing or damaged."""
     found, folder = in_force(robot, PARAMETERS_FILE, read_parameters), folder_of(robot)
-    if robot == SIMPLE_QUAD or (folder / PARAMETERS_FILE.name).is_file() or not (folder / TROT_FILE.name).is_file():
+    if (folder / PARAMETERS_FILE.name).is_file() or not (folder / TROT_FILE.name).is_file():
         return found
     return replace(found, **asdict(searched_parameters(robot)))
 

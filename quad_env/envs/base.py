@@ -80,7 +80,7 @@ class QuadEnvBase:
         rate = self.config.control_rate
         self.dt = 1 / rate
         """Control period, s."""
-        self._lowest = self.config.fall_rule.lowest(robot)
+        self._lowest = self.config.fall_rule.lowest(robot.leg_length)
         motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
         check_estimator(estimator, suite)
         imu = None if suite is None else (suite.imu.position, suite.imu.rotation)

@@ -39,6 +39,9 @@ def robot_from(path: Path, name: str | None = None, **figures: Any) -> Robot:
 
 def _inferred(path: Path, name: str | None, figures: dict[str, Any]) -> Robot:
     own, model, found = stage.read(path)
+    name = name or own.modelname or path.stem
+    if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
+        raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]
     length = leg.thigh_length + leg.calf_length
     longer = length / SIMPLE_QUAD.leg_length
@@ -54,7 +57,7 @@ def _inferred(path: Path, name: str | None, figures: dict[str, Any]) -> Robot:
         "servo_stiffness": lambda: stiffness,
     }
     robot = Robot(
-        name=name or own.modelname or path.stem,
+        name=name,
         mjcf=path,
         urdf=None,
         imported=True,

@@ -54,6 +54,8 @@ def ratio(robot: Robot, unit: str) -> float:
 
 def likewise(robot: Robot, value: float, unit: str) -> float:
     """A figure of SimpleQuad's, in that unit, for the robot."""
+    if robot == SIMPLE_QUAD:
+        return value  # to the last bit
     if unit in (WIDE, LONG):
         apart = _width if unit == WIDE else _length
         return apart(robot) + ratio(robot, "m") * (value - apart(SIMPLE_QUAD))

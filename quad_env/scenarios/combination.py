@@ -42,7 +42,7 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 def likewise(name: str, robot: Robot) -> str:
     """The name of what is as hard for a robot, to three digits, as the scenario of that name is for SimpleQuad."""
-    if robot == SIMPLE_QUAD or not is_combination(name):
+    if not is_combination(name):
         return name
     parts = (_part(text, name, AXES) for text in name.split(BETWEEN))
     return BETWEEN.join(f"{axis.name}{EQUALS}{axis.likewise(severity, robot):.3g}" for axis, severity in parts)

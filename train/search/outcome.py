@@ -4,7 +4,6 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError, check_numbers
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import Parameters, limits_of
@@ -25,14 +24,6 @@ def check(options: object, out: Path, account: str = "") -> None:
         make_writable_folder(out.parent)
     except OSError as error:
         raise UsageError(f"cannot write into {out.parent} ({error.strerror}); choose another --out") from None
-
-
-def checked_robot(hardware: Hardware) -> Robot:
-    """The robot that is searched for. Raises UsageError, one line, where there is none."""
-    try:
-        return hardware.quadruped
-    except (ValueError, OSError, ImportError) as error:
-        raise UsageError(f"--robot: {error}") from None
 
 
 def own_folder(robot: Robot) -> Path:

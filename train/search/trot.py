@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from evaluate.measures.tracking import SETTLING_TIME
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
 from policies.base import CONTROL_PERIOD, Floats
 from policies.parameters import likewise, likewise_ranges, number
 from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, TrotParameters, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.search.evolution import EpisodeEffort, Ranges, changes, evolve, judged, rounded
-from train.search.outcome import as_json, check, checked_robot, own_folder, save
+from train.search.outcome import as_json, check, own_folder, save
 from train.search.trot_cost import MINIMUM_INTERVALS, SCENARIO_WEIGHTS, judge, mapped, method, walked
 
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
@@ -42,7 +42,7 @@ class Options(EpisodeEffort):
     """Rounds of the search."""
     candidates: int = number(14, limits=(4, 1000))
     """Parameter sets tried in a round."""
-    episodes: int = number(10, limits=(1, 10_000))
+    episodes: int = number(10, limits=(MINIMUM_INTERVALS, 10_000))  # else no response can be fitted
     """Episodes a candidate and scenario."""
     steps: int = number(600, limits=(SHORTEST, 100_000))
     """Length of an episode, control steps of 10 ms."""
@@ -110,7 +110,7 @@ def account(options: Options, before: TrotParameters, after: TrotParameters) -> 
 
 def main(options: Options) -> int:
     """Search, write, judge; the exit code. Raises UsageError."""
-    robot = checked_robot(options.hardware)
+    robot = hardware_of(options.robot).quadruped
     own = robot == SIMPLE_QUAD
     out = options.out or (PARAMETERS_FILE if own else own_folder(robot) / PARAMETERS_FILE.name)
     check(options, out, ACCOUNT)

@@ -12,6 +12,7 @@ from evaluate.report.results_page import every_figure, newcomers_table
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.quad_env.robots.alike import alike
 
 CELL = {
     "success_rate": 0.5,
@@ -221,3 +222,34 @@ def test_an_interrupted_run_is_refused(capsys, tmp_path) -> None:
 )
 def test_what_is_no_outcome_is_refused(capsys, tmp_path, content) -> None:
     assert "results.json" in refused(capsys, tmp_path, content)
+
+
+SCORE = {"policy": "trot", "score": 0.471, "ci": [0.432, 0.534], "axes": {}, "difference": 0.0, "p_value": 1.0}
+
+
+def of_robot(robot: str, *policies: str) -> dict:
+    scores = [SCORE | {"policy": policy} for policy in policies]
+    return FOUND | {"scores": scores, "provenance": {"hardware": {"robot": robot}}}
+
+
+def test_other_robots_have_a_row_each(tmp_path) -> None:
+    path = tmp_path / "README.md"
+    path.write_text("<!-- results -->\n<!-- /results -->\n<!-- robots -->\n<!-- /robots -->\n")
+    page = tmp_path / "page.md"
+    page.write_text("<!-- results -->\n<!-- /results -->\n")
+    alike(tmp_path)
+    files = {}
+    for name, found in (
+        ("here", FOUND),
+        ("one", of_robot("simple_quad", "trot", "residual")),
+        ("other", of_robot(str(tmp_path / "alike.xml"), "residual", "mpc_wbc")),
+    ):
+        files[name] = tmp_path / f"{name}.json"
+        files[name].write_text(json.dumps(found))
+    words = ["readme", str(files["here"]), "--readme", str(path), "--page", str(page), "--robots"]
+    assert main([*words, str(files["one"]), str(files["other"])]) == 0
+    table = path.read_text().split("<!-- robots -->\n")[1].splitlines()
+    assert table[0] == "| robot | `residual` |"  # what all of them have
+    assert table[2] == "| simple_quad, 14.2 kg on legs of 0.60 m | 47\N{NO-BREAK SPACE}% [43,\N{NO-BREAK SPACE}53] |"
+    assert table[3].startswith("| alike, 1.4 kg on legs of 0.24 m | ")
+    assert main([*words, str(files["here"])]) == 2  # it has no scores

@@ -5,6 +5,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from evaluate.__main__ import main
+from tests.quad_env.robots.alike import alike
 
 
 @pytest.mark.rendering
@@ -35,6 +36,20 @@ def test_policies_move_side_by_side_over_and_over(tmp_path) -> None:
     tiles = frames[:, 40:].reshape(3, 160, 2, 240, 3)
     moved = (np.abs(np.diff(tiles, axis=0)).max(axis=-1) > 40).mean(axis=(0, 1, 3))
     assert moved[1] > 0.005 > 2.0 * moved[0]  # the trot's legs; the other one stands
+
+
+@pytest.mark.rendering
+def test_robots_walk_side_by_side(tmp_path) -> None:
+    alike(tmp_path)
+    out = tmp_path / "robots.png"
+    robots = ["--robots", "simple_quad", str(tmp_path / "alike.xml"), "--policies", "trot", "--scenarios", "flat"]
+    assert main(["pictures", *robots, "--start", "0.5", "--every", "0.1", "--frames", "2", "--out", str(out)]) == 0
+    with Image.open(out) as image:
+        picture = np.asarray(image.convert("RGB")).astype(int)
+    ours, theirs = picture.reshape(2, 200, 2, 240, 3).swapaxes(1, 2)[:, :, 40:]
+    assert np.abs(ours - theirs).mean() > 1.0
+    for frames in (ours, theirs):
+        assert (np.abs(np.diff(frames, axis=0)).max(axis=-1) > 40).mean() > 0.005  # each walks
 
 
 @pytest.mark.rendering

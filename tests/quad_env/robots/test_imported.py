@@ -92,6 +92,25 @@ def test_a_scripted_policy_walks_ahead_of_everybody_s_legs(robot: Robot) -> None
     assert abs(ahead - 0.3) < 0.12
 
 
+def test_it_marches_on_the_spot(robot: Robot) -> None:
+    env, policy = SimpleQuadVectorEnv(2, robot=robot, nthread=1), policies.make("trot_feedback", robot=robot)
+    observation, _ = env.reset(seed=0, options={"command": np.zeros((2, 3))})
+    policy.reset(num_envs=2)
+    lowest, highest = np.full((2, 4), np.inf), np.zeros((2, 4))
+    begun = None
+    for step in range(300):
+        observation, _, terminated, _, _ = env.step(policy.act(observation))
+        assert not terminated.any()
+        if step >= 100 and step % 5 == 0:
+            data = [env.simulation.snapshot(place) for place in range(2)]
+            feet = np.array([[each.site(f"{leg}_foot").xpos[2] for leg in robot.leg_names] for each in data])
+            places = np.array([each.qpos[:2] for each in data])
+            begun = places if begun is None else begun
+            lowest, highest = np.minimum(lowest, feet), np.maximum(highest, feet)
+    assert (highest - lowest).min() > 0.02 * robot.leg_length  # every foot is lifted
+    assert np.linalg.norm(places - begun, axis=1).max() < 0.5 * robot.leg_length
+
+
 def test_the_environment_is_one(robot: Robot) -> None:
     env = gym.make("quad_env:SimpleQuad-v0", robot=robot)
     with warnings.catch_warnings():
@@ -186,6 +205,7 @@ BROKEN = {
     "give knee_direction": changed(limits=()),
     "give rated_torque": changed(torque=None),
     "the home pose lies outside the limits of B2": changed(limits=NARROW),
+    "a robot's name is that of a folder too": changed('model="made"', 'model="../made"'),
     "has no length": changed(lengths=(0.08, 0.0, 0.2)),
 }
 
@@ -219,6 +239,8 @@ def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> Non
     assert robot.home_pose[2] > 0.0
     for line, said in {
         "servo_stifness = 3": "'servo_stifness' cannot be told; what can: home_pose, ",
+        'name = "../../elsewhere"': "a robot's name is that of a folder too",
+        "name = 3": "a robot's name is that of a folder too",
         "knee_direction = 0": "knee_direction is -1 or 1, got 0",
         "rated_torque = -1": "rated_torque is a number above 0, got -1",
         "home_pose = [1, 2]": "home_pose is three angles",

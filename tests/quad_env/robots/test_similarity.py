@@ -96,7 +96,7 @@ def test_a_trot_moves_both_robots_alike_in_their_own_time(name: str, small: Robo
 
 def test_simple_quads_own_parameters_are_left_alone() -> None:
     found = searched_parameters()
-    assert likewise(found, SIMPLE_QUAD) is found
+    assert likewise(found, SIMPLE_QUAD) == found
     assert likewise_ranges(SEARCH_RANGES, TrotParameters, SIMPLE_QUAD) == SEARCH_RANGES
 
 

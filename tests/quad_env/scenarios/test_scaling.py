@@ -1,12 +1,19 @@
 """A level means the same for every robot: its scenarios in its own lengths, masses and times."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+import policies
 from evaluate.commands.options import Options
 from evaluate.commands.plan import check
+from evaluate.measures.episodes import Episodes
+from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.rollout import run
+from policies.base import Policy
 from quad_env import SCENARIOS, SIMPLE_QUAD, Robot, Scenario, scenario
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
@@ -15,8 +22,11 @@ from quad_env.scenarios.axes import AS_THE_ROBOT, AXES, axes_of
 from quad_env.scenarios.combination import likewise
 from quad_env.scenarios.scaling import scaled
 from tests.quad_env.robots.alike import alike
+from train import validation
 from train.__main__ import parse
+from train.config import ValidationConfig
 from train.robots import make_batch
+from train.run_record import command
 
 LONGER, HEAVIER = 0.4, 0.1
 
@@ -130,14 +140,44 @@ def test_an_evaluation_and_a_training_take_it(small: Robot, tmp_path: Path) -> N
     batch = make_batch(config, place, 1.0)
     assert batch.robot == small
     assert batch.scenario.payload.mass == pytest.approx(2.0)
+    assert batch.scenario.commands == scenario("flat", small).commands
     batch.close()
+
+
+def test_the_command_that_repeats_a_training_says_what_is_not_the_robots_own(small: Robot) -> None:
+    words = ["--robot", str(small.source), "--base", "trot", "--seed", "3"]
+    told = command(parse(words))
+    assert told == f"python -m train --robot {small.source} --base trot --seed 3"
+    assert parse(told.split()[3:]) == parse(words)
+
+
+def test_a_training_begins_as_mild_as_the_robot_needs_it(small: Robot) -> None:
+    config = parse(["--robot", str(small.source), "--curriculum", "0.0"])
+    place = [name for name, _ in config.mixture].index("rough=0.08")
+    batch = make_batch(config, place, 0.0)
+    assert batch.scenario.terrain.peak_to_valley == pytest.approx(0.4 * AXES["rough"].levels[0])
+    batch.close()
+
+
+def test_a_validation_is_on_the_robots_own_ground(small: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the call site: which scenario, and which robot, are really run."""
+    seen, hardware = [], Hardware(robot=str(small.source))
+
+    def watched(policy: Policy, scenario: Scenario, seeds: NDArray[np.int64], **options: Any) -> Episodes:
+        seen.append((scenario, options["hardware"]))
+        return run(policy, scenario, seeds, steps=101, **options)
+
+    monkeypatch.setattr(validation, "run", watched)
+    chosen = ValidationConfig(episodes=1, scenarios=("push",))
+    validation.validate(policies.make("trot", robot=small), chosen, 1, hardware)
+    assert seen == [(scenario("push", small), hardware)]
 
 
 @pytest.mark.parametrize("height", [0.9, 1.1])
 def test_a_fall_is_judged_by_the_robots_own_height(height: float, small: Robot) -> None:
     env = SimpleQuadEnv(robot=small, terminate_on_fall=False)
-    assert env.config.fall_rule.lowest(small) == pytest.approx(0.2 * small.leg_length)
-    assert env.config.fall_rule.lowest(SIMPLE_QUAD) == 0.12
+    assert env.config.fall_rule.lowest(small.leg_length) == pytest.approx(0.2 * small.leg_length)
+    assert env.config.fall_rule.lowest(SIMPLE_QUAD.leg_length) == 0.12
     env.reset(seed=0)
     state = env.simulation.state_of_one((0.0, 0.0, 0.0))._replace(height=height * 0.2 * small.leg_length)
     from quad_env.task.terminations import fall_code

@@ -9,11 +9,17 @@ import pytest
 
 import policies
 from evaluate.measures.metrics import Measures
-from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters
+from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.rollout import run
+from policies.parameters import likewise
+from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
+from tests.quad_env.robots.alike import alike
 from train.__main__ import main
+from train.scenarios import practice
 from train.search import trot as search_trot
+from train.search import trot_cost
 from train.search.command_map import WEAKNESS_WEIGHT, undone
 from train.search.evolution import decode, encode
 from train.search.outcome import check
@@ -156,7 +162,7 @@ def test_bad_input_is_one_line(arguments, complaint, capsys):
     assert complaint in line
 
 
-TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 4 --threads 1"
+TINY = "--generations 1 --candidates 4 --episodes 8 --steps 101 --check-episodes 4 --threads 1"
 
 
 def test_a_search_writes_parameters_that_walk_and_its_account(tmp_path):
@@ -196,5 +202,39 @@ def test_ctrl_c_in_a_search_is_130_and_writes_nothing(tmp_path, monkeypatch, cap
 
 
 def test_the_defaults_can_be_searched_with():
-    check(Options(), Options().out)
+    check(Options(), PARAMETERS_FILE)
     assert policies.make("trot").name == "trot"
+
+
+def test_a_robots_search_goes_to_its_own_folder_and_begins_with_its_own_size(tmp_path, capsys):
+    robot = alike(tmp_path)
+    path = tmp_path / "alike.xml"
+    assert main(["search", "trot", *TINY.split(), "--robot", str(path)]) == 0
+    own = tmp_path / "alike"
+    told = (own / "TROT.md").read_text()
+    assert f"search trot --seed 0 --robot {path}" in told
+    start, found = likewise(searched_parameters(), robot), json.loads((own / "trot.json").read_text())
+    assert f"| blend_time | fixed | {start.blend_time:.9g} | {found['blend_time']:.9g} |" in told
+    low, high = (robot.leg_length / 0.6 * end for end in SEARCH_RANGES["body_height"])
+    assert low <= found["body_height"] <= high < 0.22
+    assert policies.make("trot", robot=robot).parameters == TrotParameters(**found)
+    assert main(["search", "trot", "--robot", "go9"]) == 2
+    assert "unknown robot" in capsys.readouterr().err
+
+
+def test_candidates_walk_as_the_robot_on_its_own_ground(tmp_path, monkeypatch):
+    """At the call site: which robot, which scenario and which policy are really run."""
+    robot, seen = alike(tmp_path), []
+    hardware = Hardware(robot=str(tmp_path / "alike.xml"))
+
+    def watched(policy, scenario, seeds, **options):
+        seen.append((policy.robot, scenario, options["hardware"]))
+        return run(policy, scenario, seeds, **options)
+
+    monkeypatch.setattr(trot_cost, "run", watched)
+    judge([searched_parameters(robot)], episode_seeds("search", 0, 8), 101, 1, hardware)
+    assert all(each == robot for each, _, _ in seen)
+    assert all(each == hardware for _, _, each in seen)
+    assert {each.name: each for _, each, _ in seen} == {
+        name: practice(name, "search", robot=robot) for name in trot_cost.SCENARIO_WEIGHTS
+    }

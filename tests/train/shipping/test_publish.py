@@ -152,7 +152,7 @@ def test_a_stopped_publishing_goes_on_where_it_was(runs, tmp_path, monkeypatch):
 def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path, monkeypatch, capsys):
     base = policies.make(parse([]).base)
     other = type(base)(parameters=dataclasses.replace(base.parameters, frequency=5.0))
-    monkeypatch.setattr(policies, "make", lambda name: other)
+    monkeypatch.setattr(policies, "make", lambda name, **_: other)
     assert publish([str(runs / "0"), "--to", str(tmp_path / "model")]) == 2
     assert "other parameters" in capsys.readouterr().err
     assert not (tmp_path / "model").exists()

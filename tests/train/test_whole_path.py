@@ -1,0 +1,104 @@
+"""The whole way with a robot of somebody's own: every stage leaves its outcome, and none is done twice."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import policies
+from evaluate.terminal.command_line import UsageError
+from quad_env.robots.named import robot_of
+from tests.quad_env.robots.alike import alike
+from tests.quad_env.robots.made import Made
+from train import whole_path
+from train.__main__ import main
+
+BRIEF = replace(whole_path.SEARCH, generations=1, candidates=4, episodes=8, steps=101, check_episodes=4)
+TRAINING = (
+    "--ppo.envs 8 --ppo.rollout-steps 8 --ppo.minibatch 64 --max-episode-steps 16 --mixture flat 1.0 "
+    "--validation.episodes 1"
+)
+
+
+def words(robot: Path, out: Path) -> list[str]:
+    brief = ["--steps", "64", "--base", "trot", "--policies", "trot", "residual", "--scenarios", "flat", "push"]
+    return [
+        "robot",
+        str(robot),
+        "--out",
+        str(out),
+        *brief,
+        "--episodes",
+        "2",
+        "--threads",
+        "1",
+        f"--training={TRAINING}",
+    ]
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str], int]:
+    folder = tmp_path_factory.mktemp("mine")
+    robot, found = alike(folder), words(folder / "alike.xml", folder / "out")
+    assert robot.source == folder / "alike.xml"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(whole_path, "SEARCH", BRIEF)
+        code = main(found)
+    return folder / "out", found, code
+
+
+def test_every_stage_leaves_its_outcome(walked: tuple[Path, list[str], int]) -> None:
+    out, _, code = walked
+    assert code == 0
+    assert (out / "evaluation" / "report.html").is_file()
+    robot = robot_of(str(out / "alike.toml"))
+    assert robot.sha256 == robot_of(str(out.parent / "alike.xml")).sha256
+    own = out / "alike"
+    assert json.loads((own / "trot.json").read_text()) == vars(policies.make("trot", robot=robot).parameters)
+    assert f"--robot {out / 'alike.toml'}" in (own / "TROT.md").read_text()
+    assert policies.make("residual", robot=robot).base.parameters == policies.make("trot", robot=robot).parameters
+    results = json.loads((out / "evaluation" / "results.json").read_text())
+    assert results["provenance"]["hardware"]["robot"] == str(out / "alike.toml")
+    assert results["policies"]["residual"]["scenarios"]["push"]["severity"] == pytest.approx(35.0 * 0.1 * 0.4**0.5)
+
+
+def test_what_is_done_is_not_done_again(
+    walked: tuple[Path, list[str], int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, found, _ = walked
+    files = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
+    assert main(found) == 0
+    assert capsys.readouterr().out.count("done already") == 4
+    assert {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()} == files
+    (out / "evaluation" / "results.json").unlink()
+    assert main(found) == 0
+    assert capsys.readouterr().out.count("done already") == 3
+    assert (out / "evaluation" / "results.json").is_file()
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    alike(tmp_path)
+
+    def stop(_: object) -> int:
+        raise KeyboardInterrupt("kept what was found")
+
+    monkeypatch.setattr(whole_path.trot, "main", stop)
+    monkeypatch.setattr("sys.argv", ["train", "robot", "my robot.xml"])
+    options = whole_path.Options(robot=str(tmp_path / "alike.xml"), out=tmp_path / "out")
+    with pytest.raises(KeyboardInterrupt) as said:
+        whole_path.main(options)
+    assert str(said.value) == "kept what was found; go on with: python -m train robot 'my robot.xml'"
+    assert (tmp_path / "out" / "alike.toml").is_file()
+
+
+@pytest.mark.parametrize(("made", "told"), [(Made(torque=None), True), (Made(hinges=2), True)])
+def test_a_robot_that_cannot_be_used_ends_it_before_anything_is_searched(
+    made: Made, told: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    options = whole_path.Options(robot=str(made.write(tmp_path)), out=tmp_path / "out")
+    with pytest.raises(UsageError, match="cannot be used as it is"):
+        whole_path.main(options)
+    assert len(capfd.readouterr().err.splitlines()) == 2  # why, and where to tell what is missing
+    assert (tmp_path / "out" / "inferred.toml").is_file() == told
+    assert not (tmp_path / "out" / "made.toml").exists()
