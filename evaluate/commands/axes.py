@@ -10,6 +10,7 @@ import tyro
 
 from evaluate.commands.options import PROGRAM, WALKING_POLICIES, Flag, available_cores
 from evaluate.commands.options import Options as Comparison
+from evaluate.rollouts.hardware import hardware_of
 from evaluate.terminal.command_line import UsageError, check_numbers
 
 PICTURE = "fall_rates.svg"
@@ -29,6 +30,8 @@ class Options:
     """Episodes of 10 s of each policy at each level (count)."""
     seed: int = 0
     """Which set of episodes (whole number from 0)."""
+    robot: str = Comparison.robot
+    """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
     out: Path = Path("results/axes")
     """Folder for fall_rates.svg and the files of an evaluation."""
     resume: Flag = False
@@ -64,12 +67,14 @@ def _place_levels(options: Options, axes: tuple[str, ...], others: dict[str, Any
     from evaluate.commands import placed_levels
     from evaluate.commands.plan import check
     from evaluate.records.store import is_unfinished, read_run
+    from quad_env.scenarios.axes import axes_of
 
     check_numbers(options, {"budget": (1, 10**9)})
     if options.resume and not is_unfinished(options.out) and read_run(options.out).complete:
         print(f"{options.out} holds the whole run: nothing is left to simulate", file=sys.stderr)
         return _draw(options)
-    names = tuple(name for axis in axes for name in placed_levels.scenario_names(axis))
+    robot = hardware_of(options.robot).quadruped
+    names = tuple(name for axis in axes for name in placed_levels.scenario_names(axes_of(robot)[axis]))
     plan = check(Comparison(scenarios=names, film=False, **others))
     words = ["axes", *axes, "--sequential", "--policies", *options.policies, "--episodes", str(options.episodes)]
     words += [
@@ -79,6 +84,7 @@ def _place_levels(options: Options, axes: tuple[str, ...], others: dict[str, Any
         str(options.budget),
         "--out",
         str(options.out),
+        *(["--robot", options.robot] if options.robot != Comparison.robot else []),
         "--resume",
         *(["--trust"] if options.trust else []),
     ]

@@ -13,17 +13,17 @@ from evaluate.records.store import ChunkStore, Run, remove_chunks
 from evaluate.report.table import print_breaking_points
 from evaluate.rollouts.experiment import Cell
 from policies.files import sole_use
-from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.axes import Axis, axes_of
 from quad_env.scenarios.named import Scenario
 
 Names = Mapping[str, Sequence[str]]
 """Names of scenarios by policy."""
 
 
-def scenario_names(axis: str) -> tuple[str, ...]:
+def scenario_names(axis: Axis) -> tuple[str, ...]:
     """Names of the levels of an axis, and of every severity between them that may be run."""
-    between = (severity for severity in grid(AXES[axis]) if severity not in AXES[axis].levels)
-    return (f"{axis}:all", *(f"{axis}={severity!r}" for severity in between))
+    between = (severity for severity in grid(axis) if severity not in axis.levels)
+    return (f"{axis.name}:all", *(f"{axis.name}={severity!r}" for severity in between))
 
 
 def execute(plan: Plan, budget: int, go_on: str) -> int:
@@ -63,9 +63,9 @@ def _rounds(plan: Plan, store: ChunkStore, most: int) -> tuple[list[Cell], bool]
 
 def _next(plan: Plan, cells: Sequence[Cell], most: int) -> list[str]:
     """Names of the scenarios that a policy runs in the next round, after these cells of its own."""
-    found = []
+    found, axes = [], axes_of(plan.options.hardware.quadruped)
     for axis in dict.fromkeys(scenario.axis for scenario in plan.scenarios):
-        severities = wanted([cell for cell in cells if cell.scenario.axis == axis], grid(AXES[axis]), most)
+        severities = wanted([cell for cell in cells if cell.scenario.axis == axis], grid(axes[axis]), most)
         found += [each.name for each in plan.scenarios if each.axis == axis and each.severity in severities]
     return found
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from evaluate.measures.episodes import OF_POLICY, TRUTHS, Episodes, blank, shapes
 from evaluate.rollouts.experiment import TraceWriter
-from evaluate.rollouts.hardware import IDEAL
+from evaluate.rollouts.hardware import IDEAL, hardware_of
 from policies.files import write_atomically
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
@@ -28,6 +28,8 @@ from quad_env.scenarios.scenario import Scenario
 FOLDER = "traces"
 """Inside the folder of the results."""
 KEY = b"simple_quad_trace"
+ROBOT = "robot"
+"""Key of the robot's name or path, of another than the usual one."""
 COMPACT = (
     *("command", "heading_velocity", "position", "height", "tilt", "phase"),
     *("foot_contact", "leg_contact", "trunk_contact", "stopped"),
@@ -92,6 +94,8 @@ def write(episodes: Episodes, header: Header, path: Path) -> None:
         field.name: getattr(episodes, field.name) for field in fields(Episodes) if field.type in (int, float, bool)
     }
     about = {"schema": 1, "steps": episodes.steps, "header": vars(header), "numbers": numbers}
+    if (robot := str(episodes.robot.source or episodes.robot.name)) != IDEAL.robot:
+        about[ROBOT] = robot
     buffer = io.BytesIO()
     pq.write_table(
         pa.table(table).replace_schema_metadata({KEY: json.dumps(about).encode()}),
@@ -115,7 +119,7 @@ def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
     header, steps, count = Header(**about["header"]), about["steps"], table.num_rows
     if (header.kind, kind) == ("compact", "full"):
         raise ValueError(f"{path} is a compact trace: it lacks signals that measures need")
-    robot = IDEAL.quadruped
+    robot = hardware_of(about.get(ROBOT, IDEAL.robot), str(path)).quadruped
     signals = {name: _signal(table, robot, name, steps, count) for name in shapes(robot)}
     whole = {name: np.array(table[name].to_pylist(), dtype=kind) for name, kind in PER_EPISODE.items()}
     whole["push_impulse"] = whole["push_impulse"].reshape(*whole["push_step"].shape, 2)

@@ -10,7 +10,8 @@ from evaluate.analysis.breaking_points import breaking_points
 from evaluate.analysis.level_placement import NEAREST, grid, wanted
 from evaluate.records.store import read_run
 from evaluate.rollouts import experiment
-from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.axes import AXES, axes_of
+from tests.quad_env.robots.alike import alike
 
 PUSH = AXES["push"]
 EPISODES = 40
@@ -113,3 +114,15 @@ def test_a_budget_ends_it(simulated, tmp_path) -> None:
 def test_nothing_is_wanted_of_a_policy_that_never_breaks(made_up_cell) -> None:
     cells = [made_up_cell("trot", np.zeros(20, bool), scenario=PUSH.level(k + 1)) for k in range(len(PUSH.levels))]
     assert wanted(cells, grid(PUSH), most=99) == []
+
+
+def test_another_robots_levels_are_its_own(simulated, tmp_path, monkeypatch) -> None:
+    robot = alike(tmp_path)
+    small = axes_of(robot)["push"].levels
+    monkeypatch.setitem(BREAKS_AT, "stand", 57.0 * small[0] / PUSH.levels[0])
+    monkeypatch.setitem(BREAKS_AT, "trot", 120.0 * small[0] / PUSH.levels[0])
+    assert main(words(tmp_path / "out", "--budget", "480", "--robot", str(robot.source))) == 0
+    severities = {severity for _, severity in simulated}
+    assert set(small) < severities
+    assert max(severities) == small[-1]
+    assert read_run(tmp_path / "out").manifest.hardware.robot == str(robot.source)

@@ -13,8 +13,11 @@ from evaluate.measures.metrics import measure
 from evaluate.records import trace
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
+from evaluate.rollouts.hardware import Hardware
+from evaluate.terminal.command_line import UsageError
 from quad_env.config import FALL_RULE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.quad_env.robots.alike import alike
 
 STEPS = 250
 HARD = replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(count=2, impulse=70.0, window=(0.5, 1.9)))
@@ -54,6 +57,26 @@ def test_a_full_trace_gives_back_every_bit(traced, tmp_path) -> None:
         if isinstance(value := getattr(traced, field.name), np.ndarray):
             assert getattr(episodes, field.name).dtype == value.dtype, field.name
     assert_same(measure(episodes), measure(traced))
+
+
+def test_a_trace_knows_whose_it_is(traced, tmp_path) -> None:
+    """Rules of falls ask for the robot's own height."""
+    robot = alike(tmp_path, longer=0.2)
+    hardware = Hardware(robot=str(robot.source))
+    small = rollout.run(
+        hardware.policy("stand"), "flat", evaluation_seeds(0, 2), steps=20, after_falls=True, hardware=hardware
+    )
+    for kind in ("compact", "full"):
+        trace.write(small, trace.Header("stand", "flat", 0, kind), tmp_path / "trace.parquet")
+        _, read = trace.read(tmp_path / "trace.parquet", kind)
+        assert read.robot == robot
+        assert not fall_rules.RULES["height-only"].holds(read).any()
+        assert fall_rules.RULES["height-only"].holds(replace(read, robot=SIMPLE_QUAD)).all()  # 0.11 m is low for it
+    robot.source.unlink()
+    with pytest.raises(UsageError, match=r"trace\.parquet: .*alike\.xml is no file"):
+        trace.read(tmp_path / "trace.parquet")
+    trace.write(traced, trace.Header("residual", "hard", 0, "full"), tmp_path / "ours.parquet")
+    assert trace.read(tmp_path / "ours.parquet")[1].robot is SIMPLE_QUAD
 
 
 def test_a_compact_trace_is_a_tenth_of_a_full_one_and_keeps_what_rules_look_at(traced, tmp_path) -> None:
