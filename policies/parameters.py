@@ -45,9 +45,12 @@ class Parameters:
 
 
 def likewise(parameters: P, robot: Robot) -> P:
-    """SimpleQuad's parameters for a robot, by dynamic similarity."""
+    """SimpleQuad's parameters for a robot, by dynamic similarity. Raises PolicyError for one of a size beyond any."""
     values = ((each.name, each.metadata["unit"], getattr(parameters, each.name)) for each in fields(parameters))
-    return replace(parameters, **{name: similarity.likewise(robot, value, unit) for name, unit, value in values})
+    try:
+        return replace(parameters, **{name: similarity.likewise(robot, value, unit) for name, unit, value in values})
+    except ValueError as error:
+        raise PolicyError(f"SimpleQuad's parameters are none for {robot.name}: {error}") from None
 
 
 def likewise_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:

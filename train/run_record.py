@@ -7,7 +7,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from evaluate.records.provenance import versions
+from evaluate.records.provenance import model_of, versions
 from evaluate.rollouts.hardware import Hardware
 from policies.files import write_atomically
 from train.config import DEFAULTS, Change, TrainConfig, differences, likewise, to_dict
@@ -48,7 +48,7 @@ def words(value: Any) -> str:
 def write_settings(config: TrainConfig, steps: int) -> list[str]:
     """Write the settings, and who carries the run on from so many steps; what differs from its begin, a line each."""
     write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
-    path, now = config.folder / RECORD_FILE, _versions()
+    path, now = config.folder / RECORD_FILE, _versions() | model_of(config.hardware)
     earlier = _sessions(path) if steps else []
     write_atomically(path, _lines({"command": command(config), "sessions": [*earlier, {"from_steps": steps, **now}]}))
     first = earlier[0] if earlier else now

@@ -5,8 +5,9 @@ report. What is done already is not done again: after Ctrl-C, or when the comput
 goes on where it was.
 """
 
+import dataclasses
+import json
 import shlex
-import shutil
 import subprocess
 import sys
 import time
@@ -21,6 +22,7 @@ import tyro
 from evaluate.commands.options import available_cores
 from evaluate.rollouts.hardware import hardware_of
 from evaluate.terminal.command_line import UsageError, check_numbers
+from policies.bundle import DESCRIPTION, WEIGHTS
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
 from policies.shipped import folder_of
@@ -29,7 +31,7 @@ from train.config import BaseName, Count
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 
-RESIDUAL, DESCRIBED = "residual", "described.txt"
+RESIDUAL, BEGUN, DESCRIBED = "residual", "begun.json", "described.txt"
 SEARCH = trot.Options(generations=12, candidates=14, episodes=10, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
 
@@ -89,6 +91,7 @@ def main(options: Options) -> int:
     if not Path(options.robot).suffix:
         hardware_of(options.robot)
     make_writable_folder(options.folder)
+    _begun_alike(options)
     stages = _stages(options)
     try:
         for place, stage in enumerate(stages):
@@ -127,7 +130,9 @@ def _stages(options: Options) -> list[Stage]:
         words += [word for more in options.training for word in shlex.split(more)]
         if steps_done(training) < options.steps:
             run([str(word) for word in words])
-        shutil.copytree(training / BEST, shipped(), dirs_exist_ok=True)
+        make_writable_folder(shipped())
+        for name in (WEIGHTS, DESCRIPTION):  # the latter says that it is done
+            write_atomically(shipped() / name, (training / BEST / name).read_bytes())
 
     def evaluate() -> None:
         from evaluate.__main__ import compare
@@ -148,6 +153,28 @@ def _stages(options: Options) -> list[Stage]:
     ]
 
 
+def _begun_alike(options: Options) -> None:
+    """Keep what the way is begun with. Raises UsageError where the folder is that of another way."""
+    now = dataclasses.asdict(options) | {"robot": _place(options.robot)}
+    now = json.loads(json.dumps({name: now[name] for name in now if name not in ("out", "threads")}, default=str))
+    begun = options.folder / BEGUN
+    if not begun.is_file():
+        write_atomically(begun, (json.dumps(now, indent=2) + "\n").encode())
+        return
+    try:
+        then = json.loads(begun.read_bytes())
+        other = [name for name in now if then.get(name) != now[name]]
+    except (ValueError, AttributeError):
+        other = ["nothing that can be read"]
+    if other:
+        raise UsageError(f"{options.folder} was begun otherwise ({', '.join(other)}): choose another --out")
+
+
+def _place(robot: str) -> str:
+    """Where the robot's file is; the name of one that has none."""
+    return str(Path(robot).resolve()) if Path(robot).suffix else robot
+
+
 def _robot(options: Options) -> Robot:
     return hardware_of(str(options.toml)).quadruped
 
@@ -161,14 +188,16 @@ def _compared(folder: Path) -> bool:
 def _describe(options: Options) -> None:
     """Print what is found, and keep it with a TOML and a picture. Raises UsageError where it is no such robot."""
     command = [sys.executable, "-m", "quad_env", "describe", options.robot]
-    written, own = options.folder / "inferred.toml", options.toml == Path(options.robot)
-    said = subprocess.run([*command, *([] if own else ["--toml", str(written)])], stdout=subprocess.PIPE, text=True)
+    written, told = options.folder / "inferred.toml", options.toml.is_file()
+    if written.is_file():
+        raise UsageError(f"{written} waits for what is missing: give it instead of {options.robot}, or remove it")
+    said = subprocess.run([*command, *([] if told else ["--toml", str(written)])], stdout=subprocess.PIPE, text=True)
     print(said.stdout, end="")
     if said.returncode:
         kept = f"; tell what is missing in {written}, and give that instead" if written.is_file() else ""
         raise UsageError(f"{options.robot} cannot be used as it is{kept}")
     if subprocess.run([*command, "--picture", str(options.folder / "standing.png")], capture_output=True).returncode:
         print("no picture of it: rendering is impossible here", file=sys.stderr)
-    if not own:
+    if not told:
         written.rename(options.toml)
     write_atomically(options.folder / DESCRIBED, said.stdout.encode())

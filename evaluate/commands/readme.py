@@ -49,6 +49,8 @@ class Options:
 
 def main(options: Options) -> int:
     """Write the tables; the exit code."""
+    if options.robots and options.readme is None:
+        raise UsageError("--robots are for the README: name it with --readme")
     texts = {path: _text(path) for path in (options.readme, options.page) if path is not None}
     found = _read(options.results)
     shown, every = _lines(options.results, found)
@@ -59,7 +61,8 @@ def main(options: Options) -> int:
         texts[options.readme] = insert(texts[options.readme], _pictured(shown, found, options, options.readme))
         if options.robots:
             others = [_complete(path) for path in options.robots]
-            texts[options.readme] = insert(texts[options.readme], robots_table(others), ROBOTS)
+            made_by = " ".join(map(_made_by, others))
+            texts[options.readme] = insert(texts[options.readme], [*robots_table(others), "", made_by], ROBOTS)
     for path, text in texts.items():
         write_atomically(path, text.encode())
     return 0

@@ -8,10 +8,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from evaluate.records.provenance import DIGEST, code_digest, cpu_model, policy_digest, versions
+from evaluate.records.provenance import DIGEST, code_digest, cpu_model, model_of, policy_digest, versions
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
-from evaluate.rollouts.hardware import IDEAL, Hardware
+from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
 from quad_env.scenarios.named import Scenario
@@ -107,7 +107,7 @@ def manifest(
         seed=seed,
         episodes=episodes,
         steps=rollout.STEPS,
-        versions=versions(),
+        versions=versions() | model_of(hardware),
         code=code_digest(),
         cpu=cpu_model(),
         options=options,
@@ -127,9 +127,11 @@ def read(folder: Path) -> Manifest:
         if found.pop("schema") != SCHEMA:
             raise ValueError("it is of another schema")
         values = {"scenarios": from_plain(found["scenarios"]), "hardware": Hardware(**found["hardware"])}
-        return Manifest(**(found | values))
+        manifest = Manifest(**(found | values))
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no manifest of this version ({error})") from error
+    hardware_of(manifest.hardware.robot, f"{path}: its robot")
+    return manifest
 
 
 def check_folder(folder: Path) -> None:

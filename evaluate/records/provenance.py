@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from evaluate.measures.outcomes import SUCCESS_RULE
+from evaluate.rollouts.hardware import Hardware
 from policies.base import Policy
 from quad_env.config import FallRule
 
@@ -38,6 +39,11 @@ def versions() -> dict[str, str | None]:
         "success_rule": SUCCESS_RULE,
         "git_revision": git_revision(REPOSITORY),
     }
+
+
+def model_of(hardware: Hardware) -> dict[str, str]:
+    """The SHA-256 of the robot's model, where it is none of the code's."""
+    return {} if hardware.robot == Hardware.robot else {"robot": hardware.quadruped.sha256}
 
 
 def git_revision(folder: Path) -> str | None:

@@ -9,7 +9,7 @@ from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.sensitivity import LEAD, Sensitivity, effect_text
 from evaluate.analysis.severity_levels import amount, place
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.terminal.format import (
     ABSENT,
     counted,
@@ -23,6 +23,7 @@ from evaluate.terminal.format import (
     points_interval,
     share,
 )
+from quad_env.robots.robot import Robot
 
 ROWS = ("flat", "push", "push:4", "rough", "rough:4", "slope", "payload:4", "latency:4")
 """Conditions of the table, of those that the run has."""
@@ -43,7 +44,7 @@ def newcomers_table(found: dict[str, Any]) -> list[str]:
         f"|---|{'---|' * len(names)}",
     ]
     for row in rows:
-        (scenario,) = resolve((row,), _hardware(found).quadruped)
+        (scenario,) = resolve((row,), _robot(found))
         words = "flat ground" if row == _ON_EVERY_ROW else place(scenario)
         lines.append(f"| {words} | {' | '.join(_short(found, name, row) for name in names)} |")
     alone = [name for name in found["policies"] if name not in names]
@@ -59,15 +60,17 @@ def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
     names = [name for name in scores[0] if all(name in each for each in scores)]
     lines = [f"| robot | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}"]
     for one, policies in zip(found, scores, strict=True):
-        robot = _hardware(one).quadruped
+        robot = _robot(one)
         what = f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"
         cells = (share(policies[name]["score"], tuple(policies[name]["ci"])) for name in names)
         lines.append(f"| {what} | {' | '.join(cells)} |")
     return lines
 
 
-def _hardware(found: dict[str, Any]) -> Hardware:
-    return Hardware(**found.get("provenance", {}).get("hardware", {}))
+def _robot(found: dict[str, Any]) -> Robot:
+    """The robot of a results.json. Raises UsageError where it is not to be had here."""
+    name = found.get("provenance", {}).get("hardware", {}).get("robot", Hardware.robot)
+    return hardware_of(name, "the results' robot").quadruped
 
 
 def _headline(found: dict[str, Any], names: list[str]) -> str:

@@ -94,8 +94,8 @@ def _check(options: Options) -> None:
         raise UsageError(f"--frames must be at least 1, --every at least {CONTROL_PERIOD:g} s, --start not negative")
     if not options.start + options.count * options.period <= EPISODE:
         raise UsageError(f"the last frame must lie within the episode's {EPISODE:g} s; see --start, --every, --frames")
-    if not options.policies or not options.scenarios:
-        raise UsageError("--policies and --scenarios must each name at least one")
+    if not options.policies or not options.scenarios or not options.robots:
+        raise UsageError("--policies, --scenarios and --robots must each name at least one")
     for hardware in (hardware_of(robot, "--robots") for robot in options.robots):
         for policy in options.policies:
             hardware.policy(policy, options.trust)

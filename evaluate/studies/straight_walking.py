@@ -19,7 +19,7 @@ from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_se
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.rollouts.workers import process_pool
 from evaluate.statistics.intervals import bootstrap_interval, wilson_interval
-from evaluate.terminal.command_line import check_numbers
+from evaluate.terminal.command_line import UsageError, check_numbers
 from evaluate.terminal.format import ABSENT, number, share
 from policies.files import write_atomically
 from quad_env.config import CommandRanges
@@ -59,6 +59,9 @@ def main(options: Options) -> int:
     hardware = hardware_of(options.robot)
     page = None if options.page is None else page_with(options.page, RESULTS)
     walks = scenarios(hardware.quadruped, options.speeds)
+    for option, given in (("speeds", [walk.name for walk in walks]), ("policies", options.policies)):
+        if not given or len(set(given)) < len(given):
+            raise UsageError(f"--{option} are to be named, and none twice (speeds to 0.01 m/s)")
     compared = [LabelledPolicy(name, hardware.policy(name)) for name in options.policies]
     lines = list(table(options, hardware, walks, compared))
     print("\n".join(lines))

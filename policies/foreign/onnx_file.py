@@ -19,6 +19,7 @@ from policies.foreign.python_file import Maker
 from policies.foreign.reference import Reference
 from policies.network import Network, Weights
 from policies.residual import ResidualPolicy
+from quad_env.robots.robot import Robot
 
 DESCRIPTION = "simple_quad_policy"
 """Key of the metadata that makes a file a residual."""
@@ -32,12 +33,13 @@ _OPSET, _IR_VERSION = 17, 8
 """Old ones, which every runtime reads."""
 
 
-def load(reference: Reference) -> Policy | Maker:
-    """A residual, or what gives the action for one observation. Raises PolicyError, one line."""
+def load(reference: Reference, robot: Robot) -> Policy | Maker:
+    """A residual for the robot, if it is its own, or what gives the action for one observation. Raises PolicyError, one
+    line."""
     model = _opened(reference)
     description = model.session.get_modelmeta().custom_metadata_map.get(DESCRIPTION)
     if description is not None:
-        return _residual(reference.file, description, model)
+        return _residual(reference.file, description, model, robot)
     return lambda: model.one
 
 
@@ -83,7 +85,7 @@ def _input(session: Any, reference: Reference) -> tuple[str, int, type[np.floati
     return inputs[0].name, len(shape), _TYPES[inputs[0].type]
 
 
-def _residual(file: Path, description: str, model: _Model) -> ResidualPolicy:
+def _residual(file: Path, description: str, model: _Model, robot: Robot) -> ResidualPolicy:
     onnx: Any = import_module("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
     found = bundle.parsed(file, description.encode())
@@ -98,7 +100,7 @@ def _residual(file: Path, description: str, model: _Model) -> ResidualPolicy:
             raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
         return network
 
-    return bundle.assembled(file, found, network)
+    return bundle.assembled(file, found, network, robot)
 
 
 def _difference(model: _Model, network: Network, count: int) -> float:
@@ -109,14 +111,14 @@ def _difference(model: _Model, network: Network, count: int) -> float:
     return float(np.abs(told - network(features)).max()) if told.shape == (count, network.sizes[-1]) else np.inf
 
 
-def export(folder: Path, file: Path, checked: int) -> float:
-    """Write the residual of a bundle's folder as ONNX; the largest difference of the file's corrections from the
-    bundle's, over so many features. Raises PolicyError and OSError."""
+def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -> float:
+    """Write the residual of a bundle's folder, for a robot as in `policies.load`, as ONNX; the largest difference of
+    the file's corrections from the bundle's, over so many features. Raises PolicyError and OSError."""
     try:
         onnx: Any = import_module("onnx")
     except ModuleNotFoundError:
         raise PolicyError('ONNX files need onnx, which is not here: pip install -e ".[onnx]"') from None
-    network = bundle.load(folder).network
+    network = bundle.load(folder, robot).network
     model = onnx.helper.make_model(
         _graph(onnx, network),
         opset_imports=[onnx.helper.make_opsetid("", _OPSET)],

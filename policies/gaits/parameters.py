@@ -36,39 +36,39 @@ BEYOND = 10.0
 class GaitParameters(Parameters):
     """Numbers of one gait; a robot that changes gait goes through all values between."""
 
-    frequency: float = number(3.0, limits=(0.5, 10.0), unit="Hz")
+    frequency: float = number(3.0, limits=(0.05, 50.0), unit="Hz")
     """Gait cycles a second at rest, Hz."""
-    frequency_rise: float = number(0.5, limits=(0.0, 10.0), unit="Hz")
+    frequency_rise: float = number(0.5, limits=(0.0, 50.0), unit="Hz")
     """Added to the frequency at Froude number 1, Hz; in proportion to the root of the Froude number."""
     duty: float = number(0.6, limits=(0.1, 0.95))
     """Share of the cycle that a foot is on the ground, at rest."""
     duty_fall: float = number(0.05, limits=(0.0, 0.5))
     """Taken off the duty factor at Froude number 1; in proportion to the root of the Froude number."""
-    body_height: float = number(0.32, limits=(0.1, 0.6), unit="m")
+    body_height: float = number(0.32, limits=(0.01, 5.0), unit="m")
     """Hip joints above the centres of the standing feet, m."""
-    step_height: float = number(0.08, limits=(0.0, 0.3), unit="m")
+    step_height: float = number(0.08, limits=(0.0, 2.0), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.5, limits=(0.05, 2.0), unit=WIDE)
+    stance_width: float = number(0.5, limits=(0.005, 10.0), unit=WIDE)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
-    stance_shift: float = number(0.0, limits=(-0.2, 0.2), unit="m ahead")
+    stance_shift: float = number(0.0, limits=(-2.0, 2.0), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
     bounce: float = number(0.0, limits=(0.0, 2.0))
     """How far each hip is thrown up while its leg swings, per free flight of that time."""
-    sway: float = number(0.0, limits=(-0.2, 0.2), unit="m")
+    sway: float = number(0.0, limits=(-2.0, 2.0), unit="m")
     """How far the trunk leans over to the side of the standing feet while those of the other side swing, m."""
     stance_load: float = number(0.8, limits=(0.0, 3.0))
     """Share of its mean load whose give in the joint servos the targets of a standing leg make up for."""
-    servo_lead: float = number(0.01, limits=(0.0, 0.1), unit="s")
+    servo_lead: float = number(0.01, limits=(0.0, 1.0), unit="s")
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
     forward_gain: float = number(1.0, limits=(-10.0, 10.0))
     """Gait's forward velocity per commanded."""
-    forward_bias: float = number(0.0, limits=(-1.0, 1.0), unit="m/s ahead")
+    forward_bias: float = number(0.0, limits=(-10.0, 10.0), unit="m/s ahead")
     """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
     lateral_gain: float = number(1.0, limits=(-10.0, 10.0))
     """Gait's lateral velocity per commanded."""
     yaw_gain: float = number(1.0, limits=(-10.0, 10.0))
     """Gait's yaw rate per commanded."""
-    yaw_per_lateral: float = number(0.0, limits=(-10.0, 10.0), unit="1/m ahead")
+    yaw_per_lateral: float = number(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
     """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
     forward_limit: float = number(BEYOND, limits=(0.01, 100.0), unit="m/s")
     """Fastest forward command that the gait follows, m/s; asked for more it goes the same way more slowly: `slowed`."""

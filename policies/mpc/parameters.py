@@ -16,29 +16,29 @@ PARAMETERS_FILE = Path(__file__).with_name("mpc_wbc.json")
 class MpcParameters(Parameters):
     """Gait, cost and gains; the defaults were set by hand on a few search episodes, those in force were searched."""
 
-    frequency: float = number(2.5, limits=(0.1, 20.0), search=(1.8, 4.5), unit="Hz")
+    frequency: float = number(2.5, limits=(0.05, 50.0), search=(1.8, 4.5), unit="Hz")
     """Gait cycles a second, Hz."""
     frequency_gain: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 3.0), unit="1/m")
     """How much faster it steps per velocity error beyond 0.4 m/s, Hz per m/s."""
-    most_faster: float = number(2.0, limits=(0.0, 20.0), unit="Hz")
+    most_faster: float = number(2.0, limits=(0.0, 50.0), unit="Hz")
     """Hz."""
     duty: float = number(0.5, limits=(0.05, 0.95), search=(0.45, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    height: float = number(0.36, limits=(0.1, 1.0), search=(0.34, 0.48), unit="m")
+    height: float = number(0.36, limits=(0.01, 5.0), search=(0.34, 0.48), unit="m")
     """Trunk's centre above the ground, m."""
-    step_height: float = number(0.08, limits=(0.0, 0.5), search=(0.02, 0.2), unit="m")
+    step_height: float = number(0.08, limits=(0.0, 2.0), search=(0.02, 0.2), unit="m")
     """Lift of a swinging foot, m."""
-    width: float = number(0.5, limits=(0.1, 1.0), search=(0.42, 0.62), unit=WIDE)
+    width: float = number(0.5, limits=(0.005, 10.0), search=(0.42, 0.62), unit=WIDE)
     """Between the lines of the left and the right feet, m."""
-    length: float = number(0.5, limits=(0.1, 1.0), search=(0.4, 0.6), unit=LONG)
+    length: float = number(0.5, limits=(0.005, 10.0), search=(0.4, 0.6), unit=LONG)
     """Between the lines of the fore and the hind feet, m."""
-    shift: float = number(0.0, limits=(-0.3, 0.3), search=(-0.05, 0.05), unit="m ahead")
+    shift: float = number(0.0, limits=(-2.0, 2.0), search=(-0.05, 0.05), unit="m ahead")
     """Middle of the feet ahead of the centre of mass, m."""
     step_gain: float = number(0.06, limits=(-1.0, 1.0), search=(0.0, 0.2), unit="s")
     """A foot is put further out by this times the velocity error, s."""
-    horizon_step: float = number(0.04, limits=(0.005, 0.2), unit="s")
+    horizon_step: float = number(0.04, limits=(0.001, 1.0), unit="s")
     """Of the prediction, s."""
-    plan_period: float = number(0.0, limits=(0.0, 0.2), unit="s")
+    plan_period: float = number(0.0, limits=(0.0, 1.0), unit="s")
     """Between two plans while the feet stand as planned, s; 0 for one at every control step."""
     roll_weight: float = number(10.0, limits=(0.0, 1e6))
     pitch_weight: float = number(10.0, limits=(0.0, 1e6))
@@ -51,11 +51,11 @@ class MpcParameters(Parameters):
     """Of the horizontal velocity error."""
     vertical_weight: float = number(0.5, limits=(0.0, 1e6), unit="s²/m²")
     """Of the vertical velocity."""
-    force_weight: float = number(1e-5, limits=(1e-9, 1e3), unit="1/N²")
+    force_weight: float = number(1e-5, limits=(1e-12, 1000.0), unit="1/N²")
     """Per squared newton."""
     friction: float = number(0.65, limits=(0.01, 2.0), search=(0.2, 0.7))
     """Horizontal force of a foot along each axis, per vertical."""
-    swing_stiffness: float = number(300.0, limits=(0.0, 1e5), search=(100.0, 1500.0), unit="1/s²")
+    swing_stiffness: float = number(300.0, limits=(0.0, 1000000.0), search=(100.0, 1500.0), unit="1/s²")
     """Acceleration of a swinging foot per distance from its path, 1/s²."""
     swing_damping: float = number(30.0, limits=(0.0, 1e4), search=(10.0, 80.0), unit="1/s")
     """The same per velocity error, 1/s."""
@@ -65,7 +65,7 @@ class MpcParameters(Parameters):
     """The same of the accelerations of standing feet, s⁴/m²."""
     swinging_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.02, 2.0), unit="s⁴/m²")
     """The same of swinging feet."""
-    force_priority: float = number(0.2, limits=(1e-6, 1e6), search=(0.005, 2.0), unit="1/N²")
+    force_priority: float = number(0.2, limits=(1e-09, 1000000000.0), search=(0.005, 2.0), unit="1/N²")
     """The same of the feet's forces, 1/N²."""
     stance_damping: float = number(20.0, limits=(0.0, 1e4), unit="1/s")
     """Deceleration asked of a standing foot, 1/s."""
@@ -73,19 +73,19 @@ class MpcParameters(Parameters):
     """Time constant with which the rigid body's acceleration is corrected by what was observed, s."""
     load_time: float = number(0.06, limits=(0.0, 1e6), search=(0.005, 0.5), unit="s")
     """The same of the vertical force, s."""
-    load_height: float = number(0.15, limits=(-1.0, 2.0), unit="m")
+    load_height: float = number(0.15, limits=(-2.0, 10.0), unit="m")
     """Centre of a load above the trunk's centre, m."""
     most_force: float = number(1.2, limits=(0.1, 100.0), search=(0.7, 2.0))
     """Largest vertical force of a foot, per weight of the robot and its load."""
     slope_time: float = number(0.2, limits=(0.0, 1e3), search=(0.05, 1.0), unit="s")
     """Time constant with which the slope under the feet is taken in, s."""
-    touch_force: float = number(15.0, limits=(0.0, 1e3), unit="N")
+    touch_force: float = number(15.0, limits=(0.0, 100000.0), unit="N")
     """Vertical force, N, from which a foot is taken to touch the ground."""
-    early_force: float = number(20.0, limits=(0.0, 1e3), unit="N")
+    early_force: float = number(20.0, limits=(0.0, 100000.0), unit="N")
     """Vertical force, N, from which a foot has touched the ground before its time."""
-    search_speed: float = number(0.5, limits=(0.0, 10.0), search=(0.1, 1.5), unit="m/s")
+    search_speed: float = number(0.5, limits=(0.0, 50.0), search=(0.1, 1.5), unit="m/s")
     """Downward speed of a foot that should stand and does not touch the ground, m/s."""
-    landing_depth: float = number(0.01, limits=(0.0, 0.2), search=(0.0, 0.04), unit="m")
+    landing_depth: float = number(0.01, limits=(0.0, 1.0), search=(0.0, 0.04), unit="m")
     """How far below the ground the path of a swinging foot ends, m: feet follow it late."""
     lean_gain: float = number(1.0, limits=(0.0, 10.0), search=(0.0, 1.5))
     """Shift of the footholds against a lasting force, as a share of what balances it."""

@@ -39,7 +39,7 @@ class FeedbackParameters(Parameters):
     """How far the targets run ahead of the planned path of the foot along its tangent, s."""
     neutral_share: float = number(0.8, limits=_GAIN, search=(-0.2, 1.2))
     """Neutral point ahead of the hip as a share of half the way that a foot passes in its stance."""
-    stance_load: float = number(95.0, limits=(-1e3, 1e3), search=(20.0, 120.0), unit="N")
+    stance_load: float = number(95.0, limits=(-1e5, 1e5), search=(20.0, 120.0), unit="N")
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
     blend_time: float = number(0.3, limits=(1e-3, 100.0), unit="s")
     """From the home pose to the gait at the start of an episode, s."""

@@ -31,9 +31,9 @@ class IntegralParameters(TrotParameters):
     """The trot's, and those of the integral, whose defaults were chosen by hand on search episodes."""
 
     integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Change of the followed velocity, m/s², per velocity error, m/s."""
+    """Change of the followed velocity per velocity error, 1/s."""
     yaw_integral_gain: float = number(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Change of the followed yaw rate, rad/s², per error, rad/s."""
+    """Change of the followed yaw rate per error, 1/s."""
     settling_time: float = number(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
     """Time constant with which the robot is expected to take up a new command, s: until then it makes no error."""
     largest_error: float = number(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")

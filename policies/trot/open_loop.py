@@ -42,7 +42,7 @@ class TrotParameters(Parameters):
     """Middle of the strides ahead of the hip joints, m."""
     servo_lead: float = number(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05), unit="s")
     """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
-    stance_load: float = number(50.0, limits=(-1e3, 1e3), search=(0.0, 90.0), unit="N")
+    stance_load: float = number(50.0, limits=(-1e5, 1e5), search=(0.0, 90.0), unit="N")
     """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
     blend_time: float = number(0.3, limits=(1e-3, 100.0), unit="s")
     """From the home pose to the gait at the start of an episode, s."""

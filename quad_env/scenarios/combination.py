@@ -45,7 +45,8 @@ def likewise(name: str, robot: Robot) -> str:
     if not is_combination(name):
         return name
     parts = (_part(text, name, AXES) for text in name.split(BETWEEN))
-    return BETWEEN.join(f"{axis.name}{EQUALS}{axis.likewise(severity, robot):.3g}" for axis, severity in parts)
+    scaled_parts = ((axis.name, float(f"{axis.likewise(severity, robot):.3g}")) for axis, severity in parts)
+    return BETWEEN.join(f"{axis}{EQUALS}{_number(severity)}" for axis, severity in scaled_parts)
 
 
 def _part(text: str, name: str, axes: dict[str, Axis]) -> tuple[Axis, float]:

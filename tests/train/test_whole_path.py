@@ -77,6 +77,19 @@ def test_what_is_done_is_not_done_again(
     assert (out / "evaluation" / "results.json").is_file()
 
 
+def test_another_way_does_not_go_on_in_its_folder(
+    walked: tuple[Path, list[str], int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, found, _ = walked
+    assert main([*found, "--base", "trot_integral"]) == 2
+    assert "was begun otherwise (base): choose another --out" in capsys.readouterr().err
+    elsewhere = out.parent / "elsewhere"
+    elsewhere.mkdir()
+    alike(elsewhere)
+    assert main([found[0], str(elsewhere / "alike.xml"), *found[2:]]) == 2
+    assert "begun otherwise (robot)" in capsys.readouterr().err
+
+
 def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     alike(tmp_path)
 
@@ -101,4 +114,8 @@ def test_a_robot_that_cannot_be_used_ends_it_before_anything_is_searched(
         whole_path.main(options)
     assert len(capfd.readouterr().err.splitlines()) == 2  # why, and where to tell what is missing
     assert (tmp_path / "out" / "inferred.toml").is_file() == told
+    (tmp_path / "out" / "inferred.toml").write_text("# mine")
+    with pytest.raises(UsageError, match="waits for what is missing"):
+        whole_path.main(options)
+    assert (tmp_path / "out" / "inferred.toml").read_text() == "# mine"
     assert not (tmp_path / "out" / "made.toml").exists()

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import tyro
 
+from evaluate.rollouts.hardware import hardware_of
 from evaluate.terminal.command_line import UsageError, make_folder_of
 from policies.foreign import onnx_file
 
@@ -19,6 +20,8 @@ class Options:
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("models/residual")
     """Folder of a trained policy, or of a training run."""
+    robot: str | None = None
+    """Its robot, where it is a user's: the path of its MJCF or TOML."""
     out: Path = Path("results/residual.onnx")
     """File to write: the network, and as metadata its base and everything else that makes it a policy."""
 
@@ -28,6 +31,7 @@ def main(options: Options) -> int:
     if options.out.suffix != ".onnx":
         raise UsageError(f"--out must be an .onnx, not {options.out}")
     make_folder_of(options.out, "--out")
-    found = onnx_file.export(options.folder, options.out, CHECKED)
+    robot = None if options.robot is None else hardware_of(options.robot).quadruped
+    found = onnx_file.export(options.folder, options.out, CHECKED, robot)
     print(f"{options.out}: as the bundle at {CHECKED:,} random observations, to {found:.1e} of the authority")
     return 0

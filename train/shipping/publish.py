@@ -86,7 +86,7 @@ def main(options: Options) -> int:
     base, robot = shipped.config.base, shipped.config.hardware.quadruped
     if describe(policies.load(Path(shipped.label) / BEST, robot).base) != describe(policies.make(base, robot=robot)):
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
-    to = options.to or folder_of(robot) / options.policy
+    to = options.to or folder_of(robot) / options.policy.replace("-", "_")
     make_writable_folder(to)
     card = model_card(to.resolve().name, runs, shipped, judge(options, runs, shipped))
     for name in ("policy.safetensors", "policy.json"):

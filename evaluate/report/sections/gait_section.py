@@ -14,15 +14,19 @@ from evaluate.rollouts.hardware import Hardware
 from policies.base import CONTROL_PERIOD
 from quad_env.config import CommandRanges
 from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import likewise
 from quad_env.scenarios.named import Scenario
 
 SPEED = 0.7
-"""Forward, m/s."""
+"""Forward, m/s of SimpleQuad; another robot's is as fast for its size."""
 START, END = 3.0, 5.0
 """Shown, s from the start of the episode."""
-SCENARIO = Scenario(
-    "steady", commands=CommandRanges(forward=(SPEED, SPEED), lateral=(0.0, 0.0), yaw_rate=(0.0, 0.0), zero_fraction=0.0)
-)
+
+
+def steady(robot: Robot) -> Scenario:
+    """Straight ahead on level ground."""
+    ahead = likewise(robot, SPEED, "m/s")
+    return Scenario("steady", commands=CommandRanges((ahead, ahead), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0))
 
 
 def gaits(results: Results) -> str:
@@ -41,9 +45,10 @@ def gaits(results: Results) -> str:
             results.hardware.quadruped, contact, START, CONTROL_PERIOD, style(results, policy)[0], policy
         )
         images.append(image(drawn, f"When each foot of {policy} is on the ground"))
+    ahead, _ = steady(results.hardware.quadruped).commands.forward
     lead = note(
-        f"Feet on the ground from {START:g} to {END:g} s of an episode on level ground, commanded {SPEED:g} m/s ahead. "
-        "A row a foot, front or hind, left or right; diagonal pairs stand together."
+        f"Feet on the ground from {START:g} to {END:g} s of an episode on level ground, commanded {ahead:.2g} m/s "
+        "ahead. A row a foot, front or hind, left or right; diagonal pairs stand together."
     )
     missing = note(f"Without {', '.join(left_out)}.") if left_out else ""
     return section("Gait", lead, grid(images, 2), missing) if images else ""
@@ -52,7 +57,8 @@ def gaits(results: Results) -> str:
 def footfalls(policy: str, seed: int, hardware: Hardware) -> NDArray[np.bool_]:
     """Feet on the ground, (steps, 4), from START on; none of a robot that fell before END."""
     steps = round(END / CONTROL_PERIOD)
-    probe = rollout.run(hardware.policy(policy), SCENARIO, np.array([seed]), steps=steps, hardware=hardware)
+    scenario = steady(hardware.quadruped)
+    probe = rollout.run(hardware.policy(policy), scenario, np.array([seed]), steps=steps, hardware=hardware)
     first = round(START / CONTROL_PERIOD) if probe.fall_step[0] == steps else steps
     return probe.foot_contact[first:, 0]
 

@@ -1,6 +1,11 @@
 """What was chosen for SimpleQuad on robots of other sizes: the same in their own lengths, masses and times."""
 
+import ast
+import inspect
+import re
+import textwrap
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -8,15 +13,21 @@ import pytest
 
 import policies
 from policies.bases import BASES
+from policies.gaits.parameters import GaitParameters
+from policies.mpc.parameters import MpcParameters
 from policies.parameters import Parameters, likewise, likewise_ranges
+from policies.trot.feedback_parameters import FeedbackParameters
+from policies.trot.integral import IntegralParameters
 from policies.trot.open_loop import SEARCH_RANGES, TrotParameters, searched_parameters
-from quad_env import OBSERVATION
+from quad_env import OBSERVATION, scenario
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.combination import likewise as likewise_name
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
+from train.config import DEFAULTS
 
 LONGER, HEAVIER = 0.4, 0.1
 
@@ -119,10 +130,48 @@ def test_what_hangs_on_the_knees_is_the_other_way_round_where_they_bend_forward(
     assert low < theirs.stance_shift < high
 
 
-@pytest.mark.parametrize(
-    "kind", {base.parameters for base in BASES.values() if base.parameters}, ids=lambda kind: kind.__name__
-)
-def test_every_unit_is_known(kind: type[Parameters], small: Robot) -> None:
-    for field in fields(kind):
-        if "unit" in field.metadata:
-            assert np.isfinite(similarity.likewise(small, 1.0, field.metadata["unit"])), field.name
+UNIT = re.compile(r"[, ](Hz per m/s|m/s²|rad/s²|m/s|rad/s|rad/m|1/s²|1/s|1/m|s⁴/m²|s⁴/rad²|1/N²|Hz|N|s|m)(?=[.:;,]|$)")
+SAME = {"rad/m": "1/m", "Hz per m/s": "1/m", "s⁴/rad²": "s⁴", similarity.WIDE: "m", similarity.LONG: "m"}
+"""Units of one dimension."""
+
+
+def told_units(kind: type[Parameters]) -> dict[str, str]:
+    """The unit that ends the docstring of each field, or its first sentence; none where it has none of its own."""
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+    assert isinstance(tree, ast.ClassDef)
+    units = {}
+    for field, said in pairwise(tree.body):
+        if isinstance(field, ast.AnnAssign) and isinstance(said, ast.Expr) and isinstance(field.target, ast.Name):
+            found = UNIT.findall(str(ast.literal_eval(said.value)).split(": ")[0].rstrip("."))
+            if found:
+                units[field.target.id] = found[-1]
+    return units
+
+
+KINDS = TrotParameters, IntegralParameters, FeedbackParameters, GaitParameters, MpcParameters
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_unit_of_a_parameter_is_the_one_that_its_docstring_tells(kind: type[Parameters]) -> None:
+    units = {field.name: field.metadata["unit"] for field in fields(kind)}
+    told = told_units(kind)
+    assert len(told) >= 5
+    for name, unit in told.items():
+        own = units[name].removesuffix(similarity.AHEAD)
+        assert SAME.get(own, own) == SAME.get(unit, unit), name
+
+
+@pytest.mark.parametrize(("longer", "heavier"), [(0.2, 0.005), (3.0, 40.0)])
+def test_robots_of_every_size_have_policies_scenarios_and_a_training(
+    longer: float, heavier: float, tmp_path: Path
+) -> None:
+    robot = alike(tmp_path, longer, heavier)
+    for name in BASES:
+        assert policies.make(name, robot=robot).robot == robot
+    for name, _ in DEFAULTS["residual"].mixture:
+        assert scenario(likewise_name(name, robot), robot).name
+
+
+def test_a_size_beyond_any_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(policies.PolicyError, match=r"SimpleQuad's parameters are none for alike: .* must be finite"):
+        policies.make("mpc", robot=alike(tmp_path, 40.0, 60_000.0))
