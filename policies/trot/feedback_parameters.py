@@ -27,11 +27,11 @@ class FeedbackParameters(Parameters):
     """Gait cycles a second while nothing disturbs, Hz."""
     duty: float = number(0.5, limits=(0.01, 0.99), search=(0.4, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = number(0.28, limits=(0.01, 1.0), search=(0.22, 0.36), unit="m")
+    body_height: float = number(0.28, limits=(0.01, 5.0), search=(0.22, 0.36), unit="m")
     """Trunk's centre above the centres of the standing feet, m."""
     step_height: float = number(0.05, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.51, limits=(-2.0, 2.0), search=(0.46, 0.64), unit=WIDE)
+    stance_width: float = number(0.51, limits=(-10.0, 10.0), search=(0.46, 0.64), unit=WIDE)
     """Between the left and the right feet's lines, m."""
     stance_shift: float = number(-0.09, limits=(-1.0, 1.0), search=(-0.12, 0.02), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
@@ -119,19 +119,19 @@ class FeedbackParameters(Parameters):
     """Slope of the ground that is too steep to walk on: the robot stands with all feet down."""
     rough_brace: float = number(0.0241, limits=(0.0, 1e3), search=(0.01, 0.12), unit="m")
     """Roughness of the ground that is too much to walk on: the robot stands with all feet down, m."""
-    hold_height: float = number(0.373, limits=(0.01, 1.0), search=(0.15, 0.4), unit="m")
+    hold_height: float = number(0.373, limits=(0.01, 5.0), search=(0.15, 0.4), unit="m")
     """Trunk's centre above the feet while it stands on rough ground, m."""
-    hold_width: float = number(0.578, limits=(-2.0, 2.0), search=(0.46, 0.75), unit=WIDE)
+    hold_width: float = number(0.578, limits=(-10.0, 10.0), search=(0.46, 0.75), unit=WIDE)
     """Between the left and the right feet while it stands on rough ground, m."""
-    hold_length: float = number(0.543, limits=(-2.0, 2.0), search=(0.4, 0.85), unit=LONG)
+    hold_length: float = number(0.543, limits=(-10.0, 10.0), search=(0.4, 0.85), unit=LONG)
     """Between the front and the hind feet while it does, m."""
     brace_error: float = number(0.79, limits=(0.0, 1e3), search=(0.4, 2.0), unit="m/s")
     """Speed beyond the reference at which the robot begins to put all feet down to slide to rest, m/s."""
-    brace_height: float = number(0.135, limits=(0.01, 1.0), search=(0.12, 0.28), unit="m")
+    brace_height: float = number(0.135, limits=(0.01, 5.0), search=(0.12, 0.28), unit="m")
     """Trunk's centre above the feet while it does, m."""
-    brace_width: float = number(0.768, limits=(-2.0, 2.0), search=(0.5, 0.85), unit=WIDE)
+    brace_width: float = number(0.768, limits=(-10.0, 10.0), search=(0.5, 0.85), unit=WIDE)
     """Between the left and the right feet while it does, m."""
-    brace_length: float = number(0.812, limits=(-2.0, 2.0), search=(0.45, 0.95), unit=LONG)
+    brace_length: float = number(0.812, limits=(-10.0, 10.0), search=(0.45, 0.95), unit=LONG)
     """Between the front and the hind feet while it does, m."""
     brace_lead: float = number(0.0247, limits=_GAIN, search=(0.0, 0.06), unit="s")
     """Shift of the feet while it does along the way it slides, per excess speed, s."""

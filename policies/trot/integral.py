@@ -37,9 +37,10 @@ class IntegralParameters(TrotParameters):
     settling_time: float = number(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
     """Time constant with which the robot is expected to take up a new command, s: until then it makes no error."""
     largest_error: float = number(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
-    """Velocity error, m/s, and of SimpleQuad's rad/s, that is counted at most: beyond is a push or a fall, no bias."""
+    """Velocity error that is counted at most, m/s: beyond is a push or a fall, no bias. The same number of SimpleQuad's
+    yaw rate, rad/s."""
     largest_correction: float = number(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
-    """Of each velocity, m/s, and of SimpleQuad's rad/s."""
+    """Of each velocity, m/s: the same number of SimpleQuad's yaw rate, rad/s."""
 
 
 SEARCH_RANGES = search_ranges_of(IntegralParameters) | {

@@ -32,11 +32,11 @@ class TrotParameters(Parameters):
     """Gait cycles a second, Hz."""
     duty: float = number(0.48, limits=(0.01, 0.99), search=(0.45, 0.65))
     """Share of the cycle that a foot is on the ground."""
-    body_height: float = number(0.28, limits=(0.01, 1.0), search=(0.25, 0.42), unit="m")
+    body_height: float = number(0.28, limits=(0.01, 5.0), search=(0.25, 0.42), unit="m")
     """Hip joints above the centres of the standing feet, m."""
     step_height: float = number(0.08, limits=(-1.0, 1.0), search=(0.04, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""
-    stance_width: float = number(0.54, limits=(-2.0, 2.0), search=(0.4, 0.62), unit=WIDE)
+    stance_width: float = number(0.54, limits=(-10.0, 10.0), search=(0.4, 0.62), unit=WIDE)
     """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
     stance_shift: float = number(-0.07, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
