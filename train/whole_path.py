@@ -196,8 +196,8 @@ def _describe(options: Options) -> None:
     if said.returncode:
         kept = f"; tell what is missing in {written}, and give that instead" if written.is_file() else ""
         raise UsageError(f"{options.robot} cannot be used as it is{kept}")
-    if subprocess.run([*command, "--picture", str(options.folder / "standing.png")], capture_output=True).returncode:
-        print("no picture of it: rendering is impossible here", file=sys.stderr)
     if not told:
         written.rename(options.toml)
+    if subprocess.run([*command, "--picture", str(options.folder / "standing.png")], capture_output=True).returncode:
+        print("no picture of it: rendering is impossible here", file=sys.stderr)
     write_atomically(options.folder / DESCRIBED, said.stdout.encode())
