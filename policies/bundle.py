@@ -124,6 +124,13 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
     write_atomically(folder / DESCRIPTION, text.encode())
 
 
+def copy(folder: Path, to: Path) -> None:
+    """Put the bundle of a folder into another one, made if need be, its description last; OSError if that fails."""
+    to.mkdir(parents=True, exist_ok=True)
+    for name in (WEIGHTS, DESCRIPTION):
+        write_atomically(to / name, (folder / name).read_bytes())
+
+
 def load(path: str | Path, robot: Robot | None = None) -> ResidualPolicy:
     """The policy of a bundle's folder, or of a training run's, which is that of its best validation; for its `robot`,
     which has to be given where it is none of `quad_env.ROBOTS`.
@@ -234,7 +241,7 @@ def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) ->
         robot = _named(folder, name)
     if description["joints"] != list(robot.joint_names):
         _fail(folder, f"it was trained on other joints than those of {robot.name}, or in another order")
-    if description["model_sha256"] not in (None, robot.sha256):
+    if description["model_sha256"] is not None and description["model_sha256"] != robot.sha256:
         _fail(folder, f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
     if not is_number(control_period) or not 0.0 < control_period <= _LONGEST_PERIOD:
         _fail(folder, f"control_period must be a time above 0 s, at most {_LONGEST_PERIOD:g} s")

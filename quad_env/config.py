@@ -45,6 +45,11 @@ class CommandRanges:
     interval: float = 5.0
     """s between draws"""
 
+    @classmethod
+    def straight(cls, speed: float) -> "CommandRanges":
+        """Always straight ahead at that speed, m/s."""
+        return cls((speed, speed), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
+
     def __post_init__(self) -> None:
         for low, high in (self.forward, self.lateral, self.yaw_rate):
             if not -COMMAND_BOUND <= low <= high <= COMMAND_BOUND:

@@ -1,6 +1,7 @@
 """Judgement of a policy during training, by the code of `evaluate`, on seeds that nothing else uses."""
 
 from collections.abc import Mapping
+from functools import partial
 
 from evaluate.measures.metrics import summarise
 from evaluate.rollouts.hardware import Hardware
@@ -21,18 +22,9 @@ YAW_WEIGHT = 0.5
 def validate(policy: Policy, config: ValidationConfig, nthread: int, hardware: Hardware) -> dict[str, dict[str, float]]:
     """Mean metrics of each scenario on robots with that hardware, scenario -> name -> value."""
     seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
-    return {
-        name: summarise(
-            run(
-                policy,
-                practice(name, "validation", robot=hardware.quadruped),
-                seeds,
-                nthread=nthread,
-                hardware=hardware,
-            )
-        )
-        for name in config.scenarios
-    }
+    walk = partial(run, policy, seeds=seeds, nthread=nthread, hardware=hardware)
+    ground = partial(practice, purpose="validation", robot=hardware.quadruped)
+    return {name: summarise(walk(ground(name))) for name in config.scenarios}
 
 
 def rank(results: Results) -> tuple[float, float]:

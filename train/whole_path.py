@@ -22,7 +22,7 @@ import tyro
 from evaluate.commands.options import available_cores
 from evaluate.rollouts.hardware import hardware_of
 from evaluate.terminal.command_line import UsageError, check_numbers
-from policies.bundle import DESCRIPTION, WEIGHTS
+from policies import bundle
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
 from policies.shipped import folder_of
@@ -79,7 +79,7 @@ class Stage:
 
     name: str
     minutes: float
-    """What it takes on two cores, SimpleQuad's figures."""
+    """What it takes on two cores."""
     done: Callable[[], bool]
     do: Callable[[], None]
 
@@ -115,9 +115,6 @@ def _stages(options: Options) -> list[Stage]:
     folder, robot = options.folder, partial(_robot, options)
     training, evaluation = folder / "training", folder / "evaluation"
 
-    def shipped() -> Path:
-        return folder_of(robot()) / RESIDUAL
-
     def search() -> None:
         trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
 
@@ -130,9 +127,7 @@ def _stages(options: Options) -> list[Stage]:
         words += [word for more in options.training for word in shlex.split(more)]
         if steps_done(training) < options.steps:
             run([str(word) for word in words])
-        make_writable_folder(shipped())
-        for name in (WEIGHTS, DESCRIPTION):  # the latter says that it is done
-            write_atomically(shipped() / name, (training / BEST / name).read_bytes())
+        bundle.copy(training / BEST, folder_of(robot()) / RESIDUAL)
 
     def evaluate() -> None:
         from evaluate.__main__ import compare
@@ -148,7 +143,7 @@ def _stages(options: Options) -> list[Stage]:
     return [
         Stage("describe the robot", 0.1, (folder / DESCRIBED).is_file, partial(_describe, options)),
         Stage("search its trot", 4.0, lambda: found(trot.ACCOUNT), search),
-        Stage("train a residual", 9.0, lambda: found(f"{RESIDUAL}/policy.json"), train),
+        Stage("train a residual", 9.0, lambda: found(f"{RESIDUAL}/{bundle.DESCRIPTION}"), train),
         Stage("compare them", 5.0, lambda: _compared(evaluation), evaluate),
     ]
 

@@ -25,9 +25,9 @@ def figure_and_interval(point: AxisBreakingPoint) -> tuple[str, str]:
     """The same without unit, the figure apart from its interval, `45, 51`, which is empty where there is none."""
     if point.found == "never":
         to = "up to" if point.hardest == point.highest else "down to"
-        return f"none {to} {point.hardest:.4g}", ""
+        return f"none {to} {amount(point.hardest)}", ""
     if point.found == "always":
-        return f"already at {point.lowest if point.hardest == point.highest else point.highest:.4g}", ""
+        return f"already at {amount(point.lowest if point.hardest == point.highest else point.highest)}", ""
     return f"{_digits(point.severity50):g}", _ends(point)
 
 
@@ -39,8 +39,8 @@ def ratio_text(ratio: float, ends: tuple[float, float]) -> str:
 
 def _ends(point: AxisBreakingPoint) -> str:
     low, high = point.ci
-    lower = f"{_digits(low):g}" if math.isfinite(low) else f"<{NO_BREAK}{point.lowest:.4g}"
-    upper = f"{_digits(high):g}" if math.isfinite(high) else f">{NO_BREAK}{point.highest:.4g}"
+    lower = f"{_digits(low):g}" if math.isfinite(low) else f"<{NO_BREAK}{amount(point.lowest)}"
+    upper = f"{_digits(high):g}" if math.isfinite(high) else f">{NO_BREAK}{amount(point.highest)}"
     return f"{lower},{NO_BREAK}{upper}"
 
 

@@ -34,7 +34,7 @@ class SeverityAxis:
         axis = AXES.get(self.name)
         wanted = self.scenarios[0].severity if axis is None else axis.nominal
         # Of another robot than SimpleQuad the nominal severity is another one; its level is the same.
-        names = () if axis is None else (axis.name, f"{axis.name}:{axis.levels.index(axis.nominal) + 1}")
+        names = () if axis is None else (axis.name, f"{axis.name}:{axis.nominal_level}")
         found = [each for each in self.scenarios if each.severity == wanted or each.name in names]
         return found[0] if found else self.scenarios[0]
 
@@ -61,7 +61,7 @@ def severity_axes(cells: Sequence[Cell]) -> tuple[SeverityAxis, ...]:
     )
 
 
-def amount(value: float, unit: str) -> str:
+def amount(value: float, unit: str = "") -> str:
     """`35 N·s`, `10°`, or a bare number."""
     return f"{value:.4g}{'' if unit in ('', '°') else NO_BREAK}{unit}"
 

@@ -10,7 +10,7 @@ from rich.table import Table
 from evaluate.analysis.breaking_point_text import HALF, breaking_point_text
 from evaluate.analysis.comparison import METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
+from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
 from evaluate.terminal.format import counted, number, p_value, percent, points, share
@@ -60,7 +60,7 @@ def level_table(results: Results, axis: SeverityAxis) -> Table:
     }
     table = console_table(f"[bold]{escape(axis.name)}[/bold]: success in %, and falls, at {escape(axis.quantity)}")
     for level in axis.levels:
-        table.add_column(f"{level.severity:.4g}", justify="right")
+        table.add_column(amount(level.severity), justify="right")
     if half:
         table.add_column("half at")
     for policy in results.policies:

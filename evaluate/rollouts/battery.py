@@ -75,8 +75,7 @@ def _valid() -> str:
 
 def _nominal_and_harder(axis: Axis) -> tuple[int, ...]:
     """Levels of the default battery."""
-    nominal = axis.levels.index(axis.nominal) + 1
-    return tuple(range(nominal, nominal + HARDER + 1))
+    return tuple(range(axis.nominal_level, axis.nominal_level + HARDER + 1))
 
 
 def _battery(

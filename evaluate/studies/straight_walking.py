@@ -77,7 +77,7 @@ def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
         ground = scenario(name, robot)
         for speed in speeds:
             ahead = likewise(robot, speed, "m/s")
-            straight = CommandRanges((ahead, ahead), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
+            straight = CommandRanges.straight(ahead)
             found.append(replace(ground, name=f"{name} at {ahead:.2f} m/s", axis="", commands=straight))
     return found
 

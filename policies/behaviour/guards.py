@@ -15,6 +15,7 @@ from quad_env.robots.robot import Robot
 UPRIGHT_TILT = np.deg2rad(35.0)
 TOPPLING_TILT = np.deg2rad(60.0)
 """Tilt past which a robot on its legs counts itself lost and goes limp: 10° before the fall rule, `FallRule.tilt`."""
+_FALL_RULE = FallRule()
 HOME_TILT = np.deg2rad(10.0)
 """Tilt up to which a robot may be in its home pose; whether it stands is for `evaluate.measures.at_rest` to say."""
 POSE_TOLERANCE = 0.15
@@ -60,7 +61,7 @@ def conditions(
         "upright": upright,
         "tilted": ~upright,
         "in home pose": at_home & begun,
-        "toppling": (up < np.cos(TOPPLING_TILT)) | (height < FallRule().lowest(robot.leg_length)),
+        "toppling": (up < np.cos(TOPPLING_TILT)) | (height < _FALL_RULE.lowest(robot.leg_length)),
         "landed": at_home & (ticks >= round(JUMP_TIME / control_period)),
         "settled": begun & (turning < SETTLED_ANGULAR),
         "late": ticks >= _limit_ticks(control_period)[state],

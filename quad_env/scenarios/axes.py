@@ -52,6 +52,11 @@ class Axis:
         """Whether a smaller severity is harder."""
         return self.levels[0] > self.levels[-1]
 
+    @property
+    def nominal_level(self) -> int:
+        """Number of the level of the nominal severity, counted from 1."""
+        return self.levels.index(self.nominal) + 1
+
     def level(self, number: int) -> Scenario:
         """The scenario of the level of that number, counted from 1; ValueError names the valid ones."""
         if not 1 <= number <= len(self.levels):

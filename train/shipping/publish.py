@@ -15,6 +15,7 @@ from evaluate.commands.options import Options as Evaluation
 from evaluate.commands.plan import check
 from evaluate.records.store import read_run
 from evaluate.terminal.command_line import UsageError, check_numbers
+from policies import bundle
 from policies.bases import describe
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
@@ -89,8 +90,7 @@ def main(options: Options) -> int:
     to = options.to or folder_of(robot) / options.policy.replace("-", "_")
     make_writable_folder(to)
     card = model_card(to.resolve().name, runs, shipped, judge(options, runs, shipped))
-    for name in ("policy.safetensors", "policy.json"):
-        write_atomically(to / name, (Path(shipped.label) / BEST / name).read_bytes())
+    bundle.copy(Path(shipped.label) / BEST, to)
     write_atomically(to / "MODEL.md", card.encode())
     print(card)
     return 0

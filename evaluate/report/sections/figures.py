@@ -5,7 +5,7 @@ from html import escape
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import SeverityAxis, place
+from evaluate.analysis.severity_levels import SeverityAxis, amount, place
 from evaluate.analysis.summary import Summary
 from evaluate.report.html import BEST, breakable, heading, mark, table
 from evaluate.report.plots.drawing import MARKS, style
@@ -39,7 +39,7 @@ def level_table(results: Results, axis: SeverityAxis) -> str:
     """Successes and falls in per cent: a policy a row, a level a column."""
     heads = [
         heading("success (falls), %", f"at {escape(axis.unit or axis.name)}"),
-        *(f"{level.severity:.4g}" for level in axis.levels),
+        *(amount(level.severity) for level in axis.levels),
     ]
     found = {
         policy: [results.summaries.get((level.name, policy)) for level in axis.levels] for policy in results.policies

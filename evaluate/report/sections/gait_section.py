@@ -25,8 +25,7 @@ START, END = 3.0, 5.0
 
 def steady(robot: Robot) -> Scenario:
     """Straight ahead on level ground."""
-    ahead = likewise(robot, SPEED, "m/s")
-    return Scenario("steady", commands=CommandRanges((ahead, ahead), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0))
+    return Scenario("steady", commands=CommandRanges.straight(likewise(robot, SPEED, "m/s")))
 
 
 def gaits(results: Results) -> str:

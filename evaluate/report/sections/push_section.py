@@ -3,7 +3,7 @@
 import numpy as np
 
 from evaluate.analysis.results import Results
-from evaluate.analysis.severity_levels import SeverityAxis
+from evaluate.analysis.severity_levels import SeverityAxis, amount
 from evaluate.measures.pushes import FALL_WITHIN
 from evaluate.report.html import grid, image, note
 from evaluate.report.plots.drawing import Margins, cell_of, figure, short_name, svg
@@ -72,7 +72,7 @@ def push_plot(impulses: Floats, fell: Floats, title: str) -> bytes:
     axes.set_yticks([])
     axes.set_ylim(0.0, edges[-1])
     axes.grid(False)
-    levels = [f"{level:.4g}" for level in levels_of(impulses)]
+    levels = [amount(level) for level in levels_of(impulses)]
     rings = ", ".join(levels) if len(levels) <= FEW_RINGS else f"{', '.join(levels[:2])} … {levels[-1]}"
     axes.set_xlabel(f"rings: {rings} N·s", fontsize=8)
     axes.set_title(short_name(title))

@@ -1,5 +1,6 @@
 """A level means the same for every robot: its scenarios in its own lengths, masses and times."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.axes import AS_THE_ROBOT, AXES, axes_of
 from quad_env.scenarios.combination import likewise
 from quad_env.scenarios.scaling import scaled
+from quad_env.task.terminations import fall_code
 from tests.quad_env.robots.alike import alike
 from train import validation
 from train.__main__ import parse
@@ -116,8 +118,6 @@ def test_a_physical_name_can_be_said_for_another_robot(small: Robot) -> None:
 
 
 def test_no_motor_gets_more_torque_than_it_has(small: Robot) -> None:
-    from dataclasses import replace
-
     weak = replace(small, name="weak", rated_torque=0.5)
     assert axes_of(weak)["weak_motors"].level(1).motors.torque_limit == 0.5
 
@@ -180,7 +180,5 @@ def test_a_fall_is_judged_by_the_robots_own_height(height: float, small: Robot) 
     assert env.config.fall_rule.lowest(SIMPLE_QUAD.leg_length) == 0.12
     env.reset(seed=0)
     state = env.simulation.state_of_one((0.0, 0.0, 0.0))._replace(height=height * 0.2 * small.leg_length)
-    from quad_env.task.terminations import fall_code
-
     assert fall_code(state, env.config.fall_rule, env._lowest) == (3 if height < 1.0 else 0)
     env.close()
