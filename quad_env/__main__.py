@@ -1,12 +1,14 @@
 """`python -m quad_env COMMAND`: what there is to know about the environment, without writing a script.
 
-Commands end as those of `python -m evaluate` do, whose shared way to end is not in the wheel of this package.
+Commands end as those of `python -m evaluate` do, whose shared way to end is not in the wheel of this package. Those
+that need policies are in the package `live`, which is not in it either: they are there in a clone of the project.
 """
 
 import argparse
 import os
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -16,6 +18,7 @@ COMMANDS = {
     "describe": "what a robot's model tells of its legs, joints and servos, and whether the robot stands",
 }
 """What each command prints, by its name."""
+_OF_A_CLONE = ("doctor", "policies", "record", "ros", "scenarios", "view")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -47,7 +50,18 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(arguments: list[str] | None) -> int:
-    parser = _Parser(prog="python -m quad_env", description="SimpleQuad: a quadruped locomotion environment.")
+    words, others = sys.argv[1:] if arguments is None else arguments, _of_a_clone()
+    if others is not None and words and words[0] in others.commands:
+        return int(others.main(words))
+    if others is None and words and words[0] in _OF_A_CLONE:
+        print(f"error: {words[0]} comes with a clone of the project, not with quad_env alone", file=sys.stderr)
+        return FAILED
+    parser = _Parser(
+        prog="python -m quad_env",
+        description="SimpleQuad: a quadruped locomotion environment.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="" if others is None else f"with policies:\n{others.listing()}",
+    )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
     info, describe = (
         commands.add_parser(name, help=told, description=f"Print {told}.") for name, told in COMMANDS.items()
@@ -60,13 +74,20 @@ def _run(arguments: list[str] | None) -> int:
     describe.set_defaults(run=_describe)
     parser.set_defaults(run=lambda _: parser.print_help())
     try:
-        options = parser.parse_args(arguments)
+        options = parser.parse_args(words)
     except SystemExit as end:  # after --help or a mistake
         return end.code if isinstance(end.code, int) else 0
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="replace")  # a terminal may lack a sign such as ±
     run: Callable[[argparse.Namespace], int | None] = options.run
     return run(options) or 0
+
+
+def _of_a_clone() -> Any:
+    """The program of the commands that need policies, None where this package is installed alone."""
+    if not (Path(__file__).parents[1] / "live" / "__main__.py").is_file():
+        return None
+    return import_module("live.__main__").PROGRAM
 
 
 def _info(options: argparse.Namespace) -> int:

@@ -33,12 +33,25 @@ def held_commands(options: dict[str, Any], num_envs: int) -> Array | None:
         raise ValueError(f"unknown options {sorted(unknown)}; valid: {', '.join(RESET_OPTIONS)}")
     if (command := options.get("command")) is None:
         return None
-    array = np.asarray(command, dtype=np.float64)
-    if array.shape not in ((3,), (num_envs, 3)):
-        raise ValueError(f"options['command'] has shape {array.shape}; wanted (3,) or ({num_envs}, 3)")
+    return commands(command, num_envs, "options['command']")
+
+
+def commands(command: Any, num_envs: int, name: str) -> Array:
+    """Commands (num_envs, 3), given as one for all or one each."""
+    array = rows(command, (num_envs, 3), name)
     if not (np.abs(array) <= COMMAND_BOUND).all():
-        raise ValueError(f"options['command'] must be finite and within ±{COMMAND_BOUND:g}")
-    return np.broadcast_to(array, (num_envs, 3)).copy()
+        raise ValueError(f"{name} must be finite and within ±{COMMAND_BOUND:g}")
+    return array
+
+
+def rows(values: Any, shape: tuple[int, int], name: str) -> Array:
+    """Finite numbers of that shape, given as one row for all or a row each."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape not in (shape[1:], shape):
+        raise ValueError(f"{name} has shape {array.shape}; wanted {shape[1:]} or {shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite")
+    return np.broadcast_to(array, shape).copy()
 
 
 def reset_mask(mask: Any, num_envs: int) -> Mask:

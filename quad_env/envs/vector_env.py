@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from quad_env import columns
 from quad_env.actuation.models import Actuator
@@ -147,7 +147,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         moving = np.flatnonzero(~done) if done.any() else ALL
         wires, schedule = self._wires, self._schedule
         heard = None if wires is None else wires.heard(targets, schedule.clock[moving], self._rows[moving])
-        self.simulation.step(targets, schedule.pushes.force_at(schedule.clock), moving, heard)
+        self.simulation.step(targets, schedule.force(), moving, heard)
         schedule.clock[moving] += 1
         paid = self._judge(moving)
         rewards = columns.total(paid[key] for key in self._weights)
@@ -158,6 +158,27 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         if self.autoreset_mode is AutoresetMode.SAME_STEP and (finished := terminated | truncated).any():
             infos = self._restart(finished, infos, paid)
         return self._observation.copy(), rewards, terminated, truncated, infos
+
+    def steer(self, command: ArrayLike) -> None:
+        """Follow this command, (3,) or (n, 3), from the next step to the next reset: forward and lateral m/s, heading
+        frame, yaw rate rad/s. Policies are shown it with the next observation.
+
+        Raises:
+            ValueError: a wrong shape, or a command that is not finite or beyond the largest; nothing has changed then.
+        """
+        self._schedule.steer(arguments.commands(command, self.num_envs, "command"))
+
+    def push(self, force: ArrayLike, duration: float) -> None:
+        """Push the trunks with this force, world frame, (2,) or (n, 2), N, for a duration, s, beside the scenario's
+        pushes; ends one that is still on.
+
+        Raises:
+            ValueError: a wrong shape, a force that is not finite, or a duration below a control step.
+        """
+        steps = round(duration / self.dt) if np.isfinite(duration) else 0
+        if steps < 1:
+            raise ValueError(f"a push lasts a control step, {self.dt:g} s, or longer, not {duration} s")
+        self._schedule.shove(arguments.rows(force, (self.num_envs, 2), "force"), steps)
 
     def render(self) -> tuple[NDArray[Any], ...] | None:
         """A frame of each robot: (480, 640, 3) uint8, or (480, 640) float32 in m; None without a render_mode."""

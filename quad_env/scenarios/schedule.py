@@ -30,6 +30,8 @@ class Schedule:
         self.command = np.zeros((num_envs, 3))
         """To follow in the coming step, (n, 3)."""
         self._held = np.zeros(num_envs, bool)
+        self._shove: Array | None = None
+        self._shove_end = np.zeros(num_envs, np.int64)
 
     def reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
         """The next episodes of the masked robots are the first of these seeds, see `seeding.seeds_of`."""
@@ -48,7 +50,7 @@ class Schedule:
             self._next[i] += 1
             self.pushes.first_step[i], self.pushes.force[i] = episode.pushes.first_step, episode.pushes.force
             self.command[i] = episode.next_command() if held is None else held[i]
-        self.clock[ids], self._held[ids] = 0, held is not None
+        self.clock[ids], self._held[ids], self._shove_end[ids] = 0, held is not None, 0
         return [self._episodes[i] for i in ids]
 
     def redraw(self, ids: Ids) -> None:
@@ -57,3 +59,19 @@ class Schedule:
         if due.any():
             for i in np.arange(len(self.clock))[ids][due]:
                 self.command[i] = self._episodes[i].next_command()
+
+    def steer(self, commands: Array) -> None:
+        """Every robot follows its command, (n, 3), to the end of its episode; no more are drawn."""
+        self.command[:], self._held[:] = commands, True
+
+    def shove(self, forces: Array, steps: int) -> None:
+        """Push the trunks with these forces, world frame, (n, 2), N, for so many control steps, beside their pushes."""
+        self._shove, self._shove_end = forces, self.clock + steps
+
+    def force(self) -> Array | None:
+        """Pushing force on every trunk in the coming step, world frame, (n, 2), N; None where nobody ever pushed."""
+        planned = self.pushes.force_at(self.clock)
+        if self._shove is None:
+            return planned
+        shove = np.where((self.clock < self._shove_end)[:, None], self._shove, 0.0)
+        return shove if planned is None else planned + shove

@@ -380,3 +380,62 @@ def test_a_push_of_35_newton_seconds_on_ice_gives_the_robot_that_momentum() -> N
 def test_bad_arguments_name_the_remedy(kwargs: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         SimpleQuadVectorEnv(**kwargs)
+
+
+def test_a_command_steered_by_is_followed_from_the_next_step_to_the_next_reset() -> None:
+    env = make(2)
+    env.reset(seed=0, options={"command": (0.1, 0.0, 0.0)})
+    env.steer([(0.5, -0.1, 0.2), (0.3, 0.0, 0.0)])
+    for _ in range(600):  # longer than a command of the scenario's lasts
+        observation, *_, infos = env.step(np.tile(HOME, (2, 1)))
+    assert infos["command"].tolist() == [[0.5, -0.1, 0.2], [0.3, 0.0, 0.0]]
+    assert np.allclose(observation[:, 45:48], infos["command"])
+    drawn = env.reset(seed=0)[1]["command"]
+    assert (drawn == make(2).reset(seed=0)[1]["command"]).all()
+
+
+def test_a_push_by_hand_acts_for_its_time_in_the_world_frame_beside_the_scenario_s_own() -> None:
+    env = make(2, scenario="push", readings=True)
+    env.reset(seed=0)
+    plan = env.pushes.force_at(np.arange(60)[:, None])
+    env.push([(30.0, 0.0), (0.0, -20.0)], 0.1)
+    told = np.stack([env.step(np.tile(HOME, (2, 1)))[-1]["push"] for _ in range(60)])
+    by_hand = told - np.stack([env.pushes.force_at(np.full(2, step)) for step in range(60)])
+    assert plan is not None
+    assert np.allclose(by_hand[:10], [(30.0, 0.0), (0.0, -20.0)])
+    assert np.allclose(by_hand[10:], 0.0)
+    env.push((9.0, 9.0), 1.0)
+    env.reset(seed=1)
+    assert not env.step(np.tile(HOME, (2, 1)))[-1]["push"].any()
+
+
+def test_a_push_moves_the_robot_its_way_and_costs_nothing_where_nobody_pushes() -> None:
+    pushed, left = (make(1, scenario=CALM) for _ in range(2))
+    for env in (pushed, left):
+        env.reset(seed=0, options={"command": (0.0, 0.0, 0.0)})
+    pushed.push((0.0, 60.0), 0.1)
+    for _ in range(10):
+        moved = pushed.step(HOME[None])[0]
+        still = left.step(HOME[None])[0]
+    assert moved[0, 7] > still[0, 7] + 0.05  # to the left
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda env: env.steer((0.1, 0.2)), "command has shape"),
+        (lambda env: env.steer((np.nan, 0.0, 0.0)), "command must be finite"),
+        (lambda env: env.steer((1e9, 0.0, 0.0)), "within ±100"),
+        (lambda env: env.push((1.0, 2.0, 3.0), 0.1), "force has shape"),
+        (lambda env: env.push((np.inf, 0.0), 0.1), "force must be finite"),
+        (lambda env: env.push((1.0, 0.0), 0.0), "a push lasts"),
+        (lambda env: env.push((1.0, 0.0), np.nan), "a push lasts"),
+    ],
+)
+def test_what_cannot_be_steered_or_pushed_by_is_refused_and_changes_nothing(call: Any, words: str) -> None:
+    env, other = make(1, scenario=CALM), make(1, scenario=CALM)
+    for each in (env, other):
+        each.reset(seed=0)
+    with pytest.raises(ValueError, match=words):
+        call(env)
+    assert (env.step(HOME[None])[0] == other.step(HOME[None])[0]).all()

@@ -1,0 +1,31 @@
+"""`python -m quad_env COMMAND` for the commands that need more than the environment; `python -m live` is the same."""
+
+from evaluate.terminal import launcher
+
+if __name__ == "__main__":  # before the imports that take time
+    launcher.leave_on_interrupt()
+
+from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.program import Command, Program
+
+COMMANDS = {
+    "doctor": Command("live.commands.doctor", "what is wrong here, and its remedy, from the graphics to the bundles"),
+    "scenarios": Command("live.commands.scenarios", "the scenarios and axes, with their physical values for a robot"),
+    "policies": Command("live.commands.policies", "the policies by name, and what each is"),
+    "view": Command("live.commands.view", "a robot that walks where one steers it, in the browser or a window"),
+    "record": Command("live.commands.record", "an episode as MCAP, ROS 2 bag or Minari dataset"),
+    "ros": Command("live.commands.ros", "the simulated robot behind ROS topics"),
+}
+
+
+def _unknown(words: list[str]) -> int:
+    if not words or words[0] in ("-h", "--help"):
+        print(f"python -m quad_env COMMAND, each with its own --help:\n{PROGRAM.listing()}")
+        return 0
+    raise UsageError(f"there is no command {words[0]}; there are {', '.join(COMMANDS)}")
+
+
+PROGRAM = Program("python -m quad_env", COMMANDS, _unknown)
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(PROGRAM.main))
