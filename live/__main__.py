@@ -9,12 +9,7 @@ from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.program import Command, Program
 
 COMMANDS = {
-    "doctor": Command("live.commands.doctor", "what is wrong here, and its remedy, from the graphics to the bundles"),
-    "scenarios": Command("live.commands.scenarios", "the scenarios and axes, with their physical values for a robot"),
-    "policies": Command("live.commands.policies", "the policies by name, and what each is"),
-    "view": Command("live.commands.view", "a robot that walks where one steers it, in the browser or a window"),
-    "record": Command("live.commands.record", "an episode as MCAP, ROS 2 bag or Minari dataset"),
-    "ros": Command("live.commands.ros", "the simulated robot behind ROS topics"),
+    "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
 }
 
 

@@ -24,7 +24,7 @@ def text(robot: Robot) -> Iterator[str]:
     yield f"{robot.name}: {robot.mass:.1f} kg, {robot.num_joints} joints, from {robot.mjcf}"
     yield (
         f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "
-        f"foot {robot.foot_radius:.3f} m; knees bend {'backward' if robot.knee_direction < 0 else 'forward'}"
+        f"foot {robot.foot_radius:.3f} m; knees bend {knees(robot)}"
     )
     yield f"trunk        {' × '.join(f'{size:.2f}' for size in robot.trunk_size)} m, {robot.home_height:.3f} m high"
     yield (
@@ -33,6 +33,14 @@ def text(robot: Robot) -> Iterator[str]:
     )
     yield from joint_table(robot)
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
+
+
+def knees(robot: Robot) -> str:
+    """Which way the knees bend, leg by leg where they differ."""
+    ways = ["backward" if direction < 0 else "forward" for direction in robot.knee_direction]
+    if len(set(ways)) == 1:
+        return ways[0]
+    return ", ".join(f"{way} ({leg})" for leg, way in zip(robot.leg_names, ways, strict=True))
 
 
 def standing(robot: Robot, picture: Path | None = None) -> str:

@@ -23,22 +23,22 @@ def shortest_leg(robot: Robot) -> float:
     return abs(robot.thigh_length - robot.calf_length)
 
 
-def joint_angles(robot: Robot, feet: ArrayLike, side: Floats | None = None) -> Floats:
+def joint_angles(robot: Robot, feet: ArrayLike) -> Floats:
     """Joint angles in rad that put the feet (hip frames, m) there, shape (..., legs, 3): undoes `foot_positions`.
 
-    A foot out of reach gets the angles of the nearest point in reach. Joint limits are not looked at. `side` is that of
-    `foot_positions`.
+    A foot out of reach gets the angles of the nearest point in reach. Joint limits are not looked at.
     """
     x, y, z = np.moveaxis(np.asarray(feet, dtype=np.float64), -1, 0)
-    return np.stack(leg_angles(robot, x, y, z, side), axis=-1)
+    return np.stack(leg_angles(robot, x, y, z), axis=-1)
 
 
 def leg_angles(
-    robot: Robot, x: Floats, y: Floats, z: Floats, side: Floats | None = None
+    robot: Robot, x: Floats, y: Floats, z: Floats, *, legs_first: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """`joint_angles` with coordinates and angles (hip, thigh, calf) apart, each of shape (..., legs)."""
-    upper, lower, offset, knee = robot.thigh_length, robot.calf_length, robot.hip_offset, robot.knee_direction
-    outboard = (robot.side if side is None else side) * offset
+    """`joint_angles` with coordinates and angles (hip, thigh, calf) apart, each of shape (..., legs), or (legs, n)."""
+    upper, lower, offset = robot.thigh_length, robot.calf_length, robot.hip_offset
+    side, knee = (each[:, None] if legs_first else each for each in (robot.side, robot.knee_direction))
+    outboard = side * offset
     drop = np.sqrt(np.maximum(y * y + z * z - offset**2, 0.0))  # foot below the thigh joint, in the leg's plane
     # The hip angle takes the vector (outboard, -drop) to (y, z): its sine and cosine are their cross and dot product.
     hip = np.arctan2(z * outboard + y * drop, y * outboard - z * drop)

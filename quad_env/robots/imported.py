@@ -109,22 +109,26 @@ def _figure(name: str, value: Any) -> Any:
         if numbers.shape not in ((JOINTS_PER_LEG,), (LEGS * JOINTS_PER_LEG,)) or not np.isfinite(numbers).all():
             raise ModelError(f"home_pose is three angles, the same of every leg, or twelve, rad; got {value!r}")
         return np.resize(numbers, LEGS * JOINTS_PER_LEG)
-    if numbers.shape != () or not np.isfinite(numbers) or (abs(numbers) != 1.0 if name[0] == "k" else numbers <= 0.0):
-        raise ModelError(f"{name} is {'-1 or 1' if name[0] == 'k' else 'a number above 0'}, got {value!r}")
+    if name == "knee_direction":
+        if numbers.shape not in ((), (LEGS,)) or not (np.abs(numbers) == 1.0).all():
+            raise ModelError(f"knee_direction is -1 or 1, or one of these a leg, got {value!r}")
+        return numbers
+    if numbers.shape != () or not np.isfinite(numbers) or numbers <= 0.0:
+        raise ModelError(f"{name} is a number above 0, got {value!r}")
     return float(numbers)
 
 
-def _knee_direction(model: Any, found: Anatomy) -> float:
-    """By what the calves' limits leave, else by the first keyframe that looks like a stand."""
+def _knee_direction(model: Any, found: Anatomy) -> Floats:
+    """Of each leg, (4,), by what its calf's limits leave, else by the first keyframe that looks like a stand."""
     lower, upper = found.limits(model)
     middles = 0.5 * (lower + upper)[2::JOINTS_PER_LEG]
-    bends = np.where(np.abs(middles) > LEAST_BEND, np.sign(middles), 0.0)
+    bends: Floats = np.where(np.abs(middles) > LEAST_BEND, np.sign(middles), 0.0)
     stand = _stand(model, found)
-    if not bends.any() and stand is not None:
-        bends = np.sign(stand[2::JOINTS_PER_LEG])
-    if (bends == 0.0).any() or np.ptp(bends) > 0.0:
+    if stand is not None:
+        bends = np.where(bends == 0.0, np.sign(stand[2::JOINTS_PER_LEG]), bends)
+    if (bends == 0.0).any():
         raise ModelError("neither limits nor a keyframe tell which way all knees bend: give knee_direction, -1 or 1")
-    return float(bends[0])
+    return bends
 
 
 def _rated_torque(model: Any, found: Anatomy) -> float:
@@ -172,9 +176,9 @@ def _home_pose(robot: Robot, height: float) -> Floats:
     height = float(np.clip(height, abs(upper - lower) + 1e-3, robot.leg_length))
     thigh = np.arccos(np.clip((upper**2 + height**2 - lower**2) / (2.0 * upper * height), -1.0, 1.0))
     calf = np.pi - np.arccos(np.clip((upper**2 + lower**2 - height**2) / (2.0 * upper * lower), -1.0, 1.0))
-    leg = (0.0, -robot.knee_direction * thigh, robot.knee_direction * calf)
-    pose: Floats = np.tile(leg, len(robot.leg_names))
-    return pose
+    knees = robot.knee_direction
+    pose: Floats = np.stack([0.0 * knees, -knees * thigh, knees * calf], axis=1).ravel()
+    return pose + 0.0  # which makes no -0.0 of a hip's
 
 
 def _corners(model: Any, body: int, *, solid: bool) -> Floats:

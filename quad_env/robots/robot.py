@@ -5,7 +5,7 @@ straight down; hips turn about +x (abduction), thighs and calves about +y. Lengt
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -52,8 +52,8 @@ class Robot:
     """Largest joint torque, N·m."""
     rated_speed: float
     """Rated joint speed, rad/s; reported, not enforced, with the ideal actuator."""
-    knee_direction: float = -1.0
-    """Sign of the calf's angle when the knee is bent."""
+    knee_direction: Floats = field(default_factory=lambda: np.array(-1.0))
+    """Sign of each calf's angle when the knee is bent, shape (4,); given as one number where all bend alike."""
     imported: bool = False
     """Whether the MJCF is somebody's own, that is put on our ground (`quad_env.robots.stage`)."""
     source: Path | None = None
@@ -62,6 +62,8 @@ class Robot:
     def __post_init__(self) -> None:
         for name in ("home_pose", "hip_positions", "trunk_size"):
             object.__setattr__(self, name, _constant(getattr(self, name)))
+        knees = np.broadcast_to(self.knee_direction, len(self.leg_names))
+        object.__setattr__(self, "knee_direction", _constant(knees))
 
     @classmethod
     def from_mjcf(cls, path: str | Path, name: str | None = None, **figures: Any) -> "Robot":

@@ -41,7 +41,7 @@ WIDE, LONG = "m wide", "m long"
 much more or less of, in leg lengths, than between their thigh joints."""
 AHEAD = " ahead"
 """End of the unit of what the way the knees bend decides: of a robot whose knees bend forward, it is the other way
-round, as of SimpleQuad seen in a mirror that exchanges fore and hind legs."""
+round, as of SimpleQuad seen in a mirror that exchanges fore and hind legs; of one with as many of each, nothing."""
 
 
 def ratio(robot: Robot, unit: str) -> float:
@@ -59,8 +59,8 @@ def likewise(robot: Robot, value: float, unit: str) -> float:
     if unit in (WIDE, LONG):
         apart = _width if unit == WIDE else _length
         return apart(robot) + ratio(robot, "m") * (value - apart(SIMPLE_QUAD))
-    mirrored = unit.endswith(AHEAD) and robot.knee_direction != SIMPLE_QUAD.knee_direction
-    return (-1.0 if mirrored else 1.0) * ratio(robot, unit.removesuffix(AHEAD)) * value
+    alike = float((robot.knee_direction * SIMPLE_QUAD.knee_direction).mean()) if unit.endswith(AHEAD) else 1.0
+    return alike * ratio(robot, unit.removesuffix(AHEAD)) * value
 
 
 def _width(robot: Robot) -> float:

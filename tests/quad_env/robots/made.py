@@ -21,7 +21,8 @@ class Made:
     signs: tuple[int, int, int] = (1, 1, 1)
     zeros: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Joints in a robot's terms where the model has them at zero."""
-    knees: int = -1
+    knees: tuple[int, int] = (-1, -1)
+    """Signs of the bends of the fore and of the hind knees."""
     mass: float = 6.0
     lengths: tuple[float, float, float] = (0.08, 0.2, 0.22)
     """Hip offset, thigh and calf."""
@@ -53,9 +54,10 @@ class Made:
     def _joint(self, leg: str, number: int) -> str:
         return f"{self.names[leg]}{number}"
 
-    def _range(self, number: int) -> str:
+    def _range(self, leg: str, number: int) -> str:
         """In the model's terms."""
-        wide = ((-0.8, 0.8), (-1.6, 1.6), (-2.5, -0.3) if self.knees < 0 else (0.3, 2.5))
+        knee = self.knees[leg[0] == "h"]
+        wide = ((-0.8, 0.8), (-1.6, 1.6), (-2.5, -0.3) if knee < 0 else (0.3, 2.5))
         ends = (self.limits or wide)[number]
         low, high = sorted(self.signs[number] * (end - self.zeros[number]) for end in ends)
         return f'range="{low} {high}"' if self.limits != () else ""
@@ -74,7 +76,7 @@ class Made:
             text += (
                 f'<body pos="{_text(place)}" quat="{_text(quaternion)}">'
                 f'<inertial pos="0 0 0" mass="0.4" diaginertia="0.002 0.002 0.002"/>'
-                f'<joint name="{self._joint(leg, number)}" axis="{axis}" armature="0.01" {self._range(number)}/>'
+                f'<joint name="{self._joint(leg, number)}" axis="{axis}" armature="0.01" {self._range(leg, number)}/>'
             )
         shin = upper + lower
         foot = self.foot.format(x=-calf * np.sin(shin), z=-calf * np.cos(shin))

@@ -30,7 +30,9 @@ MADE = {
     "bent at zero": Made(zeros=(0.2, 0.7, -1.4)),
     "all of it": Made(order=("hl", "fr", "hr", "fl"), signs=(-1, 1, -1), zeros=(-0.1, 0.5, -0.9), mass=20.0),
     "joints beside each other": Made(aside=(0.04, 0.03)),
-    "forward knees": Made(knees=1),
+    "forward knees": Made(knees=(1, 1)),
+    "knees towards each other": Made(knees=(-1, 1)),
+    "knees apart": Made(order=("hr", "fl", "hl", "fr"), knees=(1, -1), mass=9.0),
     "without limits": Made(limits=()),
 }
 THERE = named.find_spec(named.WHEEL) is not None
@@ -142,7 +144,7 @@ def test_what_was_asked_for_is_what_was_made(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, (offset, thigh, calf, 0.025), atol=1e-9)
     np.testing.assert_allclose(robot.joint_lower.reshape(4, 3), np.tile((-0.8, -1.6, -2.5), (4, 1)), atol=1e-9)
     np.testing.assert_allclose(robot.trunk_size, (0.44, 0.2, 0.1))
-    assert (robot.rated_torque, robot.knee_direction) == (30.0, -1.0)
+    assert (robot.rated_torque, robot.knee_direction.tolist()) == (30.0, 4 * [-1.0])
     assert robot.mass == pytest.approx(20.0 + 12 * 0.4)
     scale = robot.mass * robot.leg_length / (SIMPLE_QUAD.mass * SIMPLE_QUAD.leg_length)
     assert robot.servo_stiffness == pytest.approx(scale * SIMPLE_QUAD.servo_stiffness)
@@ -235,13 +237,14 @@ def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> Non
     told = tmp_path / "mine.toml"
     told.write_text('mjcf = "made.xml"\nknee_direction = 1\nrated_torque = 12.5\n')
     robot = robot_of(str(told))
-    assert (robot.name, robot.knee_direction, robot.rated_torque) == ("mine", 1.0, 12.5)
+    assert (robot.name, robot.knee_direction.tolist(), robot.rated_torque) == ("mine", 4 * [1.0], 12.5)
     assert robot.home_pose[2] > 0.0
     for line, said in {
         "servo_stifness = 3": "'servo_stifness' cannot be told; what can: home_pose, ",
         'name = "../../elsewhere"': "a robot's name is that of a folder too",
         "name = 3": "a robot's name is that of a folder too",
-        "knee_direction = 0": "knee_direction is -1 or 1, got 0",
+        "knee_direction = 0": "knee_direction is -1 or 1, or one of these a leg, got 0",
+        "knee_direction = [1, 1, -1]": r"one of these a leg, got \[1, 1, -1\]",
         "rated_torque = -1": "rated_torque is a number above 0, got -1",
         "home_pose = [1, 2]": "home_pose is three angles",
         'mjcf = "x.xml"\nmjcf = 1': "is no TOML",

@@ -121,7 +121,9 @@ def test_feet_that_stand_under_their_hips_do_so_on_every_robot(tmp_path: Path) -
 
 
 def test_what_hangs_on_the_knees_is_the_other_way_round_where_they_bend_forward(tmp_path: Path) -> None:
-    backward, forward = (Robot.from_mjcf(Made(knees=knees).write(tmp_path, f"{knees}.xml")) for knees in (-1, 1))
+    backward, forward = (
+        Robot.from_mjcf(Made(knees=(knees, knees)).write(tmp_path, f"{knees}.xml")) for knees in (-1, 1)
+    )
     ours, theirs = (searched_parameters(robot) for robot in (backward, forward))
     for name in ("stance_shift", "forward_bias", "yaw_per_lateral"):
         assert getattr(theirs, name) == pytest.approx(-getattr(ours, name)) != 0.0, name
