@@ -72,6 +72,12 @@ def test_python_block_runs_as_it_stands(block: str, tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
 
 
+def named_by(package: str) -> list[str]:
+    """Names of a package's commands; those of `quad_env` that need policies are in `live`."""
+    packages = (package, "live") if package == "quad_env" else (package,)
+    return [name for each in packages for name in getattr(importlib.import_module(f"{each}.__main__"), "COMMANDS", {})]
+
+
 def help_of(words: list[str]) -> str:
     """Help of the command that these words, without options, call."""
     package, *rest = words
@@ -89,7 +95,7 @@ def test_command_and_its_options_exist(command: str) -> None:
     if package == "policies.behaviour.diagram":
         assert len(words) == 1
         return
-    named = getattr(importlib.import_module(f"{package.split('.')[0]}.__main__"), "COMMANDS", {})
+    named = named_by(package.split(".")[0])
     called = next((name.split() for name in named if words[1 : 1 + len(name.split())] == name.split()), [])
     options = {word.partition("=")[0] for word in words if word.startswith("--")}
     assert options <= set(re.findall(r"--[\w.-]+", help_of([package, *called])))
@@ -98,7 +104,7 @@ def test_command_and_its_options_exist(command: str) -> None:
 def test_every_subcommand_is_on_the_page_of_commands() -> None:
     text = PAGES["docs/commands.md"]
     for package in ("quad_env", "evaluate", "train"):
-        for name in importlib.import_module(f"{package}.__main__").COMMANDS:
+        for name in named_by(package):
             last = name.split()[-1]
             assert re.search(rf"`(python -m {package} )?({name}|{last})\b[^`]*`", text), f"{package} {name}"
 
@@ -127,7 +133,7 @@ def test_set_up_is_two_commands_that_each_stand_alone() -> None:
     first, second = (block.strip() for block in blocks("bash", README)[:2])
     assert first == f"{environment} . && python -m evaluate"
     assert second == f'{environment} ".[train,dev]" && pytest'
-    assert set(extras) == {"train", "dev", "video", "cluster", "onnx", "robots", "sweep"}
+    assert set(extras) == {"train", "dev", "video", "cluster", "onnx", "recording", "robots", "sweep"}
 
 
 def test_observation_table_is_the_observation() -> None:

@@ -1,15 +1,11 @@
 """`python -m evaluate replay RESULTS EPISODE`: one episode of a results folder again, compared with what is stored."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import tyro
-from rich.console import Console
-from rich.progress import Progress
 
 import policies
 from evaluate.commands.options import Flag
@@ -19,6 +15,7 @@ from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
 from evaluate.report import film
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, run_cell
+from evaluate.rollouts.progress import bar
 from evaluate.terminal.command_line import UsageError, make_folder_of
 
 DIFFERS = 1
@@ -118,7 +115,7 @@ def _row(cells: tuple[Cell, ...], row: int) -> Found:
 def differences(manifest: Manifest, found: Found, policy: LabelledPolicy) -> list[str]:
     """`velocity_error: 0.31 then, 0.32 now` for each column in which the episode is not the stored one."""
     seeds = found.cell.seeds[[found.number]]
-    with _progress("simulating") as progress:
+    with bar("simulating") as progress:
         settings = Settings(1, lambda _, __, share: progress(share), steps=manifest.steps, hardware=manifest.hardware)
         again = run_cell(policy, found.cell.scenario, seeds, settings)
     numbers = np.array([found.number])
@@ -146,18 +143,9 @@ def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
 def _film(video: Path, manifest: Manifest, found: Found, policy: LabelledPolicy) -> None:
     what = policy.policy, found.cell.scenario, found.seed
     take = film.Take(*what, manifest.steps, found.title, manifest.hardware)
-    with _progress("filming") as progress:
+    with bar("filming") as progress:
         try:
             film.write(take, video, progress)
         except OSError as error:
             raise UsageError(f"--video: cannot write {video} ({error.strerror or error})") from error
     print(video)
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[film.Progress]:
-    """A bar on a terminal, nothing elsewhere."""
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(what, total=1.0)
-        yield lambda share: progress.update(task, completed=share)

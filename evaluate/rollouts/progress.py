@@ -5,7 +5,7 @@ import itertools
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -100,3 +100,15 @@ def _lines(total: int, forecast: Forecast) -> "CellProgress":
             print(line, file=sys.stderr, flush=True)
 
     return show
+
+
+@contextmanager
+def bar(what: str) -> "Iterator[Callable[[float], None]]":
+    """Takes the share of the work that is done, 0 … 1: a bar on a terminal, nothing elsewhere."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(what, total=1.0)
+        yield lambda share: progress.update(task, completed=share)

@@ -1,0 +1,1 @@
+"""Commands of `python -m quad_env` that need policies, a module each."""

@@ -1,0 +1,82 @@
+"""Record an episode: `python -m quad_env record walk.mcap` for Foxglove, a path without .mcap for a ROS 2 bag."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+
+from evaluate.commands.options import Flag
+from evaluate.rollouts import battery
+from evaluate.rollouts.hardware import hardware_of
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.progress import bar
+from evaluate.rollouts.rollout import roll_out
+from evaluate.terminal.command_line import UsageError, check_numbers
+from evaluate.terminal.launcher import raise_on_interrupt
+from live.recording.recorder import check, recorder_for
+from policies.base import CONTROL_PERIOD
+from quad_env.config import COMMAND_BOUND
+
+LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "seed": (0, 2**63 - 1)}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Record an episode; a robot that falls is recorded where it lies."""
+
+    out: Annotated[Path, tyro.conf.Positional]
+    """File to write, .mcap, or folder of a ROS 2 bag; neither may exist."""
+    policy: str = "residual"
+    """Policy, by name, or folder of a trained one."""
+    scenario: str = "flat"
+    """Scenario, also with a level or severity: push:3, push=42."""
+    robot: str = "simple_quad"
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    seed: int = 0
+    """Seed of the episode (whole number from 0)."""
+    seconds: float = 10.0
+    """How long, simulated s."""
+    command: tuple[float, float, float] | None = None
+    """Command to hold: forward m/s, left m/s, yaw rate rad/s; without it the scenario draws commands."""
+    trust: Flag = False
+    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+
+
+def main(options: Options) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    check_numbers(options, LIMITS)
+    if options.command is not None and not (np.abs(options.command) <= COMMAND_BOUND).all():
+        raise UsageError(f"--command must be three numbers within ±{COMMAND_BOUND:g}, not {options.command}")
+    check(options.out)
+    hardware = hardware_of(options.robot)
+    try:
+        scenario, *more = battery.resolve((options.scenario,), hardware.quadruped)
+    except ValueError as error:
+        raise UsageError(f"--scenario: {error}") from error
+    if more:
+        raise UsageError(f"--scenario: {options.scenario} is {1 + len(more)} scenarios: name one of them")
+    policy = hardware.policy(options.policy, options.trust)
+    steps = round(options.seconds / CONTROL_PERIOD)
+    raise_on_interrupt()
+    done = 0
+    with bar("recording") as progress, recorder_for(options.out, policy) as recorder:
+
+        def watch(step: Step) -> None:
+            nonlocal done
+            done = step.number
+            progress(step.number / steps)
+
+        try:
+            roll_out(
+                *(policy, scenario, np.array([options.seed]), recorder, watch),
+                steps=steps,
+                command=options.command,
+                terminate_on_fall=False,
+                hardware=hardware,
+            )
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{options.out} has the {done * CONTROL_PERIOD:.1f} s until now") from None
+    print(f"{options.out}: {done * CONTROL_PERIOD:.1f} s of {options.policy} on {scenario.name}")
+    return 0

@@ -1,0 +1,59 @@
+"""Files of messages: an MCAP file, which Foxglove opens, and the folder of a ROS 2 bag."""
+
+import json
+from pathlib import Path
+
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as BagWriter
+
+from live.recording.messages import SCHEMAS, STANDARD, TYPES, Message
+
+
+class McapFile:
+    """Messages of ROS 2 and JSON in one file; what is in its finished chunks outlives whoever writes it."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("xb")
+        self._writer = McapWriter(self._file, chunk_size=1 << 18, compression=CompressionType.LZ4)
+        self._writer.start(profile="ros2", library="simple-quad")
+        self._channels = {}
+        for topic, name in STANDARD.items():
+            told, _hash = TYPES.generate_msgdef(name, ros_version=2)
+            schema = self._writer.register_schema(name, "ros2msg", told.encode())
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", schema)
+        for topic, properties in SCHEMAS.items():
+            schema = self._writer.register_schema(topic[1:], "jsonschema", json.dumps(properties).encode())
+            self._channels[topic] = self._writer.register_channel(topic, "json", schema)
+
+    def write(self, message: Message) -> None:
+        """Add a message. Raises OSError."""
+        self._writer.add_message(self._channels[message.topic], message.time, message.data, message.time)
+
+    def close(self) -> None:
+        """Write the index and close."""
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+        finally:
+            self._file.close()
+
+
+class BagFolder:
+    """The standard messages in a ROS 2 bag, stored as MCAP, in chunks like the file above."""
+
+    def __init__(self, path: Path) -> None:
+        self._writer = BagWriter(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.open()
+        self._connections = {
+            topic: self._writer.add_connection(topic, name, typestore=TYPES) for topic, name in STANDARD.items()
+        }
+
+    def write(self, message: Message) -> None:
+        """Add a message of a standard type; others are left out. Raises OSError."""
+        if message.topic in self._connections:
+            self._writer.write(self._connections[message.topic], message.time, message.data)
+
+    def close(self) -> None:
+        """Write the metadata and close."""
+        self._writer.close()
