@@ -24,7 +24,7 @@ def text(robot: Robot) -> Iterator[str]:
     yield f"{robot.name}: {robot.mass:.1f} kg, {robot.num_joints} joints, from {robot.mjcf}"
     yield (
         f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "
-        f"foot {robot.foot_radius:.3f} m; knees bend {knees(robot)}"
+        f"foot {robot.foot_radius:.3f} m; knees bend {_knees(robot)}"
     )
     yield f"trunk        {' × '.join(f'{size:.2f}' for size in robot.trunk_size)} m, {robot.home_height:.3f} m high"
     yield (
@@ -35,7 +35,7 @@ def text(robot: Robot) -> Iterator[str]:
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
 
 
-def knees(robot: Robot) -> str:
+def _knees(robot: Robot) -> str:
     """Which way the knees bend, leg by leg where they differ."""
     ways = ["backward" if direction < 0 else "forward" for direction in robot.knee_direction]
     if len(set(ways)) == 1:

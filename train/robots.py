@@ -20,14 +20,13 @@ from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
+from quad_env.task.rewards import REWARD
 from train.config import TrainConfig, robots_per_scenario
 from train.curriculum import Intervals, Kept, eased
 from train.foreign.reward_term import load
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 from train.scenarios import practice
 
-REWARD = "reward_"
-"""What the infos' keys of reward terms begin with."""
 PUSH = 500.0
 """N that count as a push of unit size."""
 NEVER = np.iinfo(np.int64).max

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from live.recording.source import REWARD, Source
-from quad_env.config import FALL_REASONS
+from live.recording.source import Source
+from quad_env.config import FALL_REASONS, GRAVITY
+from quad_env.physics.state import rotation_matrix
+from quad_env.task.rewards import REWARD
 
 STANDARD = {
     "/clock": "rosgraph_msgs/msg/Clock",
@@ -30,8 +32,6 @@ SCHEMAS: dict[str, dict[str, Any]] = {
     "/events": {"type": "object", "properties": {"event": {"type": "string"}}, "required": ["event"]},
 }
 """JSON schema of each further topic of an MCAP file."""
-GRAVITY = 9.81
-"""m/s²"""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T = TYPES.types
 _NOT_KNOWN = np.zeros(9)
@@ -53,6 +53,7 @@ class Messages:
 
     def __init__(self, source: Source) -> None:
         self._source = source
+        self._rewards = [name for name in source.names if name.startswith(REWARD)]
         self._velocity: NDArray[np.float64] | None = None
         self._event = ""
 
@@ -72,7 +73,7 @@ class Messages:
         feet = dict(zip(self._source.legs, map(bool, told["foot_contact"]), strict=True))
         legs = {"legs": bool(told["leg_contact"]), "trunk": bool(told["trunk_contact"])}
         yield _json("/contacts", end, {"feet": feet, **legs})
-        terms = {name.removeprefix(REWARD): float(told[name]) for name in self._source.rewards}
+        terms = {name.removeprefix(REWARD): float(told[name]) for name in self._rewards}
         yield _json("/rewards", end, {"total": sum(terms.values()), **terms})
         if len(correction):
             shares = dict(zip(self._source.joints, map(float, correction), strict=True))
@@ -95,7 +96,7 @@ class Messages:
 
     def _imu(self, time: int, told: dict[str, Any]) -> Any:
         """Of an ideal one at the trunk's centre: specific force, mean of the step, in the base frame."""
-        rotation = rotation_matrix(told["quaternion"])
+        rotation = np.array(rotation_matrix(told["quaternion"]))
         yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
         forward, left = told["heading_velocity"][:2]
         velocity = np.array(
@@ -117,18 +118,6 @@ class Messages:
             linear_acceleration=_vector(force),
             linear_acceleration_covariance=_NOT_KNOWN,
         )
-
-
-def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From the base frame to the world frame, (3, 3), of w x y z."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
 
 
 def _frames(time: int, told: dict[str, Any], legs: Sequence[str]) -> Any:

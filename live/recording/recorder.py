@@ -14,9 +14,10 @@ import numpy as np
 
 from evaluate.rollouts.observers import Observer, Step
 from evaluate.terminal.command_line import UsageError, make_folder_of
-from live.recording.source import REWARD, Source
+from live.recording.source import Source
 from live.recording.writer import write
 from policies.base import Policy
+from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")
 """What the extra `recording` installs."""
@@ -80,9 +81,8 @@ class _Recorder:
 
     def _begin(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
-        rewards = tuple(name for name in step.infos if name.startswith(REWARD))
-        self._names = (*SIGNALS, *rewards)
-        source = Source(self._names, rewards, robot.joint_names, robot.leg_names, env.dt)
+        self._names = (*SIGNALS, *(name for name in step.infos if name.startswith(REWARD)))
+        source = Source(self._names, robot.joint_names, robot.leg_names, env.dt)
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=write, args=(theirs, self._path, source))
@@ -104,8 +104,6 @@ class _Recorder:
             return
         if self._steps:
             self._hand_over()
-        if self._pipe.closed:
-            return
         with contextlib.suppress(OSError):
             self._pipe.send(None)
         try:

@@ -2,9 +2,6 @@
 
 from dataclasses import dataclass
 
-REWARD = "reward_"
-"""Begins the names of reward terms in the infos."""
-
 
 @dataclass(frozen=True)
 class Source:
@@ -12,8 +9,6 @@ class Source:
 
     names: tuple[str, ...]
     """Of the columns of a batch, after the number of the control step and before the correction."""
-    rewards: tuple[str, ...]
-    """Which of them are reward terms."""
     joints: tuple[str, ...]
     legs: tuple[str, ...]
     dt: float

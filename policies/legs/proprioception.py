@@ -30,7 +30,7 @@ def sense(robot: Robot, observation: Floats) -> Senses:
     frame, velocity, yaw_rate = motion(observation)
     roll_rate, pitch_rate, _ = observation[OBSERVATION["angular_velocity"]]
     joints = (observation[OBSERVATION["joint_position"]] + robot.home_pose[:, None]).reshape(len(robot.side), 3, -1)
-    x, y, z = np.moveaxis(foot_positions(robot, np.moveaxis(joints, 1, -1), robot.side[:, None]), -1, 0)
+    x, y, z = np.moveaxis(foot_positions(robot, np.moveaxis(joints, 1, -1), legs_first=True), -1, 0)
     hip_x, hip_y = hips(robot)
     return Senses(
         frame=frame,

@@ -10,18 +10,14 @@ from quad_env.columns import Array
 from quad_env.robots.robot import Robot
 
 
-def foot_positions(robot: Robot, joints: ArrayLike, side: Array | None = None) -> Array:
-    """Feet in their hip frames, m; shape (..., legs, 3), from joint angles in rad of that shape.
-
-    `side` is +1 for a left and -1 for a right leg, shape (legs,) or a scalar array for a single leg's (..., 3); None
-    for the robot's legs in their order.
-    """
+def foot_positions(robot: Robot, joints: ArrayLike, *, legs_first: bool = False) -> Array:
+    """Feet in their hip frames, m; shape (..., legs, 3), or (legs, n, 3), from joint angles in rad of that shape."""
     angles = np.asarray(joints, dtype=np.float64)
     thigh, knee = angles[..., 1], angles[..., 1] + angles[..., 2]
     sin, cos = np.sin(angles[..., 0]), np.cos(angles[..., 0])
     upper, lower = -robot.thigh_length, robot.calf_length
     up = upper * np.cos(thigh) - lower * np.cos(knee)
-    outboard = (robot.side if side is None else side) * robot.hip_offset
+    outboard = (robot.side[:, None] if legs_first else robot.side) * robot.hip_offset
     feet = np.empty_like(angles)
     feet[..., 0] = upper * np.sin(thigh) - lower * np.sin(knee)
     feet[..., 1] = outboard * cos - up * sin

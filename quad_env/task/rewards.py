@@ -143,12 +143,14 @@ _FUNCTIONS: tuple[Term, ...] = (
     action_rate,
     torque,
 )
-TERMS = {f"reward_{function.__name__}": function for function in _FUNCTIONS}
+REWARD = "reward_"
+"""Begins the key of every term in the infos."""
+TERMS = {f"{REWARD}{function.__name__}": function for function in _FUNCTIONS}
 """Key of each term in the infos -> its function."""
 _FOOT_FUNCTIONS: tuple[FootTerm, ...] = (foot_air_time, foot_clearance, foot_slip, foot_impact)
-FOOT_TERMS = {f"reward_{function.__name__}": function for function in _FOOT_FUNCTIONS}
+FOOT_TERMS = {f"{REWARD}{function.__name__}": function for function in _FOOT_FUNCTIONS}
 """The same of the terms that are worked out where they have a weight, and 0 elsewhere."""
-FALL = "reward_fall"
+FALL = f"{REWARD}fall"
 
 
 class RewardTermError(ValueError):
@@ -161,9 +163,9 @@ def step_weights(weights: RewardWeights, dt: float, own: Sequence[RewardTerm] = 
     Terms that accrue with time are multiplied by the control period, so that their sum over a second is their rate;
     `fall` is paid once.
     """
-    rates = {f"reward_{name}": weight for name, weight in asdict(weights).items()}
+    rates = {f"{REWARD}{name}": weight for name, weight in asdict(weights).items()}
     fall = rates.pop(FALL)
-    rates |= {f"reward_{term.name}": term.weight for term in own}
+    rates |= {f"{REWARD}{term.name}": term.weight for term in own}
     return {key: weight * dt for key, weight in rates.items()} | {FALL: fall}
 
 
@@ -183,7 +185,7 @@ def reward_terms(
     feet = cast("Feet[Column]", state.feet)
     for key, foot_term in FOOT_TERMS.items():
         terms[key] = weights[key] * foot_term(state, feet) if weights[key] else 0.0 * abs(state.height)
-    terms |= {(key := f"reward_{term.name}"): weights[key] * own_value(term, state) for term in own}
+    terms |= {(key := f"{REWARD}{term.name}"): weights[key] * own_value(term, state) for term in own}
     if anywhere(diverged):
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
     terms[FALL] = weights[FALL] * where(ended, 1.0, 0.0)

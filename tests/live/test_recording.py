@@ -1,7 +1,6 @@
 """Recordings, read back by a decoder that is not the library which wrote them, are what the simulation did."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -16,12 +15,14 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
 import policies
+import quad_env
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from live.__main__ import PROGRAM
-from live.recording.messages import STANDARD, rotation_matrix
+from live.recording.messages import STANDARD
 from live.recording.recorder import recorder_for
 from quad_env.__main__ import main
+from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 STEPS = 130
@@ -33,14 +34,8 @@ def walked(path: Path, policy: str = "residual", scenario: str = "push=42", **op
     steps: list[Step] = []
     walker = policies.make(policy)
     with recorder_for(path, walker) as recorder:
-        roll_out(walker, scenario_of(scenario), np.array([3]), recorder, steps.append, steps=STEPS, **options)
+        roll_out(walker, quad_env.scenario(scenario), np.array([3]), recorder, steps.append, steps=STEPS, **options)
     return steps
-
-
-def scenario_of(name: str) -> Any:
-    from evaluate.rollouts.battery import resolve
-
-    return resolve((name,))[0]
 
 
 def read_mcap(path: Path) -> Decoded:
@@ -108,7 +103,7 @@ def test_the_imu_feels_its_own_weight_and_every_change_of_its_velocity(recording
     # Positions are told by the simulation, not by what the IMU was made of.
     places = np.array([step.infos["position"][0] for step in steps])
     means = (places[1:] - places[:-1]) / 0.01  # velocities over the steps
-    turned = [rotation_matrix(step.infos["quaternion"][0]) for step in steps]
+    turned = [np.array(rotation_matrix(step.infos["quaternion"][0])) for step in steps]
     forces = np.array([rotation @ force for rotation, force in zip(turned, felt, strict=True)])
     gained = 0.01 * np.cumsum(forces - np.array([0.0, 0.0, 9.81]), axis=0)  # of the velocities at the steps' ends
     differing = 0.5 * (gained[1:-1] + gained[2:])  # of means over steps
@@ -186,7 +181,12 @@ def test_a_mistake_is_a_line_and_nothing_is_written(
 def test_what_was_recorded_outlives_whoever_recorded_it(ending: signal.Signals, tmp_path: Path) -> None:
     path = tmp_path / "walk.mcap"
     command = [sys.executable, "-m", "quad_env", "record", str(path), "--policy", "trot", "--seconds", "3000"]
-    recording = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ)
+    recording = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # deaf where the tests are a background job
+    )
     for _ in range(400):
         time.sleep(0.05)
         if path.exists() and path.stat().st_size > 400_000:
