@@ -1,0 +1,128 @@
+"""A session's robots are those of an episode, until somebody steers, pushes or changes who moves them."""
+
+import numpy as np
+import pytest
+
+import policies
+import quad_env
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out
+from live.session import CHANGE, Session
+from policies.base import PolicyError
+
+
+def session(*names: str, scenario: str = "flat", seed: int = 3) -> Session:
+    return Session([policies.make(name) for name in names], scenario, seed=seed)
+
+
+@pytest.mark.parametrize("scenario", ["push", "rough"])
+def test_left_alone_it_is_the_episode_of_the_rollout_to_the_bit(scenario: str) -> None:
+    told: list[Step] = []
+    roll_out(policies.make("trot"), scenario, np.array([3]), told.append, steps=150, terminate_on_fall=False)
+    steps: list[Step] = []
+    live = Session([policies.make("trot")], scenario, seed=3, observers=[steps.append])
+    for _ in range(150):
+        live.step()
+    live.close()
+    assert [step.number for step in steps] == [step.number for step in told]
+    for ours, theirs in zip(steps, told, strict=True):
+        assert np.array_equal(ours.observation, theirs.observation)
+        assert np.array_equal(ours.action, theirs.action)
+
+
+def test_robots_side_by_side_have_the_same_episode() -> None:
+    live = session("trot", "trot", "stand", scenario="push")
+    for _ in range(120):
+        live.step()
+    position = live.latest.infos["position"]
+    assert np.array_equal(position[0], position[1])
+    assert np.array_equal(live.env.pushes.force[0], live.env.pushes.force[2])
+    assert not np.allclose(position[0], position[2])
+    live.close()
+
+
+def test_it_goes_where_it_is_steered_and_beyond_every_time_limit() -> None:
+    live = session("trot")
+    live.steer((0.4, 0.0, 0.0))
+    ahead = live.latest.infos["quaternion"][0]
+    start = live.latest.infos["position"][0].copy()
+    for _ in range(1100):
+        before, _ = live.latest.infos["position"][0], live.step()
+    assert not np.array_equal(before, live.latest.infos["position"][0])
+    yaw = 2.0 * np.arctan2(ahead[3], ahead[0])
+    gone = (live.latest.infos["position"][0] - start)[:2] @ (np.cos(yaw), np.sin(yaw))
+    assert gone == pytest.approx(4.4, abs=0.9)
+    assert not live.latest.infos["diverged"].any()
+    live.close()
+
+
+def test_a_command_by_hand_outlives_a_reset_until_it_is_given_back() -> None:
+    live = session("trot")
+    live.steer((0.0, 0.3, 0.0))
+    live.reset()
+    assert live.seed == 4
+    assert np.array_equal(live.step().infos["command"], [[0.0, 0.3, 0.0]])
+    live.steer(None)
+    live.reset(seed=3)
+    drawn = session("trot", seed=3)
+    assert np.array_equal(live.step().infos["command"], drawn.step().infos["command"])
+    for each in (live, drawn):
+        each.close()
+
+
+def test_a_policy_chosen_under_way_takes_over_without_a_jump() -> None:
+    live = session("trot", "trot")
+    live.steer((0.6, 0.0, 0.0))
+    for _ in range(137):
+        live.step()
+    live.choose(1, policies.make("residual"))
+    actions = [live.latest.action, *(live.step().action for _ in range(12))]
+    live.choose(1, policies.make("trot_integral"))  # before the first has taken over
+    actions += [live.step().action for _ in range(round(CHANGE / live.env.dt) + 5)]
+    change = np.abs(np.diff(actions, axis=0))[:, 1].max(axis=1)
+    assert change[[0, 12]] == pytest.approx(0.0, abs=1e-6)  # rad, of the first targets of each
+    assert change.max() < 0.25  # walking changes targets by up to 0.18 rad a step
+    assert live.policies[1].name == "trot_integral"
+    for _ in range(200):
+        live.step()
+    assert not live.latest.infos["fall"].any()
+    live.close()
+
+
+def test_once_it_has_taken_over_its_targets_are_its_own() -> None:
+    live = session("trot")
+    for _ in range(50):
+        live.step()
+    live.choose(0, policies.make("stand"))
+    for _ in range(round(CHANGE / live.env.dt) + 1):
+        live.step()
+    assert np.array_equal(live.latest.action, policies.make("stand").act(live.latest.observation))
+    live.close()
+
+
+def test_a_policy_of_another_robot_is_refused_and_nothing_has_changed() -> None:
+    live = session("trot")
+    with pytest.raises(ValueError, match="was made for"):
+        live.choose(0, policies.make("trot", control_period=0.02))
+    assert live.policies[0].name == "trot"
+    live.close()
+    with pytest.raises(ValueError, match="at least one"):
+        Session([])
+
+
+def test_policies_that_are_shown_different_things_do_not_walk_together() -> None:
+    sighted = policies.make("stand")
+    sighted.height_scan = quad_env.HeightScan()
+    with pytest.raises(PolicyError, match="other heights"):
+        Session([policies.make("trot"), sighted])
+
+
+def test_listeners_hear_what_somebody_did() -> None:
+    heard: list[str] = []
+    live = session("trot")
+    live.listeners.append(heard.append)
+    live.push((30.0, 40.0), 0.2)
+    live.choose(0, policies.make("stand"))
+    live.reset()
+    assert heard == ["pushed by hand, 10 N·s", "stand chosen", "reset, seed 4"]
+    live.close()
