@@ -18,7 +18,7 @@ COMMANDS = {
     "describe": "what a robot's model tells of its legs, joints and servos, and whether the robot stands",
 }
 """What each command prints, by its name."""
-_OF_A_CLONE = ("record",)
+_OF_A_CLONE = ("film", "record")
 
 
 class _Parser(argparse.ArgumentParser):

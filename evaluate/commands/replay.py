@@ -9,14 +9,16 @@ import tyro
 
 import policies
 from evaluate.commands.options import Flag
+from evaluate.film import files
+from evaluate.film.shooting import film
+from evaluate.film.take import Look, Take
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
-from evaluate.report import film
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, run_cell
 from evaluate.rollouts.progress import bar
-from evaluate.terminal.command_line import UsageError, make_folder_of
+from evaluate.terminal.command_line import UsageError
 
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""
@@ -64,8 +66,7 @@ def main(options: Options) -> int:
     found = find(run, options)
     policy = _policy(found.cell.policy, run.manifest, options.trust)
     if options.video is not None:
-        film.check_kind(options.video)
-        make_folder_of(options.video, "--video")
+        files.check(options.video)
     differing = differences(run.manifest, found, policy)
     causes = _causes(run.manifest, found, options.trust) if differing else []
     if not differing:
@@ -141,11 +142,11 @@ def _policy(label: str, manifest: Manifest, trust: bool) -> LabelledPolicy:
 
 
 def _film(video: Path, manifest: Manifest, found: Found, policy: LabelledPolicy) -> None:
-    what = policy.policy, found.cell.scenario, found.seed
-    take = film.Take(*what, manifest.steps, found.title, manifest.hardware)
+    title = f"{found.title}, seed {found.seed}"
+    take = Take((policy,), found.cell.scenario, found.seed, manifest.steps, title, manifest.hardware)
     with bar("filming") as progress:
         try:
-            film.write(take, video, progress)
+            film(take, Look(), video, progress)
         except OSError as error:
             raise UsageError(f"--video: cannot write {video} ({error.strerror or error})") from error
     print(video)

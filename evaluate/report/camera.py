@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from evaluate.film.frames import Frames
 from evaluate.rollouts.hardware import IDEAL, Hardware
-from evaluate.rollouts.observers import Frames
 from evaluate.rollouts.rollout import roll_out
 from quad_env.scenarios.named import Scenario
 

@@ -1,4 +1,4 @@
-"""What the observers of a rollout are told at every control step; those that watch for falls and take pictures."""
+"""What the observers of a rollout are told at every control step; the one that watches for falls."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,10 +13,6 @@ from quad_env.config import FALL_REASONS
 if TYPE_CHECKING:
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
-Frame = NDArray[np.uint8]
-"""(height, width, 3)"""
-WIDTH, HEIGHT = 640, 480
-"""Pixels of a frame, where nothing else is said."""
 _REASONS = np.array([None, *FALL_REASONS[1:]], dtype=object)
 """What an episode says of each code of a fall."""
 
@@ -68,38 +64,3 @@ class Falls:
     def fell(self) -> NDArray[np.bool_]:
         """Whether each robot has fallen or diverged by now, (n,)."""
         return np.asarray(self.step < self._steps)
-
-
-class Frames:
-    """Pictures of the first of n robots, one every so many control steps from a first one on; close it in the end."""
-
-    def __init__(
-        self, every: int, first: int = 1, *, width: int = WIDTH, height: int = HEIGHT, camera: str = "track"
-    ) -> None:
-        self.taken: list[Frame] = []
-        self._every, self._first = every, first
-        self._view = width, height, camera
-        self._camera: Any = None
-
-    def __call__(self, step: Step) -> None:
-        """Take a picture if one is due, or if the simulation has diverged, which ends the rollout."""
-        if self.due(step) or step.infos["diverged"][0]:
-            self.taken.append(self.draw(step.env))
-
-    def due(self, step: Step) -> bool:
-        """Whether a picture is to be taken after that control step."""
-        return step.number >= self._first and (step.number - self._first) % self._every == 0
-
-    def draw(self, env: "SimpleQuadVectorEnv") -> Frame:
-        """The first robot as it is now; ValueError names the cameras that there are."""
-        if self._camera is None:
-            from quad_env.physics.rendering import Camera
-
-            self._camera = Camera(env.simulation.model, *self._view)
-        frame: Frame = self._camera.draw(env.simulation.snapshot(0))
-        return frame
-
-    def close(self) -> None:
-        """Free the renderer."""
-        if self._camera is not None:
-            self._camera.close()

@@ -6,6 +6,7 @@ One episode an environment, so that short ones are never over-counted.
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +59,33 @@ def roll_out(
         hardware=hardware,
     )
     _move(policy, [walk])
+
+
+def watch(
+    policy: Policy,
+    scenario: str | Scenario,
+    seed: int,
+    *,
+    steps: int,
+    command: ArrayLike | None = None,
+    hardware: Hardware = IDEAL,
+) -> Generator[Step]:
+    """The start and the control steps of one episode, each simulated as it is asked for: several policies' episodes can
+    go side by side. A robot that has fallen goes on; otherwise as in `roll_out`."""
+    told: list[Step] = []
+    how: Any = {"steps": steps, "nthread": 1, "command": command, "terminate_on_fall": False, "hardware": hardware}
+    with closing(_robots(policy, scenario, np.array([seed]), (told.append,), **how)) as robot:
+        next(robot)
+        policy.reset(num_envs=1, seed=0)
+        action = None
+        while True:
+            try:
+                observation = robot.send(action)
+            except StopIteration:
+                yield told.pop()
+                return
+            yield told.pop()
+            action = policy.act(observation)
 
 
 def _move(policy: Policy, walks: Sequence[Robots]) -> None:
@@ -137,7 +165,7 @@ def run(
     With `after_falls` robots go on after their fall, and the record goes on with them, so that other rules can say when
     they fell.
     """
-    recorder = _Recorder(policy, seeds, steps)
+    recorder = Recorder(policy, seeds, steps)
 
     def report(step: Step) -> None:
         if step.number < steps and step.number % REPORT_EVERY == 0:
@@ -171,7 +199,7 @@ def run_each(
     The policy acts for all at once, scenario after scenario: for one whose time hardly depends on how many robots it
     moves that is many times faster. What is the policy's own, such as its phase, is not in the records.
     """
-    recorders = [_Recorder(None, seeds, steps) for _ in scenarios]
+    recorders = [Recorder(None, seeds, steps) for _ in scenarios]
     walks = [
         _robots(policy, scenario, seeds, (recorder,), steps=steps, nthread=nthread)
         for scenario, recorder in zip(scenarios, recorders, strict=True)
@@ -180,15 +208,17 @@ def run_each(
     return [recorder.episodes() for recorder in recorders]
 
 
-class _Recorder:
+class Recorder:
     """Observer that records episodes, for measures to be computed from: arrays with a row a control step."""
 
     def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int) -> None:
         self._policy, self._seeds, self._steps = policy, seeds, steps
-        self._falls = Falls(len(seeds), steps)
+        self.falls = Falls(len(seeds), steps)
+        """By now."""
         self._failure = np.full(len(seeds), None, dtype=object)
 
     def __call__(self, step: Step) -> None:
+        """Record a control step."""
         if step.number == 0:
             self._env, robot = step.env, step.env.robot
             absent = [name for name in OF_POLICY if getattr(self._policy, name, None) is None]
@@ -196,14 +226,14 @@ class _Recorder:
             self._signals = {name: blank(robot, name, self._steps, len(self._seeds)) for name in names}
             return
         if (failure := getattr(self._policy, "failure", None)) is not None:
-            self._failure = np.where(self._falls.fell, self._failure, failure)
-        self._falls(step)
+            self._failure = np.where(self.falls.fell, self._failure, failure)
+        self.falls(step)
         for name, signal in self._signals.items():
             signal[step.number - 1] = getattr(self._policy, name) if name in OF_POLICY else step.infos[name]
 
     def episodes(self) -> Episodes:
-        """The finished record."""
-        env, falls = self._env, self._falls
+        """The record; of steps that were not recorded, zeros."""
+        env, falls = self._env, self.falls
         return Episodes(
             robot=env.robot,
             seeds=self._seeds,

@@ -11,12 +11,14 @@ from typing import Annotated
 
 import numpy as np
 import tyro
-from PIL import Image, ImageDraw
+from PIL import Image
 
 import quad_env
-from evaluate.report.film import moving_picture
+from evaluate.film.captions import Text
+from evaluate.film.files import moving_picture
+from evaluate.film.frames import Frames
+from evaluate.film.sheet import tiled
 from evaluate.rollouts.hardware import Hardware, hardware_of
-from evaluate.rollouts.observers import Frame, Frames
 from evaluate.rollouts.rollout import roll_out
 from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD
@@ -29,6 +31,8 @@ WIDTH, HEIGHT = 240, 200
 """Pixels of a frame."""
 SAMPLES = 2
 """Pixels drawn across and down for each that is shown: edges are smooth then."""
+LETTERS = 17
+"""Size of a label's letters, pixels."""
 QUALITY = 30
 """Quality of a moving WebP, out of 100."""
 MOVING = (".webp", ".gif")
@@ -112,18 +116,16 @@ def _check(options: Options) -> None:
 def draw(options: Options) -> None:
     """Write the picture."""
     columns = [(Hardware(robot=robot), policy) for robot in options.robots for policy in options.policies]
-    walks = np.array([[walk(*column, name, options) for column in columns] for name in options.scenarios])
-    scenarios, shown, count = walks.shape[:3]
-    if options.moving:  # (scenario, policy, time, y, x, colour)
-        sheets = walks.transpose(2, 0, 3, 1, 4, 5).reshape(count, scenarios * HEIGHT, shown * WIDTH, 3)
-        images = list(map(Image.fromarray, sheets))
-        write_atomically(options.out, moving_picture(images, options.out.suffix[1:].lower(), options.period, QUALITY))
+    walks = [walk(*column, scenario, options) for scenario in options.scenarios for column in columns]
+    if options.moving:
+        images = [tiled(tiles, len(columns)) for tiles in zip(*walks, strict=True)]
+        kind = options.out.suffix[1:].lower()
+        write_atomically(options.out, moving_picture(images, kind, options.period, quality=QUALITY))
     else:
-        sheet = walks.transpose(0, 1, 3, 2, 4, 5).reshape(scenarios * shown * HEIGHT, count * WIDTH, 3)
-        Image.fromarray(sheet).save(options.out)
+        tiled([image for images in walks for image in images], options.count).save(options.out)
 
 
-def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> list[Frame]:
+def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> list[Image.Image]:
     """Frames of one episode, with its name on the first, or on all that are to move; a fallen robot lies there."""
     first, every = 1 + round(options.start / CONTROL_PERIOD), round(options.period / CONTROL_PERIOD)
     with closing(Frames(every, first, width=SAMPLES * WIDTH, height=SAMPLES * HEIGHT, camera=options.camera)) as frames:
@@ -136,11 +138,7 @@ def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> li
     robots, several = len(options.robots) > 1, len(options.policies) > 1
     called = [Path(hardware.robot).stem] * robots + [policy] * (several or not robots)
     label = ", ".join((*called, scenario))
-    return [_tile(frame, label if options.moving or not i else "") for i, frame in enumerate(taken)]
-
-
-def _tile(frame: Frame, label: str) -> Frame:
-    """A frame in its size, with smooth edges and the label."""
-    image = Image.fromarray(frame).reduce(SAMPLES)
-    ImageDraw.Draw(image).text((8, 6), label, fill="white", font_size=17, stroke_width=1, stroke_fill="black")
-    return np.asarray(image)
+    images = [Image.fromarray(frame).reduce(SAMPLES) for frame in taken]  # with smooth edges
+    for image in images if options.moving else images[:1]:
+        Text(LETTERS, edge=1).write(image, label, 0)
+    return images

@@ -8,16 +8,15 @@ import numpy as np
 import tyro
 
 from evaluate.commands.options import Flag
-from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import hardware_of
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.progress import bar
 from evaluate.rollouts.rollout import roll_out
-from evaluate.terminal.command_line import UsageError, check_numbers
+from evaluate.terminal.command_line import check_numbers
 from evaluate.terminal.launcher import raise_on_interrupt
+from live.commands.episode import Command, check_command, one_scenario
 from live.recording.recorder import check, recorder_for
 from policies.base import CONTROL_PERIOD
-from quad_env.config import COMMAND_BOUND
 
 LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "seed": (0, 2**63 - 1)}
 
@@ -38,7 +37,7 @@ class Options:
     """Seed of the episode (whole number from 0)."""
     seconds: float = 10.0
     """How long, simulated s."""
-    command: tuple[float, float, float] | None = None
+    command: Command | None = None
     """Command to hold: forward m/s, left m/s, yaw rate rad/s; without it the scenario draws commands."""
     trust: Flag = False
     """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
@@ -47,16 +46,10 @@ class Options:
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     check_numbers(options, LIMITS)
-    if options.command is not None and not (np.abs(options.command) <= COMMAND_BOUND).all():
-        raise UsageError(f"--command must be three numbers within ±{COMMAND_BOUND:g}, not {options.command}")
+    check_command(options.command)
     check(options.out)
     hardware = hardware_of(options.robot)
-    try:
-        scenario, *more = battery.resolve((options.scenario,), hardware.quadruped)
-    except ValueError as error:
-        raise UsageError(f"--scenario: {error}") from error
-    if more:
-        raise UsageError(f"--scenario: {options.scenario} is {1 + len(more)} scenarios: name one of them")
+    scenario = one_scenario(options.scenario, hardware)
     policy = hardware.policy(options.policy, options.trust)
     steps = round(options.seconds / CONTROL_PERIOD)
     raise_on_interrupt()

@@ -1,24 +1,19 @@
 """Any row of a results folder can be run again; what differs is named, and why."""
 
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from PIL import Image, ImageSequence
+from PIL import Image
 
 import policies
 from evaluate.__main__ import main
+from evaluate.film.panel import ALARM, BAD
 from evaluate.records import manifest
 from evaluate.records.episode_table import read_table, write_table
-from evaluate.report import film
-from evaluate.terminal.command_line import UsageError
-from quad_env import SCENARIOS, Pushes
-
-PUSHED = next(iter(SCENARIOS.values())).__class__("pushed", pushes=Pushes(count=1, window=(0.1, 0.3), impulse=60.0))
 
 
 def replay(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
@@ -141,51 +136,14 @@ def test_a_policy_that_is_gone_is_a_mistake(run, tmp_path, capsys, monkeypatch) 
     assert (code, said.count("\n"), "'document'" in said) == (2, 1, True)
 
 
-def test_an_mp4_without_an_encoder_names_the_remedy(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    film.check_kind(Path("film.webp"))
-    with pytest.raises(UsageError, match="pip install imageio-ffmpeg"):
-        film.check_kind(Path("film.mp4"))
-
-
-def filmed(path: Path, policy: str = "trot", steps: int = 24) -> list[float]:
-    shares: list[float] = []
-    take = film.Take(policies.make(policy), PUSHED, 0, steps, "an episode")
-    film.write(take, path, shares.append)
-    return shares
-
-
 @pytest.mark.rendering
-@pytest.mark.parametrize("kind", ["webp", "gif"])
-def test_a_film_is_real_time_and_shows_movement(tmp_path, kind) -> None:
-    shares = filmed(tmp_path / f"film.{kind}")
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-    with Image.open(tmp_path / f"film.{kind}") as image:
-        frames = [np.asarray(frame.convert("RGB")).astype(int) for frame in ImageSequence.Iterator(image)]
-        assert len(frames) == 6
-        assert image.info["duration"] == 40
-    assert np.abs(frames[-1][100:] - frames[0][100:]).max() > 40
-
-
-@pytest.mark.rendering
-@pytest.mark.filterwarnings(
-    "ignore::pytest.PytestUnraisableExceptionWarning"
-)  # imageio_ffmpeg's reader leaves pipes open
-def test_an_mp4_has_every_frame(tmp_path) -> None:
-    encoder = pytest.importorskip("imageio_ffmpeg")
-    filmed(tmp_path / "film.mp4")
-    facts, *frames = encoder.read_frames(str(tmp_path / "film.mp4"))
-    assert (facts["size"], facts["fps"], len(frames)) == ((640, 480), 25.0, 6)
-    assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
-
-
-@pytest.mark.rendering
-def test_a_strip_marks_the_push_and_the_fall(tmp_path) -> None:
-    """In red, below the dark band that holds the text."""
-    filmed(tmp_path / "film.png", "document", 100)
-    with Image.open(tmp_path / "film.png") as image:
-        sheet = np.asarray(image.convert("RGB")).astype(int)
-    red = (sheet[60::480, 600::640] == film._ALARM).all(axis=-1).ravel().tolist()
-    assert not red[0]
-    assert any(red)
+def test_an_episode_is_filmed_with_what_came_of_it(run, tmp_path, capsys) -> None:
+    """Of the stand, which refuses, and of the article's controller, which falls at once."""
+    colours = {}
+    for policy in ("stand", "document"):
+        strip = tmp_path / f"{policy}.png"
+        code, said = replay(capsys, run.folder, 1, "--policy", policy, "--scenario", "flat", "--video", strip)
+        assert (code, said.endswith(f"{strip}\n")) == (0, True)
+        with Image.open(strip) as image:
+            colours[policy] = image.convert("RGB").getpixel((image.width - 20, image.height - 10))
+    assert colours == {"stand": BAD, "document": ALARM}

@@ -1,0 +1,90 @@
+"""What is drawn into the frames of an episode: a ghost of the command, and arrows at the trunk."""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from evaluate.film.commanded_path import CommandedPath, heading
+from evaluate.rollouts.observers import Step
+from quad_env.columns import Array
+from quad_env.config import GRAVITY
+from quad_env.physics.marks import Arrow, Colour, Mark
+from quad_env.robots.similarity import likewise
+
+COMMAND: Colour = (0.25, 0.95, 0.35, 1.0)
+VELOCITY: Colour = (1.0, 0.8, 0.1, 1.0)
+PUSH: Colour = (0.9, 0.15, 0.15, 1.0)
+GHOST: Colour = (0.2, 0.85, 1.0, 0.35)
+THREAD: Colour = (0.2, 0.85, 1.0, 0.6)
+MEAN_OVER = 0.5
+"""Time over which the velocity that is shown is a mean, s: a trot sways within a stride."""
+PUSH_LINGERS = 0.2
+"""s for which a push is marked longer than it is on, since it is shorter than the eye needs."""
+_AHEAD = 0.8
+"""s of way that an arrow of a velocity is long, on SimpleQuad."""
+_FORCE = 0.2
+"""m for each of its own weights that an arrow of a push is long, on SimpleQuad."""
+_RADIUS, _ABOVE = 0.018, 0.22
+"""Of the arrows and between them and the trunk, m, on SimpleQuad."""
+
+
+class Scene:
+    """The first robot's marks, step by step."""
+
+    def __init__(self, start: Step) -> None:
+        self.path = CommandedPath.of(start)
+        self._velocities: deque[Array] = deque(maxlen=max(1, round(MEAN_OVER / start.env.dt)))
+        self._push = np.zeros(2)  # N, world frame, the latest
+        self._push_until = 0
+        self._step = start
+
+    def advance(self, step: Step) -> None:
+        """Take note of a control step."""
+        self._step = step
+        self.path = self.path.after(step.infos["command"][0], step.env.dt)
+        self._velocities.append(step.infos["heading_velocity"][0].copy())
+        push = step.infos["push"][0]
+        if push.any():
+            self._push, self._push_until = push.copy(), step.number + round(PUSH_LINGERS / step.env.dt)
+
+    @property
+    def velocity(self) -> Array:
+        """Forward and left, m/s, heading frame, and yaw rate, rad/s, mean of the last MEAN_OVER s, (3,)."""
+        return np.mean(self._velocities, axis=0) if self._velocities else np.zeros(3)
+
+    @property
+    def pushed(self) -> bool:
+        """Whether a push is to be seen."""
+        return self._step.number < self._push_until
+
+    @property
+    def way_to_ghost(self) -> float:
+        """Distance between the trunk and its ghost's, on the ground, m."""
+        x, y = self._step.infos["position"][0, :2]
+        return float(np.hypot(self.path.x - x, self.path.y - y))
+
+    def marks(self) -> list[Mark]:
+        """The ghost and a thread to it, arrows of the command and of the velocity, and of a push."""
+        env, robot = self._step.env, self._step.env.robot
+        trunk, terrain = self._step.infos["position"][0], env.scenario.terrain
+        ghost = self.path.ghost(robot, terrain, GHOST)
+        payload = env.scenario.payload
+        above = likewise(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
+        yaw = heading(self._step)
+        ahead, cos, sin = likewise(robot, _AHEAD, "s"), math.cos(yaw), math.sin(yaw)
+        found: list[Mark] = [ghost, self._arrow(trunk, np.array(ghost.position) - trunk, THREAD, 0.3)]
+        for (forward, left, _), colour, lift in (
+            (self._step.infos["command"][0], COMMAND, above),
+            (self.velocity, VELOCITY, above + likewise(robot, 3.0 * _RADIUS, "m")),
+        ):
+            way = ahead * np.array([cos * forward - sin * left, sin * forward + cos * left, 0.0])
+            found.append(self._arrow(trunk + np.array([0.0, 0.0, lift]), way, colour))
+        if self.pushed:
+            weights = self._push / (robot.mass * GRAVITY)
+            found.append(self._arrow(trunk, likewise(robot, _FORCE, "m") * np.array([*weights, 0.0]), PUSH, 1.5))
+        return found
+
+    def _arrow(self, start: Array, way: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
+        radius = thickness * likewise(self._step.env.robot, _RADIUS, "m")
+        return Arrow(tuple(start.tolist()), tuple((start + way).tolist()), radius, colour)

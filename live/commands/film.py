@@ -1,0 +1,88 @@
+"""Film an episode: `python -m quad_env film walk.mp4 --policies trot residual`, the policies side by side.
+
+A ghost shows where a robot would be that had done exactly as commanded since the start, a green arrow the command, a
+yellow one the mean velocity of the last half second, a red one a push.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from evaluate.commands.options import Flag
+from evaluate.film import files
+from evaluate.film.shooting import film
+from evaluate.film.take import Look, Take
+from evaluate.rollouts.experiment import LabelledPolicy
+from evaluate.rollouts.hardware import IDEAL, hardware_of
+from evaluate.rollouts.progress import bar
+from evaluate.terminal.command_line import UsageError, check_numbers
+from evaluate.terminal.launcher import raise_on_interrupt
+from live.commands.episode import Command, check_command, one_scenario
+from policies.base import CONTROL_PERIOD
+
+MOST_POLICIES = 9
+LIMITS = {
+    "seconds": (CONTROL_PERIOD, 86_400.0),
+    "seed": (0, 2**63 - 1),
+    "speed": (0.01, 100.0),
+    "fps": (1.0, 100.0),
+    "size": (64, 4096),
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Film an episode; a robot that falls is filmed for a second more."""
+
+    out: Annotated[Path, tyro.conf.Positional]
+    """File to write: .mp4 (extra `video`), .webp, .gif, or .png for a strip of frames; one that exists is replaced."""
+    policies: tuple[str, ...] = ("residual",)
+    """Policies, by name, or folders of trained ones, or files; several go side by side."""
+    scenario: str = "flat"
+    """Scenario, also with a level or severity: push:3, push=42."""
+    robot: str = "simple_quad"
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    seed: int = 0
+    """Seed of the episode (whole number from 0)."""
+    seconds: float = 10.0
+    """How long, simulated s."""
+    command: Command | None = None
+    """Command to hold: forward m/s, left m/s, yaw rate rad/s; without it the scenario draws commands."""
+    speed: float = 1.0
+    """Of the film: 1 is real time, 0.25 slow motion."""
+    fps: float = 25.0
+    """Frames a second, about: a whole number of control steps lies between two."""
+    size: tuple[int, int] = (640, 480)
+    """Width and height of each robot's frames, pixels."""
+    camera: Literal["track", "side"] = "track"
+    """Camera, which goes along with the robot."""
+    ghost: bool = True
+    """Whether ghost and arrows are drawn."""
+    trust: Flag = False
+    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+
+
+def main(options: Options) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    check_numbers(options, LIMITS)
+    check_command(options.command)
+    if not 1 <= len(options.policies) <= MOST_POLICIES:
+        raise UsageError(f"--policies must name 1 to {MOST_POLICIES}, not {len(options.policies)}")
+    hardware = hardware_of(options.robot)
+    scenario = one_scenario(options.scenario, hardware)
+    policies = tuple(LabelledPolicy(name, hardware.policy(name, options.trust)) for name in options.policies)
+    robot = "" if hardware == IDEAL else f"{hardware.quadruped.name}, "
+    title, steps = f"{robot}{scenario.name}, seed {options.seed}", round(options.seconds / CONTROL_PERIOD)
+    take = Take(policies, scenario, options.seed, steps, title, hardware, options.command)
+    look = Look(options.size, options.camera, options.speed, options.fps, options.ghost)
+    files.check(options.out, "the film")
+    raise_on_interrupt()
+    with bar("filming") as progress:
+        try:
+            film(take, look, options.out, progress)
+        except OSError as error:
+            raise UsageError(f"cannot write {options.out} ({error.strerror or error})") from error
+    print(options.out)
+    return 0

@@ -1,0 +1,70 @@
+"""Arrows at the trunk point where the robot is asked to go, where it goes, and where it is pushed."""
+
+import numpy as np
+import pytest
+
+import policies
+import quad_env
+from evaluate.film.scene import COMMAND, PUSH, PUSH_LINGERS, VELOCITY, Scene
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import watch
+from quad_env import Pushes
+from quad_env.physics.marks import Arrow, Colour
+
+PUSHED = quad_env.Scenario("pushed", pushes=Pushes(count=2, window=(1.0, 2.0), impulse=35.0))
+
+
+def arrows() -> list[tuple[Step, dict[Colour, Arrow]]]:
+    """Of each control step of a trot that turns and is pushed, by their colour."""
+    steps = watch(policies.make("trot"), PUSHED, 4, steps=220, command=(0.5, 0.0, 0.5))
+    start = next(steps)
+    scene, told = Scene(start), []
+    for step in steps:
+        scene.advance(step)
+        told.append((step, {mark.colour: mark for mark in scene.marks() if isinstance(mark, Arrow)}))
+    return told
+
+
+@pytest.fixture(scope="module")
+def shown() -> list[tuple[Step, dict[Colour, Arrow]]]:
+    return arrows()
+
+
+def direction(arrow: Arrow) -> float:
+    """In the world, rad."""
+    way = np.subtract(arrow.end, arrow.start)
+    assert way[2] == 0.0
+    return float(np.arctan2(way[1], way[0]))
+
+
+def angle_between(first: float, second: float) -> float:
+    return abs((first - second + np.pi) % (2 * np.pi) - np.pi)
+
+
+def test_the_velocity_points_along_the_way_that_the_robot_goes(shown) -> None:
+    for now in (60, 90, 110):
+        way = shown[now][0].infos["position"][0] - shown[now - 50][0].infos["position"][0]
+        halfway = 0.25 * 0.5  # turned since the middle of that half second, of which it is the mean, rad
+        drawn = direction(shown[now][1][VELOCITY])
+        assert angle_between(drawn, np.arctan2(way[1], way[0]) + halfway) < 0.12
+        length = np.linalg.norm(np.subtract(shown[now][1][VELOCITY].end, shown[now][1][VELOCITY].start))
+        assert length == pytest.approx(0.8 * np.linalg.norm(way[:2]) / 0.5, rel=0.1)
+
+
+def test_the_command_points_ahead_of_the_robot(shown) -> None:
+    for step, drawn in shown[::40]:
+        w, x, y, z = step.infos["quaternion"][0]
+        assert angle_between(direction(drawn[COMMAND]), np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))) < 1e-6
+        assert np.linalg.norm(np.subtract(drawn[COMMAND].end, drawn[COMMAND].start)) == pytest.approx(0.8 * 0.5)
+        assert drawn[COMMAND].start[2] > step.infos["position"][0, 2]
+
+
+def test_a_push_points_along_its_force_while_it_is_on_and_a_moment_longer(shown) -> None:
+    on = [number for number, (step, _) in enumerate(shown) if step.infos["push"].any()]
+    lingering = round(PUSH_LINGERS / 0.01)
+    assert len(on) == 20
+    drawn = [number for number, (_, marks) in enumerate(shown) if PUSH in marks]
+    assert drawn == sorted({number + more for number in on for more in range(lingering)})
+    for number in on:
+        force = shown[number][0].infos["push"][0]
+        assert angle_between(direction(shown[number][1][PUSH]), np.arctan2(force[1], force[0])) < 1e-6
