@@ -9,6 +9,7 @@ from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.program import Command, Program
 
 COMMANDS = {
+    "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
     "film": Command("live.commands.film", "an episode as a film: policies side by side, a ghost of the command"),
     "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
 }

@@ -18,7 +18,7 @@ COMMANDS = {
     "describe": "what a robot's model tells of its legs, joints and servos, and whether the robot stands",
 }
 """What each command prints, by its name."""
-_OF_A_CLONE = ("film", "record")
+_OF_A_CLONE = ("film", "record", "view")
 
 
 class _Parser(argparse.ArgumentParser):

@@ -43,10 +43,23 @@ def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenari
     return found
 
 
+def one(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
+    """A robot's scenario of that name; ValueError where there is none, or several."""
+    found, *more = resolve((name,), robot)
+    if more:
+        raise ValueError(f"{name} is {1 + len(more)} scenarios: name one of them")
+    return found
+
+
+def of_file(name: str) -> bool:
+    """Whether a name stands for what a Python file of the user's makes."""
+    return _FILE in name
+
+
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
         return BATTERIES[name](robot)
-    if _FILE in name:
+    if of_file(name):
         return from_file(name)
     if is_combination(name):
         return (combined(name, robot),)

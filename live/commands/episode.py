@@ -21,9 +21,6 @@ def check_command(command: Command | None) -> None:
 def one_scenario(name: str, hardware: Hardware) -> Scenario:
     """The robot's scenario of that name. Raises UsageError where there is none, or several."""
     try:
-        scenario, *more = battery.resolve((name,), hardware.quadruped)
+        return battery.one(name, hardware.quadruped)
     except ValueError as error:
         raise UsageError(f"--scenario: {error}") from error
-    if more:
-        raise UsageError(f"--scenario: {name} is {1 + len(more)} scenarios: name one of them")
-    return scenario

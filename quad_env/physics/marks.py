@@ -18,6 +18,15 @@ class Arrow(NamedTuple):
     colour: Colour
 
 
+class Ball(NamedTuple):
+    """About a point, (3), m."""
+
+    centre: Vector[float]
+    radius: float
+    """m"""
+    colour: Colour
+
+
 class Ghost(NamedTuple):
     """The robot once more, in its home pose and one colour."""
 
@@ -28,4 +37,4 @@ class Ghost(NamedTuple):
     colour: Colour
 
 
-Mark = Arrow | Ghost
+Mark = Arrow | Ball | Ghost

@@ -12,7 +12,7 @@ import numpy as np
 from mujoco.rendering.classic import gl_context
 from numpy.typing import NDArray
 
-from quad_env.physics.marks import Arrow, Colour, Ghost, Mark
+from quad_env.physics.marks import Arrow, Ball, Colour, Ghost, Mark
 
 _SHORTEST = 1e-3
 """m; shorter arrows are not drawn, for they point nowhere."""
@@ -28,34 +28,43 @@ class Camera:
         names = [model.camera(i).name for i in range(model.ncam)]
         if camera not in names:
             raise ValueError(f"unknown camera {camera!r}; valid: {', '.join(names)}")
-        if _no_display():
-            _render_without_a_display()
-        self._camera, self._model = camera, model
+        find_backend()
+        self._camera = camera
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._renderer = mujoco.Renderer(model, height, width)
-        self._ghost: mujoco.MjData | None = None
+        self._marker = Marker(model)
 
     def draw(self, data: mujoco.MjData, depth: bool = False, marks: Sequence[Mark] = ()) -> NDArray[Any]:
         """Frame (height, width, 3) uint8, or depth (height, width) float32 in m, with these marks in it."""
         (self._renderer.enable_depth_rendering if depth else self._renderer.disable_depth_rendering)()
         self._renderer.update_scene(data, camera=self._camera)
-        for mark in marks:
-            self._add_arrow(mark) if isinstance(mark, Arrow) else self._add_ghost(mark)
+        self._marker.draw(self._renderer.scene, marks)
         return np.array(self._renderer.render())
 
-    def _add_arrow(self, arrow: Arrow) -> None:
-        start, end = np.array(arrow.start), np.array(arrow.end)
-        if np.linalg.norm(end - start) < _SHORTEST:
-            return
-        scene, kind = self._renderer.scene, mujoco.mjtGeom.mjGEOM_ARROW
-        geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(arrow.colour, np.float32))
-        mujoco.mjv_connector(geom, kind, arrow.radius, start, end)
-        geom.category = _SHADOWLESS
-        scene.ngeom += 1
+    def close(self) -> None:
+        """Free the GL context."""
+        self._renderer.close()
 
-    def _add_ghost(self, ghost: Ghost) -> None:
-        scene, before = self._renderer.scene, self._renderer.scene.ngeom
+
+class Marker:
+    """Adds marks to scenes of a model."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._ghost: mujoco.MjData | None = None
+
+    def draw(self, scene: mujoco.MjvScene, marks: Sequence[Mark]) -> None:
+        """Add them."""
+        for mark in marks:
+            if isinstance(mark, Arrow):
+                _add_arrow(scene, mark)
+            elif isinstance(mark, Ball):
+                _add_ball(scene, mark)
+            else:
+                self._add_ghost(scene, mark)
+
+    def _add_ghost(self, scene: mujoco.MjvScene, ghost: Ghost) -> None:
+        before = scene.ngeom
         if self._ghost is None:
             self._ghost = mujoco.MjData(self._model)
             mujoco.mj_resetDataKeyframe(self._model, self._ghost, self._model.key("home").id)
@@ -65,18 +74,14 @@ class Camera:
         what = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_DYNAMIC
         mujoco.mjv_addGeoms(self._model, self._ghost, *what, scene)
         for geom in scene.geoms[before : scene.ngeom]:
-            _paint(geom, ghost.colour)
-
-    def close(self) -> None:
-        """Free the GL context."""
-        self._renderer.close()
+            paint(geom, ghost.colour)
 
 
 class Window:
     """MuJoCo's passive viewer; needs a display."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        if _no_display():
+        if not shows_windows():
             raise RuntimeError("render_mode='human' needs a display; use 'rgb_array', or start a virtual display")
         from mujoco import viewer
 
@@ -99,14 +104,40 @@ class Window:
         self._viewer.close()
 
 
-def _paint(geom: mujoco.MjvGeom, colour: Colour) -> None:
+def _add_arrow(scene: mujoco.MjvScene, arrow: Arrow) -> None:
+    start, end = np.array(arrow.start), np.array(arrow.end)
+    if np.linalg.norm(end - start) < _SHORTEST:
+        return
+    geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_ARROW
+    mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(arrow.colour, np.float32))
+    mujoco.mjv_connector(geom, kind, arrow.radius, start, end)
+    geom.category = _SHADOWLESS
+    scene.ngeom += 1
+
+
+def _add_ball(scene: mujoco.MjvScene, ball: Ball) -> None:
+    geom, size = scene.geoms[scene.ngeom], np.full(3, ball.radius)
+    colour = np.array(ball.colour, np.float32)
+    mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_SPHERE, size, np.array(ball.centre), np.eye(3).ravel(), colour)
+    geom.category = _SHADOWLESS
+    scene.ngeom += 1
+
+
+def paint(geom: mujoco.MjvGeom, colour: Colour) -> None:
     """In one colour, without the material's texture and gloss, and without a shadow."""
     geom.matid, geom.rgba[:], geom.category = -1, colour, _SHADOWLESS
     geom.specular = geom.shininess = geom.reflectance = 0.0
 
 
-def _no_display() -> bool:
-    return sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+def shows_windows() -> bool:
+    """Whether there is a display."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def find_backend() -> None:
+    """Have MuJoCo draw without a display where there is none. Raises RuntimeError where nothing can be drawn then."""
+    if not shows_windows():
+        _render_without_a_display()
 
 
 def _render_without_a_display() -> None:

@@ -1,4 +1,4 @@
-"""Films are what happens, at the speed that they say, of every policy in the same episode; files are whole or absent."""
+"""Films are what happens, at the speed they say, of every policy in the same episode; files are whole or absent."""
 
 import sys
 from pathlib import Path

@@ -1,0 +1,108 @@
+"""Watch and steer robots in the browser: `python -m quad_env view`, on this machine alone unless --host is given."""
+
+import math
+import threading
+import webbrowser
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from evaluate.commands.options import Flag
+from evaluate.rollouts.hardware import hardware_of
+from evaluate.terminal.command_line import UsageError, check_numbers
+from evaluate.terminal.launcher import raise_on_interrupt
+from live.commands.episode import Command, check_command, one_scenario
+from live.view.driver import Driver, Start
+from live.view.loop import LiveView
+from live.view.quality import Quality
+from live.view.requests import MOST_ROBOTS
+from live.view.server import Receive, Server, is_loopback
+from quad_env.physics.rendering import shows_windows
+
+FIRST_PORT, PORTS = 8080, 20
+LIMITS = {"seed": (0, 2**63 - 1), "seconds": (0.1, 1e9)}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Watch and steer robots in the browser. Ctrl-C ends it."""
+
+    policy: tuple[str, ...] = ("residual",)
+    """Policy, by name, or folder of a trained one, or a file; several are shown side by side on the same episode."""
+    scenario: str = "flat"
+    """Scenario, also with a level or severity: push:3, push=42."""
+    robot: str = "simple_quad"
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    seed: int = 0
+    """Seed of the first episode (whole number from 0)."""
+    command: Command | None = (0.0, 0.0, 0.0)
+    """Command at first: forward m/s, left m/s, yaw rate rad/s; None leaves commands to the scenario."""
+    port: int | None = None
+    """Port to listen on, 0 for any that is free; by default the first free one from 8080."""
+    host: str = "127.0.0.1"
+    """Address to listen on, an IP address. Beyond this machine pages need the token of the printed address, and whoever
+    listens in on the network sees it."""
+    quality: Literal["auto", "low", "middle", "high"] = "auto"
+    """Of the pictures: 640 x 400 plainly, 960 x 600 plainly, 960 x 600 with shadows and smooth edges."""
+    record: Path | None = None
+    """Recording from the start on, an .mcap or the folder of a ROS 2 bag; as `python -m quad_env record` makes."""
+    recordings: Path = Path("results/recordings")
+    """Folder of the recordings that the page begins."""
+    browser: bool = True
+    """Open the page in a browser, where there is a display."""
+    seconds: float | None = None
+    """Wall time after which the view ends by itself, s; by default never."""
+    trust: Flag = False
+    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+
+
+def main(options: Options) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    _check(options)
+    hardware = hardware_of(options.robot)
+    one_scenario(options.scenario, hardware)
+    told = options.policy, options.scenario, hardware, options.recordings, options.seed, options.command, options.trust
+    raise_on_interrupt()
+    with ExitStack() as stack:
+        try:
+            driver = stack.enter_context(closing(Driver(Start(*told))))
+        except ValueError as error:
+            raise UsageError(f"--policy: {error}") from error
+        if options.record is not None:
+            driver.record(options.record)
+        view = LiveView(driver, lambda receive: _server(options, receive), Quality(options.quality))
+        stack.enter_context(closing(view))
+        print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
+        if options.browser and shows_windows():
+            threading.Thread(target=webbrowser.open, args=(view.server.url,), daemon=True).start()
+        try:
+            view.run(math.inf if options.seconds is None else options.seconds)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("the view has ended") from None
+    return 0
+
+
+def _check(options: Options) -> None:
+    check_numbers(options, LIMITS if options.seconds is not None else {"seed": LIMITS["seed"]})
+    check_command(options.command)
+    if not 1 <= len(options.policy) <= MOST_ROBOTS:
+        raise UsageError(f"--policy takes 1 to {MOST_ROBOTS} policies, not {len(options.policy)}")
+    if options.port is not None and not 0 <= options.port < 65_536:
+        raise UsageError(f"--port must be from 0 to 65535, not {options.port}")
+    try:
+        is_loopback(options.host)
+    except ValueError:
+        raise UsageError(f"--host must be an IP address such as 127.0.0.1, not {options.host!r}") from None
+
+
+def _server(options: Options, receive: Receive) -> Server:
+    """At the port that was asked for, else the first free one."""
+    if options.port is not None:
+        return Server(options.host, options.port, receive)
+    for port in range(FIRST_PORT, FIRST_PORT + PORTS):
+        try:
+            return Server(options.host, port, receive)
+        except UsageError:
+            continue
+    return Server(options.host, 0, receive)

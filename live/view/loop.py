@@ -1,0 +1,96 @@
+"""The loop of the live view: does what pages ask for, moves the robots on in real time, shows and tells how they do."""
+
+import json
+import queue
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+from evaluate.terminal.command_line import UsageError
+from live.view.driver import Driver
+from live.view.painter import Painter
+from live.view.quality import Quality
+from live.view.requests import Request, RequestError, parse
+from live.view.server import Receive, Server
+
+FRAMES_A_SECOND, TELLINGS_A_SECOND = 30.0, 20.0
+WAITING = 256
+"""Requests that may be waiting; more are refused."""
+HELLO = "hello"
+"""What a page says first."""
+IDLE = 0.01
+"""Time between two looks at what is to be done while paused, s."""
+
+Serve = Callable[[Receive], Server]
+"""Makes a server, told what is to receive its texts."""
+
+
+class LiveView:
+    """Robots that walk where pages steer them, until somebody interrupts it."""
+
+    def __init__(self, driver: Driver, serve: Serve, quality: Quality) -> None:
+        self._driver, self._offer = driver, json.dumps({"kind": "offer", **driver.offer()})
+        self._todo: queue.Queue[Request] = queue.Queue(WAITING)
+        self._frame_due = self._telling_due = 0.0
+        self._rate, self._drawn, self._counted = 0.0, 0, time.perf_counter()
+        with ExitStack() as stack:
+            self.server = serve(self.receive)
+            stack.callback(self.server.close)
+            self._painter = Painter(self.server.show, quality)
+            stack.callback(self._painter.close)
+            self._stack = stack.pop_all()
+
+    def receive(self, text: str) -> str | None:
+        """What a page is to be answered to a text; what it asks for is done before the next control step."""
+        if text == HELLO:
+            return self._offer
+        try:
+            self._todo.put_nowait(parse(text))
+        except RequestError as error:
+            return _error(str(error))
+        except queue.Full:
+            return _error("too many requests at once")
+        return None
+
+    def run(self, seconds: float = float("inf")) -> None:
+        """Go on for so many s of wall time. OSError where a recording cannot be written."""
+        end = time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            self._obey()
+            if not self._driver.move():
+                time.sleep(IDLE)
+            now = time.perf_counter()
+            if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
+                self._painter.hand(self._driver.picture())
+                self._frame_due = now + 1.0 / FRAMES_A_SECOND
+            if now >= self._telling_due and self.server.watched:
+                self.server.tell(json.dumps(self._state(now)))
+                self._telling_due = now + 1.0 / TELLINGS_A_SECOND
+
+    def close(self) -> None:
+        """Take leave of the pages, and of the thread that draws."""
+        self._stack.close()
+
+    def _obey(self) -> None:
+        while not self._todo.empty():
+            try:
+                self._driver.do(self._todo.get_nowait())
+            except (
+                ValueError,
+                UsageError,
+                OSError,
+                ImportError,
+            ) as error:  # a scenario or policy that is not there, a full disk
+                self.server.tell(_error(str(error)))
+
+    def _state(self, now: float) -> dict[str, Any]:
+        if now - self._counted >= 1.0:
+            self._rate = (self._painter.drawn - self._drawn) / (now - self._counted)
+            self._drawn, self._counted = self._painter.drawn, now
+        drawing = {"frames": round(self._rate, 1), "drawing": self._painter.failure or ""}
+        return {"kind": "state", **self._driver.state(), **drawing}
+
+
+def _error(text: str) -> str:
+    return json.dumps({"kind": "error", "text": text})

@@ -1,0 +1,49 @@
+"""Where the camera is: on a sphere about what it looks at, which follows a robot or stays."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+TURN, ZOOM = 0.4, 0.0015
+"""Degrees a pixel that the mouse is dragged, and share of the distance a unit that its wheel is turned."""
+STEEPEST = 89.0
+DISTANCES = (0.4, 30.0)
+"""m"""
+FOLLOWING = 0.15
+"""Share of its way to the robot that the camera goes a frame up and down, so that it does not shake with the trunk."""
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A camera's place."""
+
+    azimuth: float = 120.0
+    """Direction in which it looks, about the vertical from world x, degrees."""
+    elevation: float = -18.0
+    """Above the horizontal, degrees: negative looks down."""
+    distance: float = 2.2
+    """From what it looks at, m."""
+    target: tuple[float, float, float] = (0.0, 0.0, 0.3)
+    """What it looks at, world, m."""
+    follow: bool = True
+
+    def dragged(self, right: float, down: float) -> "Orbit":
+        """After the mouse was dragged by so many pixels."""
+        elevation = np.clip(self.elevation - TURN * down, -STEEPEST, STEEPEST)
+        return replace(self, azimuth=(self.azimuth - TURN * right) % 360.0, elevation=float(elevation))
+
+    def zoomed(self, wheel: float) -> "Orbit":
+        """After the wheel was turned, away where it is positive."""
+        return replace(self, distance=float(np.clip(self.distance * np.exp(ZOOM * wheel), *DISTANCES)))
+
+    def at(self, robot: NDArray[np.float64]) -> "Orbit":
+        """A frame later, with a robot there, (3,), world, m."""
+        if not self.follow:
+            return self
+        x, y, z = robot
+        return replace(self, target=(float(x), float(y), self.target[2] + FOLLOWING * (float(z) - self.target[2])))
+
+    def beside(self, robot: NDArray[np.float64]) -> "Orbit":
+        """At once there."""
+        return replace(self, target=(float(robot[0]), float(robot[1]), float(robot[2])))

@@ -1,0 +1,145 @@
+"""Painter: a thread that draws the newest picture it was handed, while the simulation goes on."""
+
+import io
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from live.view.orbit import Orbit
+from live.view.quality import Level, Quality
+from quad_env.physics.marks import Colour, Mark
+from quad_env.physics.view import COMPANIONS, View
+
+JPEG_QUALITY = 80
+_INK, _EDGE = (255, 255, 255), (30, 34, 38)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What there is to be seen at one moment."""
+
+    model: Any
+    """mujoco.MjModel of the simulation, the same object for as long as it is one simulation."""
+    robots: Sequence[Any]
+    """mujoco.MjData of each robot."""
+    places: Sequence[tuple[float, float, float]]
+    """What the camera looks at for each robot, world, m."""
+    names: Sequence[str]
+    orbit: Orbit
+    marks: Sequence[Mark]
+    """About the first robot."""
+    together: bool
+    """All robots in one picture, in colours of their own, instead of a picture each."""
+    forces: bool
+
+
+class Painter:
+    """Draws in a thread of its own and hands on JPEG files.
+
+    Args:
+        show: given each file, in that thread.
+        quality: how finely it draws.
+    """
+
+    def __init__(self, show: Callable[[bytes], None], quality: Quality) -> None:
+        self._show, self._quality = show, quality
+        self._views: dict[tuple[int, Level], View] = {}
+        self._model: Any = None
+        self._picture: Picture | None = None
+        self._news, self._ended = threading.Event(), False
+        self.failure: str | None = None
+        """Why nothing can be drawn, once that is known."""
+        self.drawn = 0
+        """Frames so far."""
+        self._thread = threading.Thread(target=self._run, name="painter", daemon=True)
+        self._thread.start()
+
+    @property
+    def idle(self) -> bool:
+        """Whether it has drawn all that it was handed."""
+        return not self._news.is_set()
+
+    def hand(self, picture: Picture) -> None:
+        """Have that drawn next, instead of what was not begun yet."""
+        self._picture = picture
+        self._news.set()
+
+    def close(self) -> None:
+        """End the thread and free what it draws with."""
+        self._ended = True
+        self._news.set()
+        self._thread.join(timeout=10.0)
+
+    def _run(self) -> None:
+        while self._news.wait() and not self._ended:
+            picture = self._picture
+            assert picture is not None
+            try:
+                start = time.perf_counter()
+                file = self._paint(picture)
+                self._quality.took(time.perf_counter() - start)
+            except Exception as error:  # whatever the graphics driver fails with
+                self.failure = f"nothing can be drawn here ({type(error).__name__}: {error})"
+                return
+            finally:
+                self._news.clear()
+            self.drawn += 1
+            self._show(file)
+        self._forget()
+
+    def _paint(self, picture: Picture) -> bytes:
+        if picture.model is not self._model:
+            self._forget()
+            self._model = picture.model
+        shown = [picture.robots] if picture.together else [[robot] for robot in picture.robots]
+        level = self._quality.level
+        part = Level(level.width // len(shown), level.height, level.fine)
+        frames = []
+        for number, robots in enumerate(shown):
+            marks = picture.marks if number == 0 else ()
+            view = self._view(number, part)
+            orbit = picture.orbit
+            away = orbit.distance * len(shown) ** 0.5  # narrower pictures show as much
+            look = {"azimuth": orbit.azimuth, "elevation": orbit.elevation, "distance": away}
+            target = picture.places[number] if orbit.follow else orbit.target
+            frames.append(view.draw(robots, **look, target=target, marks=marks, forces=picture.forces))
+        image = Image.fromarray(np.concatenate(frames, axis=1))
+        if len(picture.robots) > 1:
+            _label(image, picture)
+        buffer = io.BytesIO()
+        image.save(buffer, "jpeg", quality=JPEG_QUALITY)
+        return buffer.getvalue()
+
+    def _view(self, number: int, level: Level) -> View:
+        if (number, level) not in self._views:
+            if any(known != level for _, known in self._views):
+                for view in self._views.values():
+                    view.close()
+                self._views.clear()
+            self._views[number, level] = View(self._model, level.width, level.height, level.fine)
+        return self._views[number, level]
+
+    def _forget(self) -> None:
+        for view in self._views.values():
+            view.close()
+        self._views.clear()
+
+
+def _label(image: Image.Image, picture: Picture) -> None:
+    """Name the robots where they are."""
+    draw, size = ImageDraw.Draw(image), image.height // 25
+    width = 0 if picture.together else image.width // len(picture.names)
+    for number, name in enumerate(picture.names):
+        place = (size / 2, size * (0.5 + 1.3 * number)) if picture.together else (number * width + size / 2, size / 2)
+        fill = _rgb(COMPANIONS[number - 1]) if picture.together and number else _INK
+        draw.text(place, name, fill=fill, font_size=size, stroke_width=2, stroke_fill=_EDGE)
+
+
+def _rgb(colour: Colour) -> tuple[int, int, int]:
+    red, green, blue, _ = (round(255 * part) for part in colour)
+    return red, green, blue

@@ -1,0 +1,109 @@
+"""What a page may ask for: JSON objects, checked here once, each with the name of what is to be done."""
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+FASTEST = 3.0
+"""Largest command that can be given, each way, m/s and rad/s."""
+MOST_ROBOTS = 4
+LARGEST_IMPULSE = 500.0
+"""N·s"""
+SPEEDS = (0.05, 10.0)
+"""Simulated s a wall s."""
+LARGEST_SEED = 2**63 - 1
+NAME = 200
+"""Longest name of a policy or scenario, characters."""
+
+
+class RequestError(ValueError):
+    """A request that is none; the message says what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Something to do, with the arguments that it was checked to have."""
+
+    do: str
+    values: Mapping[str, Any]
+
+
+def parse(text: str) -> Request:
+    """The request of that text. Raises RequestError."""
+    try:
+        told = json.loads(text, parse_constant=_no_constant)
+    except (ValueError, RecursionError):
+        raise RequestError("a request is a JSON object") from None
+    if not isinstance(told, dict) or not isinstance(told.get("do"), str):
+        raise RequestError('a request is an object such as {"do": "reset"}')
+    if told["do"] not in REQUESTS:
+        raise RequestError(f"nothing is called {told['do'][:40]!r}; there are {', '.join(REQUESTS)}")
+    wanted = REQUESTS[told["do"]]
+    if unknown := sorted(set(told) - set(wanted) - {"do"}):
+        raise RequestError(f"{told['do']} takes {', '.join(wanted) or 'nothing'}, not {unknown[0][:40]!r}")
+    if missing := [name for name in wanted if name not in told]:
+        raise RequestError(f"{told['do']} lacks {missing[0]}")
+    return Request(told["do"], {name: check(name, told[name]) for name, check in wanted.items()})
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(name)
+
+
+def _number(low: float, high: float) -> Callable[[str, Any], float]:
+    def check(name: str, value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise RequestError(f"{name} is a number")
+        if not low <= value <= high:
+            raise RequestError(f"{name} lies between {low:g} and {high:g}, not at {value:g}")
+        return float(value)
+
+    return check
+
+
+def _whole(low: int, high: int) -> Callable[[str, Any], int]:
+    def check(name: str, value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise RequestError(f"{name} is a whole number between {low} and {high}")
+        return value
+
+    return check
+
+
+def _flag(name: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise RequestError(f"{name} is true or false")
+    return value
+
+
+def _name(name: str, value: Any) -> str:
+    if not isinstance(value, str) or not 0 < len(value) <= NAME or not value.isprintable():
+        raise RequestError(f"{name} is a name of 1 to {NAME} characters")
+    return value
+
+
+_SPEED, _PIXELS = _number(-FASTEST, FASTEST), _number(-5000.0, 5000.0)
+REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
+    "steer": {"forward": _SPEED, "left": _SPEED, "turn": _SPEED},
+    "let_go": {},
+    "push": {"direction": _number(-360.0, 360.0), "impulse": _number(0.0, LARGEST_IMPULSE)},
+    "policy": {"robot": _whole(0, MOST_ROBOTS - 1), "name": _name},
+    "compare": {"on": _flag},
+    "scenario": {"name": _name},
+    "reset": {"seed": _whole(0, LARGEST_SEED)},
+    "next": {},
+    "pause": {"on": _flag},
+    "step": {},
+    "speed": {"factor": _number(*SPEEDS)},
+    "drag": {"right": _PIXELS, "down": _PIXELS},
+    "zoom": {"wheel": _PIXELS},
+    "follow": {"on": _flag},
+    "together": {"on": _flag},
+    "forces": {"on": _flag},
+    "ghost": {"on": _flag},
+    "record": {"on": _flag},
+}
+"""Arguments of each request, with what checks them: m/s and rad/s, degrees from straight ahead to the left, N·s,
+pixels."""

@@ -1,0 +1,216 @@
+"""The server of the page: HTTP and one WebSocket on one port, by default for this machine's own browsers alone."""
+
+import asyncio
+import contextlib
+import http
+import ipaddress
+import secrets
+import socket
+import threading
+import urllib.parse
+from collections.abc import Callable
+from pathlib import Path
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from evaluate.terminal.command_line import UsageError
+
+PAGE = Path(__file__).parent / "page"
+KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+LARGEST_MESSAGE = 4096
+"""Bytes; a page that sends more is disconnected."""
+MOST_PAGES = 8
+KEPT_TELLINGS = 40
+"""Tellings that a slow page may be behind before the oldest are left out."""
+DRAWN = "drawn"
+"""What a page says when it has shown a frame and can take the next."""
+Receive = Callable[[str], str | None]
+"""Told every text that a page sends, in the server's thread; what it returns is sent back to that page."""
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'self'; connect-src 'self' ws:; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class Server:
+    """Shows pages what is published and hands on what they send, from a thread of its own.
+
+    Only requests that name this machine as their host and come from its own page are answered; where it listens beyond
+    this machine, only those that know the token of `url` too.
+
+    Args:
+        host: address to listen on.
+        port: 0 takes a free one.
+        receive: told what pages send.
+
+    Raises:
+        UsageError: nothing can listen there.
+    """
+
+    def __init__(self, host: str, port: int, receive: Receive) -> None:
+        self._receive = receive
+        try:
+            self._socket = socket.create_server((host, port), family=_family(host))
+        except (OSError, OverflowError) as error:
+            raise UsageError(
+                f"cannot listen on {host} port {port} ({error}): try --port 0, which takes a free one"
+            ) from None
+        self.host, self.port = self._socket.getsockname()[:2]
+        """Where it listens."""
+        self.token = "" if is_loopback(self.host) else secrets.token_urlsafe(16)
+        self._pages: dict[ServerConnection, _Page] = {}
+        self._stop: asyncio.Event | None = None
+        self._ready = threading.Event()
+        self.wanted = threading.Event()
+        """Set while a page waits for a frame."""
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._run()), name="page", daemon=True)
+        self._thread.start()
+        self._ready.wait()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        name = "localhost" if is_loopback(self.host) else socket.gethostname()
+        return f"http://{name}:{self.port}/" + (f"?token={self.token}" if self.token else "")
+
+    @property
+    def watched(self) -> bool:
+        """Whether there is a page."""
+        return bool(self._pages)
+
+    def tell(self, text: str) -> None:
+        """Send a text to every page."""
+        self._in_its_thread(lambda: self._each(lambda page: page.tell(text)))
+
+    def show(self, frame: bytes) -> None:
+        """Send a frame to every page that waits for one."""
+        self.wanted.clear()
+        self._in_its_thread(lambda: self._each(lambda page: page.show(frame)))
+
+    def close(self) -> None:
+        """Take leave of the pages and free the port."""
+        self._in_its_thread(lambda: self._stop.set() if self._stop else None)
+        self._thread.join(timeout=5.0)
+
+    def _each(self, call: Callable[["_Page"], None]) -> None:
+        for page in self._pages.values():
+            call(page)
+
+    def _in_its_thread(self, call: Callable[[], object]) -> None:
+        with contextlib.suppress(RuntimeError):  # it has ended
+            self._loop.call_soon_threadsafe(call)
+
+    async def _run(self) -> None:
+        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        server = await serve(
+            self._connected,
+            sock=self._socket,
+            process_request=self._answer,
+            max_size=LARGEST_MESSAGE,
+            compression=None,
+            ping_interval=20.0,
+            close_timeout=1.0,
+        )
+        self._ready.set()
+        async with server:
+            await self._stop.wait()
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """The answer to a request, or None where a WebSocket is to be opened."""
+        address = urllib.parse.urlsplit(request.path)
+        if (refusal := self._refusal(request, urllib.parse.parse_qs(address.query))) is not None:
+            return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
+        if address.path == "/socket":
+            return None
+        file = PAGE / (address.path.removeprefix("/") or "index.html")
+        if file.parent != PAGE or file.suffix not in KINDS or not file.is_file():
+            return connection.respond(http.HTTPStatus.NOT_FOUND, "there is no such file\n")
+        body = file.read_bytes()
+        headers = Headers({"Content-Type": KINDS[file.suffix], "Content-Length": str(len(body)), **_HEADERS})
+        return Response(200, "OK", headers, body)
+
+    def _refusal(self, request: Request, query: dict[str, list[str]]) -> str | None:
+        """Why a request is refused, None where it is not."""
+        host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
+        if not self.token and urllib.parse.urlsplit(f"//{host}").hostname not in ("localhost", "127.0.0.1", "::1"):
+            return "this page is for browsers on its own machine: open it as localhost"
+        if origin is not None and origin != f"http://{host}":
+            return "this page answers to itself alone"
+        site = request.headers.get("Sec-Fetch-Site", "none")
+        if site not in ("none", "same-origin"):
+            return "this page answers to itself alone"
+        if self.token and urllib.parse.urlsplit(request.path).path in ("/", "/socket"):
+            given = query.get("token", [""])[0]
+            if not secrets.compare_digest(given.encode(), self.token.encode()):
+                return "the address lacks its token: open it as it was printed"
+        return None
+
+    async def _connected(self, connection: ServerConnection) -> None:
+        if len(self._pages) >= MOST_PAGES:
+            await connection.close(1013, "too many pages")
+            return
+        page = self._pages[connection] = _Page(connection, self.wanted)
+        sender = asyncio.create_task(page.send())
+        self.wanted.set()
+        try:
+            async for message in connection:
+                if message == DRAWN:
+                    page.drawn()
+                elif (answer := self._receive(message) if isinstance(message, str) else None) is not None:
+                    page.tell(answer)
+        except ConnectionClosed:
+            pass
+        finally:
+            sender.cancel()
+            del self._pages[connection]
+
+
+class _Page:
+    """What one page is still to be sent: tellings in order, and the newest frame."""
+
+    def __init__(self, connection: ServerConnection, wanted: threading.Event) -> None:
+        self._connection, self._wanted = connection, wanted
+        self._tellings: list[str] = []
+        self._frame: bytes | None = None
+        self._waits = True
+        self._news = asyncio.Event()
+
+    def tell(self, text: str) -> None:
+        self._tellings = [*self._tellings[-KEPT_TELLINGS + 1 :], text]
+        self._news.set()
+
+    def show(self, frame: bytes) -> None:
+        if self._waits:
+            self._frame, self._waits = frame, False
+            self._news.set()
+
+    def drawn(self) -> None:
+        self._waits = True
+        self._wanted.set()
+
+    async def send(self) -> None:
+        """Send what there is, as it comes, until the page is gone."""
+        with contextlib.suppress(ConnectionClosed):
+            while await self._news.wait():
+                self._news.clear()
+                tellings, self._tellings = self._tellings, []
+                for text in tellings:
+                    await self._connection.send(text)
+                if self._frame is not None:
+                    frame, self._frame = self._frame, None
+                    await self._connection.send(frame)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches that address."""
+    return ipaddress.ip_address(host).is_loopback
+
+
+def _family(host: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if ":" in host else socket.AF_INET

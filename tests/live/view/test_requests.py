@@ -1,0 +1,64 @@
+"""A page can ask for what there is, rightly, and for nothing else."""
+
+import contextlib
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from live.view.requests import LARGEST_IMPULSE, REQUESTS, Request, RequestError, parse
+
+
+def test_a_request_is_read_as_it_was_written() -> None:
+    asked = parse('{"do": "steer", "forward": 0.5, "left": -0.25, "turn": 1}')
+    assert asked == Request("steer", {"forward": 0.5, "left": -0.25, "turn": 1.0})
+    assert parse('{"do": "next"}') == Request("next", {})
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "JSON"),
+        ("{", "JSON"),
+        ("[" * 100_000, "JSON"),
+        ("[]", '{"do": "reset"}'),
+        ('{"do": 3}', '{"do": "reset"}'),
+        ('{"do": "format_disk"}', "steer, let_go, push"),
+        ('{"do": "steer", "forward": 0.5, "left": 0}', "steer lacks turn"),
+        ('{"do": "next", "seed": 3}', "next takes nothing, not 'seed'"),
+        ('{"do": "steer", "forward": NaN, "left": 0, "turn": 0}', "JSON"),
+        ('{"do": "steer", "forward": Infinity, "left": 0, "turn": 0}', "JSON"),
+        ('{"do": "steer", "forward": 1e999, "left": 0, "turn": 0}', "forward is a number"),
+        ('{"do": "steer", "forward": "1", "left": 0, "turn": 0}', "forward is a number"),
+        ('{"do": "steer", "forward": true, "left": 0, "turn": 0}', "forward is a number"),
+        ('{"do": "steer", "forward": [1], "left": 0, "turn": 0}', "forward is a number"),
+        ('{"do": "steer", "forward": 9, "left": 0, "turn": 0}', "between -3 and 3, not at 9"),
+        ('{"do": "push", "direction": 0, "impulse": 1e6}', f"between 0 and {LARGEST_IMPULSE:g}"),
+        ('{"do": "speed", "factor": 0}', "between 0.05 and 10"),
+        ('{"do": "reset", "seed": -1}', "whole number"),
+        ('{"do": "reset", "seed": 1.5}', "whole number"),
+        ('{"do": "policy", "robot": 4, "name": "trot"}', "between 0 and 3"),
+        ('{"do": "policy", "robot": 0, "name": ""}', "name of 1 to"),
+        ('{"do": "scenario", "name": "a\\nb"}', "name of 1 to"),
+        ('{"do": "pause", "on": 1}', "true or false"),
+    ],
+)
+def test_what_is_no_request_is_refused_and_the_reason_told(text: str, told: str) -> None:
+    with pytest.raises(RequestError) as refused:
+        parse(text)
+    assert told in str(refused.value)
+    assert len(str(refused.value)) < 400
+
+
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@given(st.dictionaries(st.sampled_from(["do", *{name for wanted in REQUESTS.values() for name in wanted}]), ANYTHING))
+def test_nothing_else_than_a_request_or_a_refusal_comes_of_anything(told: object) -> None:
+    with contextlib.suppress(RequestError):
+        assert parse(json.dumps(told)).do in REQUESTS

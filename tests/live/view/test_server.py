@@ -1,0 +1,169 @@
+"""Only this machine's own browsers, on the server's own page, reach it; what they send wrongly is refused."""
+
+import http.client
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from evaluate.terminal.command_line import UsageError
+from live.view.server import DRAWN, KEPT_TELLINGS, LARGEST_MESSAGE, MOST_PAGES, Server
+
+
+def echo(text: str) -> str | None:
+    return None if text == "quiet" else f"heard {text}"
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with closing(Server("127.0.0.1", 0, echo)) as found:
+        yield found
+
+
+def page(server: Server, **options: object) -> ClientConnection:
+    return connect(f"ws://localhost:{server.port}/socket", **options)  # type: ignore[arg-type]
+
+
+def status(server: Server, path: str = "/", **headers: str) -> int:
+    with closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=5)) as connection:
+        names = {name.replace("_", "-"): value for name, value in headers.items()}
+        connection.request("GET", path, headers={"Host": f"localhost:{server.port}"} | names)
+        return connection.getresponse().status
+
+
+def test_the_page_and_its_files_are_served_and_may_load_nothing_from_elsewhere(server: Server) -> None:
+    with closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=5)) as connection:
+        connection.request("GET", "/", headers={"Host": f"localhost:{server.port}"})
+        answer = connection.getresponse()
+        assert answer.status == 200
+        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+        assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        text = answer.read().decode()
+    assert "view.js" in text
+    assert "http://" not in text
+    assert "https://" not in text
+    for path in ("/view.js", "/view.css", "/curves.js", "/gamepads.js", "/icon.svg"):
+        assert status(server, path) == 200
+
+
+@pytest.mark.parametrize(
+    "path", ["/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/view.css/..", "/none.js", "/x"]
+)
+def test_nothing_but_the_page_is_served(server: Server, path: str) -> None:
+    assert status(server, path) == 404
+
+
+def test_it_listens_on_this_machine_alone(server: Server) -> None:
+    assert server.host == "127.0.0.1"
+    others = {found[4][0] for found in socket.getaddrinfo(socket.gethostname(), None, family=socket.AF_INET)}
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        try:
+            out.connect(("192.0.2.1", 9))  # nothing is sent: it tells which address this machine would use
+            others.add(out.getsockname()[0])
+        except OSError:
+            pass
+    for address in others - {"127.0.0.1"}:
+        if not str(address).startswith("127."):
+            with pytest.raises(OSError):  # noqa: PT011
+                socket.create_connection((str(address), server.port), timeout=2)
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "rebound.example"},
+        {"Host": "rebound.example:80"},
+        {"Host": ""},
+        {"Origin": "http://elsewhere.example"},
+        {"Origin": "null"},
+        {"Origin": "http://localhost:1"},
+        {"Sec_Fetch_Site": "cross-site"},
+        {"Sec_Fetch_Site": "same-site"},
+    ],
+)
+def test_pages_from_elsewhere_and_other_names_are_refused(server: Server, headers: dict[str, str]) -> None:
+    assert status(server, **headers) == 403
+    assert status(server, Origin=f"http://localhost:{server.port}", Sec_Fetch_Site="same-origin") == 200
+
+
+def test_a_socket_opened_by_another_page_is_refused_before_it_opens(server: Server) -> None:
+    with pytest.raises(InvalidStatus) as refused:
+        page(server, origin="http://elsewhere.example")
+    assert refused.value.response.status_code == 403
+    with page(server, origin=f"http://localhost:{server.port}") as own:
+        own.send("hello")
+        assert own.recv(timeout=5) == "heard hello"
+
+
+def test_beyond_this_machine_it_wants_the_token_of_its_address() -> None:
+    with closing(Server("0.0.0.0", 0, echo)) as server:
+        assert len(server.token) >= 16
+        assert server.url.endswith(f"?token={server.token}")
+        assert status(server) == 403
+        assert status(server, "/?token=guess") == 403
+        assert status(server, f"/?token={server.token}") == 200
+        assert status(server, f"/?token={server.token}", Origin="http://elsewhere.example") == 403
+        with pytest.raises(InvalidStatus):
+            page(server)
+        with connect(f"ws://localhost:{server.port}/socket?token={server.token}") as known:
+            known.send("hello")
+            assert known.recv(timeout=5) == "heard hello"
+
+
+def test_a_page_that_sends_too_much_is_disconnected_and_the_others_go_on(server: Server) -> None:
+    with page(server) as good, page(server) as bad:
+        bad.send("x" * (LARGEST_MESSAGE + 1))
+        with pytest.raises(ConnectionClosed):
+            bad.recv(timeout=5)
+        good.send(b"\xff\x00")  # no text: not heard
+        good.send("still here")
+        assert good.recv(timeout=5) == "heard still here"
+
+
+def test_frames_wait_for_a_page_that_is_slow_and_tellings_come_in_order(server: Server) -> None:
+    with page(server) as slow:
+        assert server.wanted.wait(5)
+        server.show(b"first")
+        assert slow.recv(timeout=5) == b"first"
+        server.show(b"second")
+        for number in range(3):
+            server.tell(str(number))
+        assert [slow.recv(timeout=5) for _ in range(3)] == ["0", "1", "2"]
+        assert not server.wanted.is_set()
+        slow.send(DRAWN)
+        assert server.wanted.wait(5)
+        server.show(b"third")
+        assert slow.recv(timeout=5) == b"third"
+
+
+def test_more_pages_than_there_is_room_for_are_sent_away(server: Server) -> None:
+    pages = [page(server) for _ in range(MOST_PAGES)]
+    with page(server) as one_more, pytest.raises(ConnectionClosed):
+        one_more.recv(timeout=5)
+    pages[0].send("quiet")
+    pages[0].send("here")
+    assert pages[0].recv(timeout=5) == "heard here"
+    for each in pages:
+        each.close()
+
+
+def test_a_port_that_is_taken_is_said_with_a_remedy(server: Server) -> None:
+    with pytest.raises(UsageError, match="--port 0"):
+        Server("127.0.0.1", server.port, echo)
+
+
+def test_closing_it_frees_its_thread_and_its_port() -> None:
+    before = threading.active_count()
+    server = Server("127.0.0.1", 0, echo)
+    with page(server) as left:
+        server.close()
+        with pytest.raises(ConnectionClosed):
+            left.recv(timeout=5)
+    assert threading.active_count() <= before
+    with pytest.raises(OSError):  # noqa: PT011
+        socket.create_connection(("127.0.0.1", server.port), timeout=2)
+    assert KEPT_TELLINGS > 1
