@@ -30,6 +30,7 @@ LIMITS = {
     "warm_up": (1, MAX_EPISODE_STEPS),
     "calls": (10, 10**7),
     "frames": (1, 10**6),
+    "seconds": (1.0, 1e6),
     "seeds": (0, 1000),
     "kills": (1, 1000),
     "every": (1, 10**12),

@@ -56,7 +56,7 @@ class Driver:
 
     def __init__(self, start: Start) -> None:
         self._start = start
-        self._paused = self._once = False
+        self.paused = self._once = False
         self._events: list[str] = []
         self._recording, self._path = ExitStack(), ""
         self.sight, self._telemetry = Sight(), Telemetry(start.hardware.quadruped.rated_torque)
@@ -95,7 +95,7 @@ class Driver:
 
     def move(self) -> bool:
         """Move the robots on by a control step, once it is due; False while paused."""
-        if self._paused and not self._once:
+        if self.paused and not self._once:
             return False
         if self._once:
             self._once = False
@@ -104,6 +104,16 @@ class Driver:
         step = self.session.step()
         self._telemetry.note(step, self.session.policies[0])
         return True
+
+    def words(self) -> str:
+        """How the first robot stands, in a few lines."""
+        session, (robot, *_) = self.session, self._telemetry.robots(self.session.policies)
+        forward, left, turn = session.latest.infos["command"][0]
+        speed = "paused" if self.paused else f"{self._pace.measured:.2f} x real time"
+        return (
+            f"{robot['policy']}, {self._scenario.name}, seed {session.seed}, {speed}\n"
+            f"command {forward:+.2f} m/s forward, {left:+.2f} m/s left, {turn:+.2f} rad/s\n{robot['outcome']}"
+        )
 
     def picture(self) -> Picture:
         """What there is to be seen now."""
@@ -130,7 +140,7 @@ class Driver:
             "time": round(session.latest.number * session.env.dt, 3),
             "scenario": self._scenario.name,
             "seed": session.seed,
-            "paused": self._paused,
+            "paused": self.paused,
             "speed": self._pace.speed,
             "measured": round(self._pace.measured, 3),
             "recording": self._path,
@@ -221,11 +231,11 @@ class Driver:
         self.session.reset(seed)
 
     def _pause(self, on: bool) -> None:
-        self._paused = on
+        self.paused = on
         self._pace.resume()
 
     def _step_once(self) -> None:
-        self._paused = self._once = True
+        self.paused = self._once = True
 
     def _free_path(self) -> Path:
         """A file that is not there yet."""

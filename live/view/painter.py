@@ -1,7 +1,6 @@
 """Painter: a thread that draws the newest picture it was handed, while the simulation goes on."""
 
 import io
-import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,10 +9,12 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
+from live.view.latest import Latest
 from live.view.orbit import Orbit
 from live.view.quality import Level, Quality
 from quad_env.physics.marks import Colour, Mark
-from quad_env.physics.view import COMPANIONS, View
+from quad_env.physics.rendering import COMPANIONS
+from quad_env.physics.view import View
 
 JPEG_QUALITY = 80
 _INK, _EDGE = (255, 255, 255), (30, 34, 38)
@@ -50,47 +51,36 @@ class Painter:
         self._show, self._quality = show, quality
         self._views: dict[tuple[int, Level], View] = {}
         self._model: Any = None
-        self._picture: Picture | None = None
-        self._news, self._ended = threading.Event(), False
         self.failure: str | None = None
         """Why nothing can be drawn, once that is known."""
         self.drawn = 0
         """Frames so far."""
-        self._thread = threading.Thread(target=self._run, name="painter", daemon=True)
-        self._thread.start()
+        self._thread: Latest[Picture] = Latest("painter", self._take, self._forget)
 
     @property
     def idle(self) -> bool:
         """Whether it has drawn all that it was handed."""
-        return not self._news.is_set()
+        return self._thread.idle
 
     def hand(self, picture: Picture) -> None:
         """Have that drawn next, instead of what was not begun yet."""
-        self._picture = picture
-        self._news.set()
+        self._thread.hand(picture)
 
     def close(self) -> None:
         """End the thread and free what it draws with."""
-        self._ended = True
-        self._news.set()
-        self._thread.join(timeout=10.0)
+        self._thread.close()
 
-    def _run(self) -> None:
-        while self._news.wait() and not self._ended:
-            picture = self._picture
-            assert picture is not None
-            try:
-                start = time.perf_counter()
-                file = self._paint(picture)
-                self._quality.took(time.perf_counter() - start)
-            except Exception as error:  # whatever the graphics driver fails with
-                self.failure = f"nothing can be drawn here ({type(error).__name__}: {error})"
-                return
-            finally:
-                self._news.clear()
-            self.drawn += 1
-            self._show(file)
-        self._forget()
+    def _take(self, picture: Picture) -> bool:
+        try:
+            start = time.perf_counter()
+            file = self._paint(picture)
+            self._quality.took(time.perf_counter() - start)
+        except Exception as error:  # whatever the graphics driver fails with
+            self.failure = f"nothing can be drawn here ({type(error).__name__}: {error})"
+            return False
+        self.drawn += 1
+        self._show(file)
+        return True
 
     def _paint(self, picture: Picture) -> bytes:
         if picture.model is not self._model:

@@ -4,7 +4,7 @@ import ctypes
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from quad_env.physics.marks import Arrow, Ball, Colour, Ghost, Mark
 
+COMPANIONS: tuple[Colour, ...] = ((0.95, 0.55, 0.1, 1.0), (0.3, 0.75, 0.35, 1.0), (0.75, 0.35, 0.8, 1.0))
+"""Colours of the second robot of a scene, the third and so on."""
 _SHORTEST = 1e-3
 """m; shorter arrows are not drawn, for they point nowhere."""
 
@@ -63,6 +65,15 @@ class Marker:
             else:
                 self._add_ghost(scene, mark)
 
+    def accompany(self, scene: mujoco.MjvScene, robots: Sequence[mujoco.MjData]) -> None:
+        """Add robots of the same model, each in one of `COMPANIONS`."""
+        what = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_DYNAMIC
+        for robot, colour in zip(robots, COMPANIONS, strict=False):
+            before = scene.ngeom
+            mujoco.mjv_addGeoms(self._model, robot, *what, scene)
+            for geom in scene.geoms[before : scene.ngeom]:
+                _paint(geom, colour)
+
     def _add_ghost(self, scene: mujoco.MjvScene, ghost: Ghost) -> None:
         before = scene.ngeom
         if self._ghost is None:
@@ -74,29 +85,53 @@ class Marker:
         what = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_DYNAMIC
         mujoco.mjv_addGeoms(self._model, self._ghost, *what, scene)
         for geom in scene.geoms[before : scene.ngeom]:
-            paint(geom, ghost.colour)
+            _paint(geom, ghost.colour)
 
 
 class Window:
-    """MuJoCo's passive viewer; needs a display."""
+    """MuJoCo's passive viewer; needs a display.
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    Args:
+        on_key: told GLFW's code of every key that is pressed in it, in a thread of the viewer.
+    """
+
+    def __init__(self, model: mujoco.MjModel, on_key: Callable[[int], None] | None = None) -> None:
         if not shows_windows():
             raise RuntimeError("render_mode='human' needs a display; use 'rgb_array', or start a virtual display")
         from mujoco import viewer
 
         self._shown = mujoco.MjData(model)
-        self._model = model
-        self._viewer = viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
+        self._model, self._marker = model, Marker(model)
+        look = {"show_left_ui": False, "show_right_ui": False, "key_callback": on_key}
+        self._viewer = viewer.launch_passive(model, self._shown, **look)
         self._viewer.cam.type = mujoco.mjtCamera.mjCAMERA_TRACKING
         self._viewer.cam.trackbodyid = model.body("base_link").id
         self._viewer.cam.distance = 2.5
 
-    def draw(self, data: mujoco.MjData, depth: bool = False) -> None:
-        """Show the snapshot."""
+    @property
+    def is_open(self) -> bool:
+        """Whether nobody has closed it."""
+        return bool(self._viewer.is_running())
+
+    def draw(
+        self,
+        data: mujoco.MjData,
+        depth: bool = False,
+        others: Sequence[mujoco.MjData] = (),
+        marks: Sequence[Mark] = (),
+        text: str = "",
+    ) -> None:
+        """Show the snapshot, other robots in colours of their own, marks, and a text in the corner."""
         with self._viewer.lock():
             self._shown.qpos[:], self._shown.qvel[:], self._shown.time = data.qpos, data.qvel, data.time
             mujoco.mj_forward(self._model, self._shown)
+            if (scene := self._viewer.user_scn) is not None:
+                scene.ngeom = 0
+                self._marker.accompany(scene, others)
+                self._marker.draw(scene, marks)
+        if text:
+            corner = mujoco.mjtGridPos.mjGRID_TOPLEFT
+            self._viewer.set_texts((mujoco.mjtFontScale.mjFONTSCALE_100, corner, text, ""))
         self._viewer.sync()
 
     def close(self) -> None:
@@ -123,7 +158,7 @@ def _add_ball(scene: mujoco.MjvScene, ball: Ball) -> None:
     scene.ngeom += 1
 
 
-def paint(geom: mujoco.MjvGeom, colour: Colour) -> None:
+def _paint(geom: mujoco.MjvGeom, colour: Colour) -> None:
     """In one colour, without the material's texture and gloss, and without a shadow."""
     geom.matid, geom.rgba[:], geom.category = -1, colour, _SHADOWLESS
     geom.specular = geom.shininess = geom.reflectance = 0.0

@@ -9,8 +9,8 @@ import numpy as np
 from mujoco.rendering.classic import gl_context
 from numpy.typing import NDArray
 
-from quad_env.physics.marks import Colour, Mark
-from quad_env.physics.rendering import Marker, find_backend, paint
+from quad_env.physics.marks import Mark
+from quad_env.physics.rendering import Marker, find_backend
 
 NEAR = 6.0
 """Half-side of the square of a height field that is drawn about the camera's target, m; the whole of one is a million
@@ -19,8 +19,6 @@ STRAY = 2.5
 """How far the target may go from that square's centre, m."""
 _GEOMS = 2000
 """As many as a scene may have, arrows and marks among them."""
-COMPANIONS: tuple[Colour, ...] = ((0.95, 0.55, 0.1, 1.0), (0.3, 0.75, 0.35, 1.0), (0.75, 0.35, 0.8, 1.0))
-"""Of the second robot, the third and so on."""
 
 
 class View:
@@ -72,8 +70,7 @@ class View:
         if self._context is None:
             self._open()
         mujoco.mjv_updateScene(self._model, first, self._option, mujoco.MjvPerturb(), camera, shown, scene)
-        for robot, colour in zip(others, COMPANIONS, strict=False):
-            self._accompany(robot, colour)
+        self._marker.accompany(scene, others)
         self._marker.draw(scene, marks)
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._fine
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -96,12 +93,6 @@ class View:
         self._window.make_current()
         self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
-
-    def _accompany(self, robot: mujoco.MjData, colour: Colour) -> None:
-        before, what = self._scene.ngeom, (mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_DYNAMIC)
-        mujoco.mjv_addGeoms(self._model, robot, *what, self._scene)
-        for geom in self._scene.geoms[before : self._scene.ngeom]:
-            paint(geom, colour)
 
     def _come_near(self, target: NDArray[np.float64]) -> None:
         """Draw the ground about that point, (2,), m."""

@@ -1,6 +1,7 @@
 // Curves of the latest seconds of the first robot.
 
 const SECONDS = 6;
+const EVERY = 2; // rows: a line has a point each 20 ms
 const FEET = ["fl", "fr", "hl", "hr"];
 const style = getComputedStyle(document.documentElement);
 const colour = (name) => style.getPropertyValue(`--${name}`).trim();
@@ -61,11 +62,13 @@ export class Curves {
     pen.font = "20px system-ui";
     pen.fillText((high - margin).toFixed(2), 4, 20);
     pen.fillText((low + margin).toFixed(2), 4, canvas.height - 6);
-    pen.lineWidth = 3;
+    pen.lineWidth = 2;
     for (const [name, value] of curves) {
       pen.strokeStyle = colour(name);
       pen.beginPath();
-      for (const row of this.rows) if (value(row) !== null) pen.lineTo(x(row[0]), y(value(row)));
+      for (const row of this.rows) {
+        if (Math.round(100 * row[0]) % EVERY === 0 && value(row) !== null) pen.lineTo(x(row[0]), y(value(row)));
+      }
       pen.stroke();
     }
   }

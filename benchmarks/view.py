@@ -1,0 +1,190 @@
+"""`python -m benchmarks.view`: the live view with a browser beside it, on this machine's processors.
+
+The browser is headless and draws without graphics hardware, as on a machine that has none. A residual walks ahead; real
+time is the simulation's own, frames are those that the page has drawn. With `--seconds 3600` the growth is that of an
+hour. `--peers` shows the same robot in MuJoCo Studio's web viewer and in mjviser (`pip install mjviser`), whose frames
+are those that their pages draw.
+"""
+
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.support.bars import check
+from benchmarks.support.command import Outcome, Output, command, table
+from evaluate.rollouts.progress import bar
+from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.launcher import launch
+
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = ("--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-sync")
+SOFTWARE = ("--enable-unsafe-swiftshader",)
+WARM_UP = 5.0
+"""s before anything counts."""
+EVERY = 1.0
+"""s between two readings."""
+SIZE = {"width": 1280, "height": 900}
+COUNT_DRAWN = """() => {
+  window.drawn = 0;
+  const count = () => { window.drawn++; requestAnimationFrame(count); };
+  requestAnimationFrame(count);
+}"""
+
+
+@dataclass(frozen=True)
+class Options(Output):
+    """The live view in real time, watched by a headless browser."""
+
+    seconds: float = 60.0
+    """How long it is watched, s."""
+    scenario: str = "flat"
+    """What the robot walks on."""
+    policy: tuple[str, ...] = ("residual",)
+    """Policies, a robot each."""
+    peers: bool = False
+    """MuJoCo Studio and mjviser too, 20 s each."""
+
+
+def measure(options: Options) -> Outcome:
+    """Watch our view, and the others for comparison."""
+    if options.quick:
+        options = Options(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
+    with _browser() as browser:
+        own = _watch(browser, options)
+        peers = {name: _peer(browser, name) for name in ("studio", "mjviser") if options.peers and _there(name)}
+    rows = table("Live view, a headless browser beside it", "viewer", "x real time", "frames/s", "first frame, s")
+    rows.add_row("quad_env view", f"{own['real_time']:.2f}", f"{own['frames']:.1f}", f"{own['first_frame']:.1f}")
+    for name, found in peers.items():
+        rows.add_row(name, "", f"{found['frames']:.1f}", f"{found['first_frame']:.1f}")
+    growth = table(f"Growth over {options.seconds:g} s", "of", "at first", "at last", "share")
+    for name in ("simulation, MiB", "page, MiB"):
+        first, last = own[name]
+        growth.add_row(name, f"{first:.1f}", f"{last:.1f}", f"{last / first - 1.0:+.1%}")
+    checks = (
+        check("view real time", own["real_time"]),
+        check("view frames", own["frames"]),
+        check("view first frame", own["first_frame"]),
+    )
+    return Outcome({"view": own, "peers": peers}, (rows, growth), checks)
+
+
+def _watch(browser: Any, options: Options) -> dict[str, Any]:
+    words = ["--policy", *options.policy, "--scenario", options.scenario, "--command", "0.5", "0", "0"]
+    begun = time.perf_counter()
+    with _process("-m", "quad_env", "view", *words, "--port", "0", "--no-browser") as view:
+        assert view.stdout is not None
+        address = re.search(r"http://\S+", line := view.stdout.readline())
+        if address is None:
+            raise UsageError(f"the view did not start: {line}")
+        page = browser.new_page(viewport=SIZE)
+        page.goto(address.group())
+        page.locator("#frame[data-frames]").wait_for(timeout=60_000)
+        first_frame = time.perf_counter() - begun
+        page.wait_for_timeout(1000 * WARM_UP)
+        memory, speeds, start, frames = [_memory(view.pid, page)], [], time.perf_counter(), _frames(page)
+        with bar("watching") as progress:
+            while (passed := time.perf_counter() - start) < options.seconds:
+                page.wait_for_timeout(1000 * EVERY)
+                speeds.append(float(page.locator("#rate").inner_text().split()[0]))
+                progress(min(1.0, passed / options.seconds))
+        rate = (_frames(page) - frames) / (time.perf_counter() - start)
+        memory.append(_memory(view.pid, page))
+        page.close()
+    return {
+        "real_time": float(np.mean(speeds)),
+        "frames": rate,
+        "first_frame": first_frame,
+        "simulation, MiB": [simulation for simulation, _ in memory],
+        "page, MiB": [heap for _, heap in memory],
+    }
+
+
+def _peer(browser: Any, name: str) -> dict[str, float]:
+    port, begun = _free_port(), time.perf_counter()
+    with _process("-m", "benchmarks.probes.viewers", name, str(port)):
+        _until_open(port)
+        page = browser.new_page(viewport=SIZE)
+        page.goto(f"http://localhost:{port}/")
+        page.locator("canvas").first.wait_for(timeout=60_000)
+        first_frame = time.perf_counter() - begun
+        page.wait_for_timeout(1000 * 2 * WARM_UP)
+        page.evaluate(COUNT_DRAWN)
+        start = time.perf_counter()
+        page.wait_for_timeout(10_000)
+        drawn = page.evaluate("() => window.drawn")
+        rate = drawn / (time.perf_counter() - start)
+        page.close()
+    return {"frames": rate, "first_frame": first_frame}
+
+
+def _frames(page: Any) -> int:
+    return int(page.locator("#frame").get_attribute("data-frames") or 0)
+
+
+def _memory(process: int, page: Any) -> tuple[float, float]:
+    """Of a process and of a page's objects after a collection, MiB; NaN for the former where there is no /proc."""
+    session = page.context.new_cdp_session(page)
+    session.send("HeapProfiler.collectGarbage")
+    session.send("Performance.enable")
+    metrics = {each["name"]: each["value"] for each in session.send("Performance.getMetrics")["metrics"]}
+    status = Path(f"/proc/{process}/status")
+    found = re.search(r"VmRSS:\s+(\d+) kB", status.read_text()) if status.is_file() else None
+    return int(found.group(1)) / 1024.0 if found else float("nan"), metrics["JSHeapUsedSize"] / 2**20
+
+
+@contextmanager
+def _browser() -> Iterator[Any]:
+    found = next(filter(None, map(shutil.which, CHROMIUM)), None)
+    if found is None or find_spec("playwright") is None:
+        raise UsageError('needs a browser, `apt-get install chromium`, and `pip install -e ".[dev]"`')
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=found, args=[*FLAGS, *SOFTWARE])
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def _process(*words: str) -> Iterator[subprocess.Popen[str]]:
+    process = subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def _there(name: str) -> bool:
+    return name != "mjviser" or find_spec("mjviser") is not None
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return int(free.getsockname()[1])
+
+
+def _until_open(port: int) -> None:
+    for _ in range(300):
+        with socket.socket() as trial:
+            if trial.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.1)
+    raise UsageError("the viewer did not start")
+
+
+main = command(Options, measure, "benchmarks.view", __doc__)
+
+if __name__ == "__main__":
+    raise SystemExit(launch(main))
