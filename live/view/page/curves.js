@@ -81,6 +81,8 @@ export class Curves {
     for (const [foot, name] of FEET.entries()) {
       pen.fillStyle = colour("real");
       for (const row of this.rows) if (row[3][foot]) pen.fillRect(x(row[0]), foot * height + 6, width, height - 12);
+      pen.fillStyle = colour("panel");
+      pen.fillRect(0, foot * height, 28, height);
       pen.fillStyle = colour("ink");
       pen.fillText(name, 4, foot * height + height / 2 + 7);
     }

@@ -60,32 +60,45 @@ function offered({ robot, policies, axes: offeredAxes }) {
   for (const select of [at("policy-0"), at("policy-1")]) select.replaceChildren(...policies.map((name) => new Option(name)));
   at("scenario").replaceChildren(new Option("flat"), ...axes.map(({ name }) => new Option(name)).filter((o) => o.value !== "flat"));
   severity();
+  if (told) show_scenario(told.scenario);
 }
 
+const chosen_axis = () => axes.find(({ name }) => name === at("scenario").value);
+
 // The slider of the chosen axis's severity, from its mildest to its hardest level.
-function severity() {
-  const axis = axes.find(({ name }) => name === at("scenario").value);
+function severity(value) {
+  const axis = chosen_axis();
   at("severity-label").hidden = !axis || axis.levels.length < 2;
   if (!axis) return;
   const slider = at("severity");
   slider.min = Math.min(...axis.levels);
   slider.max = Math.max(...axis.levels);
-  slider.value = axis.nominal;
-  told_severity(axis);
+  slider.value = value ?? axis.nominal;
+  told_severity();
 }
 
-function told_severity(axis) {
-  at("severity-value").textContent = `${Number(at("severity").value).toPrecision(3)} ${axis.unit}`;
+function told_severity() {
+  at("severity-value").textContent = `${Number(at("severity").value).toPrecision(3)} ${chosen_axis().unit}`;
+}
+
+// Has the choice be that of a scenario's name: rough, rough:3, rough=0.12; another one leaves it as it is.
+function show_scenario(called) {
+  const [, name, sign, value] = called.match(/^(\w+)(?:([:=])([\d.e-]+))?$/) ?? [];
+  const axis = axes.find((each) => each.name === name);
+  if (!axis && name !== "flat") return;
+  at("scenario").value = name;
+  severity(sign === ":" ? axis.levels[value - 1] : sign === "=" ? Number(value) : undefined);
 }
 
 function choose_scenario() {
   const name = at("scenario").value;
-  const axis = axes.find((each) => each.name === name);
+  const axis = chosen_axis();
   send("scenario", { name: axis && axis.levels.length > 1 ? `${name}=${Number(Number(at("severity").value).toPrecision(3))}` : name });
 }
 
 function stated(state) {
   const first = !told;
+  if (told?.scenario !== state.scenario) show_scenario(state.scenario);
   told = state;
   const here = performance.now() - set > SETTLING;
   if (here || first) {
@@ -242,7 +255,7 @@ at("scenario").onchange = () => {
   severity();
   choose_scenario();
 };
-at("severity").oninput = () => told_severity(axes.find(({ name }) => name === at("scenario").value));
+at("severity").oninput = told_severity;
 at("severity").onchange = choose_scenario;
 at("go").onclick = () => send("scenario", { name: at("scenario-name").value.trim() });
 at("scenario-name").onkeydown = ({ key }) => key === "Enter" && at("go").click();

@@ -135,6 +135,12 @@ def test_policies_are_changed_under_way_and_two_walk_side_by_side(page: Page) ->
 def test_scenario_push_and_recording_from_the_page(page: Page) -> None:
     page.select_option("#scenario", "slope")
     page.locator("#clock", has_text="slope=").wait_for(timeout=10_000)
+    page.fill("#scenario-name", "rough:3")
+    page.click("#go")
+    page.locator("#clock", has_text="rough:3").wait_for(timeout=10_000)
+    wait(page, 0.5)
+    assert page.locator("#scenario").input_value() == "rough"
+    assert page.locator("#severity-value").inner_text() == "0.180 m"
     page.fill("#scenario-name", "nowhere")
     page.click("#go")
     page.locator("#events .bad", has_text="unknown scenario").wait_for(timeout=5000)
