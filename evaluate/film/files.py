@@ -21,6 +21,9 @@ STRIP_FRAMES, STRIP_WIDTH = 12, 2560
 END_SHOWN = 1.5
 """s for which the last frame stays."""
 
+MOST_PIXELS = 500_000_000
+"""Of all images of what is in memory until it is written, 4 bytes a pixel: all but an MP4."""
+
 
 def check(path: Path, option: str = "--video") -> None:
     """Raise UsageError unless a film can be written there in the format that the file's name asks for."""
@@ -37,6 +40,15 @@ def check(path: Path, option: str = "--video") -> None:
                 f'{option}: an .mp4 needs an encoder, pip install -e ".[video]"; a .webp, a .gif and a .png do without'
             ) from None
     make_folder_of(path, option)
+
+
+def check_pixels(path: Path, pixels: int) -> None:
+    """Raise UsageError where so many cannot be written in that format."""
+    if path.suffix.lower() != ".mp4" and pixels > MOST_PIXELS:
+        raise UsageError(
+            f"a {path.suffix} of {pixels / 1e6:.0f} million pixels is too long, {MOST_PIXELS / 1e6:.0f} are the most: "
+            "write an .mp4, or film less, in smaller frames or fewer a second"
+        )
 
 
 def write(images: Iterable[Image.Image], path: Path, period: float) -> None:

@@ -1,5 +1,6 @@
 """The images of a film: one episode of one policy or of several, side by side, with captions and marks."""
 
+import math
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -57,10 +58,11 @@ def film(take: Take, look: Look, path: Path, progress: Progress) -> None:
 
     Raises:
         ValueError: there is no such camera, or a policy is for another robot.
-        UsageError: nothing can be drawn here.
+        UsageError: nothing can be drawn here, or the film is longer than its format can be.
         OSError: nothing can be written there.
     """
     if path.suffix.lower() == files.STRIP:
         look = replace(look, rate=STRIP_RATE)
+    files.check_pixels(path, (take.steps // look.every + 1) * len(take.policies) * math.prod(look.size))
     with closing(shoot(take, look, progress)) as images:
         files.write(images, path, look.period)

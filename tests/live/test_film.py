@@ -1,0 +1,101 @@
+"""`python -m quad_env film`: mistakes are a line, and what is not finished is not there."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from quad_env.__main__ import main
+
+
+@pytest.mark.rendering
+def test_policies_are_filmed_side_by_side_on_the_scenario_and_command_that_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film = tmp_path / "new" / "walk.webp"
+    words = ["--policies", "stand", "trot", "--scenario", "slope=5", "--command", "0.4", "0", "0", "--seconds", "0.4"]
+    assert main(["film", str(film), *words, "--size", "160", "120", "--speed", "0.5", "--no-ghost"]) == 0
+    assert capsys.readouterr().out == f"{film}\n"
+    with Image.open(film) as image:
+        assert image.size == (320, 120 + 36)
+        assert image.n_frames == 21  # slow motion at 25 frames a second: every second control step
+        pictures = []
+        for number in (0, 20):
+            image.seek(number)
+            pictures.append(np.asarray(image.convert("RGB")).astype(int)[90:])
+    moved = (np.abs(pictures[1] - pictures[0]).max(axis=-1) > 40).reshape(-1, 2, 160).mean(axis=(0, 2))
+    assert moved[1] > 2 * moved[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["film.avi"], "the film must end in .mp4, .webp, .gif, .png, not 'film.avi'"),
+        (["film.gif", "--policies", "trott"], "trott"),
+        (["film.gif", "--policies"], "--policies must name 1 to 9, not 0"),
+        (["film.gif", "--scenario", "push:all"], "--scenario: push:all is 8 scenarios: name one of them"),
+        (["film.gif", "--robot", "nobody"], "--robot"),
+        (["film.gif", "--command", "nan", "0", "0"], "--command must be"),
+        (["film.gif", "--speed", "0"], "--speed must be from 0.01 to 100.0, not 0.0"),
+        (["film.gif", "--fps", "nan"], "--fps must be from"),
+        (["film.gif", "--size", "640", "9"], "--size must be from 64 to 4096, not (640, 9)"),
+        (["film.gif", "--camera", "selfie"], "track"),
+        (["file/film.gif"], "cannot write to the folder file"),
+        (["film.gif", "--seconds", "9000"], "write an .mp4, or film less"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_mistake_is_a_line_and_nothing_is_written(
+    words: list[str],
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("")
+    assert main(["film", *words]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert said in error
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_where_nothing_can_be_drawn_a_line_says_so(tmp_path: Path) -> None:
+    """Asked for windows where there is no display."""
+    bare = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    command = [sys.executable, "-m", "quad_env", "film", str(tmp_path / "film.gif"), "--policies", "stand"]
+    run = subprocess.run(command, env=bare | {"MUJOCO_GL": "glfw"}, capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stderr.splitlines()[-1].startswith("error: nothing can be drawn here (")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.rendering
+def test_ctrl_c_leaves_what_was_there(tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    film = tmp_path / "walk.mp4"
+    film.write_text("of before")
+    command = [sys.executable, "-m", "quad_env", "film", str(film), "--policies", "trot", "--size", "64", "64"]
+    filming = subprocess.Popen(
+        [*command, "--seconds", "300"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # deaf where the tests are a background job
+    )
+    for _ in range(200):
+        time.sleep(0.05)
+        if len(list(tmp_path.iterdir())) > 1:
+            break
+    filming.send_signal(signal.SIGINT)
+    out, error = filming.communicate(timeout=30)
+    assert (filming.returncode, out) == (130, "")
+    assert error == "interrupted: no further file was written\n"
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["of before"]
