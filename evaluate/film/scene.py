@@ -21,7 +21,7 @@ MEAN_OVER = 0.5
 """Time over which the velocity that is shown is a mean, s: a trot sways within a stride."""
 PUSH_LINGERS = 0.2
 """s for which a push is marked longer than it is on, since it is shorter than the eye needs."""
-_AHEAD = 0.8
+AHEAD = 0.5
 """s of way that an arrow of a velocity is long, on SimpleQuad."""
 _FORCE = 0.2
 """m for each of its own weights that an arrow of a push is long, on SimpleQuad."""
@@ -72,7 +72,7 @@ class Scene:
         payload = env.scenario.payload
         above = likewise(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
         yaw = heading(self._step)
-        ahead, cos, sin = likewise(robot, _AHEAD, "s"), math.cos(yaw), math.sin(yaw)
+        ahead, cos, sin = likewise(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
         found: list[Mark] = [ghost, self._arrow(trunk, np.array(ghost.position) - trunk, THREAD, 0.3)]
         for (forward, left, _), colour, lift in (
             (self._step.infos["command"][0], COMMAND, above),

@@ -146,6 +146,7 @@ def _add_arrow(scene: mujoco.MjvScene, arrow: Arrow) -> None:
     geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_ARROW
     mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(arrow.colour, np.float32))
     mujoco.mjv_connector(geom, kind, arrow.radius, start, end)
+    geom.size[2] *= 2.0  # of which MuJoCo draws half
     geom.category = _SHADOWLESS
     scene.ngeom += 1
 

@@ -5,7 +5,7 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.film.scene import COMMAND, PUSH, PUSH_LINGERS, VELOCITY, Scene
+from evaluate.film.scene import AHEAD, COMMAND, PUSH, PUSH_LINGERS, VELOCITY, Scene
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import watch
 from quad_env import Pushes
@@ -48,14 +48,14 @@ def test_the_velocity_points_along_the_way_that_the_robot_goes(shown) -> None:
         drawn = direction(shown[now][1][VELOCITY])
         assert angle_between(drawn, np.arctan2(way[1], way[0]) + halfway) < 0.12
         length = np.linalg.norm(np.subtract(shown[now][1][VELOCITY].end, shown[now][1][VELOCITY].start))
-        assert length == pytest.approx(0.8 * np.linalg.norm(way[:2]) / 0.5, rel=0.1)
+        assert length == pytest.approx(AHEAD * np.linalg.norm(way[:2]) / 0.5, rel=0.1)
 
 
 def test_the_command_points_ahead_of_the_robot(shown) -> None:
     for step, drawn in shown[::40]:
         w, x, y, z = step.infos["quaternion"][0]
         assert angle_between(direction(drawn[COMMAND]), np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))) < 1e-6
-        assert np.linalg.norm(np.subtract(drawn[COMMAND].end, drawn[COMMAND].start)) == pytest.approx(0.8 * 0.5)
+        assert np.linalg.norm(np.subtract(drawn[COMMAND].end, drawn[COMMAND].start)) == pytest.approx(AHEAD * 0.5)
         assert drawn[COMMAND].start[2] > step.infos["position"][0, 2]
 
 
