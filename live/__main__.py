@@ -11,6 +11,7 @@ from evaluate.terminal.program import Command, Program
 COMMANDS = {
     "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
     "film": Command("live.commands.film", "an episode as a film: policies side by side, a ghost of the command"),
+    "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),
     "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
 }
 

@@ -21,6 +21,7 @@ from policies.mpc.sighted import SightedMpcWbc
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
 from policies.safety import Safe, SafetyLimits
+from policies.summaries import SUMMARIES
 from policies.trot.open_loop import Trot
 from quad_env.actuation.models import Actuator
 from quad_env.robots.named import robot_of
@@ -72,6 +73,13 @@ SAFE = "safe:"
 def names() -> tuple[str, ...]:
     """The names that `make` knows, sorted."""
     return tuple(sorted(_MAKERS))
+
+
+def summary(name: str) -> str:
+    """What the policy of that name is, in a line. Raises PolicyError for a name that does not exist."""
+    if name not in _MAKERS:
+        raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
+    return SUMMARIES.get(name, "a trained policy in models/ that does not ship with the project")
 
 
 def make(
@@ -141,4 +149,5 @@ __all__ = [
     "make",
     "names",
     "resolve",
+    "summary",
 ]

@@ -8,6 +8,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
@@ -16,9 +17,9 @@ INTERRUPTED, FAILED = 130, 2
 COMMANDS = {
     "info": "robot, spaces, scenarios, actuators and sensors of the environment",
     "describe": "what a robot's model tells of its legs, joints and servos, and whether the robot stands",
+    "scenarios": "every scenario: what happens in it, its severities, and how to write them",
 }
 """What each command prints, by its name."""
-_OF_A_CLONE = ("film", "record", "view")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -53,8 +54,10 @@ def _run(arguments: list[str] | None) -> int:
     words, others = sys.argv[1:] if arguments is None else arguments, _of_a_clone()
     if others is not None and words and words[0] in others.commands:
         return int(others.main(words))
-    if others is None and words and words[0] in _OF_A_CLONE:
-        print(f"error: {words[0]} comes with a clone of the project, not with quad_env alone", file=sys.stderr)
+    if words and not words[0].startswith("-") and words[0] not in COMMANDS:
+        there = ", ".join((*COMMANDS, *(() if others is None else others.commands)))
+        more = "; a clone of the project has more, those that need policies" if others is None else ""
+        print(f"error: there is no command {words[0]}; there are {there}{more}; see --help", file=sys.stderr)
         return FAILED
     parser = _Parser(
         prog="python -m quad_env",
@@ -63,11 +66,12 @@ def _run(arguments: list[str] | None) -> int:
         epilog="" if others is None else f"with policies:\n{others.listing()}",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
-    info, describe = (
+    info, describe, scenarios = (
         commands.add_parser(name, help=told, description=f"Print {told}.") for name, told in COMMANDS.items()
     )
-    info.add_argument("--robot", default="simple_quad", help="its name, .xml or .toml (default: simple_quad)")
-    info.set_defaults(run=_info)
+    for parser_of, text in ((info, "text"), (scenarios, "scenarios")):
+        parser_of.add_argument("--robot", default="simple_quad", help="its name, .xml or .toml (default: simple_quad)")
+        parser_of.set_defaults(run=partial(_info, text))
     describe.add_argument("robot", help="an MJCF (.xml), a .toml that this command has written, or a robot's name")
     describe.add_argument("--picture", type=Path, metavar="PNG", help="picture of the robot standing to write")
     describe.add_argument("--toml", type=Path, metavar="TOML", help="file of its figures to write, for changes by hand")
@@ -90,12 +94,12 @@ def _of_a_clone() -> Any:
     return import_module("live.__main__").PROGRAM
 
 
-def _info(options: argparse.Namespace) -> int:
+def _info(text: str, options: argparse.Namespace) -> int:
     from quad_env import info
     from quad_env.robots.named import robot_of
 
     try:
-        print(info.text(robot_of(options.robot)))
+        print(getattr(info, text)(robot_of(options.robot)))
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
         print(f"error: {error}", file=sys.stderr)
         return FAILED

@@ -71,6 +71,35 @@ def _axes(robot: Robot) -> Iterator[str]:
     yield from map(_axis, axes_of(robot).values())
 
 
+def scenarios(robot: Robot = SIMPLE_QUAD) -> str:
+    """Every scenario with its severities and a sentence; how severities are written."""
+    return "\n".join((*_scenarios(robot), "", *_spellings(robot)))
+
+
+def _scenarios(robot: Robot) -> Iterator[str]:
+    yield f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"
+    for axis in axes_of(robot).values():
+        yield _axis(axis)
+        yield f"  {'':13}{axis.sentence}"
+
+
+EXAMPLES = {
+    "push": "the nominal severity of the axis",
+    "push:3": "the third of its levels",
+    "push=42": "that severity, in the unit of the axis",
+    "payload=15+slope=10": "several at once, joined by +",
+    "push:all": "every level; of python -m evaluate --scenarios alone, as are the next two",
+    "quick": "a battery of scenarios; so are default, full and all",
+    "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",
+}
+"""What scenarios are written as, and what that means."""
+
+
+def _spellings(robot: Robot) -> Iterator[str]:
+    yield "where a scenario is asked for, write"
+    yield from (f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items())
+
+
 def _axis(axis: Axis) -> str:
     unit = f" {axis.unit}" if axis.unit not in ("", "°") else axis.unit
     levels = " ".join(f"{level:.4g}" for level in axis.levels)

@@ -147,6 +147,12 @@ def test_every_policy_has_its_row_and_its_results() -> None:
     assert set(policies.names()) <= set(rows)
 
 
+def test_the_policies_are_told_in_the_words_of_the_code() -> None:
+    rows = table("| name | what it is |", "docs/policies.md")
+    told = {name: re.sub(r"[,:] \[[^]]+\]\([^)]+\)$", "", text).replace("`", "") for name, text in rows}
+    assert told == {name: policies.summary(name) for name in policies.names()}
+
+
 def test_every_axis_has_its_row_with_its_levels_and_its_nominal_one_bold() -> None:
     rows = table("| axis | severity | levels, the nominal one bold |", "docs/scenarios.md")
     assert [row[0] for row in rows] == list(AXES) == list(SCENARIOS)

@@ -92,10 +92,13 @@ observation, info = env.reset(seed=0)
 assert env.observation_space.contains(env.step(env.action_space.sample())[0])
 from quad_env.__main__ import main
 assert main(["info"]) == 0
+assert main(["record", "walk.mcap"]) == 2
 print(sys.modules["quad_env"].__file__)
 """
     run = python(code, str(installed_wheel), str(repository), cwd=tmp_path)
     assert run.returncode == 0, run.stderr
+    assert "there is no command record; there are info, " in run.stderr
+    assert "a clone of the project has more" in run.stderr
     assert Path(run.stdout.splitlines()[-1]).is_relative_to(installed_wheel)
 
 

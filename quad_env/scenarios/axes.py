@@ -46,6 +46,8 @@ class Axis:
     """Severities from the mildest to the hardest; where less is harder, as with friction, they fall."""
     nominal: float
     """Severity of the scenario that has the axis's bare name."""
+    sentence: str = ""
+    """What happens in its scenarios, in a sentence."""
 
     @property
     def falling(self) -> bool:
@@ -100,11 +102,12 @@ def axes_of(robot: Robot) -> dict[str, Axis]:
 
 
 def _axis(quantity: str, unit: str, levels: tuple[float, ...], nominal: float) -> Callable[[AtSeverity], AtSeverity]:
-    """Makes the function that follows an axis, which has the name that the function gives its scenarios."""
+    """Makes the function that follows an axis, which has the name that the function gives its scenarios and the first
+    sentence of its docstring."""
 
     def add(at: AtSeverity) -> AtSeverity:
-        name = at(nominal).name
-        AXES[name] = Axis(name, at, quantity, unit, levels, nominal)
+        name, told = at(nominal).name, " ".join((at.__doc__ or "").split())
+        AXES[name] = Axis(name, at, quantity, unit, levels, nominal, told.partition(". ")[0].rstrip(".") + ".")
         return at
 
     return add
@@ -112,8 +115,10 @@ def _axis(quantity: str, unit: str, levels: tuple[float, ...], nominal: float) -
 
 @_axis("top commanded forward speed", "m/s", (1.0, 1.5, 2.0, 3.0, 4.5, 6.0), nominal=1.5)
 def _flat(top_speed: float) -> Scenario:
-    """The ranges of `CommandRanges`, all in proportion to the top commanded forward speed; up to that of a leg of 0.6 m
-    at its rated 10 rad/s."""
+    """Level ground, and commands from ranges in proportion to the top commanded forward speed.
+
+    The ranges of `CommandRanges`; up to the speed of a leg of 0.6 m at its rated 10 rad/s.
+    """
     ranges = CommandRanges()
     share = top_speed / ranges.forward[1]
     forward, lateral, yaw_rate = (
@@ -124,91 +129,110 @@ def _flat(top_speed: float) -> Scenario:
 
 @_axis("impulse of each push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0, 140.0, 200.0), nominal=35.0)
 def _push(impulse: float) -> Scenario:
+    """Two pushes an episode, at random times and in random directions."""
     return Scenario("push", pushes=Pushes(impulse=impulse))
 
 
 @_axis("height from valley to peak", "m", (0.06, 0.12, 0.18, 0.24, 0.32, 0.4, 0.5), nominal=0.12)
 def _rough(peak_to_valley: float) -> Scenario:
+    """Random ground, another surface in every episode."""
     return Scenario("rough", terrain=SmoothRandom(peak_to_valley=peak_to_valley))
 
 
 @_axis("steady horizontal force", "N", (20.0, 40.0, 60.0, 80.0, 110.0, 140.0), nominal=40.0)
 def _force(force: float) -> Scenario:
-    """Up to more than the friction of all feet on level ground, 111 N."""
+    """A steady force on the trunk in a random direction, such as wind.
+
+    Up to more than the friction of all feet on level ground, 111 N.
+    """
     return Scenario("force", force=SteadyForce(force))
 
 
 @_axis("angle of the plane", "°", (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0), nominal=15.0)
 def _slope(degrees: float) -> Scenario:
-    """Up to nearly the friction angle, 39°."""
+    """A plane that the robot crosses in all directions. Up to nearly the friction angle, 39°."""
     return Scenario("slope", terrain=Slope(math.radians(degrees)))
 
 
 @_axis("rise of a step, run half a leg", "m", (0.05, 0.1, 0.15, 0.2, 0.3, 0.4), nominal=0.1)
 def _stairs(rise: float) -> Scenario:
-    """Up to higher than the hips of a robot that trots."""
+    """Stairs up and down from a landing. Up to higher than the hips of a robot that trots."""
     return Scenario("stairs", terrain=Stairs(rise))
 
 
 @_axis("height from valley to peak", "m", (0.04, 0.08, 0.12, 0.16, 0.24, 0.32), nominal=0.08)
 def _gravel(peak_to_valley: float) -> Scenario:
-    """Stones of about two feet's size, a foot being a ball of 0.04 m; up to spikes four times as high as they are
-    apart. Of ground so short-waved, 2 m × 2 m are a surface of its own."""
+    """Random ground of stones, each about two feet long.
+
+    A foot is a ball of 0.04 m; up to spikes four times as high as they are apart. Of ground so short-waved, 2 m × 2 m
+    are a surface of its own.
+    """
     terrain = SmoothRandom(peak_to_valley, correlation_length=0.08, cell=0.04, half_size=26.0, spawn_radius=8.0)
     return Scenario("gravel", terrain=terrain)
 
 
 @_axis("depth that standing feet sink", "m", (0.005, 0.01, 0.02, 0.04, 0.08, 0.16), nominal=0.02)
 def _soft(sink_depth: float) -> Scenario:
-    """Until a standing robot's knees touch the ground and a trotting one's sink in."""
+    """Ground that gives way like a damped spring under each foot.
+
+    Until a standing robot's knees touch the ground and a trotting one's sink in.
+    """
     return Scenario("soft", ground=Ground(sink_depth=sink_depth))
 
 
 @_axis("friction coefficient", "", (0.6, 0.4, 0.2, 0.1, 0.05, 0.02), nominal=0.4)
 def _slippery(friction: float) -> Scenario:
-    """Until 0.7 N move a foot that carries a quarter of the weight."""
+    """Level ground of little friction. Until 0.7 N move a foot that carries a quarter of the weight."""
     return Scenario("slippery", ground=Ground(friction=friction))
 
 
 @_axis("mass on the trunk", "kg", (2.5, 5.0, 10.0, 20.0, 40.0, 60.0), nominal=5.0)
 def _payload(mass: float) -> Scenario:
-    """Up to four times the robot's own mass."""
+    """A load somewhere on the trunk, at another place in every episode. Up to four times the robot's own mass."""
     return Scenario("payload", payload=Payload(mass))
 
 
 @_axis("torque limit", "N·m", (50.0, 30.0, 20.0, 10.0, 5.0, 2.5), nominal=20.0)
 def _weak_motors(torque_limit: float) -> Scenario:
-    """Until the robot sits down: its knees need 4 N·m to stand in the home pose."""
+    """Motors of less torque. Until the robot sits down: its knees need 4 N·m to stand in the home pose."""
     return Scenario("weak_motors", motors=Motors(torque_limit=torque_limit))
 
 
 @_axis("bandwidth of the servos", "Hz", (20.0, 10.0, 5.0, 2.0, 1.0, 0.5), nominal=5.0)
 def _slow_motors(bandwidth: float) -> Scenario:
-    """Down to slower than a stride: the legs hardly move."""
+    """Servos that follow their targets late. Down to slower than a stride: the legs hardly move."""
     return Scenario("slow_motors", motors=Motors(bandwidth=bandwidth))
 
 
 @_axis("delay of actions, and of readings", "s", (0.01, 0.02, 0.04, 0.08, 0.16, 0.32), nominal=0.02)
 def _latency(delay: float) -> Scenario:
-    """Up to more than a stride from reading to action."""
+    """Actions arrive late, and readings as late again. Up to more than a stride from reading to action."""
     return Scenario("latency", latency=Latency(action=delay, observation=delay))
 
 
 @_axis("standard deviation of the gyro's noise", "rad/s", (0.1, 0.2, 0.4, 0.8, 1.6, 3.2), nominal=0.2)
 def _noise(gyro: float) -> Scenario:
-    """Up to noise of the gravity reading as large as gravity."""
+    """Noise on everything that is sensed, in proportion to the gyro's.
+
+    Up to noise of the gravity reading as large as gravity.
+    """
     return Scenario("noise", noise=SensorNoise(gyro))
 
 
 @_axis("time that a joint hears nothing", "s", (0.1, 0.2, 0.4, 0.8, 1.4, 2.0), nominal=0.4)
 def _dropout(duration: float) -> Scenario:
-    """Until, from the first second on, some joint always hears nothing."""
+    """Four times an episode one joint's servo hears nothing and holds its last target.
+
+    Until, from the first second on, some joint always hears nothing.
+    """
     return Scenario("dropout", dropouts=Dropouts(duration=duration))
 
 
 @_axis("share of the reference amplitudes", "", (0.5, 1.0, 1.5, 2.0, 3.0, 4.0), nominal=1.0)
 def _surprise(share: float) -> Scenario:
-    """All at once: at share 1 each disturbance has the amplitude written here, at another share that share of it.
+    """Rough ground, pushes, wind, a load, weak and slow motors, latency, noise and dropouts at once.
+
+    At share 1 each disturbance has the amplitude written here, at another share that share of it.
 
     Where less is harder it goes geometrically: friction 0.8 · 0.75^share, torque limit 100 N·m · 0.5^share. A servo's
     time constant is in proportion. Latency is in whole control steps.

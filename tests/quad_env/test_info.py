@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,8 +11,10 @@ import gymnasium as gym
 import pytest
 
 import quad_env
+from evaluate.rollouts import battery
+from live.__main__ import PROGRAM
 from quad_env import info
-from quad_env.__main__ import main
+from quad_env.__main__ import COMMANDS, main
 
 COMMAND = (sys.executable, "-W", "error", "-m", "quad_env")
 
@@ -45,6 +48,37 @@ def test_it_describes_the_robot_that_it_is_given() -> None:
 def test_without_a_command_it_lists_them(capsys) -> None:
     assert main([]) == 0
     assert "info " in capsys.readouterr().out
+
+
+def test_every_scenario_is_told_with_its_unit_its_levels_and_a_sentence(capsys) -> None:
+    assert main(["scenarios"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    for axis in quad_env.AXES.values():
+        levels = " ".join(f"{level:g}" for level in axis.levels)
+        unit = axis.unit if axis.unit in ("", "°") else f" {axis.unit}"
+        assert f"{axis.name} {axis.nominal:g}{unit} {axis.quantity}: {levels} {axis.sentence}" in text
+        assert re.fullmatch(r"[A-Z].{15,}[a-z]\.", axis.sentence), axis.name
+
+
+def test_the_scenarios_of_a_smaller_robot_are_those_that_are_as_hard_for_it() -> None:
+    from dataclasses import replace
+
+    own = info.scenarios(replace(quad_env.SIMPLE_QUAD, name="short", thigh_length=0.075, calf_length=0.075))
+    assert "for short:" in own
+    assert "  stairs       0.025 m " in own
+    assert "  push         17.5 N·s " in own
+
+
+@pytest.mark.parametrize("written", [name for name in info.EXAMPLES if name != "my_file.py:NAME"])
+def test_scenarios_can_be_written_as_the_examples_say(written) -> None:
+    assert battery.resolve((written,), quad_env.SIMPLE_QUAD)
+
+
+def test_a_mistyped_command_is_told_every_command_there_is(capsys) -> None:
+    assert main(["inof"]) == 2
+    said = capsys.readouterr().err
+    assert all(f" {name}" in said for name in (*COMMANDS, *PROGRAM.commands))
+    assert "clone" not in said
 
 
 @pytest.mark.parametrize("arguments", [["inof"], ["info", "--nonsense"]], ids=" ".join)

@@ -1,0 +1,60 @@
+"""List the policies: those that are written, those that were trained, and what they were trained on."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import policies
+from evaluate.rollouts.hardware import hardware_of
+from evaluate.terminal.format import counted
+from policies import bundle, shipped
+from policies.summaries import SUMMARIES
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+
+@dataclass(frozen=True)
+class Options:
+    """List the policies by the names that `--policy` and `--policies` take."""
+
+    robot: str = "simple_quad"
+    """Robot whose trained policies to list: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+
+
+def main(options: Options) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    print("\n".join(_lines(hardware_of(options.robot).quadruped)))
+    return 0
+
+
+def _lines(robot: Robot) -> Iterator[str]:
+    width = 2 + max(map(len, policies.names()))
+    yield "controllers, for any robot"
+    for name in (name for name in SUMMARIES if name not in policies.TRAINED):
+        yield f"  {name:{width}}{policies.summary(name)}"
+    yield f"\ntrained for {robot.name}, in {shipped.folder_of(robot)}"
+    folders = [found.parent for found in sorted(shipped.folder_of(robot).glob(f"*/{bundle.DESCRIPTION}"))]
+    for folder in folders:
+        own = policies.summary(folder.name) if robot == SIMPLE_QUAD else ""
+        first, *more = filter(None, (own, *_trained(folder)))
+        yield f"  {folder.name:{width}}{first}"
+        yield from (f"  {'':{width}}{line}" for line in more)
+    if not folders:
+        yield f"  none: python -m train --robot {robot.source or robot.name} makes one"
+    yield "\nsafe: before a name is that policy within the safety layer. Instead of a name there may be the folder of a"
+    yield "trained policy, or a file of yours: my_file.py:MyPolicy, my.onnx, my.zip of Stable-Baselines3."
+
+
+def _trained(folder: Path) -> Iterator[str]:
+    """What a bundle corrects and how it was trained; what is wrong with it, if anything is."""
+    try:
+        told = bundle.parsed(folder, (folder / bundle.DESCRIPTION).read_bytes())
+        base, training = told["base"]["name"], told["training"]
+        yield (
+            f"base {base}, at most {max(told['authority']):.2g} rad a joint; {training['steps']:,} steps of training, "
+            f"seed {training['seed']}, on {counted(len(training['mixture']), 'scenario')}"
+        )
+    except (policies.PolicyError, OSError) as error:
+        yield str(error)
+    except (KeyError, TypeError, ValueError):  # training is whatever its trainer wrote
+        yield f"of unknown training: {bundle.DESCRIPTION} tells none"

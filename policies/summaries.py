@@ -1,0 +1,46 @@
+"""What each policy is, in a line, by its name; `python -m quad_env policies` and docs/policies.md say it."""
+
+SUMMARIES = {
+    "stand": "holds the home pose",
+    "crouch": "holds a lower one, knees bent: what end-to-end learning begins from",
+    "document": "the article's controller as printed; it collapses by its axis conventions and is there to be seen",
+    "document_repaired": "the printed parameters with only the repairs the geometry needs; takes no command",
+    "trot": "a diagonal trot that follows the command; the baseline",
+    "trot_integral": (
+        "the trot whose command is corrected by the integral of its velocity error: what lasts, a slope or a steady "
+        "force, does not carry it off"
+    ),
+    "trot_feedback": (
+        "the trot with footholds from the velocity error, attitude and height feedback, and slope adaptation; what it "
+        "feels is smoothed, and where its joints lag behind their targets it takes slower, higher steps"
+    ),
+    "walk": "four beats, three feet on the ground; follows the command within its limit of 0.4 m/s ahead",
+    "pace": "the legs of one side together; at most 0.8 m/s ahead",
+    "bound": "the fore legs together, then the hind legs; at most 0.8 m/s ahead",
+    "pronk": "all four legs together; at most 0.56 m/s ahead",
+    "gaits": (
+        'any of these gaits, the trot or standing, robot by robot; starts as the trot; request("walk", mask) changes '
+        "the gait under way"
+    ),
+    "behaviour": (
+        "states (passive, stand up, stand, walk, run, jump, fall, recover, emergency stop) and one table of transitions"
+    ),
+    "mpc": (
+        "model-predictive control of a trot: each leg bears the force that is planned for it and follows its path by "
+        "itself"
+    ),
+    "mpc_wbc": "mpc with a program of the whole body",
+    "mpc_wbc_sighted": "mpc_wbc that is shown a height scan, which no other policy is",
+    "mpc_wbc_walk": "mpc_wbc's walk",
+    "mpc_wbc_pace": "mpc_wbc's pace",
+    "mpc_wbc_bound": "mpc_wbc's bound, with a flight",
+    "mpc_wbc_pronk": "mpc_wbc's pronk, with a flight",
+    "residual": (
+        "trot_integral plus a learned correction of at most 0.3 rad a joint, 0.15 rad at the hips: what python -m "
+        "train makes"
+    ),
+    "robust": "the same as residual, learned for six times as long",
+    "residual_feedback": "trot_feedback plus such a correction",
+    "end_to_end": ("learned without a gait, from a crouch, by up to 1 rad a joint: what the base of residual is worth"),
+}
+"""Of every policy that ships, in the order in which they are told."""

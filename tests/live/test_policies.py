@@ -1,0 +1,46 @@
+"""`python -m quad_env policies` lists every policy that there is, and tells how the trained ones were trained."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import policies
+from policies import shipped
+from quad_env.__main__ import main
+
+
+def listed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(["policies", *arguments]) == 0
+    return capsys.readouterr().out
+
+
+def test_every_policy_is_listed_once_with_its_line(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [line.split(maxsplit=1) for line in listed(capsys).splitlines() if line[:2] == "  " and line[2] != " "]
+    assert sorted(name for name, _ in lines) == sorted(policies.names())
+    assert all(line == policies.summary(name) for name, line in lines)
+
+
+def test_the_trained_ones_tell_base_steps_and_seed(capsys: pytest.CaptureFixture[str]) -> None:
+    training = json.loads((shipped.MODELS / "residual" / "policy.json").read_text())["training"]
+    said = listed(capsys)
+    assert f"base {training['base']}, at most 0.3 rad a joint; {training['steps']:,} steps of training, seed 0" in said
+
+
+def test_another_robots_trained_policies_are_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mine = tmp_path / "mine.xml"
+    shutil.copy(policies.Stand().robot.mjcf, mine)
+    assert "none: python -m train --robot" in listed(capsys, "--robot", str(mine))
+    shutil.copytree(shipped.MODELS / "residual", tmp_path / "simple_quad" / "walker")
+    said = listed(capsys, "--robot", str(mine))
+    assert "walker " in said
+    assert "robust " not in said
+
+
+def test_a_damaged_bundle_is_listed_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mine, folder = tmp_path / "mine.xml", tmp_path / "simple_quad" / "walker"
+    shutil.copy(policies.Stand().robot.mjcf, mine)
+    folder.mkdir(parents=True)
+    (folder / "policy.json").write_text("{")
+    assert "policy.json is not JSON" in listed(capsys, "--robot", str(mine))
