@@ -17,6 +17,7 @@ INTERRUPTED, FAILED = 130, 2
 COMMANDS = {
     "info": "robot, spaces, scenarios, actuators and sensors of the environment",
     "describe": "what a robot's model tells of its legs, joints and servos, and whether the robot stands",
+    "doctor": "what is wrong with the installation, a robot or a policy, and what to do about it",
     "scenarios": "every scenario: what happens in it, its severities, and how to write them",
 }
 """What each command prints, by its name."""
@@ -66,7 +67,7 @@ def _run(arguments: list[str] | None) -> int:
         epilog="" if others is None else f"with policies:\n{others.listing()}",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
-    info, describe, scenarios = (
+    info, describe, doctor, scenarios = (
         commands.add_parser(name, help=told, description=f"Print {told}.") for name, told in COMMANDS.items()
     )
     for parser_of, text in ((info, "text"), (scenarios, "scenarios")):
@@ -76,6 +77,10 @@ def _run(arguments: list[str] | None) -> int:
     describe.add_argument("--picture", type=Path, metavar="PNG", help="picture of the robot standing to write")
     describe.add_argument("--toml", type=Path, metavar="TOML", help="file of its figures to write, for changes by hand")
     describe.set_defaults(run=_describe)
+    doctor.add_argument("--robot", default="simple_quad", help="its name, .xml or .toml (default: simple_quad)")
+    doctor.add_argument("--policy", help="a policy to examine too: its name, folder or file")
+    doctor.add_argument("--json", action="store_true", help="print JSON instead of lines")
+    doctor.set_defaults(run=_doctor)
     parser.set_defaults(run=lambda _: parser.print_help())
     try:
         options = parser.parse_args(words)
@@ -89,9 +94,11 @@ def _run(arguments: list[str] | None) -> int:
 
 def _of_a_clone() -> Any:
     """The program of the commands that need policies, None where this package is installed alone."""
-    if not (Path(__file__).parents[1] / "live" / "__main__.py").is_file():
-        return None
-    return import_module("live.__main__").PROGRAM
+    return import_module("live.__main__").PROGRAM if _is_a_clone() else None
+
+
+def _is_a_clone() -> bool:
+    return (Path(__file__).parents[1] / "live" / "__main__.py").is_file()
 
 
 def _info(text: str, options: argparse.Namespace) -> int:
@@ -127,6 +134,13 @@ def _describe(options: argparse.Namespace) -> int:
             print(f"written, with what there is to tell: {options.toml}", file=sys.stderr)
         return FAILED
     return 0
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from quad_env.doctor import command
+
+    with_policies = import_module("live.doctor.checks") if _is_a_clone() else None
+    return command.main(options.robot, options.policy, options.json, with_policies)
 
 
 if __name__ == "__main__":

@@ -164,16 +164,17 @@ class Robot:
         """SHA-256 of names and figures of the compiled model, to six digits: of what a trained policy hangs on."""
         from quad_env.robots.stage import digest
 
-        return digest(self, self._model)
+        return digest(self, self.model)
 
     @cached_property
     def _compiled(self) -> tuple[Floats, Floats, float]:
-        model = self._model
+        model = self.model
         lower, upper = model.jnt_range[[model.joint(name).id for name in self.joint_names]].T
         return _constant(lower), _constant(upper), float(np.round(model.body_mass.sum(), 9))
 
     @cached_property
-    def _model(self) -> Any:
+    def model(self) -> Any:
+        """The compiled `mujoco.MjModel` on flat ground; not to be written to."""
         from quad_env.robots.stage import spec_of  # here, since MuJoCo takes long, and most figures need none
 
         return spec_of(self).compile()

@@ -70,7 +70,7 @@ def spec_of(robot: Robot) -> Any:
     return stage
 
 
-_DECISIVE = (
+DECISIVE = (
     *("body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat"),
     *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "qpos_spring"),
     *("dof_armature", "dof_damping", "dof_frictionloss"),
@@ -83,7 +83,7 @@ _DECISIVE = (
 def digest(robot: Robot, model: Any) -> str:
     """SHA-256 of the robot by its model on flat ground, see `Robot.sha256`."""
     found = hashlib.sha256(" ".join((*robot.leg_names, *robot.joint_names)).encode())
-    for name in _DECISIVE:
+    for name in DECISIVE:
         values = np.asarray(getattr(model, name), dtype=np.float64).ravel()
         found.update(" ".join(f"{value + 0.0:.6g}" for value in values).encode())
     return found.hexdigest()

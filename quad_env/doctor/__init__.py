@@ -1,0 +1,1 @@
+"""Finds what is wrong with an installation, a robot or a policy, root causes first, and names the remedies."""

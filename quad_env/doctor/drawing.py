@@ -1,0 +1,51 @@
+"""Whether pictures of the robot can be drawn."""
+
+import os
+import signal
+import subprocess
+import sys
+
+from quad_env.doctor.check import Finding, ok, problem
+from quad_env.doctor.subject import Subject
+
+PATIENCE = 60.0
+"""s that a first frame may take, with shaders to be compiled by the processor"""
+INSTALL = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
+
+
+def opengl(_: Subject) -> Finding:
+    """Draw a frame in another process."""
+    command = (sys.executable, "-m", "quad_env.doctor.frame")
+    path = os.pathsep.join(filter(None, sys.path))
+    try:
+        run = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=PATIENCE,
+            env={**os.environ, "PYTHONPATH": path},
+        )
+    except subprocess.TimeoutExpired:
+        return _broken(f"no frame within {PATIENCE:g} s")
+    if run.returncode == 0:
+        return ok(f"a frame is drawn, by {run.stdout.strip()}")
+    if run.returncode < 0:
+        return _broken(f"drawing ends the process ({signal.Signals(-run.returncode).name})")
+    errors = [line for line in run.stderr.splitlines() if line and not line[0].isspace() and "Error" in line]
+    last = (errors or run.stderr.strip().splitlines() or [f"exit code {run.returncode}"])[-1]
+    return _broken(last.partition(". ")[0])
+
+
+def _broken(seen: str) -> Finding:
+    chosen, display = os.environ.get("MUJOCO_GL"), os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    seen = f"no picture can be drawn: {seen}"
+    if chosen and chosen != "egl":
+        return problem(
+            seen, f"MUJOCO_GL={chosen} asks for a backend that does not work here", f"MUJOCO_GL=egl; {INSTALL}"
+        )
+    if display and not chosen:
+        return problem(seen, f"the display {display} gives no OpenGL", f"MUJOCO_GL=egl draws without it; {INSTALL}")
+    return problem(
+        seen, "EGL or a driver behind it is missing", f"{INSTALL}, or OSMesa (libosmesa6) with MUJOCO_GL=osmesa"
+    )

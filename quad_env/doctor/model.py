@@ -1,0 +1,62 @@
+"""Whether the robot's model loads, and whether its feet meet the ground."""
+
+import re
+
+import numpy as np
+
+from quad_env.doctor.check import Finding, ok, problem
+from quad_env.doctor.subject import Subject
+from quad_env.robots.anatomy import ModelError
+from quad_env.robots.stage import DECISIVE, log_to_the_console
+
+LEAST_FRICTION = 0.3
+"""Below it no policy here walks: see the axis `slippery`."""
+
+
+def model(subject: Subject) -> Finding:
+    """Whether the robot can be read, compiled and put on our ground."""
+    log_to_the_console()
+    try:
+        robot = subject.robot
+        compiled = robot.model
+    except ModuleNotFoundError as error:
+        what, _, remedy = str(error).rpartition(": ")
+        return problem(what or str(error), "its model comes with a package that is optional", remedy)
+    except (ModelError, OSError, ValueError) as error:
+        return problem(" ".join(str(error).split()), *_why(str(error), subject))
+    broken = [name for name in DECISIVE if not np.isfinite(getattr(compiled, name)).all()]
+    if broken:
+        cause = "a NaN in the MJCF, or an overflow as MuJoCo works out masses and inertias"
+        return problem(f"{robot.name} has no finite {', '.join(broken)}", cause, f"mend these numbers in {robot.mjcf}")
+    return ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, trunk {robot.home_height:.2f} m high")
+
+
+def _why(error: str, subject: Subject) -> tuple[str, str]:
+    """Cause and remedy of a model that cannot be read."""
+    if re.search(r"(?i)(opening|open|read|find|no) file|is no file|no such file", error):
+        return "a file that the model names is not where it says", "put the file there, or mend its path in the MJCF"
+    if "MuJoCo cannot read it" in error or "XML" in error:
+        return "the MJCF is not one, or not finite", "mend what MuJoCo names, in the file and the line that it names"
+    return "the model lacks what is needed, or says something else than is meant", f"tell it in {subject.figures}"
+
+
+def ground(subject: Subject) -> Finding:
+    """Whether the feet touch the ground, and rub on it."""
+    robot, compiled = subject.robot, subject.robot.model
+    plane = compiled.geom("ground")
+    frictions = []
+    for leg in robot.leg_names:
+        foot = compiled.geom(f"{leg}_foot")
+        if not int(foot.contype[0] & plane.conaffinity[0]) | int(plane.contype[0] & foot.conaffinity[0]):
+            cause = "contype and conaffinity of the two have no bit in common"
+            return problem(
+                f"the foot of {leg} does not collide with the ground", cause, f"set them to 1 in {robot.mjcf}"
+            )
+        first = max((plane, foot), key=lambda geom: int(geom.priority[0]))
+        alike = plane.priority[0] == foot.priority[0]
+        frictions.append(float(max(plane.friction[0], foot.friction[0]) if alike else first.friction[0]))
+    if min(frictions) < LEAST_FRICTION:
+        seen = f"feet slide on the ground: friction {min(frictions):g}"
+        cause = "the friction of feet and ground in the MJCF: of two alike in priority the larger counts"
+        return problem(seen, cause, f'friction="0.8" of the ground in {robot.mjcf}')
+    return ok(f"the feet collide with the ground, friction {min(frictions):g}")
