@@ -1,6 +1,5 @@
 """Whether the joints' ranges, order, signs and servos are what the model's author means, left as right."""
 
-import re
 from collections.abc import Iterator
 from itertools import chain
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 from quad_env.doctor.check import Finding, ok, problem
 from quad_env.doctor.subject import Subject
 from quad_env.robots.anatomy import JOINTS_PER_LEG
+from quad_env.robots.joint_names import contradicts
 from quad_env.robots.kinematics import feet_in_world
 from quad_env.robots.robot import Robot
 
@@ -19,9 +19,6 @@ UNLIKE = 0.2
 """Largest difference between a left and a right leg in an angle, rad; Boston Dynamics' Spot has 0.05 in a limit."""
 OFF = 0.005
 """Farthest that a foot may be from where the angles put it, m."""
-_LEGS = {"fl": "fl lf", "fr": "fr rf", "hl": "hl rl lh bl", "hr": "hr rr rh br"}
-_LINKS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1"} | dict.fromkeys(("calf", "knee", "kfe"), "2")
-"""What words of a joint's name say of its leg, and of the places that it may have there."""
 
 
 def limits(subject: Subject) -> Finding:
@@ -64,11 +61,9 @@ def joints(subject: Subject) -> Finding:
 def _misnamed(robot: Robot) -> Iterator[Finding]:
     """Joints whose names say another leg or another place in the leg."""
     for place, name in enumerate(robot.joint_names):
-        leg, link = robot.leg_names[place // JOINTS_PER_LEG], str(place % JOINTS_PER_LEG)
-        words = re.split(r"[^a-z]+", name.lower())
-        others = {word for other, those in _LEGS.items() if other != leg for word in those.split()}
-        if others & set(words) or any(word in _LINKS and link not in _LINKS[word] for word in words):
-            is_at = f"{name} is joint {int(link) + 1} of the leg {leg}, counted from the trunk"
+        leg, link = robot.leg_names[place // JOINTS_PER_LEG], place % JOINTS_PER_LEG
+        if contradicts(name, leg, link):
+            is_at = f"{name} is joint {link + 1} of the leg {leg}, counted from the trunk"
             cause = "two joints of the MJCF have each other's names, or are in each other's places"
             yield problem(is_at, cause, f"exchange them in {robot.mjcf}: whoever goes by names moves the wrong joint")
 
@@ -132,9 +127,10 @@ def _mend(what: str, robot: Robot) -> str:
 
 def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
     """Joints of the left and of the right leg, fore and hind."""
-    starts = [JOINTS_PER_LEG * robot.leg_names.index(leg) for leg in _LEGS]
-    parts = [slice(start, start + JOINTS_PER_LEG) for start in starts]
-    yield from ((parts[0], parts[1]), (parts[2], parts[3]))
+    corners = robot.in_leg_order(range(4))
+    starts = [JOINTS_PER_LEG * corners.index(corner) for corner in range(4)]
+    fore_left, fore_right, hind_left, hind_right = (slice(start, start + JOINTS_PER_LEG) for start in starts)
+    yield from ((fore_left, fore_right), (hind_left, hind_right))
 
 
 def _knees(robot: Robot, *parts: slice) -> list[float]:

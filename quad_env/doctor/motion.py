@@ -8,8 +8,7 @@ import numpy as np
 from quad_env.describe import LARGEST_SINK, LARGEST_TILT
 from quad_env.doctor.check import Finding, ok, problem, warning
 from quad_env.doctor.subject import Subject
-from quad_env.robots.similarity import ratio
-from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.robots.similarity import servo_gains
 
 CONTROL_PERIOD = 0.01
 """s that every policy here counts on"""
@@ -70,7 +69,7 @@ def batch(subject: Subject) -> Finding:
 def servos(subject: Subject) -> Finding:
     """Whether the joints hold their targets under the robot's weight."""
     robot, seen = subject.robot, subject.stand
-    wanted = ratio(robot, "N·m") * SIMPLE_QUAD.servo_stiffness  # what `Robot.from_mjcf` would have inferred
+    stiffness, damping = servo_gains(robot)
     held = f"standing, {seen.joint} is {seen.lag:.3f} rad off its target"
     if seen.load > FULL_LOAD:
         told = f"standing takes all of the joints' {robot.rated_torque:g} N·m, for {robot.mass:.3g} kg"
@@ -78,12 +77,11 @@ def servos(subject: Subject) -> Finding:
         return problem(told, cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {subject.figures}")
     if seen.lag > LARGEST_LAG:
         cause = f"a stiffness of {robot.servo_stiffness:g} N·m/rad is too little for {robot.mass:.3g} kg"
-        return problem(held, cause, f"servo_stiffness = {wanted:.0f} or so in {subject.figures}")
+        return problem(held, cause, f"servo_stiffness = {stiffness:.0f} or so in {subject.figures}")
     if seen.ringing > RINGING:
         told = f"half a second after a step of their targets the joints still move at {seen.ringing:.1f} rad/s"
         cause = f"a damping of {robot.servo_damping:g} N·m·s/rad is too little for {robot.servo_stiffness:g} N·m/rad"
-        damping = wanted * SIMPLE_QUAD.servo_damping / SIMPLE_QUAD.servo_stiffness * ratio(robot, "s")
-        remedy = f"servo_stiffness = {wanted:.0f} and servo_damping = {damping:.1f} or so in {subject.figures}"
+        remedy = f"servo_stiffness = {stiffness:.0f} and servo_damping = {damping:.1f} or so in {subject.figures}"
         return problem(told, cause, remedy)
     return ok(f"{held}, with {100.0 * seen.load:.0f} % of the largest torque")
 

@@ -20,6 +20,7 @@ from quad_env.doctor.check import Check, Finding, examine
 from quad_env.doctor.checks import OF_THE_INSTALLATION, OF_THE_ROBOT
 from quad_env.doctor.subject import Subject
 from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import Made
 
@@ -249,6 +250,11 @@ def test_a_planted_problem_is_found_at_its_root_with_its_remedy(name: str, tmp_p
     assert list(found) == [check], found
     assert remedy in found[check].remedy, found
     assert found[check].cause
+
+
+def test_the_gains_that_it_names_are_those_that_a_model_is_given(tmp_path: Path) -> None:
+    robot = Robot.from_mjcf(Made().write(tmp_path))
+    assert servo_gains(robot) == pytest.approx((robot.servo_stiffness, robot.servo_damping), rel=1e-9)
 
 
 def bundle(folder: Path) -> Path:
