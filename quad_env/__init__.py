@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         StartNoise,
         TaskConfig,
     )
+    from quad_env.envs.home_pose import HomePoseActions, HomePoseSpace, VectorHomePoseActions
     from quad_env.robots.anatomy import ModelError
     from quad_env.robots.named import ROBOTS
     from quad_env.robots.robot import Robot
@@ -74,6 +75,8 @@ __all__ = [
     "Gear",
     "Ground",
     "HeightScan",
+    "HomePoseActions",
+    "HomePoseSpace",
     "Imu",
     "JointTorque",
     "Latency",
@@ -95,11 +98,13 @@ __all__ = [
     "TaskConfig",
     "Thermal",
     "TorqueSpeed",
+    "VectorHomePoseActions",
     "scenario",
 ]
 _MODULES = (
     "actuation.models",
     "config",
+    "envs.home_pose",
     "robots.anatomy",
     "robots.named",
     "robots.robot",

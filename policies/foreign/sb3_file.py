@@ -1,15 +1,23 @@
 """A model of Stable-Baselines3, of any algorithm with an actor. Loading one can run code that is hidden in it."""
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
+
+from gymnasium.spaces import Box
 
 from policies.base import PolicyError
 from policies.foreign.python_file import Maker
 from policies.foreign.reference import Reference
+from quad_env.envs.home_pose import HomePoseSpace
+from quad_env.robots.robot import Robot
 
 
-def load(reference: Reference) -> Maker:
-    """Gives the model's deterministic action for one observation."""
+def load(reference: Reference, robot: Robot) -> Maker:
+    """Gives the model's deterministic action for one observation, as joint targets of the robot, rad.
+
+    Raises PolicyError, one line, for what is no model, and for actions of which the file does not tell what they mean.
+    """
     # By name: judging imports no learner, except where it is asked to judge a learner's own file.
     torch: Any = import_module("torch")
     files: Any = import_module("stable_baselines3.common.save_util")
@@ -25,8 +33,27 @@ def load(reference: Reference) -> Maker:
     except Exception as error:
         raise PolicyError(f"{reference} is no model of Stable-Baselines3 ({type(error).__name__}: {error})") from error
     policy.set_training_mode(False)
+    targets = _meaning(data["action_space"], reference, robot)
 
     def act(observation: Any) -> object:
-        return policy.predict(observation, deterministic=True)[0]
+        return targets(policy.predict(observation, deterministic=True)[0])
 
     return lambda: act
+
+
+def _meaning(space: Any, reference: Reference, robot: Robot) -> Callable[[Any], Any]:
+    """From a model's actions to joint targets."""
+    if isinstance(space, HomePoseSpace):
+        if space.robot_name != robot.name:
+            raise PolicyError(f"{reference} acts about the home pose of {space.robot_name}, not of {robot.name}")
+        return space.targets
+    if isinstance(space, Box) and (space.low == -1.0).all() and (space.high == 1.0).all():
+        raise PolicyError(
+            f"{reference} gives actions from -1 to 1, and does not tell which joint targets these stand for: train it "
+            "in quad_env.HomePoseActions, or turn its actions into rad in a class of a Python file"
+        )
+    return _as_they_are
+
+
+def _as_they_are(actions: Any) -> Any:
+    return actions

@@ -47,7 +47,7 @@ def serve(reference: Reference, way: str, robot: Robot, control_period: float, d
     if reference.suffix == ".py":
         loaded = python_file.load(reference, robot, control_period)
     else:
-        loaded = sb3_file.load(reference) if reference.suffix == ".zip" else onnx_file.load(reference, robot)
+        loaded = (sb3_file if reference.suffix == ".zip" else onnx_file).load(reference, robot)
     served = Served(loaded, way, robot, deadline)
     if isinstance(loaded, Policy) and not loaded.fits(robot, control_period):
         raise PolicyError(

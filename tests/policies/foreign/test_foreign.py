@@ -2,6 +2,7 @@
 
 import pickle
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from policies.foreign import Foreign, is_reference
 from policies.foreign import reference as references
 from policies.foreign.reference import Reference, checked
 from policies.foreign.served import Served, serve
-from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD
+from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions
 
 FILE = """
 import os, sys, time
@@ -296,4 +297,32 @@ def test_a_model_of_stable_baselines3_acts_as_it_does_there(tmp_path: Path) -> N
         np.testing.assert_array_equal(answer.actions[1], model.predict(observation, deterministic=True)[0])
     (tmp_path / "model.zip").write_bytes(b"nothing")
     with pytest.raises(PolicyError, match="no model of Stable-Baselines3"):
+        served(tmp_path / "model.zip")
+
+
+def test_a_model_that_was_trained_about_the_home_pose_gives_joint_targets(tmp_path: Path) -> None:
+    import gymnasium as gym
+    from stable_baselines3 import PPO
+
+    env = HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), 0.3)
+    model = PPO("MlpPolicy", env, seed=0, device="cpu", policy_kwargs={"net_arch": [8]})
+    model.save(tmp_path / "model.zip")
+    of = served(tmp_path / "model.zip")
+    of.reset(3, 0)
+    answer = of.step(OBSERVATIONS)
+    offsets = model.predict(OBSERVATIONS, deterministic=True)[0]
+    assert np.abs(offsets).max() > 0.0
+    np.testing.assert_allclose(answer.actions, SIMPLE_QUAD.home_pose + 0.3 * offsets, atol=1e-6)
+    with pytest.raises(PolicyError, match="home pose of simple_quad, not of another"):
+        serve(Reference(tmp_path / "model.zip"), "", replace(SIMPLE_QUAD, name="another"), CONTROL_PERIOD, 5.0)
+
+
+def test_a_model_of_rescaled_actions_is_refused_since_nothing_tells_what_they_stand_for(tmp_path: Path) -> None:
+    import gymnasium as gym
+    from stable_baselines3 import PPO
+
+    one = np.ones(12, np.float32)
+    env = gym.wrappers.RescaleAction(gym.make("quad_env:SimpleQuad-v0"), -one, one)
+    PPO("MlpPolicy", env, device="cpu", policy_kwargs={"net_arch": [8]}).save(tmp_path / "model.zip")
+    with pytest.raises(PolicyError, match=r"from -1 to 1.*quad_env\.HomePoseActions"):
         served(tmp_path / "model.zip")
