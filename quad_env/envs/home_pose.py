@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.vector import VectorActionWrapper, VectorEnv
+from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
@@ -60,7 +60,7 @@ class HomePoseActions(gym.ActionWrapper[Observation, Action, Action], RecordCons
         return self._space.targets(action)
 
 
-class VectorHomePoseActions(VectorActionWrapper[Observation, Action, Action, NDArray[Any]]):
+class VectorHomePoseActions(VectorWrapper):  # type: ignore[type-arg]  # takes no parameters in Gymnasium 1.2
     """A batch of SimpleQuad robots whose actions are a `HomePoseSpace`, as of `HomePoseActions`."""
 
     def __init__(self, env: VectorEnv[Observation, Action, NDArray[Any]], authority: ArrayLike = AUTHORITY) -> None:
@@ -68,9 +68,9 @@ class VectorHomePoseActions(VectorActionWrapper[Observation, Action, Action, NDA
         self.single_action_space = self._space = HomePoseSpace(_robot_of(env), authority)
         self.action_space = batch_space(self._space, env.num_envs)
 
-    def actions(self, actions: Action) -> Action:
-        """Joint targets, rad, (n, 12), of the actions."""
-        return self._space.targets(actions)
+    def step(self, actions: Action) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """Advance all robots by one control period towards the joint targets of the actions, (n, 12)."""
+        return self.env.step(self._space.targets(actions))
 
 
 def _robot_of(env: Any) -> Robot:

@@ -1,0 +1,52 @@
+"""Gymnasium's wrappers on one robot and on the native batch, and its own vector environments.
+
+    python examples/clients/gymnasium_wrappers.py
+"""
+
+import gymnasium as gym
+import numpy as np
+import tyro
+from gymnasium import wrappers
+from gymnasium.wrappers import vector
+
+NAME = "quad_env:SimpleQuad-v0"
+ONE = (
+    *(wrappers.RecordEpisodeStatistics, wrappers.ClipAction, wrappers.TimeAwareObservation, wrappers.FlattenObservation),
+    *(wrappers.NormalizeObservation, wrappers.NormalizeReward, lambda env: wrappers.RescaleAction(env, -LIMIT, LIMIT)),
+    *(lambda env: wrappers.FrameStackObservation(env, 3), lambda env: wrappers.DelayObservation(env, 2)),
+)
+MANY = (
+    *(vector.RecordEpisodeStatistics, vector.ClipAction, vector.NormalizeObservation, vector.NormalizeReward),
+    *(lambda env: vector.RescaleAction(env, -LIMIT, LIMIT), vector.DictInfoToList),
+)
+LIMIT = np.ones(12, np.float32)
+
+
+def walk(env: gym.Env | gym.vector.VectorEnv, steps: int) -> float:  # type: ignore[type-arg]
+    """Rewards of random actions, after as many steps."""
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    total = 0.0
+    for _ in range(steps):
+        _, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+        total += float(np.mean(reward))
+        if isinstance(env, gym.Env) and (terminated or truncated):
+            env.reset()
+    env.close()
+    return total
+
+
+def main(steps: int = 200) -> None:
+    """Step each, and three robots in other processes, in this one, and in the native batch, whose rewards agree."""
+    for wrapper in ONE:
+        walk(wrapper(gym.make(NAME)), steps)
+    for wrapper in MANY:
+        walk(wrapper(gym.make_vec(NAME, num_envs=3)), steps)
+    modes = ("async", "sync", "vector_entry_point")
+    sums = [walk(gym.make_vec(NAME, num_envs=3, vectorization_mode=mode), steps) for mode in modes]
+    print(f"{len(ONE)} wrappers of one robot, {len(MANY)} of a batch; rewards {', '.join(map(str, sums))}")
+    assert len(set(sums)) == 1
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,41 @@
+"""Minari: episodes of a policy as an offline dataset, infos too, read back: `python examples/clients/minari_dataset.py`.
+
+The dataset goes to a temporary folder; without `MINARI_DATASETS_PATH` it would go to the user's own.
+"""
+
+import os
+import tempfile
+
+import gymnasium as gym
+import minari
+import numpy as np
+import tyro
+
+import policies
+import quad_env
+
+
+def main(episodes: int = 3, steps: int = 100, scenario: str = "payload=5+slope=8") -> None:
+    """Collect, load again, and make the environment from the dataset."""
+    robot = gym.make("quad_env:SimpleQuad-v0", scenario=quad_env.scenario(scenario), max_episode_steps=steps)
+    collector, trot = minari.DataCollector(robot, record_infos=True), policies.make("trot")
+    for seed in range(episodes):
+        observation, _ = collector.reset(seed=seed)
+        trot.reset()
+        ended = False
+        while not ended:
+            observation, _, terminated, truncated, _ = collector.step(trot.act(observation))
+            ended = terminated or truncated
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["MINARI_DATASETS_PATH"] = folder
+        collector.create_dataset("simple-quad/trot-v0", algorithm_name="trot")
+        dataset = minari.load_dataset("simple-quad/trot-v0")
+        again = dataset.recover_environment()
+        first = next(dataset.iterate_episodes())
+        np.testing.assert_array_equal(again.reset(seed=0)[0], first.observations[0])
+        fell = sum(bool(np.any(each.infos["fall"])) for each in dataset.iterate_episodes())
+        print(f"{dataset.total_steps} steps in {dataset.total_episodes} episodes on {scenario}, {fell} fell; made again")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,44 @@
+"""A policy of one's own, judged beside the trot and the standing robot: `python examples/own_policy.py --episodes 8`.
+
+`python -m evaluate --policies examples/own_policy.py:ShortTrot trot` does the same, on more scenarios and with a report.
+"""
+
+import os
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+
+from evaluate.__main__ import main as evaluate
+from quad_env import OBSERVATION
+
+DIAGONAL = np.array([0.0, np.pi, np.pi, 0.0])
+"""Phases of the legs, front left, front right, hind left, hind right, rad."""
+LEFT = np.array([0.25, -0.25, 0.25, -0.25])
+"""How far they stand to the left, m."""
+
+
+class ShortTrot:
+    """A trot in twelve lines: legs swing as fast as is commanded, calves lift the feet, three strides a second."""
+
+    def __init__(self, control_period: float) -> None:
+        self.turn, self.phase = 2.0 * np.pi * 3.0 * control_period, 0.0
+
+    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Joint targets, rad, (12,), for the observation (48,) of one robot."""
+        self.phase += self.turn
+        forward, lateral, yaw_rate = observation[OBSERVATION["command"]]
+        swing, lift = np.sin(DIAGONAL + self.phase), np.maximum(0.0, np.cos(DIAGONAL + self.phase))
+        hip = 0.2 * (lateral + 0.25 * np.array([1.0, 1.0, -1.0, -1.0]) * yaw_rate) * swing
+        thigh = 0.5 - 0.2 * (forward - LEFT * yaw_rate) * swing + 0.15 * lift
+        return np.stack((hip, thigh, -1.0 - 0.3 * lift), axis=1).ravel()
+
+
+def main(episodes: int = 8, out: str = "results/own-policy") -> int:
+    """Judge it on flat ground: a table, and a folder with a report."""
+    policies = ["--policies", f"{os.path.relpath(__file__)}:ShortTrot", "trot", "stand"]
+    return evaluate([*policies, "--scenarios", "flat", "--episodes", str(episodes), "--out", out])
+
+
+if __name__ == "__main__":
+    raise SystemExit(tyro.cli(main))
