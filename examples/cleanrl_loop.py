@@ -1,4 +1,4 @@
-"""PPO in one loop on the native batch, as CleanRL writes it: `python examples/cleanrl_loop.py`, wants the extra `train`.
+"""PPO in one loop on the native batch, as CleanRL writes it: `python examples/cleanrl_loop.py`, with the extra `train`.
 
 The batch restarts a robot that has ended with the step after, whose action counts for nothing: `live` leaves it out.
 """
@@ -35,9 +35,10 @@ def main(steps: int = 500_000, robots: int = 64, horizon: int = 32, seed: int = 
             surprise = rewards[step] + 0.99 * ~falls[step] * values[step + 1] - values[step]
             advantage[step] = later = surprise + 0.99 * 0.95 * ~ends[step] * later
         gain = (advantage - advantage[lives].mean()) / (advantage[lives].std() + 1e-8)
-        for epoch in range(5):
+        before = None
+        for _ in range(5):
             density = torch.distributions.Normal(actor(observed), log_std.exp()).log_prob(actions).sum(-1)
-            before = density.detach() if epoch == 0 else before
+            before = density.detach() if before is None else before
             ratio = (density - before).exp()
             gained = torch.minimum(ratio * gain, ratio.clamp(0.8, 1.2) * gain)
             error = critic(observed).squeeze(-1) - advantage - values[:-1]

@@ -1,6 +1,6 @@
 """A policy of one's own, judged beside the trot and the standing robot: `python examples/own_policy.py --episodes 8`.
 
-`python -m evaluate --policies examples/own_policy.py:ShortTrot trot` does the same, on more scenarios and with a report.
+`python -m evaluate --policies examples/own_policy.py:ShortTrot trot` judges it on all the usual scenarios.
 """
 
 import os

@@ -11,7 +11,9 @@ import policies
 import quad_env
 
 
-def main(policy: str = "trot", scenario: str = "rough", out: str = "results/films", steps: int = 300, seed: int = 0) -> None:
+def main(
+    policy: str = "trot", scenario: str = "rough", out: str = "results/films", steps: int = 300, seed: int = 0
+) -> None:
     """Film one episode of a policy that goes forward at 0.5 m/s."""
     robot = gym.make(
         quad_env.ENV_ID, scenario=quad_env.scenario(scenario), render_mode="rgb_array", max_episode_steps=steps

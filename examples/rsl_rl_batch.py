@@ -1,6 +1,6 @@
 """rsl_rl's PPO on the native batch, exported as an ONNX file that the judge takes: `python examples/rsl_rl_batch.py`.
 
-Wants `pip install -e ".[clients]"`. `python -m evaluate --policies runs/rsl_rl/policy.onnx trot` judges what was learned.
+Wants `pip install -e ".[clients]"`. `python -m evaluate --policies runs/rsl_rl/policy.onnx trot` judges the outcome.
 """
 
 from pathlib import Path
@@ -14,16 +14,18 @@ from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 from torch import nn
 
-from quad_env import VectorHomePoseActions
+import quad_env
 
 
-class Robots(VecEnv):
+class Robots(VecEnv):  # type: ignore[misc]
     """The native batch in rsl_rl's protocol: tensors, and finished robots restarted in the same step."""
 
     def __init__(self, num_envs: int) -> None:
-        vec = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=num_envs, autoreset_mode="SAME_STEP")
-        self.vec, self.num_envs, self.num_actions = VectorHomePoseActions(vec, authority=0.5), num_envs, 12
-        self.max_episode_length, self.device, self.cfg = vec.unwrapped.max_episode_steps, "cpu", {}
+        self.num_envs, self.num_actions, self.max_episode_length = num_envs, 12, quad_env.MAX_EPISODE_STEPS
+        self.device, self.cfg = "cpu", dict[str, Any]()
+        self.vec = quad_env.VectorHomePoseActions(
+            gym.make_vec(quad_env.ENV_ID, num_envs=num_envs, autoreset_mode="SAME_STEP"), authority=0.5
+        )
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long)
         self.observation, _ = self.vec.reset(seed=0)
 
@@ -55,7 +57,7 @@ def main(iterations: int = 200, robots: int = 256, out: Path = Path("runs/rsl_rl
     }
     runner = OnPolicyRunner(env, settings, log_dir=str(out))
     runner.learn(iterations)
-    space, head = env.vec.single_action_space, nn.Linear(12, 12)
+    space, head = quad_env.HomePoseSpace(quad_env.SIMPLE_QUAD, authority=0.5), nn.Linear(12, 12)
     head.weight.data, head.bias.data = torch.tensor(space.authority).diag(), torch.tensor(space.home_pose)
     policy = nn.Sequential(runner.get_inference_policy().as_onnx(verbose=False), nn.Hardtanh(), head).eval()
     torch.onnx.export(policy, (torch.zeros(1, 48),), out / "policy.onnx", external_data=False)

@@ -1,7 +1,7 @@
-"""Stable-Baselines3's PPO with actions about the home pose, then judged as any policy: `python examples/sb3_home_pose.py`.
+"""Stable-Baselines3's PPO with actions about the home pose, judged in the end: `python examples/sb3_home_pose.py`.
 
-Wants `pip install -e ".[train]"`. Plain PPO explores about 0 at unit size: as joint angles in rad that is no robot that
-stands, as shares of 0.5 rad about the home pose it is. The file tells the judge which joint targets its actions stand for.
+Wants `pip install -e ".[train]"`. Plain PPO explores about 0 at unit size, where no robot stands whose joint angles these
+are; as shares of 0.5 rad about the home pose it stands. The saved model tells the judge what its actions stand for.
 """
 
 from pathlib import Path
@@ -16,7 +16,7 @@ from evaluate.__main__ import main as evaluate
 from quad_env import HomePoseActions
 
 
-def robot() -> gym.Env:  # type: ignore[type-arg]
+def robot() -> HomePoseActions:
     """One robot on flat ground, whose actions are shares of 0.5 rad."""
     return HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), authority=0.5)
 
@@ -25,7 +25,9 @@ def main(steps: int = 200_000, out: Path = Path("runs/sb3_home_pose.zip"), episo
     """Train, save, and judge beside the standing robot, which 0 would be."""
     torch.set_num_threads(1)  # more make networks of this size slower
     env = make_vec_env(robot, n_envs=4, seed=0)
-    model = PPO("MlpPolicy", env, n_steps=512, batch_size=256, seed=0, device="cpu", policy_kwargs={"log_std_init": -1.0})
+    model = PPO(
+        "MlpPolicy", env, n_steps=512, batch_size=256, seed=0, device="cpu", policy_kwargs={"log_std_init": -1.0}
+    )
     model.learn(steps)
     model.save(out)
     print(f"saved {out} after {model.num_timesteps} steps")

@@ -37,7 +37,7 @@ Infos = dict[str, Any]
 Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
 
 
-class ResidualVectorEnv(VectorWrapper):  # type: ignore[type-arg]  # takes no parameters in Gymnasium 1.2
+class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
     """Robots that walk as `base` does, plus what the learner adds.
 
     Observation: `policies.residual.Features`, shape (n, m). Action: the correction in shares of the authority, -1 … 1,

@@ -1,7 +1,10 @@
 """Gymnasium's wrappers on one robot and on the native batch, and its own vector environments.
 
-    python examples/clients/gymnasium_wrappers.py
+python examples/clients/gymnasium_wrappers.py
 """
+
+from collections.abc import Callable
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -9,20 +12,24 @@ import tyro
 from gymnasium import wrappers
 from gymnasium.wrappers import vector
 
-NAME = "quad_env:SimpleQuad-v0"
-ONE = (
-    *(wrappers.RecordEpisodeStatistics, wrappers.ClipAction, wrappers.TimeAwareObservation, wrappers.FlattenObservation),
+NAME, LIMIT = "quad_env:SimpleQuad-v0", np.ones(12, np.float32)
+ONE: tuple[Callable[[Any], Any], ...] = (
+    *(
+        wrappers.RecordEpisodeStatistics,
+        wrappers.ClipAction,
+        wrappers.TimeAwareObservation,
+        wrappers.FlattenObservation,
+    ),
     *(wrappers.NormalizeObservation, wrappers.NormalizeReward, lambda env: wrappers.RescaleAction(env, -LIMIT, LIMIT)),
     *(lambda env: wrappers.FrameStackObservation(env, 3), lambda env: wrappers.DelayObservation(env, 2)),
 )
-MANY = (
+MANY: tuple[Callable[[Any], Any], ...] = (
     *(vector.RecordEpisodeStatistics, vector.ClipAction, vector.NormalizeObservation, vector.NormalizeReward),
     *(lambda env: vector.RescaleAction(env, -LIMIT, LIMIT), vector.DictInfoToList),
 )
-LIMIT = np.ones(12, np.float32)
 
 
-def walk(env: gym.Env | gym.vector.VectorEnv, steps: int) -> float:  # type: ignore[type-arg]
+def walk(env: Any, steps: int) -> float:
     """Rewards of random actions, after as many steps."""
     env.reset(seed=0)
     env.action_space.seed(0)

@@ -1,4 +1,4 @@
-"""Minari: episodes of a policy as an offline dataset, infos too, read back: `python examples/clients/minari_dataset.py`.
+"""Minari: episodes of a policy as an offline dataset, infos too: `python examples/clients/minari_dataset.py`.
 
 The dataset goes to a temporary folder; without `MINARI_DATASETS_PATH` it would go to the user's own.
 """
@@ -34,7 +34,9 @@ def main(episodes: int = 3, steps: int = 100, scenario: str = "payload=5+slope=8
         first = next(dataset.iterate_episodes())
         np.testing.assert_array_equal(again.reset(seed=0)[0], first.observations[0])
         fell = sum(bool(np.any(each.infos["fall"])) for each in dataset.iterate_episodes())
-        print(f"{dataset.total_steps} steps in {dataset.total_episodes} episodes on {scenario}, {fell} fell; made again")
+        print(
+            f"{dataset.total_steps} steps in {dataset.total_episodes} episodes on {scenario}, {fell} fell; made again"
+        )
 
 
 if __name__ == "__main__":

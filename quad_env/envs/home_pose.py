@@ -60,7 +60,7 @@ class HomePoseActions(gym.ActionWrapper[Observation, Action, Action], RecordCons
         return self._space.targets(action)
 
 
-class VectorHomePoseActions(VectorWrapper):  # type: ignore[type-arg]  # takes no parameters in Gymnasium 1.2
+class VectorHomePoseActions(VectorWrapper):  # takes no parameters in Gymnasium 1.2
     """A batch of SimpleQuad robots whose actions are a `HomePoseSpace`, as of `HomePoseActions`."""
 
     def __init__(self, env: VectorEnv[Observation, Action, NDArray[Any]], authority: ArrayLike = AUTHORITY) -> None:
