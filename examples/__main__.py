@@ -126,7 +126,7 @@ def _failure(name: str, where: Path) -> str:
     try:
         run = EXAMPLES[name].run(name, where)
     except subprocess.TimeoutExpired:
-        return f"still running after {LONGEST:.0f} s"
+        return f"still running after {LONGEST:g} s"
     if run.returncode:
         sys.stderr.write(os.linesep.join(run.stderr.splitlines()[-20:]) + os.linesep)
         return f"failed, exit code {run.returncode}"

@@ -1,9 +1,10 @@
-"""An episode filmed by Gymnasium's RecordVideo: `python examples/record_video.py --policy trot --scenario rough:2`.
+"""An episode filmed by Gymnasium's RecordVideo: `python examples/record_video.py --policy trot --scenario rough=0.2`.
 
 Wants `pip install moviepy`. `python -m evaluate replay` films an episode of an evaluation without it.
 """
 
 import gymnasium as gym
+import numpy as np
 import tyro
 from gymnasium.wrappers import RecordVideo
 
@@ -20,14 +21,15 @@ def main(
     )
     env = RecordVideo(robot, out, name_prefix=policy, episode_trigger=lambda episode: episode == 0)
     walker = policies.make(policy)
-    observation, info = env.reset(seed=seed, options={"command": (0.5, 0.0, 0.0)})
+    observation, _ = env.reset(seed=seed, options={"command": (0.5, 0.0, 0.0)})
+    forward: list[float] = []
     ended = False
     while not ended:
         observation, _, terminated, truncated, info = env.step(walker.act(observation))
+        forward.append(info["heading_velocity"][0])
         ended = terminated or truncated
     env.close()
-    forward, lateral, _ = info["heading_velocity"]
-    print(f"{out}/{policy}-episode-0.mp4: in the end {forward:.2f} m/s forward, {lateral:.2f} m/s to the left")
+    print(f"{out}/{policy}-episode-0.mp4: {np.mean(forward):.2f} m/s forward, in {len(forward) / 100:.2f} s")
 
 
 if __name__ == "__main__":

@@ -180,7 +180,7 @@ def update(learner: Learner, optimiser: torch.optim.Optimizer, rollout: Rollout)
             gained = torch.minimum(ratio * gain, ratio.clamp(1.0 - CLIP, 1.0 + CLIP) * gain).mean()
             loss = 0.5 * (learner.value(seen) - wanted).square().mean() - gained
             optimiser.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
+            loss.backward()
             nn.utils.clip_grad_norm_(learner.parameters(), LARGEST_GRADIENT)
             optimiser.step()
 

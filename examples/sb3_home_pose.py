@@ -1,7 +1,7 @@
 """Stable-Baselines3's PPO with actions about the home pose, judged in the end: `python examples/sb3_home_pose.py`.
 
-Wants `pip install -e ".[train]"`. Plain PPO explores about 0 at unit size, where no robot stands whose joint angles these
-are; as shares of 0.5 rad about the home pose it stands. The saved model tells the judge what its actions stand for.
+Wants `pip install -e ".[train]"`. Plain PPO explores about 0 at unit size: as joint angles, rad, no robot stands so; as
+shares of 0.5 rad about the home pose it does. The saved model tells the judge what its actions stand for.
 """
 
 from pathlib import Path

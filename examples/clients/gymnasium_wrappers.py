@@ -14,18 +14,22 @@ from gymnasium.wrappers import vector
 
 NAME, LIMIT = "quad_env:SimpleQuad-v0", np.ones(12, np.float32)
 ONE: tuple[Callable[[Any], Any], ...] = (
-    *(
-        wrappers.RecordEpisodeStatistics,
-        wrappers.ClipAction,
-        wrappers.TimeAwareObservation,
-        wrappers.FlattenObservation,
-    ),
-    *(wrappers.NormalizeObservation, wrappers.NormalizeReward, lambda env: wrappers.RescaleAction(env, -LIMIT, LIMIT)),
-    *(lambda env: wrappers.FrameStackObservation(env, 3), lambda env: wrappers.DelayObservation(env, 2)),
+    wrappers.RecordEpisodeStatistics,
+    wrappers.ClipAction,
+    wrappers.TimeAwareObservation,
+    wrappers.NormalizeObservation,
+    wrappers.NormalizeReward,
+    lambda env: wrappers.RescaleAction(env, -LIMIT, LIMIT),
+    lambda env: wrappers.FrameStackObservation(env, 3),
+    lambda env: wrappers.DelayObservation(env, 2),
 )
 MANY: tuple[Callable[[Any], Any], ...] = (
-    *(vector.RecordEpisodeStatistics, vector.ClipAction, vector.NormalizeObservation, vector.NormalizeReward),
-    *(lambda env: vector.RescaleAction(env, -LIMIT, LIMIT), vector.DictInfoToList),
+    vector.RecordEpisodeStatistics,
+    vector.ClipAction,
+    vector.NormalizeObservation,
+    vector.NormalizeReward,
+    vector.DictInfoToList,
+    lambda env: vector.RescaleAction(env, -LIMIT, LIMIT),
 )
 
 

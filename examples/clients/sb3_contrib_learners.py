@@ -19,9 +19,8 @@ def main(steps: int = 10_000) -> None:
     ):
         model = learner(policy, gym.make(quad_env.ENV_ID, max_episode_steps=100), device="cpu", seed=0, **settings)
         model.learn(steps)
-        episodes = model.ep_info_buffer or []
-        mean = sum(each["r"] for each in episodes) / max(1, len(episodes))
-        print(f"{learner.__name__}: {model.num_timesteps} steps, {len(episodes)} last episodes earn {mean:.3f} each")
+        earned = [each["r"] for each in model.ep_info_buffer or ()]
+        print(f"{learner.__name__}: {model.num_timesteps} steps, {len(earned)} episodes earned {sum(earned):.3f}")
 
 
 if __name__ == "__main__":
