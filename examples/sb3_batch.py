@@ -21,8 +21,11 @@ def main(steps: int = 500_000, robots: int = 100, out: Path = Path("runs/sb3_bat
     vec = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=robots, autoreset_mode="SAME_STEP")
     env = TrainingVecEnv(RecordEpisodeStatistics(VectorHomePoseActions(vec, authority=0.5)), seeds=range(robots))
     network = {"log_std_init": -1.0, "net_arch": [128, 128]}
-    model = PPO("MlpPolicy", env, n_steps=32, batch_size=800, seed=0, device="cpu", policy_kwargs=network, verbose=1)
-    model.learn(steps, log_interval=20)
+    model = PPO(
+        "MlpPolicy", env, n_steps=32, batch_size=8 * robots, seed=0, device="cpu", policy_kwargs=network, verbose=1
+    )
+    model.learn(steps, log_interval=10)
+    out.parent.mkdir(parents=True, exist_ok=True)
     model.save(out)
     print(f"saved {out} after {model.num_timesteps} steps")
     env.close()

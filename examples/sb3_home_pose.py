@@ -26,9 +26,10 @@ def main(steps: int = 200_000, out: Path = Path("runs/sb3_home_pose.zip"), episo
     torch.set_num_threads(1)  # more make networks of this size slower
     env = make_vec_env(robot, n_envs=4, seed=0)
     model = PPO(
-        "MlpPolicy", env, n_steps=512, batch_size=256, seed=0, device="cpu", policy_kwargs={"log_std_init": -1.0}
+        "MlpPolicy", env, n_steps=256, batch_size=256, seed=0, device="cpu", policy_kwargs={"log_std_init": -1.0}
     )
     model.learn(steps)
+    out.parent.mkdir(parents=True, exist_ok=True)
     model.save(out)
     print(f"saved {out} after {model.num_timesteps} steps")
     judged = ["--policies", str(out), "stand", "--trust", "--scenarios", "flat", "--episodes", str(episodes)]

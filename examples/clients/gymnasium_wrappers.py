@@ -1,4 +1,4 @@
-"""Gymnasium's wrappers on one robot and on the native batch, and its own vector environments.
+"""Gymnasium's wrappers on one robot and on the native batch, and its own vector environments beside the batch.
 
 python examples/clients/gymnasium_wrappers.py
 """
@@ -13,21 +13,14 @@ from gymnasium import wrappers
 from gymnasium.wrappers import vector
 
 NAME, LIMIT = "quad_env:SimpleQuad-v0", np.ones(12, np.float32)
-ONE: tuple[Callable[[Any], Any], ...] = (
-    wrappers.RecordEpisodeStatistics,
-    wrappers.ClipAction,
+OF_BOTH = ("RecordEpisodeStatistics", "ClipAction", "NormalizeObservation", "NormalizeReward")
+OF_ONE: tuple[Callable[[Any], Any], ...] = (
     wrappers.TimeAwareObservation,
-    wrappers.NormalizeObservation,
-    wrappers.NormalizeReward,
     lambda env: wrappers.RescaleAction(env, -LIMIT, LIMIT),
     lambda env: wrappers.FrameStackObservation(env, 3),
     lambda env: wrappers.DelayObservation(env, 2),
 )
-MANY: tuple[Callable[[Any], Any], ...] = (
-    vector.RecordEpisodeStatistics,
-    vector.ClipAction,
-    vector.NormalizeObservation,
-    vector.NormalizeReward,
+OF_MANY: tuple[Callable[[Any], Any], ...] = (
     vector.DictInfoToList,
     lambda env: vector.RescaleAction(env, -LIMIT, LIMIT),
 )
@@ -49,14 +42,12 @@ def walk(env: Any, steps: int) -> float:
 
 def main(steps: int = 200) -> None:
     """Step each, and three robots in other processes, in this one, and in the native batch, whose rewards agree."""
-    for wrapper in ONE:
-        walk(wrapper(gym.make(NAME)), steps)
-    for wrapper in MANY:
-        walk(wrapper(gym.make_vec(NAME, num_envs=3)), steps)
-    modes = ("async", "sync", "vector_entry_point")
-    sums = [walk(gym.make_vec(NAME, num_envs=3, vectorization_mode=mode), steps) for mode in modes]
-    print(f"{len(ONE)} wrappers of one robot, {len(MANY)} of a batch; rewards {', '.join(map(str, sums))}")
-    assert len(set(sums)) == 1
+    for wrapper in (*OF_ONE, *(getattr(wrappers, name) for name in OF_BOTH)):
+        print(f"one robot, {type(env := wrapper(gym.make(NAME))).__name__}: {walk(env, steps):.3f}")
+    for wrapper in (*OF_MANY, *(getattr(vector, name) for name in OF_BOTH)):
+        print(f"three robots, {type(env := wrapper(gym.make_vec(NAME, num_envs=3))).__name__}: {walk(env, steps):.3f}")
+    for mode in ("async", "sync", "vector_entry_point"):
+        print(f"three robots, {mode}: {walk(gym.make_vec(NAME, num_envs=3, vectorization_mode=mode), steps)}")
 
 
 if __name__ == "__main__":
