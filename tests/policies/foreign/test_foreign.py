@@ -14,7 +14,7 @@ from policies.foreign import Foreign, is_reference
 from policies.foreign import reference as references
 from policies.foreign.reference import Reference, checked
 from policies.foreign.served import Served, serve
-from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions
+from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions, VectorHomePoseActions
 
 FILE = """
 import os, sys, time
@@ -300,11 +300,19 @@ def test_a_model_of_stable_baselines3_acts_as_it_does_there(tmp_path: Path) -> N
         served(tmp_path / "model.zip")
 
 
-def test_a_model_that_was_trained_about_the_home_pose_gives_joint_targets(tmp_path: Path) -> None:
+@pytest.mark.parametrize("batch", [False, True], ids=["one robot", "native batch"])
+def test_a_model_that_was_trained_about_the_home_pose_gives_joint_targets(tmp_path: Path, batch: bool) -> None:
     import gymnasium as gym
+    from gymnasium.wrappers.vector import RecordEpisodeStatistics
     from stable_baselines3 import PPO
 
-    env = HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), 0.3)
+    from train.sb3.vec_env import TrainingVecEnv
+
+    if batch:
+        robots = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2, autoreset_mode="SAME_STEP")
+        env = TrainingVecEnv(RecordEpisodeStatistics(VectorHomePoseActions(robots, 0.3)), seeds=[0, 1])
+    else:
+        env = HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), 0.3)
     model = PPO("MlpPolicy", env, seed=0, device="cpu", policy_kwargs={"net_arch": [8]})
     model.save(tmp_path / "model.zip")
     of = served(tmp_path / "model.zip")
