@@ -3,7 +3,6 @@
 Each runs in a process of its own, in a temporary folder. Exit code 1 if one fails, or needs a package that is not here.
 """
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from evaluate.terminal.command_line import UsageError, parse
@@ -109,28 +109,28 @@ def _main(words: list[str]) -> int:
     rows, failed = Table("example", "with", "what it does", "seconds", "", title="Examples and clients"), 0
     with tempfile.TemporaryDirectory() as folder:
         for name in names:
-            begin, failure = time.perf_counter(), _failure(name, Path(folder))
+            begin = time.perf_counter()
+            failure, told = _tried(name, Path(folder))
             failed += bool(failure)
             packages = [f"{each} {version_of(each)}" for each in EXAMPLES[name].packages if version_of(each)]
             seconds = f"{time.perf_counter() - begin:.0f}"
-            rows.add_row(name, ", ".join(packages), EXAMPLES[name].shows, seconds, failure or "ok")
-            print(f"{name}: {failure or 'ok'} ({seconds} s)", flush=True)
+            rows.add_row(name, ", ".join(packages), EXAMPLES[name].shows, seconds, escape(failure) or "ok")
+            print(f"{name}: {failure or 'ok'} ({seconds} s)", *told, sep="\n  ", flush=True)
     Console().print(rows)
     return min(failed, 1)
 
 
-def _failure(name: str, where: Path) -> str:
-    """Why it does not run, with what it printed in the end on stderr; nothing if it does."""
+def _tried(name: str, where: Path) -> tuple[str, list[str]]:
+    """Why it does not run, nothing if it does, and the last lines of what it printed."""
     if missing := EXAMPLES[name].missing():
-        return f'needs {", ".join(missing)}: pip install -e ".[clients]"'
+        return f'needs {", ".join(missing)}: pip install -e ".[clients]"', []
     try:
         run = EXAMPLES[name].run(name, where)
     except subprocess.TimeoutExpired:
-        return f"still running after {LONGEST:g} s"
+        return f"still running after {LONGEST:g} s", []
     if run.returncode:
-        sys.stderr.write(os.linesep.join(run.stderr.splitlines()[-20:]) + os.linesep)
-        return f"failed, exit code {run.returncode}"
-    return ""
+        return f"failed, exit code {run.returncode}", run.stderr.splitlines()[-20:]
+    return "", run.stdout.strip().splitlines()[-1:]
 
 
 if __name__ == "__main__":

@@ -85,10 +85,13 @@ def test_one_that_fails_or_lacks_a_package_is_named_and_the_others_run(monkeypat
     listed = {"bad": Example("a"), "poor": Example("b", ("no-such-package", "numpy")), "good": Example("c", ("numpy",))}
     monkeypatch.setattr(command, "FOLDER", tmp_path)
     monkeypatch.setattr(command, "EXAMPLES", listed)
+    monkeypatch.setenv("COLUMNS", "200")
     assert main([]) == 1
-    said = capsys.readouterr()
-    assert "ValueError: of mine" in said.err
-    assert re.findall(r"^(\w+): (.+) \(\d+ s\)$", said.out, re.MULTILINE) == [
+    said = capsys.readouterr().out
+    assert "\n  ValueError: of mine\n" in said
+    assert "good: ok (0 s)\n  1\n" in said
+    assert said.count('".[clients]"') == 2  # in its line, and in the table
+    assert re.findall(r"^(\w+): (.+) \(\d+ s\)$", said, re.MULTILINE) == [
         ("bad", "failed, exit code 1"),
         ("poor", 'needs no-such-package: pip install -e ".[clients]"'),
         ("good", "ok"),
