@@ -13,6 +13,7 @@ COMMANDS = {
     "film": Command("live.commands.film", "an episode as a film: policies side by side, a ghost of the command"),
     "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),
     "record": Command("live.commands.record", "an episode as an MCAP file or a ROS 2 bag"),
+    "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
 
 

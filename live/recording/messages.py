@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
+from live.readings import Accelerometer
 from live.recording.source import Source
-from quad_env.config import FALL_REASONS, GRAVITY
-from quad_env.physics.state import rotation_matrix
+from quad_env.config import FALL_REASONS
 from quad_env.task.rewards import REWARD
 
 STANDARD = {
@@ -54,7 +53,7 @@ class Messages:
     def __init__(self, source: Source) -> None:
         self._source = source
         self._rewards = [name for name in source.names if name.startswith(REWARD)]
-        self._velocity: NDArray[np.float64] | None = None
+        self._accelerometer = Accelerometer(source.dt)
         self._event = ""
 
     def of_step(self, values: Sequence[Any]) -> Iterator[Message]:
@@ -95,20 +94,8 @@ class Messages:
         )
 
     def _imu(self, time: int, told: dict[str, Any]) -> Any:
-        """Of an ideal one at the trunk's centre: specific force, mean of the step, in the base frame."""
-        rotation = np.array(rotation_matrix(told["quaternion"]))
-        yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
-        forward, left = told["heading_velocity"][:2]
-        velocity = np.array(
-            [
-                forward * np.cos(yaw) - left * np.sin(yaw),
-                forward * np.sin(yaw) + left * np.cos(yaw),
-                told["vertical_velocity"],
-            ]
-        )
-        before = velocity if self._velocity is None else self._velocity
-        self._velocity = velocity
-        force = rotation.T @ ((velocity - before) / self._source.dt + np.array([0.0, 0.0, GRAVITY]))
+        """Of an ideal one at the trunk's centre, in the base frame."""
+        force = self._accelerometer.read(told["quaternion"], told["heading_velocity"], told["vertical_velocity"])
         return _T["sensor_msgs/msg/Imu"](
             header=_header(time, "base_link"),
             orientation=_quaternion(told["quaternion"]),

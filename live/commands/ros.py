@@ -1,0 +1,104 @@
+"""The simulated robot as a ROS node, in real time: driven by joint targets, or by --policy and velocities."""
+
+import os
+from contextlib import closing, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from evaluate.commands.options import Flag
+from evaluate.rollouts.hardware import hardware_of
+from evaluate.terminal.command_line import check_numbers
+from evaluate.terminal.launcher import raise_on_interrupt
+from live.commands.episode import one_scenario
+from live.pace import Pace
+from live.recording.recorder import check, recorder_for
+from live.ros import interpreter
+from live.ros.bridge import Bridge
+from live.ros.driven import Driven
+from live.ros.link import Link
+from live.session import Session
+from policies.base import Policy
+
+LIMITS = {"seed": (0, 2**63 - 1), "real_time_factor": (0.01, 100.0)}
+SLOW = 0.9
+"""Share of the asked speed below which the simulation counts as too slow."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Be a robot behind ROS topics until Ctrl-C."""
+
+    policy: str | None = None
+    """Policy, by name, or folder of a trained one, which /cmd_vel steers; without one the joints follow
+    /position_controller/command."""
+    scenario: str = "flat"
+    """Scenario, also with a level or severity: push:3, push=42."""
+    robot: str = "simple_quad"
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    seed: int = 0
+    """Seed of the first episode (whole number from 0)."""
+    real_time_factor: float = 1.0
+    """Simulated s a second, as far as this machine can."""
+    record: Path | None = None
+    """File to record into, .mcap, or folder of a ROS 2 bag; neither may exist."""
+    version: Literal["1", "2"] | None = None
+    """Version of ROS; by default the one that is sourced, else the first that is found."""
+    network: Flag = False
+    """Let other machines in, as ROS_IP, ROS_MASTER_URI and ROS_DOMAIN_ID tell: whoever reaches the ports drives the
+    robot, for ROS asks nobody who they are. Without it the node listens on this machine alone."""
+    trust: Flag = False
+    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+
+
+def main(options: Options) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    check_numbers(options, LIMITS)
+    if options.record is not None:
+        check(options.record)
+    version, python = interpreter.find(options.version)
+    environment = interpreter.environment(os.environ, options.network)
+    hardware = hardware_of(options.robot)
+    scenario = one_scenario(options.scenario, hardware)
+    robot = hardware.quadruped
+    policy: Policy = Driven(robot=robot) if options.policy is None else hardware.policy(options.policy, options.trust)
+    command = [python, "-m", "live.ros.node", version, *robot.joint_names]
+    raise_on_interrupt()
+    recording = nullcontext(None) if options.record is None else recorder_for(options.record, policy)
+    with (
+        closing(Session([policy], scenario, seed=options.seed, hardware=hardware)) as session,
+        recording as recorder,
+        closing(Link(command, environment)) as link,
+    ):
+        print(f"{robot.name} on {scenario.name}: {link.wait_until_ready()}; Ctrl-C ends it", flush=True)
+        if recorder is not None:
+            session.observers.append(recorder)
+        _run(session, link, options.real_time_factor, options.record)
+    return 0
+
+
+def _run(session: Session, link: Link, speed: float, record: Path | None) -> None:
+    """Simulate until Ctrl-C or until ROS ends."""
+
+    def say(text: str) -> None:
+        print(f"{bridge.time:8.2f} s  {text}", flush=True)
+
+    pace = Pace(session.env.dt, speed)
+    bridge = Bridge(session, say)
+    session.listeners.append(say)
+    slow = False
+    try:
+        while True:
+            for packet in link.received():
+                bridge.take(packet["topic"], packet["values"], packet["size"])
+            link.send(bridge.step())
+            if not slow and 0.0 < pace.measured < SLOW * speed:
+                slow = True
+                say(f"slower than asked: {pace.measured:.2f} simulated s a second")
+            pace.wait()
+    except KeyboardInterrupt:
+        kept = "" if record is None else f", all of it in {record}"
+        raise KeyboardInterrupt(f"{bridge.time:.1f} s simulated{kept}") from None
+    finally:
+        for line in bridge.refusals.words():
+            say(line)

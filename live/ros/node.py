@@ -1,0 +1,112 @@
+"""The process that speaks ROS: `python3 -m live.ros.node VERSION JOINT…`.
+
+Its standard input is a socket to the simulation. It runs under whichever Python has ROS, 3.8 or later, and imports
+nothing that does not come with that.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import sys
+from typing import Any
+
+from live.ros.topics import CLOCK, IMU, JOINT_STATES, JOINT_TARGETS, LARGEST, NODE, RESET, VELOCITY
+
+
+def main(version: str, joints: list[str]) -> None:
+    """Be a node until the simulation closes the socket."""
+    link = socket.socket(fileno=os.dup(0))
+    try:
+        transport = _transport(version, lambda why: _tell(link, {"ended": why}))
+    except OSError as error:
+        _tell(link, {"ended": str(error)})
+        return
+    Node(link, transport, joints).run()
+    transport.close()
+    os._exit(0)  # whatever threads ROS still has
+
+
+def _transport(version: str, ended: Any) -> Any:
+    if version == "1":
+        from live.ros.ros1 import Ros1
+
+        return Ros1(NODE, ended)
+    from live.ros.ros2 import Ros2
+
+    return Ros2(NODE, ended)
+
+
+class Node:
+    """Turns packets of the simulation into messages, and messages into packets."""
+
+    def __init__(self, link: socket.socket, transport: Any, joints: list[str]) -> None:
+        from geometry_msgs.msg import Twist
+        from rosgraph_msgs.msg import Clock
+        from sensor_msgs.msg import Imu, JointState
+        from std_msgs.msg import Empty, Float64MultiArray
+
+        self._link, self._stamp, self._joints = link, transport.stamp, joints
+        self._kinds = {CLOCK: Clock, IMU: Imu, JOINT_STATES: JointState}
+        self._publish = {topic: transport.publisher(topic, kind) for topic, kind in self._kinds.items()}
+        transport.subscribe(JOINT_TARGETS, Float64MultiArray, self._take_joint_targets)
+        transport.subscribe(VELOCITY, Twist, self._take_velocity)
+        transport.subscribe(RESET, Empty, lambda message: self._hand_on(RESET, [], 0))
+        _tell(link, {"ready": transport.where})
+
+    def run(self) -> None:
+        """Publish what comes, until the simulation closes the socket."""
+        while True:
+            try:
+                data = self._link.recv(65_536)
+            except ConnectionResetError:
+                return
+            if not data:
+                return
+            self._give(json.loads(data))
+
+    def _give(self, packet: dict[str, Any]) -> None:
+        stamp = self._stamp(packet["time"])
+        clock = self._kinds[CLOCK]()
+        clock.clock = stamp
+        self._publish[CLOCK](clock)
+        imu = self._message(IMU, stamp)
+        told = packet[IMU]
+        w, x, y, z = told["quaternion"]  # ROS has w last
+        turn = imu.orientation
+        turn.x, turn.y, turn.z, turn.w = x, y, z, w
+        for vector, name in ((imu.angular_velocity, "angular_velocity"), (imu.linear_acceleration, "specific_force")):
+            vector.x, vector.y, vector.z = told[name]
+        self._publish[IMU](imu)
+        if JOINT_STATES in packet:
+            told, state = packet[JOINT_STATES], self._message(JOINT_STATES, stamp)
+            state.name, state.position = self._joints, told["position"]
+            state.velocity, state.effort = told["velocity"], told["torque"]
+            self._publish[JOINT_STATES](state)
+
+    def _message(self, topic: str, stamp: Any) -> Any:
+        message = self._kinds[topic]()
+        message.header.stamp, message.header.frame_id = stamp, "base_link"
+        return message
+
+    def _take_joint_targets(self, message: Any) -> None:
+        size = len(message.data)
+        self._hand_on(JOINT_TARGETS, list(message.data) if size <= LARGEST else [], size)
+
+    def _take_velocity(self, message: Any) -> None:
+        self._hand_on(VELOCITY, [message.linear.x, message.linear.y, message.angular.z], 3)
+
+    def _hand_on(self, topic: str, values: list[float], size: int) -> None:
+        _tell(self._link, {"topic": topic, "values": values, "size": size})
+
+
+def _tell(link: socket.socket, packet: dict[str, Any]) -> None:
+    try:
+        link.send(json.dumps(packet).encode())
+    except OSError:  # nobody simulates any more
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2:])

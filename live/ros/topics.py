@@ -1,0 +1,20 @@
+"""Topics of the robot's ROS interface, for the process that simulates and the one that speaks ROS: imports nothing."""
+
+JOINT_TARGETS = "/position_controller/command"
+"""Taken, std_msgs/Float64MultiArray: joint targets, rad, in the robot's joint order."""
+VELOCITY = "/cmd_vel"
+"""Taken, geometry_msgs/Twist: linear.x and linear.y, m/s, and angular.z, rad/s, are the command of a policy."""
+RESET = "/reset"
+"""Taken, std_msgs/Empty: a new episode from the home pose."""
+JOINT_STATES = "/joint_states"
+"""Given, sensor_msgs/JointState: rad, rad/s and N·m."""
+IMU = "/imu"
+"""Given, sensor_msgs/Imu: orientation, angular velocity and specific force of the trunk."""
+CLOCK = "/clock"
+"""Given, rosgraph_msgs/Clock: simulated time."""
+JOINT_STATE_PERIOD = 0.02
+"""s between two messages of `JOINT_STATES`; the others are given at every control step."""
+NODE = "simple_quad"
+"""Name of the node."""
+LARGEST = 256
+"""Numbers of a message that are handed on; of a longer one, which no robot wants, its size alone."""

@@ -1,0 +1,140 @@
+"""The command `python -m quad_env ros` as a test runs it, beside nodes that know ROS alone."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from evaluate.terminal.command_line import UsageError
+from live.ros import interpreter
+
+Node = subprocess.Popen[bytes]
+NODES = Path(__file__).with_name("nodes")
+TIMEOUT = 60.0
+
+
+def python_with_ros(version: str) -> str:
+    """The Python that has ROS of that version; the test is skipped where there is none."""
+    try:
+        return interpreter.find(version)[1]
+    except UsageError as error:
+        pytest.skip(str(error))
+
+
+def free_port() -> int:
+    """A port of the loopback interface that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Robot:
+    """The command, with a master of its own on a free port, or in a domain of its own."""
+
+    def __init__(
+        self, folder: Path, *options: str, version: str = "1", port: int | None = None, **variables: str
+    ) -> None:
+        self.python, self.port = python_with_ros(version), port or free_port()
+        home = {
+            "ROS_HOME": str(folder / "ros"),
+            "ROS_MASTER_URI": f"http://localhost:{self.port}",
+            "ROS_DOMAIN_ID": str(1 + self.port % 100),
+        }
+        others = {name: value for name, value in os.environ.items() if not name.startswith("ROS_")}
+        self.environment = others | home | variables
+        self._said = folder / "said"
+        with self._said.open("w") as said:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "quad_env", "ros", "--version", version, *options],
+                stdout=said,
+                stderr=subprocess.STDOUT,
+                env=self.environment,
+                process_group=0,
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # deaf in a background job
+            )
+
+    @property
+    def said(self) -> str:
+        """What it has printed."""
+        return self._said.read_text()
+
+    def wait_for(self, text: str, count: int = 1) -> None:
+        """Wait until it has said that so often."""
+        end = time.monotonic() + TIMEOUT
+        while self.said.count(text) < count:
+            assert time.monotonic() < end, f"{text!r} was not said: {self.said}"
+            assert self.process.poll() is None, f"it ended: {self.said}"
+            time.sleep(0.02)
+
+    def node(self, name: str, *arguments: str, before: Sequence[str] = (), **variables: str) -> Node:
+        """A node of `nodes`, run by the Python that has ROS, as its user would on the same machine; by a command that
+        stands before it."""
+        command = [*before, self.python, str(NODES / f"{name}.py"), *arguments]
+        here = {"ROS_IP": "127.0.0.1", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        return subprocess.Popen(command, env=self.environment | here | variables, stderr=subprocess.DEVNULL)
+
+    def ports(self) -> list[int]:
+        """Ports that the process which speaks ROS listens on."""
+        (child,) = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()[:1]
+        inodes = {os.readlink(entry) for entry in Path(f"/proc/{child}/fd").iterdir()}
+        rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        return [int(row[1].partition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in inodes]
+
+    def end(self) -> int:
+        """End it by Ctrl-C, which a terminal sends to all processes of a command; the exit code."""
+        os.killpg(self.process.pid, signal.SIGINT)
+        return self.process.wait(TIMEOUT)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What a robot did, a row a control step."""
+
+    targets: np.ndarray
+    joints: np.ndarray
+    feet: np.ndarray
+    """Heights of the feet's centres, m."""
+    trunk: np.ndarray
+    """Height of its centre, m."""
+    commands: np.ndarray
+    turns: np.ndarray
+    """Of the trunk, x y z w."""
+
+    def between(self, begin: int, end: int) -> "Walk":
+        """Those control steps."""
+        return Walk(*(getattr(self, name)[begin:end] for name in vars(self)))
+
+
+def recorded(path: Path) -> Walk:
+    """The walk that a file of --record has."""
+    told: dict[str, list[object]] = {}
+    with path.open("rb") as file:
+        reader, decoders = make_reader(file), DecoderFactory()
+        topics = ["/tf", "/joint_states", "/cmd_vel", "/position_controller/command"]
+        for schema, channel, message in reader.iter_messages(topics=topics):
+            told.setdefault(channel.topic, []).append(decoders.decoder_for("cdr", schema)(message.data))
+    frames = [frame.transforms for frame in told["/tf"][1:]]
+    return Walk(
+        np.array([list(message.data) for message in told["/position_controller/command"]]),
+        np.array([state.position for state in told["/joint_states"][1:]]),
+        np.array([[foot.transform.translation.z for foot in feet] for _, *feet in frames]),
+        np.array([trunk.transform.translation.z for trunk, *_ in frames]),
+        np.array([(twist.linear.x, twist.linear.y, twist.angular.z) for twist in told["/cmd_vel"]]),
+        np.array([[getattr(trunk.transform.rotation, name) for name in "xyzw"] for trunk, *_ in frames]),
+    )
+
+
+def heard(path: Path, topic: str) -> list[dict[str, list[float]]]:
+    """What `nodes/listen.py` wrote of a topic."""
+    return [fields for name, _, fields in json.loads(path.read_text()) if name == topic]

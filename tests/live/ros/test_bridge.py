@@ -1,0 +1,218 @@
+"""The robot's side of the ROS interface, without ROS: whatever comes, the robot ends up standing and says why."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import policies
+from live.ros.bridge import Bridge
+from live.ros.driven import JOIN_TIME, Driven
+from live.ros.topics import IMU, JOINT_STATES, JOINT_TARGETS, RESET, VELOCITY
+from live.session import Session
+from policies.base import Policy
+from policies.behaviour.motion import HOLD_TIME
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+HOME = SIMPLE_QUAD.home_pose
+CROUCHED = HOME + np.tile([0.0, 0.2, -0.4], 4)
+
+
+class Scene:
+    """A robot behind the interface, and what was said at its terminal."""
+
+    def __init__(self, policy: Policy, scenario: str = "flat") -> None:
+        self.session = Session([policy], scenario)
+        self.said: list[str] = []
+        self.bridge = Bridge(self.session, self.said.append)
+
+    def send(self, targets: np.ndarray) -> None:
+        self.bridge.take(JOINT_TARGETS, targets.tolist(), len(targets))
+
+    def steer(self, forward: float, left: float, yaw_rate: float) -> None:
+        self.bridge.take(VELOCITY, [forward, left, yaw_rate], 3)
+
+    def step(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.bridge.step()
+
+    @property
+    def targets(self) -> np.ndarray:
+        return self.session.latest.action[0]
+
+    @property
+    def command(self) -> list[float]:
+        self.step()
+        return self.session.latest.infos["command"][0].tolist()
+
+
+@pytest.fixture
+def driven() -> Iterator[Scene]:
+    scene = Scene(Driven())
+    yield scene
+    scene.session.close()
+
+
+@pytest.fixture
+def steered() -> Iterator[Scene]:
+    scene = Scene(policies.make("trot"))
+    yield scene
+    scene.session.close()
+
+
+def drive(scene: Scene, targets: np.ndarray, steps: int) -> None:
+    for _ in range(steps):
+        scene.send(targets)
+        scene.step()
+
+
+def test_without_a_message_the_robot_stands_and_nothing_is_complained_of(driven: Scene) -> None:
+    driven.step(100)
+    np.testing.assert_array_equal(driven.targets, np.float32(HOME))
+    assert driven.said == []
+
+
+def test_targets_are_joined_without_a_jump_and_then_followed_to_the_bit(driven: Scene) -> None:
+    before = driven.targets
+    for _ in range(round(JOIN_TIME / 0.01)):
+        drive(driven, CROUCHED, 1)
+        assert np.abs(driven.targets - before).max() < 0.03
+        before = driven.targets
+    drive(driven, CROUCHED, 1)
+    np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
+    other = CROUCHED + 0.01
+    drive(driven, other, 1)
+    np.testing.assert_array_equal(driven.targets, np.float32(other))
+
+
+def test_after_a_fifth_of_a_second_of_silence_the_robot_goes_home_and_says_so(driven: Scene) -> None:
+    drive(driven, CROUCHED, 40)
+    driven.step(20)
+    np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
+    assert not any("nothing good" in line for line in driven.said)
+    driven.step()
+    assert driven.said[-1].startswith(f"nothing good on {JOINT_TARGETS} for 0.2 s: the robot returns to its standing")
+    assert (driven.targets != np.float32(CROUCHED)).any()
+    driven.step(round(HOLD_TIME / 0.01))
+    np.testing.assert_allclose(driven.targets, HOME, atol=1e-6)
+    driven.step(100)
+    np.testing.assert_allclose(driven.session.latest.infos["joint_position"][0], HOME, atol=0.05)
+    assert sum("nothing good" in line for line in driven.said) == 1
+
+
+def test_when_messages_come_again_the_robot_goes_on(driven: Scene) -> None:
+    drive(driven, CROUCHED, 40)
+    driven.step(100)
+    drive(driven, CROUCHED, 40)
+    np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
+    assert [line for line in driven.said if line.endswith("is followed")] == 2 * [f"{JOINT_TARGETS} is followed"]
+
+
+def test_a_gap_shorter_than_the_patience_is_no_silence(driven: Scene) -> None:
+    for _ in range(10):
+        driven.send(CROUCHED)
+        driven.step(20)
+    assert driven.said == [f"{JOINT_TARGETS} is followed"]
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        np.zeros(11),
+        np.zeros(13),
+        np.zeros(0),
+        np.append(HOME[:11], np.nan),
+        np.append(HOME[:11], np.inf),
+    ],
+)
+def test_a_bad_message_is_refused_and_changes_nothing(driven: Scene, bad: np.ndarray) -> None:
+    drive(driven, CROUCHED, 40)
+    driven.send(bad)
+    driven.send(bad)
+    driven.step()
+    np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
+    assert driven.bridge.refusals.count(JOINT_TARGETS) == 2
+    assert sum("refused" in line for line in driven.said) == 1
+
+
+def test_bad_messages_are_silence_and_the_reason_counts_them(driven: Scene) -> None:
+    drive(driven, CROUCHED, 40)
+    drive(driven, np.full(12, np.nan), 70)
+    (why,) = [line for line in driven.said if "nothing good" in line]
+    assert "(21 refused meanwhile)" in why
+    np.testing.assert_allclose(driven.targets, HOME, atol=1e-6)
+
+
+def test_targets_past_the_joints_stops_stop_there(driven: Scene) -> None:
+    drive(driven, np.full(12, 1e9), 40)
+    np.testing.assert_array_equal(driven.targets, np.float32(SIMPLE_QUAD.joint_upper))
+    driven.step(22)  # and the way home begins at the stops
+    assert np.abs(driven.targets - SIMPLE_QUAD.joint_upper).max() < 0.2
+    assert (driven.targets[2::3] < -0.02).all()
+
+
+def test_velocities_move_a_robot_that_has_a_policy(steered: Scene) -> None:
+    assert steered.command == [0.0, 0.0, 0.0]
+    for _ in range(300):
+        steered.steer(0.4, 0.0, 0.0)
+        steered.step()
+    assert steered.session.latest.infos["position"][0, 0] > 0.6
+    steered.step(51)
+    assert steered.said[-1] == f"nothing good on {VELOCITY} for 0.5 s: the command is zero until the next"
+    assert steered.command == [0.0, 0.0, 0.0]
+    steered.steer(0.0, 0.1, -0.2)
+    assert steered.command == [0.0, 0.1, -0.2]
+
+
+@pytest.mark.parametrize("bad", [(np.nan, 0.0, 0.0), (0.0, -np.inf, 0.0), (0.0, 0.0, 1e6)])
+def test_a_velocity_that_is_none_is_refused(steered: Scene, bad: tuple[float, float, float]) -> None:
+    steered.steer(0.4, 0.0, 0.0)
+    steered.steer(*bad)
+    assert steered.command == [0.4, 0.0, 0.0]
+    assert steered.bridge.refusals.words() == [
+        f"{VELOCITY}: 1 message refused, {'beyond ±100 m/s or rad/s' if bad[2] else 'not finite'}"
+    ]
+
+
+def test_one_topic_moves_a_robot_and_the_other_is_refused(driven: Scene, steered: Scene) -> None:
+    steered.send(CROUCHED)
+    driven.steer(0.4, 0.0, 0.0)
+    assert steered.said == [f"{JOINT_TARGETS}: refused, {VELOCITY} moves this robot; further ones are counted"]
+    assert driven.said == [f"{VELOCITY}: refused, {JOINT_TARGETS} moves this robot; further ones are counted"]
+    assert driven.command == [0.0, 0.0, 0.0]
+
+
+def test_a_fallen_robot_says_so_once_and_a_reset_stands_it_up_with_time_running_on(driven: Scene) -> None:
+    lying = np.tile([0.0, 1.5, -0.5], 4)
+    drive(driven, lying, 200)
+    told = [line for line in driven.said if "fallen" in line]
+    assert len(told) == 1
+    assert RESET in told[0]
+    before = driven.bridge.time
+    driven.bridge.take(RESET, [], 0)
+    driven.step()
+    assert driven.bridge.time == pytest.approx(before + 0.01)
+    assert driven.session.latest.infos["height"][0] > 0.4
+    np.testing.assert_array_equal(driven.targets, np.float32(HOME))
+
+
+def test_readings_come_at_their_rates_with_stamps_of_simulated_time(driven: Scene) -> None:
+    packets = [driven.bridge.step() for _ in range(40)]
+    assert [packet["time"] for packet in packets] == [10_000_000 * (1 + number) for number in range(40)]
+    assert [packet["time"] for packet in packets if JOINT_STATES in packet] == [20_000_000 * (1 + n) for n in range(20)]
+    told, state = driven.session.latest.infos, packets[-1][JOINT_STATES]
+    assert state["position"] == told["joint_position"][0].tolist()
+    assert state["velocity"] == told["joint_velocity"][0].tolist()
+    assert state["torque"] == told["joint_torque"][0].tolist()
+    np.testing.assert_allclose(packets[-1][IMU]["specific_force"], [0.0, 0.0, 9.81], atol=1.5)
+
+
+def test_a_reset_is_no_jolt_to_the_imu() -> None:
+    scene = Scene(policies.make("trot"))
+    for _ in range(200):
+        scene.steer(1.0, 0.0, 0.0)
+        scene.step()
+    scene.bridge.take(RESET, [], 0)
+    packet = scene.bridge.step()
+    assert np.linalg.norm(packet[IMU]["specific_force"]) < 15.0
+    scene.session.close()

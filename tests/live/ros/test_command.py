@@ -1,0 +1,99 @@
+"""Where ROS is found, on which interface it listens, and mistakes at the command line; none of it needs ROS."""
+
+import os
+import sys
+import time
+from contextlib import closing
+
+import pytest
+
+from evaluate.terminal.command_line import UsageError
+from live.__main__ import PROGRAM
+from live.ros import interpreter
+from live.ros.link import Link, LinkLost
+
+
+def test_without_ros_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(interpreter, "MODULES", {"1": ("json", "no_such_rospy"), "2": ("no_such_rclpy",)})
+    monkeypatch.delenv("ROS_VERSION", raising=False)
+    assert PROGRAM.main(["ros"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: no Python here has ROS 1 or ROS 2")
+    assert "apt-get install python3-rospy" in error
+    assert error.count("\n") == 1
+
+
+def test_the_version_that_is_sourced_or_asked_for_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(interpreter, "MODULES", {"1": ("json",), "2": ("socket", "json")})
+    monkeypatch.delenv("ROS_VERSION", raising=False)
+    assert interpreter.find(None)[0] == "1"
+    monkeypatch.setenv("ROS_VERSION", "2")
+    assert interpreter.find(None)[0] == "2"
+    assert interpreter.find("1")[0] == "1"
+
+
+def test_the_node_listens_on_this_machine_alone_whatever_is_sourced() -> None:
+    sourced = {"ROS_IP": "10.0.0.5", "ROS_HOSTNAME": "robot", "ROS_IPV6": "on", "ROS_LOCALHOST_ONLY": "0"}
+    found = interpreter.environment(sourced | {"PYTHONPATH": "/opt/ros"}, network=False)
+    assert found["ROS_IP"] == "127.0.0.1"
+    assert "ROS_HOSTNAME" not in found
+    assert "ROS_IPV6" not in found
+    assert (found["ROS_LOCALHOST_ONLY"], found["ROS_AUTOMATIC_DISCOVERY_RANGE"]) == ("1", "LOCALHOST")
+    assert found["PYTHONPATH"].split(os.pathsep)[0] == "/opt/ros"
+    assert sourced.items() <= interpreter.environment(sourced, network=True).items()
+
+
+@pytest.mark.parametrize(
+    "uri", ["http://robot:11311", "http://10.0.0.5:11311", "http://localhost.example:11311", "http://127.example:11311"]
+)
+def test_a_master_on_another_machine_needs_the_network(uri: str) -> None:
+    with pytest.raises(UsageError, match="--network"):
+        interpreter.environment({"ROS_MASTER_URI": uri}, network=False)
+    for here in ("http://localhost:11311", "http://127.0.0.1:11311/"):
+        assert interpreter.environment({"ROS_MASTER_URI": here}, network=False)["ROS_MASTER_URI"] == here
+    assert interpreter.environment({"ROS_MASTER_URI": uri}, network=True)["ROS_MASTER_URI"] == uri
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--policy", "trott"], "trott"),
+        (["--scenario", "moon"], "--scenario"),
+        (["--scenario", "push:all"], "name one of them"),
+        (["--robot", "nobody"], "--robot"),
+        (["--real-time-factor", "0"], "--real-time-factor must be"),
+        (["--seed", "-1"], "--seed must be"),
+        (["--version", "3"], "see `python -m quad_env ros --help`"),
+    ],
+)
+def test_a_mistake_is_a_line(
+    words: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(interpreter, "MODULES", {"1": ("json",)})
+    assert PROGRAM.main(["ros", *words]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert said in error
+
+
+READY = 'import socket, time; link = socket.socket(fileno=0); link.send(b\'{"ready": "here"}\'); '
+
+
+def test_a_process_that_ends_is_noticed() -> None:
+    with closing(Link([sys.executable, "-c", READY + "link.recv(100)"], os.environ)) as link:
+        assert link.wait_until_ready() == "here"
+        assert list(link.received()) == []
+        link.send({"time": 1})
+        time.sleep(0.5)
+        link.send({"time": 2})  # to nobody
+        with pytest.raises(LinkLost, match="has ended"):
+            list(link.received())
+
+
+def test_a_process_that_does_not_keep_up_is_not_waited_for() -> None:
+    with closing(Link([sys.executable, "-c", READY + "time.sleep(60)"], os.environ)) as link:
+        link.wait_until_ready()
+        began = time.monotonic()
+        for _ in range(5000):
+            link.send({"values": [0.0] * 100})
+        assert time.monotonic() - began < 20.0

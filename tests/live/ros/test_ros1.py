@@ -1,0 +1,244 @@
+"""A robot behind ROS 1 marches as the article's controller does, and nothing that comes by ROS brings it down."""
+
+import contextlib
+import http.client
+import json
+import socket
+import xmlrpc.client
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.live.ros.robot import Robot, Walk, free_port, heard, recorded
+
+CYCLE = 50
+"""Control steps of a gait cycle of the article's controller."""
+MARCH = 8 * CYCLE
+FOLLOWED, SILENT = "/position_controller/command is followed", "nothing good on /position_controller/command"
+
+
+@dataclass(frozen=True)
+class Story:
+    """A robot that marched, whose node was killed, and to which nonsense was sent after that."""
+
+    walk: Walk
+    said: str
+    code: int
+    table: np.ndarray
+    """Targets of `document_repaired` that the node published."""
+    heard: Path
+    own: Walk
+    """The same policy in our own loop."""
+
+
+def in_our_own_loop(steps: int) -> Walk:
+    rows: list[tuple[np.ndarray, ...]] = []
+
+    def watch(step: Step) -> None:
+        told = step.infos
+        feet = told["foot_position"][0][:, 2].copy()
+        turn = np.roll(told["quaternion"][0], -1)
+        rows.append((step.action[0], told["joint_position"][0], feet, told["position"][0, 2], told["command"][0], turn))
+
+    roll_out(policies.make("document_repaired"), "flat", np.array([0]), watch, steps=steps, terminate_on_fall=False)
+    return Walk(*(np.array(column) for column in zip(*rows[1:], strict=True)))
+
+
+@pytest.fixture(scope="module")
+def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
+    folder = tmp_path_factory.mktemp("story")
+    own = in_our_own_loop(2 * MARCH)
+    (folder / "table").write_text(json.dumps(own.targets.tolist()))
+    # Slower than the wall's clock, for machines whose cores have others to serve: 0.2 s of silence are 0.33 s there.
+    robot = Robot(folder, "--record", str(folder / "walk.mcap"), "--real-time-factor", "0.6")
+    try:
+        robot.wait_for("Ctrl-C ends it")
+        listening = robot.node("listen", "5", str(folder / "heard"))
+        marching = robot.node("march", str(folder / "table"), "sim")
+        robot.wait_for(FOLLOWED)
+        assert listening.wait(30) == 0
+        marching.kill()
+        marching.wait()
+        robot.wait_for(SILENT)
+        assert robot.node("malformed").wait(60) == 0
+        robot.wait_for(FOLLOWED, 2)
+        robot.wait_for(SILENT, 2)
+        code = robot.end()
+    finally:
+        robot.process.kill()
+    return Story(recorded(folder / "walk.mcap"), robot.said, code, own.targets, folder / "heard", own)
+
+
+def first(walk: Walk) -> int:
+    """The first control step in which targets from outside were followed."""
+    return int(np.flatnonzero(np.any(walk.targets != walk.targets[0], axis=1))[0])
+
+
+def test_the_robot_marches_as_the_policy_does(story: Story) -> None:
+    begin = first(story.walk) + CYCLE
+    there, here = story.walk.between(begin, begin + MARCH // 2), story.own.between(CYCLE, CYCLE + MARCH // 2)
+
+    def lifts(walk: Walk) -> np.ndarray:
+        """Of each foot in a cycle, m."""
+        return np.asarray(walk.feet.reshape(-1, CYCLE, 4).max(axis=1).mean(axis=0)) - SIMPLE_QUAD.foot_radius
+
+    assert (lifts(here)[:2] > 0.1).all()
+    np.testing.assert_allclose(lifts(there), lifts(here), atol=0.02)
+    np.testing.assert_allclose(there.joints.min(axis=0), here.joints.min(axis=0), atol=0.08)
+    np.testing.assert_allclose(there.joints.max(axis=0), here.joints.max(axis=0), atol=0.08)
+    assert there.trunk.mean() == pytest.approx(here.trunk.mean(), abs=0.01)
+    # Diagonal pairs move together, the two pairs apart.
+    calves = there.joints[:, 2::3] - there.joints[:, 2::3].mean(axis=0)
+    alike = np.corrcoef(calves.T)
+    assert min(alike[0, 3], alike[1, 2]) > 0.5
+    assert max(alike[0, 1], alike[2, 3]) < 0.0
+
+
+def test_when_the_node_is_killed_the_robot_stands_up_and_says_why(story: Story) -> None:
+    marched = story.walk
+    targets_at_home = np.all(np.abs(marched.targets - SIMPLE_QUAD.home_pose) < 1e-5, axis=1)
+    begin = first(marched)
+    home = begin + int(np.flatnonzero(targets_at_home[begin:])[0])
+    moving = np.flatnonzero(np.any(marched.targets[begin + CYCLE : home] != marched.targets[home], axis=1))
+    assert len(moving) > 0
+    still = int(np.argmax(_stays(marched.targets[begin:home]))) + begin
+    assert home - still <= 62  # 0.2 s until it is noticed, 0.4 s to the standing pose
+    standing = marched.between(home + 50, home + 60)
+    np.testing.assert_allclose(standing.joints, np.tile(SIMPLE_QUAD.home_pose, (10, 1)), atol=0.06)
+    assert standing.trunk.min() > 0.4
+    assert "fallen" not in story.said
+    assert f"{SILENT} for 0.2 s: the robot returns to its standing pose until the next" in story.said
+
+
+def _stays(targets: np.ndarray) -> np.ndarray:
+    """Where targets stay the same for the 15 control steps that follow."""
+    same = np.all(targets[1:] == targets[:-1], axis=1)
+    return np.convolve(same, np.ones(15), "valid") == 15
+
+
+def test_nonsense_is_refused_and_the_simulation_goes_on_to_follow_what_is_good(story: Story) -> None:
+    lines = story.said.splitlines()
+    refused = [line for line in lines if "messages refused" in line]
+    assert [line.partition("s  ")[2] for line in refused] == [
+        "/position_controller/command: 60 messages refused, not 12 numbers",
+        "/position_controller/command: 40 messages refused, not finite",
+    ]
+    assert sum("further ones are counted" in line for line in lines) == 2
+    assert story.code == 130
+    assert "Traceback" not in story.said
+    assert np.isfinite(story.walk.joints).all()
+    assert story.walk.trunk[-1] > 0.4
+
+
+def test_joint_states_come_at_50_hz_in_the_robots_order_beside_the_clock(story: Story) -> None:
+    states, clocks, imus = (heard(story.heard, topic) for topic in ("/joint_states", "/clock", "/imu"))
+    assert len(states) > 20
+    assert set(np.diff([state["stamp"] for state in states])) == {20_000_000}
+    assert set(np.diff([imu["stamp"] for imu in imus])) == {10_000_000}
+    # rospy itself skips a /clock that is late, where nodes go by it.
+    ticks = np.diff([clock["stamp"] for clock in clocks])
+    assert set(ticks % 10_000_000) == {0}
+    assert np.median(ticks) == 10_000_000
+    for state in states[::10]:
+        step = round(state["stamp"] / 1e7) - 1
+        assert state["name"] == list(SIMPLE_QUAD.joint_names)
+        np.testing.assert_allclose(state["position"], story.walk.joints[step], atol=1e-9)
+    for imu in imus[::10]:
+        np.testing.assert_allclose(imu["turn"], story.walk.turns[round(imu["stamp"] / 1e7) - 1], atol=1e-9)
+    np.testing.assert_allclose(np.mean([imu["force"] for imu in imus], axis=0), [0.0, 0.0, 9.81], atol=2.0)
+
+
+@pytest.fixture
+def steered(tmp_path: Path) -> Iterator[Robot]:
+    robot = Robot(tmp_path, "--policy", "trot", "--record", str(tmp_path / "walk.mcap"))
+    try:
+        robot.wait_for("Ctrl-C ends it")
+        yield robot
+    finally:
+        robot.process.kill()
+        robot.process.wait()
+
+
+def refused(address: str, port: int) -> bool:
+    try:
+        socket.create_connection((address, port), timeout=5).close()
+    except ConnectionRefusedError:
+        return True
+    return False
+
+
+def address_of_this_machine() -> str:
+    """One that is not of the loopback interface; the test is skipped where there is none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # sends nothing
+        except OSError as error:
+            pytest.skip(f"this machine has the loopback interface alone: {error}")
+        return str(probe.getsockname()[0])
+
+
+def test_velocities_steer_a_policy_and_strangers_are_kept_out(steered: Robot, tmp_path: Path) -> None:
+    with contextlib.ExitStack() as silent:
+        for port in steered.ports():
+            connection = silent.enter_context(socket.create_connection(("127.0.0.1", port)))
+            connection.sendall(b"\xff\xff\xff\x7f" + b"x" * 4096)
+            silent.enter_context(socket.create_connection(("127.0.0.1", port)))
+        listening = steered.node("listen", "6", str(tmp_path / "heard"))
+        assert steered.node("steer").wait(30) == 0
+        steered.wait_for("reset, seed 1")
+        steered.wait_for("nothing good on /cmd_vel for 0.5 s: the command is zero")
+        assert listening.wait(30) == 0
+    assert heard(tmp_path / "heard", "/joint_states")
+
+    with xmlrpc.client.ServerProxy(f"http://127.0.0.1:{steered.port}") as master:
+        _, _, node = master.lookupNode("/test", "/simple_quad")
+    for port in (steered.port, int(node.rstrip("/").rpartition(":")[2])):
+        call = xmlrpc.client.dumps(("/test",), "getPid")
+        for headers, status in (({}, 200), ({"Origin": "http://a-page.example"}, 403)):
+            connection = http.client.HTTPConnection("127.0.0.1", port)
+            connection.request("POST", "/", call, headers)
+            assert connection.getresponse().status == status
+            connection.close()
+
+    # rosnode kill, or another node that takes the name
+    # It may be gone before it has answered.
+    with contextlib.suppress(OSError, http.client.HTTPException), xmlrpc.client.ServerProxy(node) as slave:
+        slave.shutdown("/test", "for a test")
+    assert steered.process.wait(30) == 2
+    assert "error: ROS has ended the node" in steered.said
+    assert "Traceback" not in steered.said
+    commands = {tuple(command) for command in recorded(tmp_path / "walk.mcap").commands.tolist()}
+    assert commands == {(0.0, 0.0, 0.0), (0.3, -0.1, 0.2)}
+
+
+@pytest.mark.parametrize("network", [False, True])
+def test_other_interfaces_reach_it_if_it_is_let_onto_the_network_alone(network: bool, tmp_path: Path) -> None:
+    address = address_of_this_machine()
+    robot = Robot(tmp_path, *(["--network"] if network else []), ROS_IP=address)
+    try:
+        robot.wait_for("Ctrl-C ends it")
+        ports = robot.ports()
+        assert robot.port in ports
+        assert len(ports) == 3  # the master's, the node's, and that of its messages
+        assert [refused(address, port) for port in ports] == 3 * [not network]
+        assert [refused("127.0.0.1", port) for port in ports] == 3 * [False]
+        assert robot.end() == 130
+    finally:
+        robot.process.kill()
+
+
+def test_a_port_that_something_else_listens_on_is_a_line(tmp_path: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", port := free_port()))
+        other.listen()
+        robot = Robot(tmp_path, port=port)
+        assert robot.process.wait(60) == 2
+    assert robot.said.startswith("error: no ROS master answers at")
+    assert robot.said.count("\n") == 1
