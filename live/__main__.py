@@ -9,6 +9,7 @@ from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.program import Command, Program
 
 COMMANDS = {
+    "dataset": Command("live.commands.dataset", "episodes of a policy as a Minari dataset"),
     "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
     "film": Command("live.commands.film", "an episode as a film: policies side by side, a ghost of the command"),
     "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),

@@ -8,43 +8,59 @@ from evaluate.rollouts.observers import Step
 
 SETTLING = 1.0
 """Time after a change of the command that is not judged, s."""
+NOTHING_YET = "upright"
+"""Said of a robot that cannot be judged yet and has not fallen."""
 
 
 class OutcomeSoFar:
     """Observer that judges every robot by rule `success/1`, over the command intervals that lasted long enough.
 
-    An interval is the time for which a command held, also one that was given by hand; its first second is not judged.
+    An interval is the time for which a command held, also one that was given by hand, but no longer than a drawn one
+    lasts; its first second is not judged.
     """
 
     def __call__(self, step: Step) -> None:
         """Take note of a control step, or of the start of an episode."""
+        infos, env = step.infos, step.env
         if step.number == 0:
-            count = len(step.infos["command"])
-            self._fell, self._diverged = np.zeros(count, bool), np.zeros(count, bool)
-            self._commands: list[NDArray[np.float64]] = []
-            self._sums: list[NDArray[np.float64]] = []
-            self._steps: list[int] = []
-            return
-        settling = round(SETTLING / step.env.dt)
-        command = step.infos["command"]
-        if not self._commands or not np.array_equal(command, self._commands[-1]):
-            if self._steps and self._steps[-1] <= settling:
+            self.begin(len(infos["command"]), env.dt, round(env.scenario.commands.interval / env.dt))
+        else:
+            self.add(infos["command"], infos["heading_velocity"], infos["fall"] > 0, infos["diverged"])
+
+    def begin(self, count: int, dt: float, command_steps: int) -> None:
+        """An episode of so many robots; control period, s; how many control steps a drawn command lasts."""
+        self._settling, self._command_steps, self._number = round(SETTLING / dt), command_steps, 0
+        self._fell, self._diverged = np.zeros(count, bool), np.zeros(count, bool)
+        self._commands: list[NDArray[np.float64]] = []
+        self._sums: list[NDArray[np.float64]] = []
+        self._steps: list[int] = []
+
+    def add(
+        self,
+        command: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        fell: NDArray[np.bool_],
+        diverged: NDArray[np.bool_],
+    ) -> None:
+        """A control step: commands and velocities, (n, 3), heading frame; who is down, and whose simulation is lost."""
+        if self._number % self._command_steps == 0 or not np.array_equal(command, self._commands[-1]):
+            if self._steps and self._steps[-1] <= self._settling:
                 self._forget_latest()
             self._commands.append(command.copy())
             self._sums.append(np.zeros_like(command))
             self._steps.append(0)
+        self._number += 1
         self._steps[-1] += 1
-        if self._steps[-1] > settling:
-            self._sums[-1] += step.infos["heading_velocity"]
-        self._settling = settling
-        self._fell |= step.infos["fall"] > 0
-        self._diverged |= step.infos["diverged"]
+        if self._steps[-1] > self._settling:
+            self._sums[-1] += velocity
+        self._fell |= fell
+        self._diverged |= diverged
 
     def words(self) -> list[str]:
-        """Outcome of each robot, one of `OUTCOMES` with spaces; `upright` where nothing could be judged yet."""
+        """Outcome of each robot, one of `OUTCOMES` with spaces; `NOTHING_YET` where nothing could be judged yet."""
         judged = [number for number, steps in enumerate(self._steps) if steps > self._settling]
         if not judged:
-            return ["diverged" if bad else "fell" if fell else "upright" for bad, fell in self._ends]
+            return ["diverged" if bad else "fell" if fell else NOTHING_YET for bad, fell in self._ends]
         steps = np.array([self._steps[number] - self._settling for number in judged])
         found = outcomes(
             fell=self._fell | self._diverged,

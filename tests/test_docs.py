@@ -135,7 +135,8 @@ def test_set_up_is_two_commands_that_each_stand_alone() -> None:
     first, second = (block.strip() for block in blocks("bash", README)[:2])
     assert first == f"{environment} . && python -m evaluate"
     assert second == f'{environment} ".[train,dev]" && pytest'
-    assert set(extras) == {"train", "dev", "video", "cluster", "onnx", "recording", "robots", "sweep", "clients"}
+    names = {"train", "dataset", "dev", "video", "cluster", "onnx", "recording", "robots", "sweep", "clients"}
+    assert set(extras) == names
 
 
 def test_observation_table_is_the_observation() -> None:

@@ -63,6 +63,7 @@ BARS = {
     "rendering": Bar("frames of 640 x 480, in software on one core", "rendering", (Limit("≥", 15.0, "/s"),)),
     "cluster": Bar("Ray on this machine / worker processes, time without its start", "cluster", (Limit("≤", 1.10),)),
     "killed": Bar("of the workers killed, those that changed episodes.parquet", "cluster", (Limit("≤", 0.0),)),
+    "recording": Bar("60 s recorded / not recorded, time of the simulation", "recording", (Limit("≤", 1.15),)),
     "memory": Bar("memory of 4096 envs", "growth", (Limit("≤", 1.5, " GiB"),)),
 }
 

@@ -5,10 +5,28 @@ from pathlib import Path
 
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 
-from live.recording.messages import SCHEMAS, STANDARD, TYPES, Message
+from live.recording.cdr import TYPES
+from live.recording.messages import SCHEMAS, Message
+from live.recording.standard import LATCHED, STANDARD
+
+_NEVER = QosTime(9223372036, 854775807)
+"""No deadline, no lifespan, no lease: how ROS 2 writes infinity."""
+_KEPT = Qos(
+    history=QosHistory.KEEP_LAST,
+    depth=1,
+    reliability=QosReliability.RELIABLE,
+    durability=QosDurability.TRANSIENT_LOCAL,
+    deadline=_NEVER,
+    lifespan=_NEVER,
+    liveliness=QosLiveliness.AUTOMATIC,
+    liveliness_lease_duration=_NEVER,
+    avoid_ros_namespace_conventions=False,
+)
+"""With which `ros2 bag play` keeps a message for those who listen later."""
 
 
 class McapFile:
@@ -18,11 +36,12 @@ class McapFile:
         self._file = path.open("xb")
         self._writer = McapWriter(self._file, chunk_size=1 << 18, compression=CompressionType.LZ4)
         self._writer.start(profile="ros2", library="simple-quad")
-        self._channels = {}
+        self._channels, schemas = {}, {}
         for topic, name in STANDARD.items():
-            told, _hash = TYPES.generate_msgdef(name, ros_version=2)
-            schema = self._writer.register_schema(name, "ros2msg", told.encode())
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", schema)
+            if name not in schemas:
+                told, _hash = TYPES.generate_msgdef(name, ros_version=2)
+                schemas[name] = self._writer.register_schema(name, "ros2msg", told.encode())
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name])
         for topic, properties in SCHEMAS.items():
             schema = self._writer.register_schema(topic[1:], "jsonschema", json.dumps(properties).encode())
             self._channels[topic] = self._writer.register_channel(topic, "json", schema)
@@ -46,7 +65,10 @@ class BagFolder:
         self._writer = BagWriter(path, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
         self._connections = {
-            topic: self._writer.add_connection(topic, name, typestore=TYPES) for topic, name in STANDARD.items()
+            topic: self._writer.add_connection(
+                topic, name, typestore=TYPES, offered_qos_profiles=[_KEPT] if topic in LATCHED else []
+            )
+            for topic, name in STANDARD.items()
         }
 
     def write(self, message: Message) -> None:

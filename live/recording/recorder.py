@@ -1,19 +1,23 @@
-"""Recorder: an observer of control steps that hands them, second by second, to a process that writes them."""
+"""Recorder: an observer of control steps that leaves them in shared memory for a process that writes them."""
 
 import contextlib
 import multiprocessing
+import signal
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from evaluate.rollouts.observers import Observer, Step
+from evaluate.rollouts.observers import Step
 from evaluate.terminal.command_line import UsageError, make_folder_of
+from live.recording.ring import Floats, Ring, memory
+from live.recording.skeleton import links_of
 from live.recording.source import Source
 from live.recording.writer import write
 from policies.base import Policy
@@ -22,26 +26,28 @@ from quad_env.task.rewards import REWARD
 PACKAGES = ("mcap", "rosbags")
 """What the extra `recording` installs."""
 STEPS_A_BATCH = 100
-"""Control steps that are handed over together: at most so many are lost when this process is killed."""
+"""Control steps that are written together."""
 SIGNALS = (
     *("position", "quaternion", "angular_velocity", "heading_velocity", "vertical_velocity"),
     *("joint_position", "joint_velocity", "joint_torque", "action", "command", "push"),
-    *("foot_position", "foot_contact", "leg_contact", "trunk_contact", "fall", "diverged"),
+    *("foot_contact", "leg_contact", "trunk_contact", "fall", "diverged"),
 )
 """Readings of a control step that are recorded, by their names in the infos."""
+WAIT = 0.002
+"""Between two looks whether there is room for a row, s."""
 
 
 @contextmanager
-def recorder_for(path: Path, policy: Policy) -> Iterator[Observer]:
+def recorder_for(path: Path, policy: Policy) -> Iterator["Recorder"]:
     """An observer that records the first robot: into an MCAP file by a path that ends in .mcap, else into the folder of
-    a ROS 2 bag. What was recorded is kept however the block ends; a second episode goes on where the first ended.
+    a ROS 2 bag. What was recorded is kept however the block ends; a further episode goes on where the first ended.
 
     Raises:
         UsageError: a package is missing, or the path exists already or cannot be written.
         OSError: the disk is full; what was written by then is left.
     """
     check(path)
-    recorder = _Recorder(path, policy)
+    recorder = Recorder(path, policy)
     try:
         yield recorder
     finally:
@@ -57,53 +63,99 @@ def check(path: Path) -> None:
     make_folder_of(path, "the recording")
 
 
-class _Recorder:
+class Recorder:
+    """Records the first robot of the steps that it is called with; `recorder_for` makes one and closes it."""
+
     def __init__(self, path: Path, policy: Policy) -> None:
-        self._path, self._policy = path, policy
-        self._steps: list[list[Any]] = []
+        self.policy = policy
+        """Whose correction is recorded, where it has one; may be another one from any step on."""
+        self._path = path
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
-        self._done = 0
+        self._told = 0
+        self._events: list[str] = []
 
     def __call__(self, step: Step) -> None:
-        """Take note of a control step, or of the start of an episode."""
+        """Record a control step, or the start of an episode. Raises OSError where it cannot be written."""
         if self._pipe is None:
             self._begin(step)
-        if step.number == 0 and self._done:
-            return  # a further episode: its start is no control step
-        correction = getattr(self._policy, "correction", None)
-        row = [self._done, *(step.infos[name][0] for name in self._names)]
-        row.append(np.zeros(0) if correction is None else correction[0].copy())
-        self._steps.append(row)
-        self._done += 1
-        if len(self._steps) == STEPS_A_BATCH:
-            self._hand_over()
+        if (row := self._free_row()) is None:
+            return
+        correction = getattr(self.policy, "correction", None)
+        share = self._no_correction if correction is None else correction[0]
+        # Wide ones and scalars apart: half the time of all at once, and it is spent at every step.
+        np.concatenate([share, *(step.infos[name][0] for name in self._wide)], out=row[: self._width])
+        row[self._width : -1] = [step.infos[name][0] for name in self._scalars]
+        row[-1] = step.number == 0 or self._ring.put == 0
+        self._ring.put_row()
+        for event in self._events:
+            self._tell(event)
+        self._events.clear()
+        if self._ring.put - self._told >= STEPS_A_BATCH:
+            self._tell()
+
+    def event(self, text: str) -> None:
+        """Record that something happened just now, after the last step. Raises OSError where it cannot be written."""
+        if self._pipe is None:
+            self._events.append(text)
+        else:
+            self._tell(text)
 
     def _begin(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
-        self._names = (*SIGNALS, *(name for name in step.infos if name.startswith(REWARD)))
-        source = Source(self._names, robot.joint_names, robot.leg_names, env.dt)
+        names = (*SIGNALS, *(name for name in step.infos if name.startswith(REWARD)))
+        self._wide = [name for name in names if step.infos[name].ndim > 1]
+        self._scalars = [name for name in names if step.infos[name].ndim == 1]
+        self._no_correction = np.full(robot.num_joints, np.nan)
+        widths = {"correction": robot.num_joints} | {name: step.infos[name][0].size for name in self._wide}
+        self._width = sum(widths.values())
+        source = Source(
+            widths=widths | dict.fromkeys((*self._scalars, "start"), 1),
+            joints=robot.joint_names,
+            legs=robot.leg_names,
+            links=links_of(env.simulation.model, robot),
+            description="" if robot.urdf is None else robot.urdf.read_text(),
+            dt=env.dt,
+            command_steps=round(env.scenario.commands.interval / env.dt),
+        )
         context = multiprocessing.get_context("spawn")
+        shared = memory(context, source.width)
+        self._ring = Ring(shared)
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=write, args=(theirs, self._path, source))
-        self._process.start()
+        self._process = context.Process(target=write, args=(theirs, shared, self._path, source))
+        # Ctrl-C in a terminal reaches all its processes, this one before it could say that it is deaf. The helper of
+        # multiprocessing is started first, since its start unblocks the signal.
+        resource_tracker.ensure_running()
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
 
-    def _hand_over(self) -> None:
+    def _free_row(self) -> Floats | None:
+        """Where the next row goes, once there is room; None where nobody takes rows any more."""
+        assert self._process is not None
+        while (row := self._ring.free_row()) is None:
+            if not self._process.is_alive():
+                self.close()
+                return None
+            time.sleep(WAIT)
+        return row
+
+    def _tell(self, event: str = "") -> None:
+        """Say how many rows there are, and what happened then."""
         assert self._pipe is not None
-        batch = [np.stack(column) for column in zip(*self._steps, strict=True)]
-        self._steps.clear()
+        self._told = self._ring.put
         try:
-            self._pipe.send(batch)
+            self._pipe.send((self._told, event))
         except OSError:  # the writer has ended, and told why
             self.close()
 
     def close(self) -> None:
-        """Hand over what is left, and wait until all of it is written. Raises OSError where it could not be."""
+        """Wait until all of it is written. Raises OSError where it could not be."""
         if self._pipe is None or self._process is None or self._pipe.closed:
             return
-        if self._steps:
-            self._hand_over()
         with contextlib.suppress(OSError):
             self._pipe.send(None)
         try:

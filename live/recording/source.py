@@ -1,15 +1,39 @@
-"""What the process that writes a recording is told of the steps that it is sent."""
+"""What the process that writes a recording is told of the rows that it finds."""
 
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from live.recording.skeleton import Link
+
+Rows = NDArray[np.float64]
+"""A row a control step, or start of an episode, of the columns that `Source` names, (n, width)."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """What the recorded steps are of."""
+    """What the recorded rows are of."""
 
-    names: tuple[str, ...]
-    """Of the columns of a batch, after the number of the control step and before the correction."""
+    widths: dict[str, int]
+    """Columns of each reading, in the order of a row, beside them `correction`, NaN of a policy that has none, and
+    `start`, 1 where an episode or the recording begins."""
     joints: tuple[str, ...]
     legs: tuple[str, ...]
+    links: tuple[Link, ...]
+    description: str
+    """URDF of the robot; empty where there is none."""
     dt: float
     """Control period, s."""
+    command_steps: int
+    """Control steps that a drawn command lasts."""
+
+    @property
+    def width(self) -> int:
+        """Columns of a row."""
+        return sum(self.widths.values())
+
+    def columns(self, rows: Rows) -> dict[str, Rows]:
+        """Reading -> its columns, (n, k)."""
+        ends = np.cumsum(list(self.widths.values()))
+        return dict(zip(self.widths, np.split(rows, ends[:-1], axis=1), strict=True))

@@ -1,22 +1,29 @@
-"""The process that writes a recording: control steps in, messages of ROS 2 and JSON out."""
+"""The process that writes a recording: rows of control steps in, messages of ROS 2 and JSON out."""
 
 import contextlib
-import signal
+import os
 from contextlib import closing
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
+from live.recording.ring import Memory, Ring
 from live.recording.source import Source
 
+NICE = 5
+"""How far the simulation, and whatever else runs, goes first where cores are few."""
+MOST = 200
+"""Rows that become messages at a time."""
 
-def write(pipe: Connection, path: Path, source: Source) -> None:
-    """Write the batches that come through the pipe, until None or its other end is closed; answer with None, or with
-    the OSError that ended it. Whoever simulates may be interrupted or killed: what has come is written."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+def write(pipe: Connection, shared: Memory, path: Path, source: Source) -> None:
+    """Write the rows that are told of through the pipe, until None or until its other end is closed, and then those
+    that were put besides; answer with None, or with the OSError that ended it. Whoever simulates may be interrupted or
+    killed: what has been put is written. It is started with SIGINT blocked."""
+    if hasattr(os, "nice"):
+        os.nice(NICE)
     failure: OSError | None = None
     try:
-        _write(pipe, path, source)
+        _write(pipe, Ring(shared), path, source)
     except OSError as error:
         failure = OSError(error.errno, error.strerror or str(error), str(path))
     with contextlib.suppress(OSError):  # where nobody waits for it any more
@@ -24,20 +31,33 @@ def write(pipe: Connection, path: Path, source: Source) -> None:
     pipe.close()
 
 
-def _write(pipe: Connection, path: Path, source: Source) -> None:
+def _write(pipe: Connection, ring: Ring, path: Path, source: Source) -> None:
     from live.recording.files import BagFolder, McapFile  # here: the process that simulates needs none of it
     from live.recording.messages import Messages
 
     kind = McapFile if path.suffix == ".mcap" else BagFolder
-    messages = Messages(source)
+    messages, written = Messages(source), 0
     with closing(kind(path)) as file:
-        while (batch := _next(pipe)) is not None:
-            for values in zip(*batch, strict=True):
-                for message in messages.of_step(values):
+        for message in messages.of_beginning():
+            file.write(message)
+        while True:
+            told = _next(pipe)
+            until, event = (ring.put, "") if told is None else told
+            while written < until:
+                end = min(written + MOST, until)
+                for message in messages.of_rows(ring.take(end)):
                     file.write(message)
+                written = end
+            if told is None:
+                break
+            if event:
+                file.write(messages.of_event(event))
+        for message in messages.of_end():
+            file.write(message)
 
 
-def _next(pipe: Connection) -> list[Any] | None:
+def _next(pipe: Connection) -> tuple[int, str] | None:
+    """How many rows were put by now, and an event that happened then, or nothing; None at the end."""
     try:
         return pipe.recv()  # type: ignore[no-any-return]
     except EOFError:

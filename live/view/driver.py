@@ -15,7 +15,7 @@ from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.observers import Observer
 from live.pace import Pace
-from live.recording.recorder import recorder_for
+from live.recording.recorder import Recorder, recorder_for
 from live.session import Session
 from live.view.painter import Picture
 from live.view.requests import Request
@@ -59,6 +59,7 @@ class Driver:
         self.paused = self._once = False
         self._events: list[str] = []
         self._recording, self._path = ExitStack(), ""
+        self._recorder: Recorder | None = None
         self.sight, self._telemetry = Sight(), Telemetry(start.hardware.quadruped.rated_torque)
         self._scenario = self._found(start.scenario)
         self._offered = tuple(dict.fromkeys((*start.policies, *policies.names())))
@@ -164,7 +165,7 @@ class Driver:
             recorder = stack.enter_context(recorder_for(path, self.session.policies[0]))
             stack.callback(lambda: self.session.observers.remove(recorder))
             self.session.observers.append(recorder)
-            self._recording = stack.pop_all()
+            self._recording, self._recorder = stack.pop_all(), recorder
         self._path = str(path)
         self._events.append(f"recording into {path}")
 
@@ -178,14 +179,14 @@ class Driver:
     def _stop_recording(self) -> None:
         if self._path:
             self._events.append(f"recorded {self._path}")
-        self._path = ""
+        self._path, self._recorder = "", None
         self._recording.close()
 
     def _begun(self, scenario: Scenario, walkers: Sequence[Policy], seed: int) -> Session:
         """A session with everybody who watches."""
         watching: list[Observer] = [self.sight, self._telemetry]
         session = Session(walkers, scenario, seed=seed, hardware=self._start.hardware, observers=watching)
-        session.listeners.append(self._events_append)
+        session.listeners.append(self._note)
         return session
 
     def _begin_anew(self, scenario: Scenario, walkers: Sequence[Policy]) -> None:
@@ -194,13 +195,20 @@ class Driver:
         session = self._begun(scenario, walkers, before.seed)
         if before.command is not None:
             session.steer(before.command)
-        session.observers.extend(observer for observer in before.observers if observer not in session.observers)
+        others = [observer for observer in before.observers if observer not in session.observers]
+        session.observers.extend(others)
         self.session, self._scenario = session, scenario
         before.close()
         session.tell(f"{scenario.name}, {' and '.join(policy.name for policy in walkers)}")
+        for observer in others:
+            observer(session.latest)
 
-    def _events_append(self, event: str) -> None:
+    def _note(self, event: str) -> None:
+        """What somebody did, for the page and the recording; another first policy is told of in this way, too."""
         self._events.append(event)
+        if self._recorder is not None:
+            self._recorder.policy = self.session.policies[0]
+            self._recorder.event(event)
 
     def _found(self, name: str) -> Scenario:
         if battery.of_file(name) and name != self._start.scenario:

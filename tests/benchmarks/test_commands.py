@@ -15,7 +15,7 @@ from train.config import DEFAULTS
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
 COMMANDS = (*IN_PROCESS, "peers", "training", "learners", "startup", "resume", "growth", "rendering")
-COMMANDS += ("breaking_points", "cluster", "height_scan", "mpc", "solvers")
+COMMANDS += ("breaking_points", "cluster", "height_scan", "mpc", "recording", "solvers")
 
 
 def run(name: str, *arguments: object) -> int:
@@ -35,7 +35,7 @@ def figures(name: str, path: Path, printed: str) -> dict:
     return record["figures"]
 
 
-@pytest.mark.parametrize("name", [*IN_PROCESS, "height_scan"])
+@pytest.mark.parametrize("name", [*IN_PROCESS, "height_scan", "recording"])
 def test_command_prints_and_keeps_its_figures(name: str, tmp_path: Path, capsys) -> None:
     assert run(name, "--quick", "--json", tmp_path / "kept.json") == 0
     assert figures(name, tmp_path / "kept.json", capsys.readouterr().out)

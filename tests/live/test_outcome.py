@@ -36,3 +36,40 @@ def test_it_follows_commands_given_by_hand() -> None:
     live.reset()
     assert so_far.words() == ["upright", "upright"]
     live.close()
+
+
+def judged(velocities: np.ndarray, commands: tuple[float, ...] | np.ndarray = (0.5, 0.0, 0.0), fallen: int = -1) -> str:
+    """Outcome of one robot with these velocities in the heading frame, (steps, 3), down in one step; 10 ms steps, and
+    commands that are drawn every 5 s."""
+    so_far = OutcomeSoFar()
+    so_far.begin(1, 0.01, 500)
+    commands = np.broadcast_to(commands, velocities.shape)
+    for number, (command, velocity) in enumerate(zip(commands, velocities, strict=True)):
+        so_far.add(command[None], velocity[None], np.array([number == fallen]), np.array([False]))
+    return so_far.words()[0]
+
+
+def walk(*stretches: tuple[int, float]) -> np.ndarray:
+    """So many steps at so many m/s forward, one after the other."""
+    return np.concatenate([np.tile([speed, 0.0, 0.0], (steps, 1)) for steps, speed in stretches])
+
+
+def test_the_first_second_of_a_command_is_not_judged() -> None:
+    assert judged(walk((100, -2.0), (400, 0.5), (100, -2.0), (400, 0.5))) == "succeeded"
+    assert judged(walk((101, -120.0), (400, 0.5))) == "off command"
+
+
+def test_every_interval_is_judged_by_itself_though_the_command_stays() -> None:
+    assert judged(walk((500, 0.2), (500, 0.8))) == "off command"
+    assert judged(walk((1000, 0.5))) == "succeeded"
+
+
+def test_a_command_that_changes_begins_an_interval() -> None:
+    commands = walk((300, 0.5), (300, -0.5))
+    assert judged(walk((300, 0.5), (100, 0.5), (200, -0.5)), commands) == "succeeded"
+
+
+def test_who_fell_has_fallen_though_it_gets_up_and_who_stands_has_refused() -> None:
+    assert judged(walk((600, 0.5)), fallen=300) == "fell"
+    assert judged(walk((500, 0.0))) == "refused"
+    assert judged(walk((100, 0.5))) == "upright"

@@ -5,27 +5,33 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
 
 import policies
 import quad_env
+from evaluate.measures.metrics import outcome
 from evaluate.rollouts.observers import Step
-from evaluate.rollouts.rollout import roll_out
+from evaluate.rollouts.rollout import roll_out, run
 from live.__main__ import PROGRAM
-from live.recording.messages import STANDARD
 from live.recording.recorder import recorder_for
+from live.recording.ring import LENGTH
+from live.recording.standard import STANDARD
 from quad_env.__main__ import main
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 STEPS = 130
+LATCH = QosDurability.TRANSIENT_LOCAL
 Decoded = dict[str, list[tuple[int, Any]]]
 
 
@@ -34,7 +40,9 @@ def walked(path: Path, policy: str = "residual", scenario: str = "push=42", **op
     steps: list[Step] = []
     walker = policies.make(policy)
     with recorder_for(path, walker) as recorder:
-        roll_out(walker, quad_env.scenario(scenario), np.array([3]), recorder, steps.append, steps=STEPS, **options)
+        roll_out(
+            walker, quad_env.scenario(scenario), np.array([3]), recorder, steps.append, **({"steps": STEPS} | options)
+        )
     return steps
 
 
@@ -80,19 +88,33 @@ def test_targets_and_commands_are_stamped_when_they_were_given(recording: tuple[
         assert asked == tuple(step.infos["command"][0])
 
 
-def test_the_trunk_turns_as_ros_writes_it_and_the_feet_are_where_they_are(
+def test_the_trunk_turns_as_ros_writes_it_and_the_chain_of_links_ends_where_the_feet_are(
     recording: tuple[list[Step], Decoded],
 ) -> None:
     steps, told = recording
-    for step, (_, frames) in zip(steps, told["/tf"], strict=True):
-        trunk, *feet = frames.transforms
-        w, x, y, z = step.infos["quaternion"][0]
+    [(at, fixed)] = told["/tf_static"]
+    assert at == 0
+    for step, (_, frames) in list(zip(steps, told["/tf"], strict=True))[::10]:
+        trunk, *links = frames.transforms
         turn = trunk.transform.rotation
-        assert (turn.x, turn.y, turn.z, turn.w) == (x, y, z, w)
+        assert (turn.w, turn.x, turn.y, turn.z) == tuple(step.infos["quaternion"][0])
         assert (trunk.header.frame_id, trunk.child_frame_id) == ("world", "base_link")
-        assert [frame.child_frame_id for frame in feet] == [f"{leg}_foot" for leg in SIMPLE_QUAD.leg_names]
-        places = [[getattr(frame.transform.translation, axis) for axis in "xyz"] for frame in feet]
-        assert places == step.infos["foot_position"][0].tolist()
+        tree = {frame.child_frame_id: frame for frame in (trunk, *links, *fixed.transforms)}
+        feet = [in_world(tree, f"{leg}_foot_link")[1] for leg in SIMPLE_QUAD.leg_names]
+        np.testing.assert_allclose(feet, step.infos["foot_position"][0], atol=1e-12)
+    urdf = ElementTree.fromstring(told["/robot_description"][0][1].data)
+    assert {link.get("name") for link in urdf.iter("link")} == set(tree)
+
+
+def in_world(tree: dict[str, Any], name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation matrix and place of a frame, m."""
+    if name == "world":
+        return np.eye(3), np.zeros(3)
+    frame = tree[name]
+    turned, at = in_world(tree, frame.header.frame_id)
+    moved, turn = frame.transform.translation, frame.transform.rotation
+    own = np.array(rotation_matrix((turn.w, turn.x, turn.y, turn.z)))
+    return turned @ own, at + turned @ [moved.x, moved.y, moved.z]
 
 
 def test_the_imu_feels_its_own_weight_and_every_change_of_its_velocity(recording: tuple[list[Step], Decoded]) -> None:
@@ -133,9 +155,61 @@ def test_an_mcap_file_tells_contacts_rewards_correction_and_events_by_name(tmp_p
     assert list(told["/correction"][0][1]) == list(SIMPLE_QUAD.joint_names)
     assert np.abs(shares).max() <= 1.0
     assert np.abs(shares).max() > 0.0
+
+
+def events_of(told: Decoded) -> list[tuple[int, str]]:
+    """Control step, or start of an episode, at whose end each event was, and its line."""
+    return [(stamp // 10_000_000, line.msg) for stamp, line in told.get("/events", [])]
+
+
+@pytest.mark.parametrize("impulse", [5, 150])
+def test_the_log_has_pushes_falls_and_commands_when_they_were(impulse: int, tmp_path: Path) -> None:
+    steps = walked(
+        tmp_path / "walk.mcap",
+        "stand",
+        f"push={impulse}",
+        command=(0.5, 0.0, -0.25),
+        terminate_on_fall=False,
+        steps=220,
+    )
     pushed = [step.number for step in steps if step.infos["push"].any()]
-    events = [(stamp // 10_000_000, event["event"]) for stamp, event in told.get("/events", [])]
-    assert events[:1] == ([(pushed[0], "pushed")] if pushed else [])
+    down = [step.number for step in steps if step.infos["fall"][0]]
+    lines = [(at, line) for at, line in events_of(read_mcap(tmp_path / "walk.mcap")) if not line.startswith("over")]
+    assert lines[0] == (0, "command 0.50 m/s forward, 0.00 m/s left, -0.25 rad/s")
+    assert lines[1] == (pushed[0], "pushed")
+    assert [at for at, line in lines if line.startswith("fell: ")][:1] == down[:1]
+    assert bool(down) == (impulse > 100)
+    assert lines[-1] == (220, "outcome: fell" if down else "outcome: refused")
+
+
+def test_the_outcome_is_that_of_an_evaluation(tmp_path: Path) -> None:
+    path, walker, steps, seeds = tmp_path / "walk.mcap", policies.make("trot"), 700, np.array([3])
+    with recorder_for(path, walker) as recorder:
+        roll_out(walker, "flat", seeds, recorder, steps=steps, terminate_on_fall=False)
+    [judged] = outcome(run(walker, "flat", seeds, steps=steps))
+    assert events_of(read_mcap(path))[-1] == (steps, f"outcome: {judged.replace('_', ' ')}")
+
+
+def test_an_episode_after_a_reset_goes_on_in_time_and_tells_its_start_and_what_the_live_view_says(
+    tmp_path: Path,
+) -> None:
+    path, steps = tmp_path / "walk.mcap", []
+    trot, residual = policies.make("trot"), policies.resolve("residual")
+    with recorder_for(path, trot) as recorder:
+        recorder.event("before the start")
+        roll_out(trot, "flat", np.array([3]), recorder, steps.append, steps=30)
+        recorder.event("residual chosen")
+        recorder.policy = residual
+        roll_out(residual, "flat", np.array([4]), recorder, steps.append, steps=20)
+    told = read_mcap(path)
+    assert [stamp for stamp, _ in told["/joint_states"]] == [10_000_000 * number for number in range(31 + 21)]
+    positions = [list(state.position) for _, state in told["/joint_states"]]
+    assert positions == [step.infos["joint_position"][0].tolist() for step in steps]
+    assert [stamp // 10_000_000 for stamp, _ in told["/cmd_vel"]] == [*range(30), *range(31, 51)]
+    assert [stamp // 10_000_000 for stamp, _ in told["/correction"]] == [*range(31, 52)]
+    lines = [(at, line) for at, line in events_of(told) if not line.startswith("command")]
+    assert lines == [(0, "before the start"), (30, "residual chosen"), (31, "reset")]
+    assert told["/imu"][31][1].linear_acceleration.z == pytest.approx(9.81, abs=0.5)  # no jump from one to the other
 
 
 def test_rosbags_and_mcap_read_the_same_bag(tmp_path: Path) -> None:
@@ -143,6 +217,8 @@ def test_rosbags_and_mcap_read_the_same_bag(tmp_path: Path) -> None:
     with Reader(tmp_path / "bag") as bag:
         assert {connection.topic: connection.msgtype for connection in bag.connections} == STANDARD
         count = {connection.topic: connection.msgcount for connection in bag.connections}
+        kept = {c.topic for c in bag.connections if [q.durability for q in c.ext.offered_qos_profiles] == [LATCH]}
+    assert kept == {"/robot_description", "/tf_static"}
     assert count["/joint_states"] == STEPS + 1
     assert count["/cmd_vel"] == STEPS
 
@@ -177,8 +253,16 @@ def test_a_mistake_is_a_line_and_nothing_is_written(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGKILL])
-def test_what_was_recorded_outlives_whoever_recorded_it(ending: signal.Signals, tmp_path: Path) -> None:
+def finished(path: Path) -> Decoded:
+    """What a recording has once the process that writes it is through, which may outlive all others."""
+    for _ in range(400):
+        if path.read_bytes().endswith(b"\x89MCAP0\r\n") and path.stat().st_size > 8:
+            break
+        time.sleep(0.05)
+    return read_mcap(path)
+
+
+def test_ctrl_c_keeps_what_was_recorded(tmp_path: Path) -> None:
     path = tmp_path / "walk.mcap"
     command = [sys.executable, "-m", "quad_env", "record", str(path), "--policy", "trot", "--seconds", "3000"]
     recording = subprocess.Popen(
@@ -191,14 +275,67 @@ def test_what_was_recorded_outlives_whoever_recorded_it(ending: signal.Signals, 
         time.sleep(0.05)
         if path.exists() and path.stat().st_size > 400_000:
             break
-    recording.send_signal(ending)
+    recording.send_signal(signal.SIGINT)
     _, error = recording.communicate(timeout=30)
-    assert recording.returncode == (130 if ending == signal.SIGINT else -signal.SIGKILL), error
-    for _ in range(400):  # the process that writes goes on to the end of what it was given
-        if path.read_bytes().endswith(b"\x89MCAP0\r\n") and path.stat().st_size > 8:
-            break
-        time.sleep(0.05)
-    told = read_mcap(path)
-    stamps = [stamp for stamp, _ in told["/joint_states"]]
+    assert recording.returncode == 130, error
+    stamps = [stamp for stamp, _ in finished(path)["/joint_states"]]
     assert len(stamps) > 200
     assert stamps == [10_000_000 * number for number in range(len(stamps))]
+    assert f"has the {(len(stamps) - 1) / 100:.1f} s until now".encode() in error
+
+
+ENDED = """
+import os, signal, sys
+from pathlib import Path
+import numpy as np
+import policies
+from evaluate.rollouts.rollout import roll_out
+from live.recording.recorder import recorder_for
+
+def end(step):
+    if step.number == int(sys.argv[2]):
+        if sys.argv[3] == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        os.killpg(0, signal.SIGINT)  # as Ctrl-C does, in all processes of a terminal
+
+if __name__ == "__main__":
+    policy = policies.make("trot")
+    with recorder_for(Path(sys.argv[1]), policy) as recorder:
+        roll_out(policy, "flat", np.array([0]), recorder, end, steps=1000)
+"""
+
+
+@pytest.mark.parametrize(("step", "ending"), [(0, "kill"), (199, "kill"), (250, "kill"), (0, "Ctrl-C")])
+def test_every_step_before_the_end_is_recorded(step: int, ending: str, tmp_path: Path) -> None:
+    """Whether or not the writer had been told of them, and had started."""
+    script, path = tmp_path / "ended.py", tmp_path / "walk.mcap"
+    script.write_text(ENDED)
+    ended = subprocess.run(
+        [sys.executable, str(script), str(path), str(step), ending],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # deaf where the tests are a background job
+    )
+    assert ended.returncode in (-signal.SIGKILL, -signal.SIGINT, 1), ended.stderr
+    for _ in range(400):
+        if path.exists():
+            break
+        time.sleep(0.05)
+    stamps = [stamp for stamp, _ in finished(path)["/joint_states"]]
+    assert stamps == [10_000_000 * number for number in range(step + 1)]
+
+
+def test_a_simulation_that_is_faster_than_the_file_waits_and_loses_nothing(tmp_path: Path) -> None:
+    path, policy = tmp_path / "walk.mcap", policies.make("stand")
+    with recorder_for(path, policy) as recorder:
+
+        def often(step: Step) -> None:
+            for _ in range(20):
+                recorder(replace(step, number=1))
+
+        roll_out(policy, "flat", np.array([3]), recorder, often, steps=400)
+    with path.open("rb") as file:
+        told = make_reader(file).get_summary()
+    counts = {channel.topic: told.statistics.channel_message_counts.get(n) for n, channel in told.channels.items()}
+    assert counts["/clock"] == 21 * 401 > LENGTH

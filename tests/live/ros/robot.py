@@ -18,6 +18,9 @@ from mcap_ros2.decoder import DecoderFactory
 
 from evaluate.terminal.command_line import UsageError
 from live.ros import interpreter
+from quad_env.physics.state import rotation_matrix
+from quad_env.robots.kinematics import feet_in_world
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Node = subprocess.Popen[bytes]
 NODES = Path(__file__).with_name("nodes")
@@ -124,14 +127,18 @@ def recorded(path: Path) -> Walk:
         topics = ["/tf", "/joint_states", "/cmd_vel", "/position_controller/command"]
         for schema, channel, message in reader.iter_messages(topics=topics):
             told.setdefault(channel.topic, []).append(decoders.decoder_for("cdr", schema)(message.data))
-    frames = [frame.transforms for frame in told["/tf"][1:]]
+    trunk = [frame.transforms[0].transform for frame in told["/tf"][1:]]
+    joints = np.array([state.position for state in told["/joint_states"][1:]])
+    places = np.array([[getattr(each.translation, axis) for axis in "xyz"] for each in trunk])
+    turns = np.array([[getattr(each.rotation, name) for name in "xyzw"] for each in trunk])
+    rotations = np.moveaxis(np.array(rotation_matrix(tuple(np.roll(turns, 1, axis=1).T))), -1, 0)
     return Walk(
         np.array([list(message.data) for message in told["/position_controller/command"]]),
-        np.array([state.position for state in told["/joint_states"][1:]]),
-        np.array([[foot.transform.translation.z for foot in feet] for _, *feet in frames]),
-        np.array([trunk.transform.translation.z for trunk, *_ in frames]),
+        joints,
+        feet_in_world(SIMPLE_QUAD, places, rotations, joints)[..., 2],
+        places[:, 2],
         np.array([(twist.linear.x, twist.linear.y, twist.angular.z) for twist in told["/cmd_vel"]]),
-        np.array([[getattr(trunk.transform.rotation, name) for name in "xyzw"] for trunk, *_ in frames]),
+        turns,
     )
 
 

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError
@@ -166,6 +168,28 @@ def test_recordings_begin_and_end_under_way_and_none_is_written_over(driver: Dri
     files = sorted((tmp_path / "recordings").iterdir())
     assert [file.name for file in files] == ["flat-trot-1.mcap", "flat-trot-2.mcap"]
     assert all(file.stat().st_size > 10_000 for file in files)
+
+
+def test_a_recording_tells_what_was_done_and_goes_on_with_other_policies_and_scenarios(
+    driver: Driver, tmp_path: Path
+) -> None:
+    driver.record(tmp_path / "walk.mcap")
+    walk(driver, 9)
+    driver.do(Request("policy", {"robot": 0, "name": "residual"}))
+    walk(driver, 10)
+    driver.do(Request("scenario", {"name": "slope=10"}))
+    walk(driver, 10)
+    driver.do(Request("record", {"on": False}))
+    with (tmp_path / "walk.mcap").open("rb") as file:
+        reader, decoders = make_reader(file), DecoderFactory()
+        told = [
+            (message.log_time // 10_000_000, decoders.decoder_for("cdr", schema)(message.data).msg)
+            for schema, _, message in reader.iter_messages(topics="/events")
+        ]
+        corrected = [message.log_time // 10_000_000 for *_, message in reader.iter_messages(topics="/correction")]
+    done = [line for line in told if not line[1].startswith("command")]
+    assert done == [(8, "residual chosen"), (18, "slope=10, residual"), (19, "reset")]
+    assert corrected == list(range(9, 30))
 
 
 def test_a_recording_that_cannot_be_written_is_refused_and_the_robots_walk_on(driver: Driver, tmp_path: Path) -> None:
