@@ -1,8 +1,10 @@
 """Controllers of the SimpleQuad: batched, from observations to joint targets, in NumPy alone.
 
-policy = policies.make("trot", robot=env.robot, control_period=env.dt)
-policy.reset(num_envs=n)
-action = policy.act(observation)  # (n, k) -> (n, 12) rad
+One is made for an environment, and asked at every control step:
+
+    policy = policies.make("trot", robot=env.robot, control_period=env.dt)
+    policy.reset(num_envs=n)
+    action = policy.act(observation)  # (n, k) -> (n, 12) rad
 """
 
 from collections.abc import Callable

@@ -74,7 +74,7 @@ class QuadState(NamedTuple, Generic[Column]):
 
     @property
     def mechanical_power(self) -> Column:
-        """Σ |torque · joint speed|, W."""
+        """Σ ‖torque · joint speed‖ over the joints, W."""
         return sum_of_magnitudes(self.joint_torque, self.joint_velocity)
 
 

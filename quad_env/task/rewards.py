@@ -33,7 +33,7 @@ def linear_velocity_tracking(state: QuadState[Column]) -> Column:
 
 
 def yaw_rate_tracking(state: QuadState[Column]) -> Column:
-    """exp(-|e|/YAW_WIDTH) of the yaw-rate error about the world's vertical."""
+    """exp(-‖e‖/YAW_WIDTH) of the yaw-rate error about the world's vertical."""
     return exp(-yaw_rate_error(state) / YAW_WIDTH)
 
 
