@@ -1,0 +1,69 @@
+"""What the tutorial says is done as it says, and so are the files of a controller of one's own and a residual on it."""
+
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.rollouts.rollout import run
+from quad_env.seeding import episode_seeds
+
+DOCS = Path(__file__).parents[1] / "docs"
+TINY_TRAINING = (
+    "--mixture flat 1 --validation.episodes 1 --ppo.envs 8 --ppo.rollout-steps 8 --ppo.minibatch 64 "
+    "--ppo.actor 8 --ppo.critic 8"
+)
+SHORTER = (
+    (r"--episodes \d+", "--episodes 1"),
+    (r"--steps \S+", f"--steps 64 {TINY_TRAINING}"),
+    (r"view .*", r"\g<0> --seconds 1 --no-browser --port 0"),
+    (r" push:3", ""),
+    (r"push --policies trot", "push --policies"),
+    (r"results/first 20", "results/first 1"),
+    (r"episode\.webp", "episode.png"),  # five frames instead of 250
+)
+"""With one episode each, on flat ground alone, a training that is done at once, a view that ends, a strip of frames in
+place of a film."""
+
+
+def blocks(page: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", (DOCS / page).read_text(), re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.rendering
+def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = [line for block in blocks("tutorial.md", "bash") for line in block.splitlines()]
+    assert len(lines) >= 8
+    for line in lines[1:]:  # the first installs
+        for long, short in SHORTER:
+            line = re.sub(long, short, line)
+        python, module, package, *words = line.split()
+        assert (python, module) == ("python", "-m")
+        assert importlib.import_module(f"{package}.__main__").main(words) == 0, line
+    assert (tmp_path / "episode.png").stat().st_size > 10_000
+    assert {path.name for path in (tmp_path / "results").iterdir()} == {"first", "push", "second"}
+
+
+def test_a_controller_of_ones_own_is_trained_on_and_what_was_learned_walks(tmp_path: Path) -> None:
+    for block in blocks("your-controller.md", "python"):
+        name = block.partition("\n")[0].removeprefix("# ")
+        (tmp_path / name).write_text(block)
+        done = subprocess.run([sys.executable, name], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    names = ("my_controller.py:MyTrot", "corrected.py:Corrected")
+    policy_of = {name: policies.resolve(f"{tmp_path}/{name}") for name in names}
+    said = "".join(blocks("your-controller.md", "bash"))
+    for name, policy in policy_of.items():
+        assert name in said
+        assert (run(policy, "flat", episode_seeds("search", 0, 2), steps=300).fall_step >= 300).all()
+    base, corrected = policy_of.values()
+    for policy in policy_of.values():
+        policy.reset()
+    seen = np.ones(48, np.float32)
+    assert 0.0 < np.abs(base.act(seen) - corrected.act(seen)).max() <= 0.3 + 1e-6
