@@ -1,0 +1,12 @@
+"""Diagrams in Mermaid's language, shown as their source: drawing them takes a script that this site does not carry."""
+
+from typing import Any
+
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Called by Sphinx."""
+    app.add_lexer("mermaid", TextLexer)
+    return {"parallel_read_safe": True}
