@@ -49,7 +49,7 @@ def file_name(block: str) -> str | None:
 def commands() -> list[str]:
     """Every `python -m …` in a bash block or between back quotes, with … for what stands before."""
     lines = [line for text in PAGES.values() for block in blocks("bash", text) for line in block.splitlines()]
-    inline = [code for text in PAGES.values() for code in re.findall(r"`((?:python -m|…) [^`]+)`", text)]
+    inline = [code for text in PAGES.values() for code in re.findall(r"`((?:python -m|… (?=--|axes)) ?[^`]+)`", text)]
     parts = [part for line in lines for part in line.split(" && ")] + inline
     found = [part.replace("…", "python -m evaluate") for part in parts]
     others = ("python -m venv", "python -m sphinx")  # the site is built by a test of its own
