@@ -3,6 +3,7 @@
 import importlib
 import json
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,11 +12,12 @@ import numpy as np
 import pytest
 
 from benchmarks.support.command import WIDTH
+from benchmarks.view import CHROMIUM
 from train.config import DEFAULTS
 
 IN_PROCESS = ("single_env", "vector_env", "physics", "policies")
 COMMANDS = (*IN_PROCESS, "peers", "training", "learners", "startup", "resume", "growth", "rendering")
-COMMANDS += ("breaking_points", "cluster", "height_scan", "mpc", "recording", "solvers")
+COMMANDS += ("breaking_points", "cluster", "height_scan", "mpc", "recording", "solvers", "view")
 
 
 def run(name: str, *arguments: object) -> int:
@@ -242,6 +244,16 @@ def test_a_record_that_is_none_is_refused_and_left_alone(tmp_path: Path, capsys)
     assert run("training", "--quick", "--out", tmp_path) == 2
     assert "--out" in capsys.readouterr().err
     assert (tmp_path / "training.json").read_text() == '{"runs": [{}]}'
+
+
+@pytest.mark.rendering
+@pytest.mark.skipif(not any(map(shutil.which, CHROMIUM)), reason="needs a browser: apt-get install chromium")
+def test_view_is_watched_by_a_browser(tmp_path: Path, capsys) -> None:
+    assert run("view", "--quick", "--json", tmp_path / "kept.json") == 0
+    found = figures("view", tmp_path / "kept.json", capsys.readouterr().out)["view"]
+    assert found["frames"] > 0.0
+    assert found["real_time"] > 0.0
+    assert 0.0 < found["first_frame"] < 60.0
 
 
 def test_readme_lists_every_command(repository: Path) -> None:
