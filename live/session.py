@@ -27,6 +27,7 @@ class Session:
     Args:
         policies: one for each robot, each for one robot and nobody else's.
         seed: of the first episode, for every robot.
+        command: held from the first step on, as by `steer`.
 
     Raises:
         ValueError: no policy, or one that was made for another robot or another control period.
@@ -39,6 +40,7 @@ class Session:
         scenario: str | Scenario = "flat",
         *,
         seed: int = 0,
+        command: ArrayLike | None = None,
         hardware: Hardware = IDEAL,
         observers: Sequence[Observer] = (),
     ) -> None:
@@ -59,7 +61,7 @@ class Session:
         """Who moves each robot."""
         self.observers = list(observers)
         self.listeners: list[Callable[[str], None]] = []
-        self.command: NDArray[np.float64] | None = None
+        self.command = None if command is None else np.asarray(command, np.float64)
         """Command that is held, (3,); None where the scenario draws them."""
         self.seed = seed
         """Of the present episode."""

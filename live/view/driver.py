@@ -1,5 +1,6 @@
 """The driver of the live view: a session, and what can be done with it while it goes on."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import policies
 from evaluate.film.commanded_path import heading
@@ -27,6 +29,8 @@ from quad_env.scenarios.scenario import Scenario
 
 PUSH_TIME = 0.1
 """How long a push by hand lasts, s."""
+KEPT_EVENTS = 40
+"""The latest, which a page that comes is told."""
 COMPANION = "trot"
 """Policy of the second robot, until it is given another."""
 
@@ -57,16 +61,15 @@ class Driver:
     def __init__(self, start: Start) -> None:
         self._start = start
         self.paused = self._once = False
-        self._events: list[str] = []
+        self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
         self._recording, self._path = ExitStack(), ""
         self._recorder: Recorder | None = None
         self.sight, self._telemetry = Sight(), Telemetry(start.hardware.quadruped.rated_torque)
         self._scenario = self._found(start.scenario)
         self._offered = tuple(dict.fromkeys((*start.policies, *policies.names())))
         self._companion = start.policies[1] if len(start.policies) > 1 else COMPANION
-        self.session = self._begun(self._scenario, [self._policy(name) for name in start.policies], start.seed)
-        if start.command is not None:
-            self.session.steer(start.command)
+        walkers = [self._policy(name) for name in start.policies]
+        self.session = self._begun(self._scenario, walkers, start.seed, start.command)
         self._pace = Pace(self.session.env.dt)
         self._does: dict[str, Callable[..., None]] = {
             "steer": lambda forward, left, turn: self.session.steer((forward, left, turn)),
@@ -134,8 +137,8 @@ class Driver:
 
     def state(self) -> dict[str, Any]:
         """How things stand now, with rows and events since the last call."""
-        session, sight, events = self.session, self.sight, self._events
-        self._events = []
+        session, sight, events = self.session, self.sight, list(self._events)
+        self._events.clear()
         held = session.command
         return {
             "time": round(session.latest.number * session.env.dt, 3),
@@ -182,19 +185,18 @@ class Driver:
         self._path, self._recorder = "", None
         self._recording.close()
 
-    def _begun(self, scenario: Scenario, walkers: Sequence[Policy], seed: int) -> Session:
+    def _begun(self, scenario: Scenario, walkers: Sequence[Policy], seed: int, command: ArrayLike | None) -> Session:
         """A session with everybody who watches."""
         watching: list[Observer] = [self.sight, self._telemetry]
-        session = Session(walkers, scenario, seed=seed, hardware=self._start.hardware, observers=watching)
+        hardware = self._start.hardware
+        session = Session(walkers, scenario, seed=seed, command=command, hardware=hardware, observers=watching)
         session.listeners.append(self._note)
         return session
 
     def _begin_anew(self, scenario: Scenario, walkers: Sequence[Policy]) -> None:
         """The same seed and command on another scenario, or with other robots."""
         before = self.session
-        session = self._begun(scenario, walkers, before.seed)
-        if before.command is not None:
-            session.steer(before.command)
+        session = self._begun(scenario, walkers, before.seed, before.command)
         others = [observer for observer in before.observers if observer not in session.observers]
         session.observers.extend(others)
         self.session, self._scenario = session, scenario

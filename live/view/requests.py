@@ -1,7 +1,6 @@
 """What a page may ask for: JSON objects, checked here once, each with the name of what is to be done."""
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -54,10 +53,10 @@ def _no_constant(name: str) -> float:
 
 def _number(low: float, high: float) -> Callable[[str, Any], float]:
     def check(name: str, value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float):
             raise RequestError(f"{name} is a number")
         if not low <= value <= high:
-            raise RequestError(f"{name} lies between {low:g} and {high:g}, not at {value:g}")
+            raise RequestError(f"{name} lies between {low:g} and {high:g}")
         return float(value)
 
     return check

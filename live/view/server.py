@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import http
 import ipaddress
+import logging
 import secrets
 import socket
 import threading
@@ -20,6 +21,8 @@ from evaluate.terminal.command_line import UsageError
 
 PAGE = Path(__file__).parent / "page"
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+_QUIET = logging.getLogger(__name__)
+_QUIET.setLevel(logging.CRITICAL)  # whoever connects wrongly has nothing printed in the terminal of the view
 LARGEST_MESSAGE = 4096
 """Bytes; a page that sends more is disconnected."""
 MOST_PAGES = 8
@@ -27,6 +30,7 @@ KEPT_TELLINGS = 40
 """Tellings that a slow page may be behind before the oldest are left out."""
 DRAWN = "drawn"
 """What a page says when it has shown a frame and can take the next."""
+_FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in KINDS} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
 """Told every text that a page sends, in the server's thread; what it returns is sent back to that page."""
 _HEADERS = {
@@ -116,6 +120,7 @@ class Server:
             compression=None,
             ping_interval=20.0,
             close_timeout=1.0,
+            logger=_QUIET,
         )
         self._ready.set()
         async with server:
@@ -123,13 +128,17 @@ class Server:
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """The answer to a request, or None where a WebSocket is to be opened."""
-        address = urllib.parse.urlsplit(request.path)
-        if (refusal := self._refusal(request, urllib.parse.parse_qs(address.query))) is not None:
+        try:
+            address = urllib.parse.urlsplit(request.path)
+            refusal = self._refusal(request, urllib.parse.parse_qs(address.query))
+        except (ValueError, LookupError):  # no address, or a header twice
+            return connection.respond(http.HTTPStatus.BAD_REQUEST, "that is no request\n")
+        if refusal is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
         if address.path == "/socket":
             return None
-        file = PAGE / (address.path.removeprefix("/") or "index.html")
-        if file.parent != PAGE or file.suffix not in KINDS or not file.is_file():
+        file = _FILES.get(address.path)
+        if file is None:
             return connection.respond(http.HTTPStatus.NOT_FOUND, "there is no such file\n")
         body = file.read_bytes()
         headers = Headers({"Content-Type": KINDS[file.suffix], "Content-Length": str(len(body)), **_HEADERS})

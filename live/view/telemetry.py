@@ -1,5 +1,6 @@
 """What a page is told of robots that walk: rows for curves, a row a control step, and how things stand now."""
 
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -14,15 +15,17 @@ COLUMNS = ("time", "command", "velocity", "contacts", "torque", "reward", "corre
 """Of a row of the first robot: s; forward m/s, left m/s, turning rad/s, as commanded and as they were; feet on the
 ground; largest torque and correction as shares of what there is, and the step's reward."""
 
+KEPT_ROWS = 600
+"""The latest, which a page that comes is told: what its curves show, and no more while nobody looks."""
+
 
 class Telemetry:
     """Observer that keeps the rows of the first robot until a page is told them."""
 
     def __init__(self, torque_limit: float) -> None:
         self._torque_limit = torque_limit
-        self._rows: list[list[Any]] = []
+        self._rows: deque[list[Any]] = deque(maxlen=KEPT_ROWS)
         self._outcome = OutcomeSoFar()
-        self._pushed = 0.0
 
     def __call__(self, step: Step) -> None:
         """Take note of a control step, or of the start of an episode."""
@@ -47,7 +50,8 @@ class Telemetry:
 
     def rows(self) -> list[list[Any]]:
         """Those since the last call."""
-        rows, self._rows = self._rows, []
+        rows = list(self._rows)
+        self._rows.clear()
         return rows
 
     def robots(self, policies: list[Policy]) -> list[dict[str, Any]]:

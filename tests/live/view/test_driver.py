@@ -12,8 +12,9 @@ from mcap_ros2.decoder import DecoderFactory
 
 from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError
-from live.view.driver import Driver, Start
+from live.view.driver import KEPT_EVENTS, Driver, Start
 from live.view.requests import REQUESTS, Request
+from live.view.telemetry import KEPT_ROWS
 from policies.base import PolicyError
 
 RIGHTLY: dict[str, dict[str, Any]] = {
@@ -93,6 +94,45 @@ def test_a_push_goes_the_way_it_is_given_seen_from_the_robot(
     assert "pushed by hand, 12 N·s" in state["events"]
     walk(driver, 1)
     assert not driver.session.latest.infos["push"].any()
+
+
+def test_again_is_the_same_episode_to_the_bit_whatever_began_it(driver: Driver) -> None:
+    def positions() -> list[float]:
+        walk(driver, 30)
+        return [float(value) for value in driver.session.latest.infos["position"].ravel()]
+
+    driver.do(Request("steer", {"forward": 0.5, "left": 0.0, "turn": 0.0}))
+    for begin in (
+        Request("scenario", {"name": "push"}),
+        Request("compare", {"on": True}),
+        Request("compare", {"on": False}),
+        Request("let_go", {}),
+        Request("scenario", {"name": "rough"}),
+    ):
+        driver.do(begin)
+        if begin.do == "let_go":
+            continue
+        found = positions()
+        driver.do(Request("reset", {"seed": driver.session.seed}))
+        assert positions() == found
+    start = Start(("trot",), "push", Hardware(), Path(), command=(0.5, 0.0, 0.0))
+    with closing(Driver(start)) as fresh:
+        driver.do(Request("scenario", {"name": "push"}))
+        driver.do(Request("steer", {"forward": 0.5, "left": 0.0, "turn": 0.0}))
+        driver.do(Request("reset", {"seed": 0}))
+        walk(fresh, 30)
+        assert fresh.session.latest.infos["position"].ravel().tolist() == positions()
+
+
+def test_while_nobody_looks_no_more_is_kept_than_a_page_shows(driver: Driver) -> None:
+    for _ in range(KEPT_ROWS + 20):
+        driver.move()
+    for _ in range(KEPT_EVENTS + 5):
+        driver.do(Request("push", {"direction": 0.0, "impulse": 0.0}))
+    state = driver.state()
+    assert len(state["rows"]) == KEPT_ROWS
+    assert state["rows"][-1][0] == state["time"]
+    assert len(state["events"]) == KEPT_EVENTS
 
 
 def test_paused_it_stands_still_but_for_single_steps(driver: Driver) -> None:

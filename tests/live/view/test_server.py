@@ -57,6 +57,29 @@ def test_nothing_but_the_page_is_served(server: Server, path: str) -> None:
     assert status(server, path) == 404
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "GET / HTTP/1.1\r\nHost: HERE\r\nHost: rebound.example\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: HERE\r\nOrigin: http://HERE\r\nOrigin: http://elsewhere.example\r\n\r\n",
+        "GET / HTTP/1.1\r\nHost: [\r\n\r\n",
+        "GET //[ HTTP/1.1\r\nHost: HERE\r\n\r\n",
+        f"GET /{'a' * 300}.js HTTP/1.1\r\nHost: HERE\r\n\r\n",
+        "POST / HTTP/1.1\r\nHost: HERE\r\nContent-Length: 2\r\n\r\nab",
+        "\x16\x03\x01\r\n\r\n",
+    ],
+)
+def test_what_is_no_request_opens_nothing_and_prints_nothing(
+    server: Server, text: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as connection:
+        connection.sendall(text.replace("HERE", f"localhost:{server.port}").encode())
+        answer = connection.recv(100)
+    assert answer[:12] in (b"", b"HTTP/1.1 400", b"HTTP/1.1 404")
+    assert caplog.records == []
+    assert status(server) == 200
+
+
 def test_it_listens_on_this_machine_alone(server: Server) -> None:
     assert server.host == "127.0.0.1"
     others = {found[4][0] for found in socket.getaddrinfo(socket.gethostname(), None, family=socket.AF_INET)}
