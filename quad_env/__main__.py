@@ -143,5 +143,14 @@ def _doctor(options: argparse.Namespace) -> int:
     return command.main(options.robot, options.policy, options.json, with_policies)
 
 
+def _launched() -> int:
+    """As `main`; the commands of a clone hear Ctrl-C as those of `python -m evaluate` do, also while they load."""
+    if _is_a_clone() and sys.argv[1:2] and sys.argv[1] not in COMMANDS:
+        launcher: Any = import_module("evaluate.terminal.launcher")
+        launcher.leave_on_interrupt()
+        return int(launcher.launch(main))
+    return main()
+
+
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(_launched())

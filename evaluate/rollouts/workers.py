@@ -13,6 +13,7 @@ from typing import Any
 
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, sequential, simulate
 from evaluate.terminal.command_line import UsageError
+from policies.safety.watchdog import deaf_to_ctrl_c
 
 POLL_PERIOD = 0.1
 """s between two looks at what the workers report."""
@@ -82,17 +83,15 @@ def worker_environment() -> Iterator[None]:
     """Processes begun now have this ENVIRONMENT and never hear Ctrl-C, which is for the one that began them."""
     before = {name: os.environ.get(name) for name in ENVIRONMENT}
     os.environ.update(ENVIRONMENT)
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
     try:
-        yield
+        with deaf_to_ctrl_c():
+            yield
     finally:
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-        if blocked is not None:
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
 def _initialise(reports: Any, stop: Any) -> None:

@@ -16,12 +16,12 @@ from live.commands.episode import Command, check_command, one_scenario
 from live.view.driver import Driver, Start
 from live.view.loop import LiveView
 from live.view.quality import Quality
-from live.view.requests import MOST_ROBOTS
+from live.view.requests import LARGEST_SEED, MOST_ROBOTS
 from live.view.server import Receive, Server, is_loopback
 from quad_env.physics.rendering import shows_windows
 
 FIRST_PORT, PORTS = 8080, 20
-LIMITS = {"seed": (0, 2**63 - 1), "seconds": (0.1, 1e9)}
+LIMITS = {"seed": (0, LARGEST_SEED), "seconds": (0.1, 1e9)}
 
 
 @dataclass(frozen=True)

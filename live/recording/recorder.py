@@ -2,12 +2,10 @@
 
 import contextlib
 import multiprocessing
-import signal
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from importlib.util import find_spec
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -21,6 +19,7 @@ from live.recording.skeleton import links_of
 from live.recording.source import Source
 from live.recording.writer import write
 from policies.base import Policy
+from policies.safety.watchdog import deaf_to_ctrl_c
 from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")
@@ -123,15 +122,11 @@ class Recorder:
         self._ring = Ring(shared)
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=write, args=(theirs, shared, self._path, source))
-        # Ctrl-C in a terminal reaches all its processes, this one before it could say that it is deaf. The helper of
-        # multiprocessing is started first, since its start unblocks the signal.
-        resource_tracker.ensure_running()
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
+        with (
+            closing(theirs),
+            deaf_to_ctrl_c(),
+        ):  # closed here also where Ctrl-C comes meanwhile, else `close` waits for ever
             self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        theirs.close()
 
     def _free_row(self) -> Floats | None:
         """Where the next row goes, once there is room; None where nobody takes rows any more."""

@@ -62,7 +62,7 @@ class Driver:
         self._start = start
         self.paused = self._once = False
         self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
-        self._recording, self._path = ExitStack(), ""
+        self._recording, self._path, self._asked_for = ExitStack(), "", False
         self._recorder: Recorder | None = None
         self.sight, self._telemetry = Sight(), Telemetry(start.hardware.quadruped.rated_torque)
         self._scenario = self._found(start.scenario)
@@ -89,7 +89,7 @@ class Driver:
             "together": lambda on: setattr(self.sight, "together", on),
             "forces": lambda on: setattr(self.sight, "forces", on),
             "ghost": lambda on: setattr(self.sight, "ghost", on),
-            "record": lambda on: self.record(self._free_path()) if on else self._stop_recording(),
+            "record": lambda on: self._record(self._free_path()) if on else self._stop_recording(),
         }
 
     def do(self, request: Request) -> None:
@@ -98,15 +98,22 @@ class Driver:
         self._does[request.do](**request.values)
 
     def move(self) -> bool:
-        """Move the robots on by a control step, once it is due; False while paused."""
+        """Move the robots on by a control step, once it is due; False while paused. OSError where what `record` was
+        told cannot be written; a recording that a page began ends then, and the robots walk on."""
         if self.paused and not self._once:
             return False
         if self._once:
             self._once = False
         else:
             self._pace.wait()
-        step = self.session.step()
-        self._telemetry.note(step, self.session.policies[0])
+        try:
+            self.session.step()
+        except OSError as error:
+            if self._asked_for:
+                raise
+            self._stop_recording()
+            self._events.append(f"the recording has ended: {error}")
+        self._telemetry.note(self.session.latest, self.session.policies[0])
         return True
 
     def words(self) -> str:
@@ -163,14 +170,8 @@ class Driver:
 
     def record(self, path: Path) -> None:
         """Record into that path from now on. Raises as `recorder_for`."""
-        self._stop_recording()
-        with ExitStack() as stack:
-            recorder = stack.enter_context(recorder_for(path, self.session.policies[0]))
-            stack.callback(lambda: self.session.observers.remove(recorder))
-            self.session.observers.append(recorder)
-            self._recording, self._recorder = stack.pop_all(), recorder
-        self._path = str(path)
-        self._events.append(f"recording into {path}")
+        self._record(path)
+        self._asked_for = True
 
     def close(self) -> None:
         """Finish the recording and free the simulation. OSError where the recording cannot be finished."""
@@ -179,11 +180,21 @@ class Driver:
         finally:
             self.session.close()
 
+    def _record(self, path: Path) -> None:
+        self._stop_recording()
+        with ExitStack() as stack:
+            recorder = stack.enter_context(recorder_for(path, self.session.policies[0]))
+            stack.callback(lambda: self.session.observers.remove(recorder))
+            self.session.observers.append(recorder)
+            self._recording, self._recorder = stack.pop_all(), recorder
+        self._path, self._asked_for = str(path), False
+        self._events.append(f"recording into {path}")
+
     def _stop_recording(self) -> None:
-        if self._path:
-            self._events.append(f"recorded {self._path}")
-        self._path, self._recorder = "", None
+        path, self._path, self._recorder = self._path, "", None
         self._recording.close()
+        if path and Path(path).exists():  # which it does not before the first step
+            self._events.append(f"recorded {path}")
 
     def _begun(self, scenario: Scenario, walkers: Sequence[Policy], seed: int, command: ArrayLike | None) -> Session:
         """A session with everybody who watches."""
@@ -225,7 +236,11 @@ class Driver:
             raise ValueError(f"there is no robot {robot + 1}")
         if name not in self._offered:
             raise PolicyError(f"no policy {name!r} is offered: there are {', '.join(self._offered)}")
-        self.session.choose(robot, self._policy(name))
+        policy = self._policy(name)
+        if len(self.session.policies) == 1 and policy.height_scan != self.session.policies[0].height_scan:
+            self._begin_anew(self._scenario, [policy])  # only a session from its start shows it the ground
+        else:
+            self.session.choose(robot, policy)
 
     def _compare(self, on: bool) -> None:
         first = self.session.policies[0]

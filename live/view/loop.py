@@ -89,7 +89,7 @@ class LiveView:
                 self._todo.put_nowait(request)
 
     def _obey(self) -> None:
-        while not self._todo.empty():
+        for _ in range(self._todo.qsize()):  # not those that come meanwhile: the robots walk on however many do
             try:
                 self._driver.do(self._todo.get_nowait())
             except (

@@ -12,7 +12,8 @@ LARGEST_IMPULSE = 500.0
 """N·s"""
 SPEEDS = (0.05, 10.0)
 """Simulated s a wall s."""
-LARGEST_SEED = 2**63 - 1
+LARGEST_SEED = 2**53 - 1
+"""Larger whole numbers a page does not know exactly."""
 NAME = 200
 """Longest name of a policy or scenario, characters."""
 

@@ -33,6 +33,7 @@ DRAWN = "drawn"
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in KINDS} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
 """Told every text that a page sends, in the server's thread; what it returns is sent back to that page."""
+_THIS_MACHINE = ("localhost", "127.0.0.1", "::1")
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'self'; connect-src 'self' ws:; frame-ancestors 'none'",
@@ -62,9 +63,8 @@ class Server:
         try:
             self._socket = socket.create_server((host, port), family=_family(host))
         except (OSError, OverflowError) as error:
-            raise UsageError(
-                f"cannot listen on {host} port {port} ({error}): try --port 0, which takes a free one"
-            ) from None
+            remedy = "try --port 0, which takes a free one" if port else "it is no address of this machine"
+            raise UsageError(f"cannot listen on {host} port {port} ({error}): {remedy}") from None
         self.host, self.port = self._socket.getsockname()[:2]
         """Where it listens."""
         self.token = "" if is_loopback(self.host) else secrets.token_urlsafe(16)
@@ -80,7 +80,11 @@ class Server:
     @property
     def url(self) -> str:
         """Address of the page."""
-        name = "localhost" if is_loopback(self.host) else socket.gethostname()
+        name = f"[{self.host}]" if ":" in self.host else self.host
+        if self.host in _THIS_MACHINE:
+            name = "localhost"
+        elif ipaddress.ip_address(self.host).is_unspecified:
+            name = socket.gethostname()
         return f"http://{name}:{self.port}/" + (f"?token={self.token}" if self.token else "")
 
     @property
@@ -147,7 +151,7 @@ class Server:
     def _refusal(self, request: Request, query: dict[str, list[str]]) -> str | None:
         """Why a request is refused, None where it is not."""
         host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-        if not self.token and urllib.parse.urlsplit(f"//{host}").hostname not in ("localhost", "127.0.0.1", "::1"):
+        if not self.token and urllib.parse.urlsplit(f"//{host}").hostname not in (*_THIS_MACHINE, self.host):
             return "this page is for browsers on its own machine: open it as localhost"
         if origin is not None and origin != f"http://{host}":
             return "this page answers to itself alone"

@@ -135,7 +135,7 @@ function table({ robots }) {
     const share = (value) => (value === null ? "–" : `${Math.round(100 * value)} %`);
     const cells = [
       robot.policy,
-      robot.fall ? `${robot.outcome}: ${robot.fall}` : robot.outcome,
+      [robot.outcome, robot.fall, robot.failure && `the policy has failed: ${robot.failure}`].filter(Boolean).join(": "),
       ...robot.velocity.map((value) => value.toFixed(2)),
       robot.position[0].toFixed(2),
       robot.position[1].toFixed(2),
@@ -152,7 +152,7 @@ function table({ robots }) {
         const cell = document.createElement("td");
         cell.textContent = text;
         cell.dataset.name = HEADS[column];
-        if (column === 1 && ["fell", "diverged"].includes(robot.outcome)) cell.className = "bad";
+        if (column === 1 && (robot.failure || ["fell", "diverged"].includes(robot.outcome))) cell.className = "bad";
         return cell;
       }),
     );

@@ -1,5 +1,7 @@
 """What can be done with the robots of a view while they walk, and that what cannot be done changes nothing."""
 
+import shutil
+import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -16,6 +18,22 @@ from live.view.driver import KEPT_EVENTS, Driver, Start
 from live.view.requests import REQUESTS, Request
 from live.view.telemetry import KEPT_ROWS
 from policies.base import PolicyError
+
+FAILING = """
+import numpy as np
+
+from policies.base import Policy
+
+
+class Failing(Policy):
+    name = "failing"
+
+    def _act(self, observation):
+        self.steps = getattr(self, "steps", 0) + 1
+        if self.steps > 15:
+            raise RuntimeError("not today")
+        return np.tile(self.robot.home_pose, (len(observation), 1))
+"""
 
 RIGHTLY: dict[str, dict[str, Any]] = {
     "steer": {"forward": 0.5, "left": 0.0, "turn": 0.0},
@@ -230,6 +248,52 @@ def test_a_recording_tells_what_was_done_and_goes_on_with_other_policies_and_sce
     done = [line for line in told if not line[1].startswith("command")]
     assert done == [(8, "residual chosen"), (18, "slope=10, residual"), (19, "reset")]
     assert corrected == list(range(9, 30))
+
+
+def lose_the_recording(driver: Driver, folder: Path) -> None:
+    """Have what is recorded nowhere to be written to, and walk until that is noticed."""
+    shutil.rmtree(folder)
+    for _ in range(1000):
+        driver.move()
+        if not driver.state()["recording"]:
+            return
+        time.sleep(0.01)
+    raise AssertionError("it records on")
+
+
+def test_a_pages_recording_that_can_be_written_no_longer_ends_and_the_robots_walk_on(
+    driver: Driver, tmp_path: Path
+) -> None:
+    driver.do(Request("record", {"on": True}))
+    lose_the_recording(driver, tmp_path / "recordings")
+    before = driver.state()["time"]
+    assert walk(driver, 2)["time"] == pytest.approx(before + 0.02)
+
+
+def test_one_that_was_asked_for_at_the_start_ends_the_view(driver: Driver, tmp_path: Path) -> None:
+    driver.record(tmp_path / "own" / "walk.mcap")
+    with pytest.raises(OSError, match="No such file"):
+        lose_the_recording(driver, tmp_path / "own")
+
+
+def test_a_policy_that_fails_is_said_and_stands(driver: Driver, tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(FAILING)
+    with closing(Driver(Start((f"{file}:Failing",), "flat", Hardware(), tmp_path))) as own:
+        assert walk(own, 5)["robots"][0]["failure"] == ""
+        assert "not today" in walk(own, 20)["robots"][0]["failure"]
+
+
+def test_a_policy_that_sees_the_ground_begins_anew_with_it(driver: Driver) -> None:
+    walk(driver, 5)
+    blind = driver.session.latest.observation.shape[1]
+    driver.do(Request("policy", {"robot": 0, "name": "mpc_wbc_sighted"}))
+    assert driver.session.latest.observation.shape[1] > blind
+    state = walk(driver, 1)
+    assert (state["time"], state["seed"], state["command"]) == (0.01, 0, [0.0, 0.0, 0.0])
+    with pytest.raises(PolicyError, match="other heights"):
+        driver.do(Request("compare", {"on": True}))
+    assert len(walk(driver, 1)["robots"]) == 1
 
 
 def test_a_recording_that_cannot_be_written_is_refused_and_the_robots_walk_on(driver: Driver, tmp_path: Path) -> None:
