@@ -179,6 +179,15 @@ def test_a_port_that_is_taken_is_said_with_a_remedy(server: Server) -> None:
         Server("127.0.0.1", server.port, echo)
 
 
+def test_its_address_is_one_that_it_listens_on() -> None:
+    for host, name in (("127.0.0.1", "localhost"), ("127.0.0.2", "127.0.0.2"), ("0.0.0.0", socket.gethostname())):
+        with closing(Server(host, 0, echo)) as server:
+            assert server.url.startswith(f"http://{name}:{server.port}/")
+            with socket.create_connection((host, server.port), timeout=5) as connection:
+                connection.sendall(f"GET / HTTP/1.1\r\nHost: {name}:{server.port}\r\n\r\n".encode())
+                assert connection.recv(100).startswith(b"HTTP/1.1 403" if server.token else b"HTTP/1.1 200")
+
+
 def test_closing_it_frees_its_thread_and_its_port() -> None:
     before = threading.active_count()
     server = Server("127.0.0.1", 0, echo)
