@@ -4,6 +4,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError
 from live.view.driver import KEPT_EVENTS, Driver, Start
 from live.view.requests import REQUESTS, Request
-from live.view.telemetry import KEPT_ROWS
+from live.view.telemetry import KEPT_ROWS, Telemetry
 from policies.base import PolicyError
 
 FAILING = """
@@ -140,6 +141,17 @@ def test_again_is_the_same_episode_to_the_bit_whatever_began_it(driver: Driver) 
         driver.do(Request("reset", {"seed": 0}))
         walk(fresh, 30)
         assert fresh.session.latest.infos["position"].ravel().tolist() == positions()
+
+
+def test_rows_are_of_the_present_episode_and_name_the_feet_in_their_order(driver: Driver) -> None:
+    for _ in range(5):
+        driver.move()
+    driver.do(Request("next", {}))
+    assert len(walk(driver, 2)["rows"]) == 2
+    telemetry, step = Telemetry(100.0), driver.session.latest
+    lifted = replace(step, infos={**step.infos, "foot_contact": np.array([[True, False, False, False]])})
+    telemetry.note(lifted, driver.session.policies[0])
+    assert telemetry.rows()[0][3] == [1, 0, 0, 0]
 
 
 def test_while_nobody_looks_no_more_is_kept_than_a_page_shows(driver: Driver) -> None:
