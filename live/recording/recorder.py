@@ -122,10 +122,7 @@ class Recorder:
         self._ring = Ring(shared)
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=write, args=(theirs, shared, self._path, source))
-        with (
-            closing(theirs),
-            deaf_to_ctrl_c(),
-        ):  # closed here also where Ctrl-C comes meanwhile, else `close` waits for ever
+        with closing(theirs), deaf_to_ctrl_c():  # also where Ctrl-C comes meanwhile, else `close` waits for ever
             self._process.start()
 
     def _free_row(self) -> Floats | None:
