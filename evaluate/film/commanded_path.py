@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from evaluate.rollouts.observers import Step
-from quad_env.columns import Array, Vector, of_robot
+from quad_env.columns import Array, Vector, of_robots
 from quad_env.physics.marks import Colour, Ghost
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.kinematics import feet_in_world
@@ -60,10 +60,15 @@ class CommandedPath:
         return Ghost((self.x, self.y, lift), rotation, colour)
 
 
+def headings(step: Step) -> Array:
+    """Yaw of every robot's heading frame in the world, rad, (n,)."""
+    rotation = rotation_matrix(of_robots(step.infos["quaternion"]))
+    return np.arctan2(rotation[1][0], rotation[0][0])
+
+
 def heading(step: Step) -> float:
     """Yaw of the first robot's heading frame in the world, rad."""
-    rotation = rotation_matrix(of_robot(step.infos["quaternion"][:1]))
-    return math.atan2(rotation[1][0], rotation[0][0])
+    return float(headings(step)[0])
 
 
 def _upon(yaw: float, rise_forward: float, rise_left: float) -> Array:

@@ -34,9 +34,11 @@ _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in KIN
 Receive = Callable[[str], str | None]
 """Told every text that a page sends, in the server's thread; what it returns is sent back to that page."""
 _THIS_MACHINE = ("localhost", "127.0.0.1", "::1")
+_FOREIGN = "this page answers to itself alone: type its address, or paste it, where addresses are typed"
 _HEADERS = {
     "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'self'; connect-src 'self' ws:; frame-ancestors 'none'",
+    "Content-Security-Policy": "default-src 'self'; connect-src 'self' ws:; frame-ancestors 'none'; "
+    "base-uri 'none'; form-action 'none'",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
@@ -154,10 +156,10 @@ class Server:
         if not self.token and urllib.parse.urlsplit(f"//{host}").hostname not in (*_THIS_MACHINE, self.host):
             return "this page is for browsers on its own machine: open it as localhost"
         if origin is not None and origin != f"http://{host}":
-            return "this page answers to itself alone"
+            return _FOREIGN
         site = request.headers.get("Sec-Fetch-Site", "none")
         if site not in ("none", "same-origin"):
-            return "this page answers to itself alone"
+            return _FOREIGN
         if self.token and urllib.parse.urlsplit(request.path).path in ("/", "/socket"):
             given = query.get("token", [""])[0]
             if not secrets.compare_digest(given.encode(), self.token.encode()):

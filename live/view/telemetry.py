@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from evaluate.film.commanded_path import headings
 from evaluate.rollouts.observers import Step
 from live.outcome import OutcomeSoFar
 from policies.base import Policy
@@ -57,8 +58,7 @@ class Telemetry:
     def robots(self, policies: list[Policy]) -> list[dict[str, Any]]:
         """How each robot stands now."""
         infos, outcomes = self._step.infos, self._outcome.words()
-        w, x, y, z = np.transpose(infos["quaternion"])
-        heading = np.degrees(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+        heading = np.degrees(headings(self._step))
         return [
             {
                 "policy": policy.name,

@@ -41,7 +41,8 @@ def test_the_page_and_its_files_are_served_and_may_load_nothing_from_elsewhere(s
         answer = connection.getresponse()
         assert answer.status == 200
         assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
-        assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+        for nowhere in ("frame-ancestors", "base-uri", "form-action"):
+            assert f"{nowhere} 'none'" in answer.headers["Content-Security-Policy"]
         assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
         text = answer.read().decode()
     assert "view.js" in text
