@@ -6,6 +6,7 @@ KeyboardInterrupt, with a text if it has something to say about what is kept.
 """
 
 import difflib
+import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -83,6 +84,10 @@ def exit_code(run: Callable[[], int]) -> int:
         if not _is_mistake(error):
             raise
         return fail(_words(error))
+    except (RuntimeError, AttributeError, ImportError):
+        if (chosen := os.environ.get("MUJOCO_GL")) is None or "mujoco" in sys.modules:
+            raise
+        return fail(f"MuJoCo cannot be loaded with MUJOCO_GL={chosen}: unset it; see `python -m quad_env doctor`")
     except KeyboardInterrupt as interrupt:
         print(f"interrupted: {interrupt}" if interrupt.args else NOTHING_KEPT, file=sys.stderr)
         return INTERRUPTED

@@ -2,9 +2,11 @@
 
 import errno
 import os
+import subprocess
 import sys
 import types
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
@@ -98,3 +100,14 @@ def test_what_is_no_mistake_of_the_users_is_not_hidden(command, error) -> None:
     command.main = fail
     with pytest.raises(type(error)):
         PROGRAM.main(["publish"])
+
+
+@pytest.mark.parametrize("command", [("quad_env", "view", "--port", "0"), ("evaluate", "--quick")])
+def test_a_backend_that_mujoco_does_not_know_is_one_line(command: tuple[str, ...], tmp_path: Path) -> None:
+    chosen = {**os.environ, "MUJOCO_GL": "nonsense"}
+    run = subprocess.run(
+        [sys.executable, "-m", *command], cwd=tmp_path, env=chosen, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 2
+    assert run.stderr.startswith("error: MuJoCo cannot be loaded with MUJOCO_GL=nonsense")
+    assert run.stderr.count("\n") == 1
