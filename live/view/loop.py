@@ -70,7 +70,7 @@ class LiveView:
             now = time.perf_counter()
             if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
                 self._painter.hand(self._driver.picture())
-                self._frame_due = now + 1.0 / FRAMES_A_SECOND
+                self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
             if self._window is not None and self._window.idle and now >= self._window_due:
                 self._window.show(self._driver.picture(), self._driver.words())
                 self._window_due = now + 1.0 / FRAMES_A_SECOND

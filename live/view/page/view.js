@@ -13,6 +13,7 @@ const curves = new Curves(at);
 let socket = null;
 let axes = [];
 let told = null; // the latest state
+let decoding = 0; // frames that came and are not shown yet
 let set = 0; // when something was set here, ms
 
 function send(what, values = {}) {
@@ -35,7 +36,13 @@ function connect() {
   socket.onmessage = ({ data }) => (typeof data === "string" ? take(JSON.parse(data)) : show(data));
 }
 
+const taken = () => socket?.readyState === WebSocket.OPEN && socket.send("drawn");
+
+// Shows a frame; the next one may come while this one is being decoded, and no further one until it is shown.
 async function show(file) {
+  const first = decoding === 0;
+  decoding += 1;
+  if (first) taken();
   const canvas = at("frame");
   const picture = await createImageBitmap(new Blob([file], { type: "image/jpeg" }));
   if (canvas.width !== picture.width || canvas.height !== picture.height) {
@@ -45,7 +52,8 @@ async function show(file) {
   canvas.getContext("2d").drawImage(picture, 0, 0);
   picture.close();
   canvas.dataset.frames = Number(canvas.dataset.frames ?? 0) + 1;
-  if (socket?.readyState === WebSocket.OPEN) socket.send("drawn");
+  decoding -= 1;
+  if (!first) taken();
 }
 
 function take(message) {
