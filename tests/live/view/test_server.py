@@ -4,7 +4,7 @@ import http.client
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -166,14 +166,13 @@ def test_frames_wait_for_a_page_that_is_slow_and_tellings_come_in_order(server: 
 
 
 def test_more_pages_than_there_is_room_for_are_sent_away(server: Server) -> None:
-    pages = [page(server) for _ in range(MOST_PAGES)]
-    with page(server) as one_more, pytest.raises(ConnectionClosed):
-        one_more.recv(timeout=5)
-    pages[0].send("quiet")
-    pages[0].send("here")
-    assert pages[0].recv(timeout=5) == "heard here"
-    for each in pages:
-        each.close()
+    with ExitStack() as stack:
+        first, *_ = [stack.enter_context(page(server)) for _ in range(MOST_PAGES)]
+        with page(server) as one_more, pytest.raises(ConnectionClosed):
+            one_more.recv(timeout=5)
+        first.send("quiet")
+        first.send("here")
+        assert first.recv(timeout=5) == "heard here"
 
 
 def test_a_port_that_is_taken_is_said_with_a_remedy(server: Server) -> None:
