@@ -4,10 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.outcomes import outcomes
+from evaluate.measures.tracking import SETTLING_TIME
 from evaluate.rollouts.observers import Step
 
-SETTLING = 1.0
-"""Time after a change of the command that is not judged, s."""
 NOTHING_YET = "upright"
 """Said of a robot that cannot be judged yet and has not fallen."""
 
@@ -29,7 +28,7 @@ class OutcomeSoFar:
 
     def begin(self, count: int, dt: float, command_steps: int) -> None:
         """An episode of so many robots; control period, s; how many control steps a drawn command lasts."""
-        self._settling, self._command_steps, self._number = round(SETTLING / dt), command_steps, 0
+        self._settling, self._command_steps, self._number = round(SETTLING_TIME / dt), command_steps, 0
         self._fell, self._diverged = np.zeros(count, bool), np.zeros(count, bool)
         self._commands: list[NDArray[np.float64]] = []
         self._sums: list[NDArray[np.float64]] = []

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
+from evaluate.measures.outcomes import RULES, SUCCESS_RULE
 from policies.base import Policy
 from quad_env.config import FALL_REASONS
 from quad_env.doctor.check import Finding, ok, problem
@@ -22,7 +23,7 @@ COMMANDS = {"ahead": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "round to 
 UNITS, ASIDE = ("m/s", "m/s", "rad/s"), ("ahead", "to the left", "of yaw rate")
 SECONDS, SETTLING = 4.0, 2.0
 """Of a walk, and until it is looked at."""
-OFF, SHARE = 0.15, 0.2
+OFF, SHARE = RULES[SUCCESS_RULE].linear, RULES[SUCCESS_RULE].share
 """How far off the command is still on it, m/s or rad/s, as of success/1, and a share of the command more."""
 
 

@@ -24,6 +24,8 @@ HELLO = "hello"
 IDLE = 0.01
 """Time between two looks at what is to be done while paused, s."""
 
+_NOT_TO_BE_DONE = (ValueError, UsageError, OSError, ImportError)
+"""What comes of a request for a scenario or policy that is not there, or of a full disk."""
 Serve = Callable[[Receive], Server]
 """Makes a server, told what is to receive its texts."""
 
@@ -92,12 +94,7 @@ class LiveView:
         for _ in range(self._todo.qsize()):  # not those that come meanwhile: the robots walk on however many do
             try:
                 self._driver.do(self._todo.get_nowait())
-            except (
-                ValueError,
-                UsageError,
-                OSError,
-                ImportError,
-            ) as error:  # a scenario or policy that is not there, a full disk
+            except _NOT_TO_BE_DONE as error:
                 self.server.tell(_error(str(error)))
 
     def _state(self, now: float) -> dict[str, Any]:

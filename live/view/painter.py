@@ -108,9 +108,7 @@ class Painter:
     def _view(self, number: int, level: Level) -> View:
         if (number, level) not in self._views:
             if any(known != level for _, known in self._views):
-                for view in self._views.values():
-                    view.close()
-                self._views.clear()
+                self._forget()
             self._views[number, level] = View(self._model, level.width, level.height, level.fine)
         return self._views[number, level]
 
