@@ -3,7 +3,7 @@
 import json
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,8 @@ import numpy as np
 from quad_env.info import joint_table
 from quad_env.robots.anatomy import ModelError
 from quad_env.robots.imported import FIGURES
+from quad_env.robots.model_file import remarks
+from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
 
 STAND_TIME = 2.0
@@ -26,13 +28,22 @@ def text(robot: Robot) -> Iterator[str]:
         f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "
         f"foot {robot.foot_radius:.3f} m; knees bend {_knees(robot)}"
     )
-    yield f"trunk        {' × '.join(f'{size:.2f}' for size in robot.trunk_size)} m, {robot.home_height:.3f} m high"
+    centre = "" if np.allclose(robot.trunk_centre, 0.0, atol=5e-3) else f" about {_place(robot.trunk_centre)} m"
+    size = " × ".join(f"{size:.2f}" for size in robot.trunk_size)
+    yield f"trunk        {size} m{centre}, {robot.home_height:.3f} m high"
     yield (
         f"servos       {robot.servo_stiffness:.0f} N·m/rad, {robot.servo_damping:.1f} N·m·s/rad, "
         f"at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s"
     )
+    if robot.imported:
+        yield from (f"{heading:12} {told}" for heading, told in remarks(robot.mjcf))
+    yield from (f"warning      {line}" for line in warnings_of(robot))
     yield from joint_table(robot)
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
+
+
+def _place(place: Iterable[float]) -> str:
+    return f"({', '.join(f'{value:.2f}' for value in place)})"
 
 
 def _knees(robot: Robot) -> str:

@@ -1,6 +1,8 @@
 """What the robots of a run are built of. It imports no package, for the options are to be shown quickly."""
 
+import sys
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from evaluate.terminal.command_line import UsageError
@@ -70,8 +72,19 @@ def check(hardware: Hardware) -> None:
     from quad_env.sensing.suite import sensor_suite
 
     try:
-        _ = hardware.quadruped
+        robot = hardware.quadruped
     except (OSError, ImportError) as error:  # no file, or a package that is not installed
         raise ValueError(str(error)) from error
+    if robot.source is not None:
+        _warn(robot)
     actuator(hardware.actuator)
     check_estimator(hardware.estimator, sensor_suite(hardware.sensors))
+
+
+@lru_cache
+def _warn(robot: "Robot") -> None:
+    """Print, once, what is hard to believe about a user's robot."""
+    from quad_env.robots.plausibility import warnings_of
+
+    for line in warnings_of(robot):
+        print(f"warning: {robot.name}: {line}", file=sys.stderr)

@@ -14,6 +14,7 @@ OF_THE_INSTALLATION = (
 OF_THE_ROBOT = (
     Check("model", f"{HERE}.model:model", ("mujoco",)),
     Check("limits", f"{HERE}.joints:limits", ("model",)),
+    Check("plausible", f"{HERE}.model:plausible", ("model",)),
     Check("period", f"{HERE}.motion:period", ("model",)),
     Check("joints", f"{HERE}.joints:joints", ("limits", "period")),
     Check("ground", f"{HERE}.model:ground", ("model",)),

@@ -13,8 +13,8 @@ from quad_env.robots.joint_names import contradicts
 from quad_env.robots.kinematics import feet_in_world
 from quad_env.robots.robot import Robot
 
-NARROWEST, WIDEST, MARGIN = 0.1, 2.01 * np.pi, 0.03
-"""Of a joint's range, and from its home pose to an end of it, rad."""
+NARROWEST, WIDEST, MARGIN = 0.1, 8.01 * np.pi, 0.03
+"""Of a joint's range, and from its home pose to an end of it, rad; ANYmal's joints have ranges of three turns."""
 UNLIKE = 0.2
 """Largest difference between a left and a right leg in an angle, rad; Boston Dynamics' Spot has 0.05 in a limit."""
 OFF = 0.005

@@ -4,10 +4,11 @@ import re
 
 import numpy as np
 
-from quad_env.doctor.check import Finding, ok, problem
+from quad_env.doctor.check import Finding, ok, problem, warning
 from quad_env.doctor.subject import Subject
 from quad_env.robots.anatomy import ModelError
-from quad_env.robots.stage import DECISIVE, log_to_the_console
+from quad_env.robots.model_file import DECISIVE, log_to_the_console
+from quad_env.robots.plausibility import warnings_of
 
 LEAST_FRICTION = 0.3
 """Below it no policy here walks: see the axis `slippery`."""
@@ -38,6 +39,14 @@ def _why(error: str, subject: Subject) -> tuple[str, str]:
     if "MuJoCo cannot read it" in error or "XML" in error:
         return "the MJCF is not one, or not finite", "mend what MuJoCo names, in the file and the line that it names"
     return "the model lacks what is needed, or says something else than is meant", f"tell it in {subject.figures}"
+
+
+def plausible(subject: Subject) -> Finding:
+    """Whether the robot's size, motors and servos are some that a real one could have."""
+    if found := list(warnings_of(subject.robot)):
+        cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
+        return warning("; ".join(found), cause, f"mend them in {subject.robot.mjcf}, or give them in {subject.figures}")
+    return ok("size, motors and servos are in proportion to the weight")
 
 
 def ground(subject: Subject) -> Finding:

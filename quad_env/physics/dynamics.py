@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.robot import Robot
 from quad_env.robots.stage import spec_of
 
@@ -146,14 +147,14 @@ def whole_body(robot: Robot, model: Any, data: Any) -> WholeBody:
     mujoco.mj_subtreeVel(model, data)
     trunk = model.body("base_link").id
     rotation, joint = data.xmat[trunk].reshape(3, 3).copy(), model.body_dofadr[trunk]
-    feet = [model.geom(f"{leg}_foot").id for leg in robot.leg_names]
-    forces, one = np.zeros((len(feet), 3)), np.zeros(6)
+    feet = {geom: foot for foot, leg in enumerate(robot.leg_names) for geom in foot_geoms(model, leg)}
+    forces, one = np.zeros((len(robot.leg_names), 3)), np.zeros(6)
     for number, contact in enumerate(data.contact):
-        for foot, geom in enumerate(feet):
-            if geom in contact.geom:
+        for place, geom in enumerate(contact.geom):
+            if (foot := feet.get(int(geom))) is not None:
                 mujoco.mj_contactForce(model, data, number, one)
                 # It acts on the second of the two.
-                sign = 1.0 if contact.geom[1] == geom else -1.0
+                sign = 1.0 if place == 1 else -1.0
                 forces[foot] += sign * (contact.frame.reshape(3, 3).T @ one[:3])
     turning = rotation @ data.qvel[joint + 3 : joint + 6]
     return WholeBody(data.subtree_com[trunk].copy(), data.subtree_linvel[trunk].copy(), rotation, turning, forces)

@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from quad_env.columns import Array, Column, Ids, Vector, of_robots
+from quad_env.columns import Array, Column, Ids, Mask, Vector, of_robots
 from quad_env.physics.state import Feet, rotation_matrix
-from quad_env.robots.kinematics import feet_motion_in_world
+from quad_env.robots.kinematics import feet_motion_in_world, foot_depths
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.terrain import Terrain
 
@@ -20,12 +20,18 @@ class Footsteps:
     """Looks at the feet of n robots after every control step of `period` seconds.
 
     Where feet are and how they move is worked out from the present `qpos` and `qvel`, rows of all robots; MuJoCo's own
-    positions are those of the state before the last substep. `contacts`, (n, 1) a foot, are above zero where it touched
-    the ground in that substep.
+    positions are those of the state before the last substep. `contacts`, of each foot what its sensors found, see
+    `touching`, are those of that substep.
     """
 
     def __init__(
-        self, robot: Robot, terrain: Terrain, period: float, qpos: Array, qvel: Array, contacts: Sequence[Array]
+        self,
+        robot: Robot,
+        terrain: Terrain,
+        period: float,
+        qpos: Array,
+        qvel: Array,
+        contacts: Sequence[Sequence[Array]],
     ) -> None:
         self._robot, self._terrain, self._period = robot, terrain, period
         self._qpos, self._qvel, self._sensed = qpos, qvel, contacts
@@ -42,7 +48,7 @@ class Footsteps:
 
     def advance(self, ids: Ids) -> None:
         """Take note of the control step that those robots have just made."""
-        contact = np.concatenate([sensed[ids] for sensed in self._sensed], axis=1) > 0
+        contact = touching(self._sensed, ids)
         air, falling = self._air[ids], np.maximum(-self._readings[ids, 5], 0.0)
         landed = contact & (air > BOUNCE)
         swing, impact = np.where(landed, self._period * air, 0.0), np.where(landed, falling, 0.0)
@@ -56,7 +62,7 @@ class Footsteps:
             rotation = np.moveaxis(np.array(rotation_matrix(of_robots(qpos[:, 3:7]))), -1, 0)
             position, velocity = feet_motion_in_world(self._robot, rotation, qpos, qvel)
             x, y = np.nan_to_num(position[..., :2]).transpose(2, 0, 1)
-            height = position[..., 2] - self._terrain.height(x, y) - self._robot.foot_radius
+            height = position[..., 2] - self._terrain.height(x, y) - foot_depths(self._robot, rotation, qpos[:, 7:])
         self._readings[ids, :3], self._readings[ids, 3:6] = position.transpose(0, 2, 1), velocity.transpose(0, 2, 1)
         self._readings[ids, 6] = height
 
@@ -75,3 +81,10 @@ class Footsteps:
             swing_time=swing_time,
             impact_speed=impact_speed,
         )
+
+
+def touching(contacts: Sequence[Sequence[Array]], ids: Ids) -> Mask:
+    """Which parts of those robots touched the ground, (k, parts); `contacts` are what each part's sensors counted,
+    (n, 1) each."""
+    counts = [sum((found[ids] for found in others), first[ids]) for first, *others in contacts]
+    return np.concatenate(counts, axis=1) > 0

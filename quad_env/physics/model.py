@@ -2,6 +2,7 @@
 
 import copy
 import math
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -9,13 +10,16 @@ from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator, Line, weaker
 from quad_env.config import GRAVITY
+from quad_env.robots.collisions import GROUND_BIT, foot_geoms
+from quad_env.robots.joint_names import of_name
+from quad_env.robots.model_file import log_to_the_console
 from quad_env.robots.robot import Robot
-from quad_env.robots.stage import log_to_the_console, spec_of
+from quad_env.robots.shapes import corners, geoms_of, welded
+from quad_env.robots.stage import spec_of
 from quad_env.scenarios.disturbances import Ground, Payload
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
-TRUNK_SENSOR = "trunk_ground"
 PAYLOAD = "payload"
 """Name of the payload's body."""
 _GROUND, _TERRAIN = "ground", "terrain"
@@ -38,7 +42,7 @@ def compile_model(
     elif isinstance(terrain, Slope):
         spec.geom(_GROUND).quat = slope_quaternion(terrain)
     if scenario.payload is not None:
-        _add_payload(spec, scenario.payload, robot.trunk_size[2])
+        _add_payload(spec, scenario.payload, robot)
     bandwidth, limit = weaker(motors.bandwidth, actuator.bandwidth), motors.largest_torque(robot)
     if actuator.curve is not None:
         line = actuator.curve.on(robot)
@@ -67,10 +71,27 @@ def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return model
 
 
-def stepped_model(model: mujoco.MjModel, sensors: tuple[str, ...] = (TRUNK_SENSOR,)) -> mujoco.MjModel:
-    """A copy that steps to the same bits faster: of all sensors it evaluates those that are read, and it does not
-    search for islands of constraints, of which one robot has only one."""
-    lean = copy.copy(model)
+def contact_sensors(model: mujoco.MjModel, part: str) -> list[str]:
+    """Names of the sensors of the contacts of a part, such as `trunk` or `fl_foot`, with the ground."""
+    return of_name(f"{part}_ground", (model.sensor(number).name for number in range(model.nsensor)))
+
+
+def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Corners of the boxes around what collides of the trunk, bodies welded to it included, base frame, (k, 3), m."""
+    data, root = mujoco.MjData(model), model.body("base_link").id
+    mujoco.mj_kinematics(model, data)
+    axes, found = data.xmat[root].reshape(3, 3), []
+    for body in welded(model, root):
+        for geom in geoms_of(model, [body], (model.geom_contype | model.geom_conaffinity) != 0):
+            at = corners(model, geom) @ data.xmat[body].reshape(3, 3).T + (data.xpos[body] - data.xpos[root])
+            found.append(at @ axes)
+    return np.concatenate(found)
+
+
+def stepped_model(model: mujoco.MjModel, sensors: Sequence[str] | None = None) -> mujoco.MjModel:
+    """A copy that steps to the same bits faster: of all sensors it evaluates those that are read, by default those of
+    the trunk's contacts, and it does not search for islands of constraints, of which one robot has only one."""
+    lean, sensors = copy.copy(model), contact_sensors(model, "trunk") if sensors is None else sensors
     unread = np.setdiff1d(np.arange(model.nsensor), [model.sensor(name).id for name in sensors])
     lean.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
     lean.qpos0[2] = lean.key("home").qpos[2]  # where `mj_setConst` of payloads is to work, see `_compiled`
@@ -122,14 +143,17 @@ def _add_stairs(spec: mujoco.MjSpec, stairs: Stairs) -> None:
 def _add_ground(spec: mujoco.MjSpec, **geometry: object) -> None:
     """A geom of the same ground as the plane."""
     plane = spec.geom(_GROUND)
-    spec.worldbody.add_geom(material=_GROUND, friction=plane.friction, solref=plane.solref, **geometry)
+    bits = {"contype": plane.contype, "conaffinity": plane.conaffinity}
+    spec.worldbody.add_geom(material=_GROUND, friction=plane.friction, solref=plane.solref, **bits, **geometry)
 
 
-def _add_payload(spec: mujoco.MjSpec, payload: Payload, trunk_height: float) -> None:
+def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
+    """A cube that stands on top of the trunk."""
     moment = payload.mass * payload.edge**2 / 6
+    height = robot.trunk_centre[2] + (robot.trunk_size[2] + payload.edge) / 2
     cube = spec.body("base_link").add_body(
         name=PAYLOAD,
-        pos=(0.0, 0.0, (trunk_height + payload.edge) / 2),
+        pos=(0.0, 0.0, height),
         ipos=(0.0, 0.0, 0.0),  # else MuJoCo's specification takes `pos` for it, and the mass sits twice as high
         mass=payload.mass,
         inertia=(moment, moment, moment),
@@ -201,11 +225,11 @@ def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
 
 
 def _let_shins_through(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
-    """Ground and shins do not collide, all else as before: a second bit is that of collisions with the ground."""
-    colliding = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_contype != 0))
-    model.geom_contype[colliding] = model.geom_conaffinity[colliding] = 0b11
-    feet = [model.geom(f"{leg}_foot").id for leg in robot.leg_names]
-    calves = [model.body(f"{leg}_calf_link").id for leg in robot.leg_names]
-    shins = np.setdiff1d(colliding[np.isin(model.geom_bodyid[colliding], calves)], feet)
-    model.geom_contype[shins] = model.geom_conaffinity[shins] = 0b01
-    model.geom_contype[ground] = model.geom_conaffinity[ground] = 0b10
+    """Ground and shins do not collide, all else as before: the ground collides by its own bit alone, see `stage`."""
+    solid = np.flatnonzero((model.geom_bodyid != 0) & ((model.geom_contype | model.geom_conaffinity) != 0))
+    model.geom_contype[solid] |= GROUND_BIT
+    shins = model.body_weldid[[model.body(f"{leg}_calf_link").id for leg in robot.leg_names]]
+    below = np.isin(model.body_weldid[model.geom_bodyid], shins)
+    below[[geom for leg in robot.leg_names for geom in foot_geoms(model, leg)]] = False
+    model.geom_contype[below] &= ~GROUND_BIT
+    model.geom_contype[ground], model.geom_conaffinity[ground] = 0, GROUND_BIT

@@ -1,7 +1,7 @@
 """n robots on one MuJoCo batch: joint targets in, state out."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, cast
 
 import mujoco
@@ -12,20 +12,22 @@ from numpy.typing import NDArray
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import drives_of
 from quad_env.columns import Array, Column, Ids, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
-from quad_env.physics.footsteps import Footsteps
+from quad_env.physics.footsteps import Footsteps, touching
 from quad_env.physics.model import (
     PAYLOAD,
-    TRUNK_SENSOR,
     Mounting,
     compile_model,
+    contact_sensors,
     history_of,
     mount_imu,
     slope_quaternion,
     stepped_model,
+    trunk_corners,
 )
 from quad_env.physics.probe import Probe, probed
 from quad_env.physics.rotations import product, quaternion
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
+from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope
@@ -34,6 +36,9 @@ ALL = slice(None)
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""
 _LINKS = ("thigh", "calf")
+_HIGH = 10.0
+"""How far up robots with a large trunk are looked at before they are put on the ground, leg lengths: with the trunk in
+the ground MuJoCo finds more contacts than it has memory for. SimpleQuad's few fit."""
 Motion = tuple[Vector[Column], Vector[Column]]
 """Generalised positions (19) and velocities (18), as MuJoCo orders them."""
 
@@ -70,26 +75,28 @@ class Simulation:
             raise ValueError(
                 f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
             )
-        soles, legs = _contact_sensors(robot)
-        more = (*soles, *legs) if contacts else soles if feet else ()
-        imus = () if imu is None else probed(robot)
-        self._batch = Batch(stepped_model(self.model, (TRUNK_SENSOR, *more, *imus)), num_envs, nthread)
+        trunk = contact_sensors(self.model, "trunk")
+        soles = [contact_sensors(self.model, f"{leg}_foot") for leg in robot.leg_names if contacts or feet]
+        links = [contact_sensors(self.model, f"{leg}_{link}") for leg in robot.leg_names for link in _LINKS if contacts]
+        read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else probed(robot))]
+        self._batch = Batch(stepped_model(self.model, read), num_envs, nthread)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._torque = self._batch.bind("actuator_force")
-        self._trunk_contact = self._batch.sensor(TRUNK_SENSOR).data
-        self._leg_contacts = [self._batch.sensor(name).data for name in more]
         at = (robot, self.terrain, period, self._qpos, self._qvel)
-        self._footsteps = Footsteps(*at, self._leg_contacts[: len(soles)]) if feet else None
         self.probe = None if imu is None else Probe(robot, self._batch, period)
-        if self.probe is not None:  # which computes the outputs of the last substep anew
-            self._torque, self._trunk_contact = self.probe.copy(self._torque), self.probe.copy(self._trunk_contact)
-            self._leg_contacts = [self.probe.copy(contact) for contact in self._leg_contacts]
+        if self.probe is not None:  # which computes the outputs of the last substep again
+            self._torque = self.probe.copy(self._torque)
+        self._trunk_contacts = self._sensed(trunk)
+        self._foot_contacts = [self._sensed(names) for names in soles]
+        self._link_contacts = self._sensed(itertools.chain(*links))
+        self._footsteps = Footsteps(*at, self._foot_contacts) if feet else None
         self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
         self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in _LINKS for leg in robot.leg_names]
-        self._corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * robot.trunk_size
+        self._corners = trunk_corners(self.model)
+        self._clear = _HIGH * robot.leg_length if robot.imported else 0.0
         self._sites, self._bodies = self._batch.bind("site_xpos"), self._batch.bind("xpos")
         self._filtered = self._batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id
@@ -135,6 +142,8 @@ class Simulation:
         if self._load is not None:
             self._load[ids] = 0.0 if load is None else load
             self._batch.set_const(ids)
+        qpos[:, 2] += self._clear
+        self._qpos[ids, 2] = qpos[:, 2]
         self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         self._qpos[ids, 2] += self._lift(ids, qpos)
         if self._footsteps is not None:
@@ -147,8 +156,12 @@ class Simulation:
         rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(of_robots(qpos[:, 3:7]))], 1)  # (k, 3, 3)
         corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
         feet, thighs = self._sites[ids][:, self._feet], self._bodies[ids][:, self._thighs]
-        balls = ((feet, self.robot.foot_radius), (thighs, self.robot.thigh_radius), (corners, 0.0))
-        lifts = [self.terrain.ball_height(at[:, :, 0], at[:, :, 1], radius) - at[:, :, 2] for at, radius in balls]
+        below = foot_depths(self.robot, rotation, qpos[:, 7:]) - self.robot.foot_radius
+        balls = ((feet, self.robot.foot_radius, below), (thighs, self.robot.thigh_radius, 0.0), (corners, 0.0, 0.0))
+        lifts = [
+            self.terrain.ball_height(at[:, :, 0], at[:, :, 1], radius) - at[:, :, 2] + deeper
+            for at, radius, deeper in balls
+        ]
         return cast("Array", np.concatenate(lifts, axis=1).max(axis=1))
 
     def step(self, action: Array, push: Array | None, ids: Ids = ALL, heard: Array | None = None) -> None:
@@ -227,7 +240,7 @@ class Simulation:
             joint_position=qpos[7:],
             joint_velocity=qvel[6:],
             joint_torque=columns(self._torque),
-            trunk_contact=columns(self._trunk_contact)[0] > 0,
+            trunk_contact=total(columns(found)[0] for found in self._trunk_contacts) > 0,
             command=command,
             action=columns(self._action),
             previous_action=columns(self._previous_action),
@@ -251,9 +264,13 @@ class Simulation:
 
     def ground_contacts(self) -> tuple[Mask, Mask]:
         """Whether each foot, (n, 4), and whether a thigh or calf, (n,), touched the ground in the last substep."""
-        found = np.concatenate(self._leg_contacts, axis=1) > 0
-        feet, legs = np.split(found, [len(self._feet)], axis=1)
-        return feet, np.asarray(legs.any(axis=1))
+        links = sum(self._link_contacts, np.zeros((len(self._qpos), 1)))
+        return touching(self._foot_contacts, ALL), np.asarray(links[:, 0] > 0)
+
+    def _sensed(self, names: Iterable[str]) -> list[Array]:
+        """What contact sensors of those names found in the last substep, (n, 1) each."""
+        found = [self._batch.sensor(name).data for name in names]
+        return found if self.probe is None else [self.probe.copy(each) for each in found]
 
     def show_load(self, robot: int) -> None:
         """Make `model` that of this robot, whose payload and hot motors are its own."""
@@ -269,12 +286,6 @@ class Simulation:
         data = self._batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
         return data
-
-
-def _contact_sensors(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of the contact sensors of the feet, and of thighs and calves."""
-    legs = robot.leg_names
-    return tuple(f"{leg}_foot_ground" for leg in legs), tuple(f"{leg}_{link}_ground" for leg in legs for link in _LINKS)
 
 
 def _diverged(warnings: Vector[Column], qpos: Vector[Column], qvel: Vector[Column]) -> Truth:

@@ -1,7 +1,8 @@
 """The legs of a quadruped, found in its compiled model by the tree and the axes, whatever its names and its order.
 
-A leg is a chain of three hinges below the trunk, the body of the only free joint: the first about the trunk's x axis,
-the others about the leg's y axis. `Leg` says what its joints are called, which way they turn and what they read in the
+The robot is the body with the free joint, and all bodies below it. The trunk is that body, or one that is welded to it
+and from which all legs hang. A leg is a chain of three hinges below the trunk: the first about the trunk's x axis, the
+others about the leg's y axis. `Leg` says what its joints are called, which way they turn and what they read in the
 model when they are zero in the terms of `Robot`: legs straight down, hips about +x, thighs and calves about +y.
 """
 
@@ -12,9 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.robots.feet import extremes, foot
+from quad_env.robots.shapes import Bools, corners, descendants, geoms_of, grounded, welded
+
 Floats = NDArray[np.float64]
 
 LEGS, JOINTS_PER_LEG = 4, 3
+LINKS = "hip", "thigh", "calf"
 _PARALLEL = 0.999
 """Least cosine of two axes that are taken for parallel."""
 _SAME = 0.02
@@ -43,21 +48,40 @@ class Leg:
     """Outboard from the hip joint to the plane in which the leg bends."""
     thigh_length: float
     calf_length: float
-    foot: int
-    """Id of the geom that is the foot."""
+    feet: tuple[int, ...]
+    """Ids of the geoms that are the foot, the lowest first."""
+    foot_body: int
+    """Id of the body of the first of them."""
     foot_place: Floats
-    """Its centre in the frame of its body, (3,)."""
+    """Centre of the foot in the frame of that body, (3,)."""
     foot_radius: float
+    foot_points: Floats
+    """Points of a foot that is no ball from its centre, base frame with the leg straight down, (k, 3)."""
 
 
 @dataclass(frozen=True)
 class Anatomy:
     """What a model's quadruped is made of."""
 
+    root: int
+    """Id of the body with the free joint."""
     trunk: int
-    """Id of its body."""
+    """Id of the body from which the legs hang: the root, or one that is welded to it."""
+    own: Bools
+    """Which bodies are the robot's, (nbody,): the root and all below it."""
+    grounded: Bools
+    """Which geoms meet the ground, (ngeom,)."""
+    places: Floats
+    """Of the bodies in the base frame at `qpos0`, (nbody, 3), m."""
+    axes: Floats
+    """Rotations from the bodies' frames to the base frame at `qpos0`, (nbody, 3, 3)."""
     legs: tuple[Leg, ...]
     """In the order of the model."""
+
+    @property
+    def bodies(self) -> list[int]:
+        """Ids of the robot's bodies, those that are welded to the trunk among them."""
+        return [int(body) for body in np.flatnonzero(self.own)]
 
     @property
     def joints(self) -> list[int]:
@@ -74,6 +98,32 @@ class Anatomy:
         """What the joints are, in the robot's terms, where the model has them at `qpos0`, (12,), rad."""
         return np.concatenate([leg.zeros for leg in self.legs])
 
+    def trunk_shell(self, model: Any) -> list[int]:
+        """Ids of the geoms that say where the trunk is: those of its body that meet the ground, else those of bodies
+        that are welded to it, else those that are shown. Raises ModelError where it has none."""
+        its = [self.trunk], welded(model, self.trunk)
+        for among in (self.grounded, None):
+            for bodies in its:
+                if geoms := geoms_of(model, bodies, among):
+                    return geoms
+        raise ModelError("the trunk has no geom: nothing shows how large it is")
+
+    def trunk_collides(self, model: Any) -> bool:
+        """Whether the trunk, or a body that is welded to it, meets the ground by itself."""
+        return bool(geoms_of(model, welded(model, self.trunk), self.grounded))
+
+    def trunk_box(self, model: Any) -> tuple[Floats, Floats]:
+        """Centre and full lengths of the box around the trunk along its own axes, (3,) each, base frame, m."""
+        points = np.concatenate([self.in_base(model, geom) for geom in self.trunk_shell(model)])
+        low, high = points.min(axis=0), points.max(axis=0)
+        return 0.5 * (low + high), high - low
+
+    def in_base(self, model: Any, geom: int) -> Floats:
+        """Corners of the box around a geom of the trunk, or of a body that is welded to it, base frame, (8, 3), m."""
+        body = int(model.geom_bodyid[geom])
+        at: Floats = self.places[body] + corners(model, geom) @ self.axes[body].T
+        return at
+
     def limits(self, model: Any) -> tuple[Floats, Floats]:
         """Lower and upper limits of the joints in the robot's terms, (12,) each, rad; ±π where there are none."""
         apart = model.jnt_range[self.joints] - model.qpos0[model.jnt_qposadr[self.joints]][:, None]
@@ -84,43 +134,59 @@ class Anatomy:
 
 def anatomy(mujoco: Any, model: Any) -> Anatomy:
     """Of a compiled model; `mujoco` is the package. Raises ModelError."""
-    trunk = _trunk(mujoco, model)
+    root = _root(mujoco, model)
+    chains = _chains(mujoco, model, root)
+    above = {int(model.body_parentid[body]) for body in chains}
+    trunk = above.pop() if len(above) == 1 else root
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    legs = _named([_leg(mujoco, model, data, trunk, chain) for chain in _chains(mujoco, model, trunk)])
+    meets = grounded(model, root)
+    legs = _named([_leg(model, data, trunk, meets, chain) for chain in chains.values()])
     for length in ("hip_offset", "thigh_length", "calf_length", "foot_radius"):
         found = [getattr(leg, length) for leg in legs]
         if np.ptp(found) > _SAME * (legs[0].thigh_length + legs[0].calf_length):
             told = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, found, strict=True))
             raise ModelError(f"the legs differ in {length.replace('_', ' ')}, m: {told}")
-    return Anatomy(trunk, legs)
+    base = data.xmat[trunk].reshape(3, 3)
+    places, axes = (data.xpos - data.xpos[trunk]) @ base, base.T @ data.xmat.reshape(-1, 3, 3)
+    return Anatomy(root, trunk, descendants(model, root), meets, places, axes, legs)
 
 
 def _name(part: Any) -> str:
     return repr(part.name) if part.name else f"number {part.id}"
 
 
-def _trunk(mujoco: Any, model: Any) -> int:
+def _root(mujoco: Any, model: Any) -> int:
+    """Id of the body with the free joint that has most hinges below it: crates and balls of the scene have none."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
-    if len(free) != 1:
-        raise ModelError(f"the trunk is the body of the only free joint; this model has {len(free)} free joints")
-    return int(model.jnt_bodyid[free[0]])
+    if not len(free):
+        raise ModelError("the trunk is the body of a free joint; this model has 0 free joints")
+    roots = [int(body) for body in model.jnt_bodyid[free]]
+    hinges = [int(_joints_below(model, body).sum()) for body in roots]
+    if hinges.count(max(hinges)) > 1 and len(roots) > 1:
+        names = ", ".join(_name(model.body(body)) for body in roots)
+        raise ModelError(f"{len(roots)} bodies have a free joint, and which is the robot is unclear: {names}")
+    return roots[int(np.argmax(hinges))]
 
 
-def _chains(mujoco: Any, model: Any, trunk: int) -> list[list[int]]:
-    """Joints of each leg, hip first."""
+def _joints_below(model: Any, body: int) -> Bools:
+    """Which joints move bodies below that one, (njnt,)."""
+    below = descendants(model, body)
+    below[body] = False
+    return np.asarray(below[model.jnt_bodyid])
+
+
+def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
+    """First body of each leg, below the trunk or what is welded to it -> its joints, hip first."""
     chains: dict[int, list[int]] = {}
-    for joint in range(model.njnt):
-        if (body := int(model.jnt_bodyid[joint])) == trunk:
-            continue
+    fixed = welded(model, trunk)
+    for joint in np.flatnonzero(_joints_below(model, trunk)):
         if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
             raise ModelError(f"joint {_name(model.joint(joint))} is no hinge")
-        root = body
-        while model.body_parentid[root] not in (0, trunk):
-            root = int(model.body_parentid[root])
-        if model.body_parentid[root] != trunk:
-            raise ModelError(f"joint {_name(model.joint(joint))} is not below the trunk")
-        chains.setdefault(root, []).append(joint)
+        first = int(model.jnt_bodyid[joint])
+        while model.body_parentid[first] not in fixed:
+            first = int(model.body_parentid[first])
+        chains.setdefault(first, []).append(int(joint))
     if nameless := [joint for chain in chains.values() for joint in chain if not model.joint(joint).name]:
         raise ModelError(f"joints are told apart by their names; number {nameless[0]} of this model has none")
     count = sum(map(len, chains.values()))
@@ -132,7 +198,7 @@ def _chains(mujoco: Any, model: Any, trunk: int) -> list[list[int]]:
         pairs = zip(bodies, (trunk, *bodies), strict=False)
         if len(chain) != JOINTS_PER_LEG or not all(_below(model, *pair) for pair in pairs):
             raise ModelError(f"the joints below {_name(model.body(root))} are no chain of three hinges")
-    return list(chains.values())
+    return chains
 
 
 def _below(model: Any, body: int, ancestor: int) -> bool:
@@ -142,7 +208,7 @@ def _below(model: Any, body: int, ancestor: int) -> bool:
     return False
 
 
-def _leg(mujoco: Any, model: Any, data: Any, trunk: int, chain: list[int]) -> Leg:
+def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> Leg:
     base, origin = data.xmat[trunk].reshape(3, 3), data.xpos[trunk]
     hip, thigh, knee = ((data.xanchor[joint] - origin) @ base for joint in chain)
     axes = [data.xaxis[joint] @ base for joint in chain]
@@ -157,17 +223,20 @@ def _leg(mujoco: Any, model: Any, data: Any, trunk: int, chain: list[int]) -> Le
     signs = np.array([np.sign(axes[0][0]), np.sign(axes[1][1]), np.sign(axes[2] @ axes[1]) * np.sign(axes[1][1])])
     lateral = signs[1] * axes[1]
     leg = np.stack(((1.0, 0.0, 0.0), lateral, np.cross((1.0, 0.0, 0.0), lateral)))
-    geom, place, radius = _foot(mujoco, model, data, chain[-1])
-    sole = int(model.geom_bodyid[geom])
-    foot = (data.xpos[sole] + data.xmat[sole].reshape(3, 3) @ place - origin) @ base
-    across, upper, lower = leg @ (thigh - hip), leg @ (knee - thigh), leg @ (foot - knee)
+    shin = int(model.jnt_bodyid[chain[-1]])
+    sole = foot(model, data, data.xanchor[chain[-1]], geoms_of(model, welded(model, shin), meets))
+    if sole is None:
+        raise ModelError(f"below joint {told[2]} nothing collides with the ground: no foot")
+    turn = data.xmat[sole.body].reshape(3, 3)
+    at = (data.xpos[sole.body] + turn @ sole.place - origin) @ base
+    across, upper, lower = leg @ (thigh - hip), leg @ (knee - thigh), leg @ (at - knee)
     lengths = [float(np.hypot(link[0], link[2])) for link in (upper, lower)]
     if min(lengths) < 1e-3:
         raise ModelError(f"a link below joint {told[1]} has no length")
     if abs(across[2]) > _SAME * sum(lengths):
         raise ModelError(f"joint {told[1]} lies {across[2]:+.3f} m beside the height of the hip's axis in its leg")
-    turned, shin = (float(np.arctan2(-link[0], -link[2])) for link in (upper, lower))
-    zeros = np.array([np.arctan2(lateral[2], lateral[1]), turned, shin - turned])
+    turned, bent = (float(np.arctan2(-link[0], -link[2])) for link in (upper, lower))
+    zeros = np.array([np.arctan2(lateral[2], lateral[1]), turned, bent - turned])
     side = float(across[1] + upper[1] + lower[1])
     return Leg(
         name="",
@@ -178,10 +247,21 @@ def _leg(mujoco: Any, model: Any, data: Any, trunk: int, chain: list[int]) -> Le
         hip_offset=side,
         thigh_length=lengths[0],
         calf_length=lengths[1],
-        foot=geom,
-        foot_place=place,
-        foot_radius=radius,
+        feet=sole.geoms,
+        foot_body=sole.body,
+        foot_place=sole.place,
+        foot_radius=sole.radius,
+        foot_points=extremes(sole.points @ (_about(1, bent).T @ leg @ base.T @ turn).T),
     )
+
+
+def _about(axis: int, angle: float) -> Floats:
+    """Rotation matrix about x (0), y (1) or z (2), (3, 3)."""
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    turned = np.eye(3)
+    turned[one, one] = turned[other, other] = np.cos(angle)
+    turned[other, one], turned[one, other] = np.sin(angle), -np.sin(angle)
+    return turned
 
 
 def _named(legs: list[Leg]) -> tuple[Leg, ...]:
@@ -206,38 +286,3 @@ def _named(legs: list[Leg]) -> tuple[Leg, ...]:
 
 def _rounded(axis: Floats) -> tuple[float, ...]:
     return tuple(float(value) for value in np.round(axis, 2) + 0.0)
-
-
-def _foot(mujoco: Any, model: Any, data: Any, knee: int) -> tuple[int, Floats, float]:
-    """The geom below the knee that collides and reaches farthest, where its ball is in its body, and its radius."""
-    shin = int(model.jnt_bodyid[knee])
-    best: tuple[float, int, Floats, float] | None = None
-    for geom in range(model.ngeom):
-        body = int(model.geom_bodyid[geom])
-        if not (body == shin or _below(model, body, shin)) or geom not in colliding(model, body):
-            continue
-        for place, radius in _balls(mujoco, model, geom):
-            at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ place
-            if best is None or np.linalg.norm(at - data.xanchor[knee]) + radius > best[0]:
-                best = float(np.linalg.norm(at - data.xanchor[knee])) + radius, geom, place, radius
-    if best is None:
-        raise ModelError(f"below joint {_name(model.joint(knee))} no sphere or capsule collides: no foot")
-    return best[1:]
-
-
-def _balls(mujoco: Any, model: Any, geom: int) -> list[tuple[Floats, float]]:
-    """Ends of a sphere or capsule in the frame of its body, m, with their radius."""
-    kind, (radius, half), place = model.geom_type[geom], model.geom_size[geom, :2], model.geom_pos[geom].copy()
-    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return [(place, float(radius))]
-    if kind != mujoco.mjtGeom.mjGEOM_CAPSULE:
-        return []
-    along = np.zeros(9)
-    mujoco.mju_quat2Mat(along, model.geom_quat[geom])
-    return [(place + sign * half * along.reshape(3, 3)[:, 2], float(radius)) for sign in (1.0, -1.0)]
-
-
-def colliding(model: Any, body: int) -> list[int]:
-    """Ids of a body's geoms that do."""
-    collides = (model.geom_contype | model.geom_conaffinity) != 0
-    return [int(geom) for geom in np.flatnonzero((model.geom_bodyid == body) & collides)]

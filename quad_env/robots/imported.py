@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.robots import stage
-from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError, colliding
+from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
+from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot
+from quad_env.robots.shapes import corners, geoms_of
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
@@ -38,14 +39,15 @@ def robot_from(path: Path, name: str | None = None, **figures: Any) -> Robot:
 
 
 def _inferred(path: Path, name: str | None, figures: dict[str, Any]) -> Robot:
-    own, model, found = stage.read(path)
+    own, model, found = read(path)
     name = name or own.modelname or path.stem
     if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]
     length = leg.thigh_length + leg.calf_length
     longer = length / SIMPLE_QUAD.leg_length
-    stiffness = SIMPLE_QUAD.servo_stiffness * longer * float(model.body_mass.sum()) / SIMPLE_QUAD.mass
+    mass = float(model.body_subtreemass[found.root])
+    stiffness = SIMPLE_QUAD.servo_stiffness * longer * mass / SIMPLE_QUAD.mass
     stiffness = figures.get("servo_stiffness", stiffness)
     in_time = SIMPLE_QUAD.servo_damping / SIMPLE_QUAD.servo_stiffness * float(np.sqrt(longer))
     inferred: dict[str, Callable[[], Any]] = {
@@ -56,6 +58,7 @@ def _inferred(path: Path, name: str | None, figures: dict[str, Any]) -> Robot:
         "servo_damping": lambda: stiffness * in_time,
         "servo_stiffness": lambda: stiffness,
     }
+    trunk_centre, trunk_size = found.trunk_box(model)
     robot = Robot(
         name=name,
         mjcf=path,
@@ -68,8 +71,10 @@ def _inferred(path: Path, name: str | None, figures: dict[str, Any]) -> Robot:
         thigh_length=leg.thigh_length,
         calf_length=leg.calf_length,
         foot_radius=leg.foot_radius,
-        thigh_radius=_thigh_radius(model, leg),
-        trunk_size=_trunk_size(model, found.trunk),
+        foot_points=np.stack([leg.foot_points for leg in found.legs]),
+        thigh_radius=_thigh_radius(model, found, leg),
+        trunk_size=trunk_size,
+        trunk_centre=trunk_centre,
         **{figure: figures[figure] if figure in figures else infer() for figure, infer in inferred.items()},
     )
     if "home_pose" not in figures:
@@ -127,8 +132,15 @@ def _knee_direction(model: Any, found: Anatomy) -> Floats:
     if stand is not None:
         bends = np.where(bends == 0.0, np.sign(stand[2::JOINTS_PER_LEG]), bends)
     if (bends == 0.0).any():
-        raise ModelError("neither limits nor a keyframe tell which way all knees bend: give knee_direction, -1 or 1")
+        raise ModelError(
+            "neither limits nor a keyframe say which way all knees bend: give knee_direction, -1 (backward) or 1 "
+            f"(forward), or four of these where fore and hind knees differ, in the order {_legs(found)}"
+        )
     return bends
+
+
+def _legs(found: Anatomy) -> str:
+    return ", ".join(leg.name for leg in found.legs)
 
 
 def _rated_torque(model: Any, found: Anatomy) -> float:
@@ -181,37 +193,13 @@ def _home_pose(robot: Robot, height: float) -> Floats:
     return pose + 0.0  # which makes no -0.0 of a hip's
 
 
-def _corners(model: Any, body: int, *, solid: bool) -> Floats:
-    """Corners of the boxes around the geoms of a body, in its frame, (k, 3), m."""
-    import mujoco
-
-    signs = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
-    found = []
-    for geom in np.flatnonzero(model.geom_bodyid == body):
-        if solid and geom not in colliding(model, body):
-            continue
-        rotation = np.zeros(9)
-        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-        centre, half = model.geom_aabb[geom].reshape(2, 3)
-        found.append(model.geom_pos[geom] + (centre + signs * half) @ rotation.reshape(3, 3).T)
-    return np.concatenate(found) if found else np.zeros((0, 3))
-
-
-def _trunk_size(model: Any, trunk: int) -> Floats:
-    """Of the box about the trunk's centre that holds what collides of it, else what is seen of it, (3,), m."""
-    for solid in (True, False):
-        if len(corners := _corners(model, trunk, solid=solid)):
-            size: Floats = 2.0 * np.abs(corners).max(axis=0)
-            return size
-    raise ModelError("the trunk has no geom: nothing tells how large it is")
-
-
-def _thigh_radius(model: Any, leg: Leg) -> float:
-    """How far what collides of a thigh reaches beside the line of its joints, rounded up, m."""
+def _thigh_radius(model: Any, found: Anatomy, leg: Leg) -> float:
+    """Distance from the line between a thigh's joints to the farthest point of what collides of it, rounded up, m."""
     thigh, calf = (int(model.jnt_bodyid[joint]) for joint in leg.joints[1:])
-    corners, along = _corners(model, thigh, solid=True), model.body_pos[calf]
-    if not len(corners):
+    geoms, along = geoms_of(model, [thigh], found.grounded), model.body_pos[calf]
+    if not geoms:
         return leg.foot_radius
-    share = np.clip(corners @ along / (along @ along), 0.0, 1.0)
-    beside = np.linalg.norm(corners - share[:, None] * along, axis=1)
+    points = np.concatenate([corners(model, geom) for geom in geoms])
+    share = np.clip(points @ along / (along @ along), 0.0, 1.0)
+    beside = np.linalg.norm(points - share[:, None] * along, axis=1)
     return float(np.ceil(100.0 * beside.max()) / 100.0)

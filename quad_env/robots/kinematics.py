@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from quad_env.columns import Array
+from quad_env.robots.feet import depths
 from quad_env.robots.robot import Robot
 
 
@@ -33,6 +34,15 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
     """
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
     return position[:, None] + _turned(rotation, base)
+
+
+def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
+    """Lowest points of the feet below their centres, m, as if no ground were there: their radius where they are balls,
+    else (n, 4); arguments as of `feet_in_world`."""
+    if not robot.foot_points.size:
+        return robot.foot_radius
+    angles = joints.reshape(-1, len(robot.leg_names), 3)
+    return depths(robot.foot_points, angles, rotation[:, None, 2, :])
 
 
 def feet_motion_in_world(robot: Robot, rotation: Array, qpos: Array, qvel: Array) -> tuple[Array, Array]:

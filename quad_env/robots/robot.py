@@ -13,6 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from quad_env.robots.feet import depths
+
 Floats = NDArray[np.float64]
 T = TypeVar("T")
 
@@ -39,7 +41,7 @@ class Robot:
     calf_length: float
     """From the calf joint to the centre of the foot, m."""
     foot_radius: float
-    """Radius of the sphere that is the foot, m."""
+    """Radius of the ball that is the foot, or stands for one of another shape, see `feet`, m."""
     thigh_radius: float
     """From an end of a thigh to the farthest point of its shape there, rounded up, m."""
     trunk_size: Floats
@@ -54,13 +56,18 @@ class Robot:
     """Rated joint speed, rad/s; reported, not enforced, with the ideal actuator."""
     knee_direction: Floats = field(default_factory=lambda: np.array(-1.0))
     """Sign of each calf's angle when the knee is bent, shape (4,); given as one number where all bend alike."""
+    trunk_centre: Floats = field(default_factory=lambda: np.zeros(3))
+    """Centre of the trunk's box in the base frame, shape (3,), m."""
+    foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
+    """Points of the hull of each foot that is no ball, from its centre, base frame with the legs straight down, shape
+    (4, k, 3), m."""
     imported: bool = False
-    """Whether the MJCF is somebody's own, that is put on our ground (`quad_env.robots.stage`)."""
+    """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.stage`)."""
     source: Path | None = None
     """File of a user's that it was read from, its MJCF or a TOML; None of a robot that has a name here."""
 
     def __post_init__(self) -> None:
-        for name in ("home_pose", "hip_positions", "trunk_size"):
+        for name in ("home_pose", "hip_positions", "trunk_size", "trunk_centre", "foot_points"):
             object.__setattr__(self, name, _constant(getattr(self, name)))
         knees = np.broadcast_to(self.knee_direction, len(self.leg_names))
         object.__setattr__(self, "knee_direction", _constant(knees))
@@ -69,11 +76,12 @@ class Robot:
     def from_mjcf(cls, path: str | Path, name: str | None = None, **figures: Any) -> "Robot":
         """The quadruped of an MJCF, whatever its parts are called and in whatever order its legs are.
 
-        The trunk is the body of the only free joint, a leg a chain of three hinges below it: about the trunk's x axis
-        and twice about the leg's y axis. Lengths, limits, torques and the way the knees bend are read from the compiled
-        model, the home pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints are driven by
-        our servos: a stiffness of SimpleQuad's times mass and leg length, a damping that grows with stiffness and with
-        the root of leg length as times do, and the least of the model's largest torques.
+        The robot is the body with the free joint and all below it; other parts of the scene are left out. A leg is a
+        chain of three hinges below the trunk: about the trunk's x axis and twice about the leg's y axis; its foot is
+        the lowest geom, of any shape, that collides. Lengths, limits, torques and the way the knees bend are read from
+        the compiled model, the home pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints are
+        driven by our servos: a stiffness of SimpleQuad's times mass and leg length, a damping that grows with stiffness
+        and with the root of leg length as times do, and the least of the model's largest torques.
 
         Args:
             path: the MJCF, or a TOML file of figures with the MJCF's path from there as `mjcf`: what
@@ -139,10 +147,13 @@ class Robot:
         _, thigh, calf = self.home_pose[:3]
         return float(self.thigh_length * np.cos(thigh) + self.calf_length * np.cos(thigh + calf))
 
-    @property
+    @cached_property
     def home_height(self) -> float:
-        """Trunk's centre above flat ground in the home pose with the feet just touching, m."""
-        return self.home_hip_height + self.foot_radius
+        """Origin of the base frame above flat ground in the home pose with the feet just touching, m."""
+        depth = self.foot_radius
+        if self.foot_points.size:
+            depth = float(depths(self.foot_points, self.home_pose.reshape(-1, 3), np.array((0.0, 0.0, 1.0))).max())
+        return self.home_hip_height + depth - float(self.hip_positions[:, 2].mean())
 
     @property
     def joint_lower(self) -> Floats:
@@ -162,9 +173,9 @@ class Robot:
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of names and figures of the compiled model, to six digits: of what a trained policy hangs on."""
-        from quad_env.robots.stage import digest
+        from quad_env.robots.model_file import digest
 
-        return digest(self, self.model)
+        return digest((*self.leg_names, *self.joint_names), self.model)
 
     @cached_property
     def _compiled(self) -> tuple[Floats, Floats, float]:

@@ -1,32 +1,30 @@
 """A robot's model on our ground: the MJCF of its own for SimpleQuad, for others theirs with our servos and sensors.
 
-A model brings its trunk with all below it; ground, physics settings, servos, sensors and the home pose are those of
-every robot here. Its joints keep their names and their order. Where an axis of a joint points the other way, or the leg
-of the model's zero pose is bent, the joint's axis, limits and `ref` are rewritten: the motion is the same, its angle is
-zero with the leg straight down and grows about +x (hips) or +y (thighs and calves). Bodies and geoms that the
-simulation looks for get the names that SimpleQuad's have.
+A model brings the body with the free joint and all below it; ground, physics settings, servos, sensors and the home
+pose are those of every robot here. Its joints keep their names and their order. Where an axis of a joint points the
+other way, or the leg of the model's zero pose is bent, the joint's axis, limits and `ref` are rewritten: the motion is
+the same, its angle is zero with the leg straight down and grows about +x (hips) or +y (thighs and calves). Bodies and
+geoms that the simulation looks for get the names that SimpleQuad's have.
+
+An attached model keeps the units of its own compiler, but loses what that does to the whole model, such as
+`settotalmass`. So each body gets the mass and inertia that it has in the model as MuJoCo compiles it by itself.
 """
 
-import hashlib
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.robots.anatomy import Anatomy, ModelError, anatomy, colliding
+from quad_env.robots.anatomy import LINKS, Anatomy, Leg
+from quad_env.robots.collisions import GROUND_BIT, HERE, OWN, Parts, Rules, meet_the_ground, renamed, watched
+from quad_env.robots.joint_names import numbered
+from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot
+from quad_env.robots.shapes import surface
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
-
-LINKS = "hip", "thigh", "calf"
-LARGEST_FILE = 50_000_000
-"""Of an MJCF, bytes."""
-_DEFAULT_LOG = "MUJOCO_LOG.TXT"
-_OWN, _HERE = "own/", "@"
-"""Before the names of a model's parts on our ground, and before those that get a name from here."""
 
 
 def spec_of(robot: Robot) -> Any:
@@ -37,73 +35,35 @@ def spec_of(robot: Robot) -> Any:
         return mujoco.MjSpec.from_file(str(robot.mjcf))
     own, model, found = read(robot.mjcf)
     stage = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
-    parts = _Parts(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
+    parts = Parts(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
+    _keep_masses(parts, model, found)
     _turn_joints(parts, model, found)
-    apart = [(own.body(pair.bodyname1), own.body(pair.bodyname2)) for pair in own.excludes]
-    apart = [pair for pair in apart if own.worldbody not in pair]  # the ground is ours
-    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "excludes", "pairs", "cameras", "lights")
+    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights")
+    rules = Rules.of(own, found)
     _name_parts(parts, model, found, robot)
-    apart = [(one.name, other.name) for one, other in apart]
-    trunk = parts.bodies[found.trunk]
-    _light(trunk, stage, robot)
+    sensed = dict(watched(parts, model, found))
+    meet_the_ground(parts, found)
+    _centre_base(parts, found)
+    rules.name()
+    _equip(parts.bodies[found.root], stage, robot)
     sensors = [_Sensor(s.name, s.type, s.objtype, s.objname, s.reftype, s.refname, s.intprm) for s in stage.sensors]
     stage.delete(stage.body("base_link"))
     _clear(stage, "actuators", "sensors", "keys")
-    own.option, own.njmax, own.nconmax, own.nkey = stage.option, stage.njmax, stage.nconmax, stage.nkey
-    stage.worldbody.add_frame().attach_body(trunk, _OWN, "")
+    own.option, own.visual, own.stat, own.memory = stage.option, stage.visual, stage.stat, stage.memory
+    own.njmax, own.nconmax, own.nkey = stage.njmax, stage.nconmax, stage.nkey
+    stage.worldbody.add_frame().attach_body(parts.bodies[found.root], OWN, "")
     stage.modelname = robot.name
+    plane = stage.geom("ground")
+    plane.conaffinity |= GROUND_BIT
     for part in (*stage.bodies, *stage.joints, *stage.geoms, *stage.sites, *stage.cameras, *stage.lights):
-        if part.name.startswith(_OWN + _HERE):
-            part.name = part.name.removeprefix(_OWN + _HERE)
-    for pair in apart:
-        one, other = (name.removeprefix(_HERE) if name.startswith(_HERE) else _OWN + name for name in pair)
-        stage.add_exclude(bodyname1=one, bodyname2=other)
-    if not colliding(model, found.trunk):  # the box that was given to it is for the ground alone
-        for body in stage.bodies:
-            if body.name not in ("world", "base_link"):
-                stage.add_exclude(bodyname1="base_link", bodyname2=body.name)
+        part.name = renamed(part.name)
+    Rules.rename(stage)
     _drive(stage, robot)
-    _sense(stage, robot, sensors)
+    _sense(stage, robot, sensors, sensed)
     qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
     stage.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
     stage.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)
     return stage
-
-
-DECISIVE = (
-    *("body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat"),
-    *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "qpos_spring"),
-    *("dof_armature", "dof_damping", "dof_frictionloss"),
-    *("geom_type", "geom_size", "geom_pos", "geom_quat", "geom_contype", "geom_conaffinity", "geom_friction"),
-    *("actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "key_qpos"),
-)
-"""Arrays of a model that its motion hangs on."""
-
-
-def digest(robot: Robot, model: Any) -> str:
-    """SHA-256 of the robot by its model on flat ground, see `Robot.sha256`."""
-    found = hashlib.sha256(" ".join((*robot.leg_names, *robot.joint_names)).encode())
-    for name in DECISIVE:
-        values = np.asarray(getattr(model, name), dtype=np.float64).ravel()
-        found.update(" ".join(f"{value + 0.0:.6g}" for value in values).encode())
-    return found.hexdigest()
-
-
-def read(path: Path) -> tuple[Any, Any, Anatomy]:
-    """An MJCF's specification, its model and what it is made of."""
-    import mujoco
-
-    log_to_the_console()
-    if not path.is_file():
-        raise FileNotFoundError(f"{path} is no file")
-    if path.stat().st_size > LARGEST_FILE:
-        raise ModelError(f"it is larger than {LARGEST_FILE // 1_000_000} MB")
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        model = spec.compile()
-    except ValueError as error:
-        raise ModelError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
-    return spec, model, anatomy(mujoco, model)
 
 
 class _Sensor(NamedTuple):
@@ -116,75 +76,98 @@ class _Sensor(NamedTuple):
     intprm: Any
 
 
-class _Parts(NamedTuple):
-    """Parts of a specification by the ids that they have in its model; changes to it lose these."""
-
-    bodies: dict[int, Any]
-    joints: dict[int, Any]
-    geoms: dict[int, Any]
-
-
 def _clear(spec: Any, *kinds: str) -> None:
     for kind in kinds:
         for part in list(getattr(spec, kind)):
             spec.delete(part)
 
 
-def _turn_joints(parts: _Parts, model: Any, found: Anatomy) -> None:
-    """Make the joints read what they are in the robot's terms."""
+def _keep_masses(parts: Parts, model: Any, found: Anatomy) -> None:
+    """Give each body the mass and inertia that it has in the compiled model."""
+    for body in found.bodies:
+        part = parts.bodies[body]
+        part.compiler.inertiafromgeom = 0
+        part.explicitinertial, part.fullinertia = True, np.full(6, np.nan)
+        part.mass, part.inertia = model.body_mass[body], model.body_inertia[body]
+        part.ipos, part.iquat, part.ialt.type = model.body_ipos[body], model.body_iquat[body], 0
+
+
+def _turn_joints(parts: Parts, model: Any, found: Anatomy) -> None:
+    """Make the joints read what they are in the robot's terms; their angles in the unit of the model's compiler."""
     for joint, sign, zero, *limits in zip(found.joints, found.signs, found.zeros, *found.limits(model), strict=True):
-        part = parts.joints[joint]
+        part, place = parts.joints[joint], int(model.jnt_qposadr[joint])
+        unit = _unit(part)
         part.axis = sign * np.array(part.axis)
-        part.springref = zero + sign * (part.springref - part.ref)
-        part.ref = zero
-        part.limited, part.range = 1, limits
+        part.springref = unit * (zero + sign * (model.qpos_spring[place] - model.qpos0[place]))
+        part.ref = unit * zero
+        part.limited, part.range = 1, unit * np.array(limits)
+        if model.jnt_actfrclimited[joint]:
+            part.actfrclimited, part.actfrcrange = 1, np.sort(sign * model.jnt_actfrcrange[joint])
 
 
-def _name_parts(parts: _Parts, model: Any, found: Anatomy, robot: Robot) -> None:
-    """Mark what the simulation looks for by its name; every leg gets a site, and what does not collide a geom."""
-    trunk = parts.bodies[found.trunk]
-    trunk.name = _HERE + "base_link"
-    trunk.add_site(name=_HERE + "imu", rgba=(0.0, 0.0, 0.0, 0.0))
+def _unit(joint: Any) -> float:
+    """Of a joint's angles in its specification, in a radian."""
+    return float(np.rad2deg(1.0)) if joint.compiler.degree else 1.0
+
+
+def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Robot) -> None:
+    """Mark what the simulation looks for by its name; each leg gets two sites, a trunk that does not collide a box."""
+    for kind, named in (("body", parts.bodies), ("geom", parts.geoms)):
+        for number, part in named.items():
+            part.name = part.name or f"{HERE}{kind}_{number}"
+    parts.bodies[found.root].name = HERE + "base_link"
     for geom in parts.geoms.values():
         geom.priority, geom.condim = 0, 3  # the ground's friction is the scenario's, and slides alone
-    _name_shape(parts, model, found.trunk, "trunk", half=robot.trunk_size / 2.0)
     for leg in found.legs:
-        foot, shin = parts.geoms[leg.foot], int(model.jnt_bodyid[leg.joints[2]])
-        foot.name = _HERE + f"{leg.name}_foot"
+        for number, geom in enumerate(leg.feet):
+            parts.geoms[geom].name = HERE + numbered(f"{leg.name}_foot", number)
+        body = parts.bodies[leg.foot_body]
         site = {"pos": leg.foot_place, "size": (leg.foot_radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
-        parts.bodies[int(model.geom_bodyid[leg.foot])].add_site(name=foot.name, **site)
+        body.add_site(name=HERE + f"{leg.name}_foot", **site)
+        body.add_site(name=HERE + f"{leg.name}_sole", **_sole(model, leg))
         for joint, link in zip(leg.joints, LINKS, strict=True):
-            parts.joints[joint].name = _HERE + model.joint(joint).name
-            body = int(model.jnt_bodyid[joint])
-            parts.bodies[body].name = _HERE + f"{leg.name}_{link}_link"
-            if link != "hip":
-                _name_shape(parts, model, body, f"{leg.name}_{link}", but=leg.foot if body == shin else None)
+            parts.joints[joint].name = HERE + model.joint(joint).name
+            parts.bodies[int(model.jnt_bodyid[joint])].name = HERE + f"{leg.name}_{link}_link"
+    if not found.trunk_collides(model):
+        box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
+        parts.bodies[found.trunk].add_geom(name=HERE + "trunk", contype=GROUND_BIT, conaffinity=0, **box)
 
 
-def _name_shape(
-    parts: _Parts, model: Any, body: int, name: str, but: int | None = None, half: Floats | None = None
-) -> None:
-    """Name the largest of a body's colliding geoms, or one that is added: a box that collides if its half size is told,
-    else a grain that does not."""
-    geoms = [geom for geom in colliding(model, body) if geom != but]
-    if geoms:
-        parts.geoms[max(geoms, key=lambda g: float(model.geom_rbound[g]))].name = _HERE + name
+def _centre_base(parts: Parts, found: Anatomy) -> None:
+    """Put the frame of the body with the free joint where the trunk's is, everything of it staying where it is."""
+    import mujoco
+
+    root, place, axes = parts.bodies[found.root], found.places[found.root], found.axes[found.root]
+    if np.allclose(place, 0.0, atol=1e-12) and np.allclose(axes, np.eye(3), atol=1e-12):
         return
-    shape = {"type": 6, "size": (1e-3,) * 3 if half is None else half, "mass": 0.0, "group": 3}
-    bits = {"contype": int(half is not None), "conaffinity": int(half is not None)}
-    parts.bodies[body].add_geom(name=_HERE + name, **shape, **bits)
+    quaternion, turned = np.zeros(4), np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, axes.ravel())
+    mujoco.mju_mulQuat(turned, quaternion, np.array(root.iquat))
+    root.ipos, root.iquat = place + axes @ root.ipos, turned
+    loose = [part for part in (*root.frames, *root.geoms, *root.sites, *root.bodies) if part.frame is None]
+    frame = root.add_frame(pos=place, quat=quaternion)
+    for part in loose:
+        part.set_frame(frame)
 
 
-def _light(trunk: Any, stage: Any, robot: Robot) -> None:
-    """SimpleQuad's cameras and lamp, as far from the trunk as the robot is larger."""
+def _sole(model: Any, leg: Leg) -> dict[str, Any]:
+    """A site around the foot's geoms of one body, a little larger than these: what a sensor of touch feels with."""
+    points = np.concatenate([surface(model, geom) for geom in leg.feet if model.geom_bodyid[geom] == leg.foot_body])
+    low, high = points.min(axis=0), points.max(axis=0)
+    return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}
+
+
+def _equip(trunk: Any, stage: Any, robot: Robot) -> None:
+    """SimpleQuad's IMU, and its cameras and lamp, as far from the trunk as the robot is larger."""
+    trunk.add_site(name=HERE + "imu", rgba=(0.0, 0.0, 0.0, 0.0))
     larger = max(robot.leg_length / SIMPLE_QUAD.leg_length, robot.trunk_size[0] / SIMPLE_QUAD.trunk_size[0])
     model = stage.compile()
     for camera in stage.cameras:
         seen = {"pos": larger * np.array(camera.pos), "quat": model.cam_quat[camera.id], "fovy": camera.fovy}
-        trunk.add_camera(name=_HERE + camera.name, mode=camera.mode, **seen)
+        trunk.add_camera(name=HERE + camera.name, mode=camera.mode, **seen)
     for light in stage.lights:
         shown = {key: getattr(light, key) for key in ("mode", "type", "dir", "cutoff", "exponent", "diffuse")}
-        trunk.add_light(name=_HERE + light.name, pos=larger * np.array(light.pos), **shown)
+        trunk.add_light(name=HERE + light.name, pos=larger * np.array(light.pos), **shown)
 
 
 def _drive(stage: Any, robot: Robot) -> None:
@@ -194,27 +177,29 @@ def _drive(stage: Any, robot: Robot) -> None:
     for joint in robot.joint_names:
         servo = stage.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=robot.servo_stiffness, kv=robot.servo_damping)
-        servo.ctrllimited, servo.ctrlrange = 1, stage.joint(joint).range
+        turning = stage.joint(joint)
+        servo.ctrllimited, servo.ctrlrange = 1, np.array(turning.range) / _unit(turning)
         servo.forcelimited, servo.forcerange = 1, (-robot.rated_torque, robot.rated_torque)
 
 
-def _sense(stage: Any, robot: Robot, sensors: Sequence[_Sensor]) -> None:
-    """SimpleQuad's sensors on the parts of these names, those of the joints on the joints at their places."""
+def _sense(stage: Any, robot: Robot, sensors: Sequence[_Sensor], sensed: dict[str, list[Any]]) -> None:
+    """SimpleQuad's sensors on the parts of these names, those of the joints on the joints at their places, those of
+    contacts on all that is `sensed`, those of touch on whole soles."""
+    import mujoco
+
     joints = {
         f"{leg}_{link}_joint": robot.joint_names[place * len(LINKS) + number]
         for place, leg in enumerate(robot.leg_names)
         for number, link in enumerate(LINKS)
     }
+    soles = {f"{leg}_foot": f"{leg}_sole" for leg in robot.leg_names} if robot.foot_points.size else {}
     for sensor in sensors:
-        told = sensor._replace(objname=joints.get(sensor.objname, sensor.objname))
-        stage.add_sensor(**told._asdict())
-
-
-def log_to_the_console() -> None:
-    """Keep MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder; a file that somebody has chosen is kept."""
-    import mujoco
-
-    log = mujoco.MjLogConfig.get()
-    if log.logfile == _DEFAULT_LOG:
-        log.logto_file = False
-        log.set()
+        if sensor.type != mujoco.mjtSensor.mjSENS_CONTACT:
+            names = soles if sensor.type == mujoco.mjtSensor.mjSENS_TOUCH else joints
+            stage.add_sensor(**sensor._replace(objname=names.get(sensor.objname, sensor.objname))._asdict())
+            continue
+        for number, part in enumerate(sensed[sensor.name.removesuffix("_ground")]):
+            geom = hasattr(part, "contype")
+            kind = mujoco.mjtObj.mjOBJ_GEOM if geom else mujoco.mjtObj.mjOBJ_BODY
+            named = {"name": numbered(sensor.name, number), "objtype": kind, "objname": part.name}
+            stage.add_sensor(**sensor._replace(**named)._asdict())

@@ -82,8 +82,8 @@ class Ground:
 
     def __post_init__(self) -> None:
         check_positive("the friction coefficient", self.friction, "")
-        if self.sink_depth != 0 and not 0.001 <= self.sink_depth < 1:
-            raise ValueError(f"sink_depth must be 0 or 0.001 m to 1 m, got {self.sink_depth}")
+        if self.sink_depth != 0 and not 0.001 <= self.sink_depth < 100:
+            raise ValueError(f"sink_depth must be 0 or 0.001 m to 100 m, got {self.sink_depth}")
 
 
 @dataclass(frozen=True)

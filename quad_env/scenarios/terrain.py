@@ -78,7 +78,7 @@ class Stairs:
 
     def __post_init__(self) -> None:
         sizes = (self.rise, self.run, self.half_width)
-        if not all(0 < size < 1e4 for size in sizes) or not 1 <= self.steps <= 1000:
+        if not all(0 < size < 1e6 for size in sizes) or not 1 <= self.steps <= 1000:
             raise ValueError(f"stairs need a positive rise, run and half_width and 1 to 1000 steps, got {self}")
         if not self.spawn_radius >= 0 or not self.landing >= self.spawn_radius + STRIDE_ROOM:
             raise ValueError(f"the landing must be longer than the spawn_radius by {STRIDE_ROOM} m, got {self}")
@@ -131,7 +131,7 @@ class SmoothRandom:
 
     def __post_init__(self) -> None:
         sizes = (self.peak_to_valley, self.correlation_length, self.half_size, self.cell)
-        if not all(0 < size < 1e4 for size in sizes) or not 0 <= self.spawn_radius <= self.half_size:
+        if not all(0 < size < 1e6 for size in sizes) or not 0 <= self.spawn_radius <= self.half_size:
             raise ValueError(f"a surface needs positive sizes and a spawn_radius inside its half_size, got {self}")
         if self.seed < 0 or not 2 <= self.points <= 4001:
             raise ValueError(f"a surface needs a seed of at least 0 and 2 to 4001 points a side, got {self}")

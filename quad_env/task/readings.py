@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from quad_env.columns import Array
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
-from quad_env.robots.kinematics import feet_in_world
+from quad_env.robots.kinematics import feet_in_world, foot_depths
 
 Readings = dict[str, NDArray[np.generic]]
 _NO_COMMAND = (np.zeros(1),) * 3
@@ -43,7 +43,7 @@ def readings(simulation: Simulation, state: QuadState[Array] | None = None) -> R
     robot, state = simulation.robot, simulation.state(_NO_COMMAND) if state is None else state
     position, joints = np.transpose(state.position), np.transpose(state.joint_position)
     rotation = np.moveaxis(np.array(state.rotation), -1, 0)
-    feet = feet_in_world(robot, position, rotation, joints)
+    feet, depth = feet_in_world(robot, position, rotation, joints), foot_depths(robot, rotation, joints)
     feet_contact, leg_contact = simulation.ground_contacts()
     temperature = simulation.winding_temperature
     return {
@@ -53,7 +53,7 @@ def readings(simulation: Simulation, state: QuadState[Array] | None = None) -> R
         "vertical_velocity": state.vertical_velocity,
         "tilt": np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0)),
         "foot_position": feet,
-        "foot_height": feet[..., 2] - simulation.terrain.height(feet[..., 0], feet[..., 1]) - robot.foot_radius,
+        "foot_height": feet[..., 2] - simulation.terrain.height(feet[..., 0], feet[..., 1]) - depth,
         "foot_contact": feet_contact,
         "leg_contact": leg_contact,
         "trunk_contact": np.asarray(state.trunk_contact),

@@ -196,7 +196,9 @@ BROKEN = {
     "this model has 13 hinges": changed(
         "</body></worldbody>", '<body><joint name="E"/><geom size="0.1"/></body></body></worldbody>'
     ),
-    "no sphere or capsule collides": changed(foot='<geom type="box" size="0.02 0.02 0.02" pos="{x} 0 {z}"/>'),
+    "nothing collides with the ground: no foot": changed(
+        foot='<geom type="box" size="0.02 0.02 0.02" pos="{x} 0 {z}" contype="0" conaffinity="0"/>'
+    ),
     "MuJoCo cannot read": changed(extra="<body"),
     "of this model has none": changed('<joint name="D2"', "<joint", '<motor joint="D2" ctrlrange="-30.0 30.0"/>', ""),
     "hips are wanted at four corners about": changed('pos="-0.2 0.1 0.0"', 'pos="0.2 0.1 0.0"'),
@@ -261,6 +263,6 @@ def test_a_file_that_is_not_there_or_huge_is_not_read(
     path = tmp_path / "made.xml"
     if said == "larger than":
         Made().write(tmp_path)
-        monkeypatch.setattr("quad_env.robots.stage.LARGEST_FILE", 100)
+        monkeypatch.setattr("quad_env.robots.model_file.LARGEST_FILE", 100)
     with pytest.raises((ModelError, FileNotFoundError), match=said):
         Robot.from_mjcf(path)

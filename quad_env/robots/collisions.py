@@ -1,0 +1,98 @@
+"""What a user's robot collides with on our ground: the ground, by a bit of its own, and itself, as in its model."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from quad_env.robots.anatomy import LINKS, Anatomy
+from quad_env.robots.joint_names import of_name
+from quad_env.robots.shapes import geoms_of, welded
+
+GROUND_BIT = 1 << 30
+"""Of `contype` of the geoms that meet the ground, and of `conaffinity` of the ground: so that these collide, whatever
+bits the model uses by itself, and no two geoms of a robot do that did not before."""
+
+
+OWN, HERE = "own/", "@"
+"""Before the names of a model's parts on our ground, and before those that get a name from here."""
+
+
+class Parts(NamedTuple):
+    """Parts of a specification by the ids that they have in its model; changes to it lose these."""
+
+    bodies: dict[int, Any]
+    joints: dict[int, Any]
+    geoms: dict[int, Any]
+
+
+class Rules(NamedTuple):
+    """Which of the robot's own parts may collide with each other, and which may not."""
+
+    excludes: tuple[tuple[Any, Any, Any], ...]
+    """Each with its two bodies."""
+    pairs: tuple[tuple[Any, Any, Any], ...]
+    """Each with its two geoms."""
+
+    @classmethod
+    def of(cls, own: Any, found: Anatomy) -> "Rules":
+        """Those of a specification; any with parts of the scene are deleted, since the ground is ours."""
+        kept: list[list[tuple[Any, Any, Any]]] = [[], []]
+        for exclude in list(own.excludes):
+            bodies = own.body(exclude.bodyname1), own.body(exclude.bodyname2)
+            kept[0].append((exclude, *bodies)) if all(b.id in found.bodies for b in bodies) else own.delete(exclude)
+        for pair in list(own.pairs):
+            geoms = own.geom(pair.geomname1), own.geom(pair.geomname2)
+            kept[1].append((pair, *geoms)) if all(g.parent.id in found.bodies for g in geoms) else own.delete(pair)
+        return cls(*map(tuple, kept))
+
+    def name(self) -> None:
+        """Have them name their parts as these are called now."""
+        for exclude, one, other in self.excludes:
+            exclude.bodyname1, exclude.bodyname2 = one.name, other.name
+        for pair, one, other in self.pairs:
+            pair.geomname1, pair.geomname2 = one.name, other.name
+
+    @staticmethod
+    def rename(stage: Any) -> None:
+        """The same after the parts have been renamed on our ground."""
+        for exclude in stage.excludes:
+            exclude.bodyname1, exclude.bodyname2 = renamed(exclude.bodyname1), renamed(exclude.bodyname2)
+        for pair in stage.pairs:
+            pair.geomname1, pair.geomname2 = renamed(pair.geomname1), renamed(pair.geomname2)
+
+
+def renamed(name: str) -> str:
+    """Name on our ground of a part that has got one from here; the name as it is of any other."""
+    return name.removeprefix(OWN + HERE) if name.startswith(OWN + HERE) else name
+
+
+def watched(parts: Parts, model: Any, found: Anatomy) -> Iterator[tuple[str, list[Any]]]:
+    """Name of each part that touches the ground -> the bodies, or geoms, whose contacts are its contacts."""
+    yield "trunk", _solid(parts, model, found, found.trunk, ()) or [parts.bodies[found.trunk]]
+    for leg in found.legs:
+        yield f"{leg.name}_foot", [parts.geoms[geom] for geom in leg.feet]
+        for joint, link in zip(leg.joints[1:], LINKS[1:], strict=True):
+            yield f"{leg.name}_{link}", _solid(parts, model, found, int(model.jnt_bodyid[joint]), leg.feet)
+
+
+def _solid(parts: Parts, model: Any, found: Anatomy, body: int, feet: Sequence[int]) -> list[Any]:
+    """The body and those welded to it, as far as they meet the ground; instead of one with a foot its other geoms."""
+    solid: list[Any] = []
+    for each in welded(model, body):
+        geoms = geoms_of(model, [each], found.grounded)
+        others = [parts.geoms[geom] for geom in geoms if geom not in feet]
+        solid += [parts.bodies[each]] if others and len(others) == len(geoms) else others
+    return solid
+
+
+def meet_the_ground(parts: Parts, found: Anatomy) -> None:
+    """Give the ground's bit to the geoms that meet it, and to no other."""
+    for geom, meets in enumerate(found.grounded):
+        part = parts.geoms[geom]
+        part.contype, part.conaffinity = part.contype & ~GROUND_BIT, part.conaffinity & ~GROUND_BIT
+        part.contype |= GROUND_BIT * int(meets)
+
+
+def foot_geoms(model: Any, leg: str) -> list[int]:
+    """Ids of the geoms that are the foot of that leg in a model of `spec_of`."""
+    names = [model.geom(number).name for number in range(model.ngeom)]
+    return [model.geom(name).id for name in of_name(f"{leg}_foot", names)]

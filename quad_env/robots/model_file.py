@@ -1,0 +1,100 @@
+"""A user's model file: read as MuJoCo compiles it, what it holds besides the robot, the digest of a robot's model."""
+
+import hashlib
+import warnings
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
+from quad_env.robots.collisions import GROUND_BIT
+from quad_env.robots.shapes import SHAPES
+
+LARGEST_FILE = 50_000_000
+"""Of an MJCF, bytes."""
+_DEFAULT_LOG = "MUJOCO_LOG.TXT"
+
+DECISIVE = (
+    *("body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat"),
+    *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "qpos_spring"),
+    *("dof_armature", "dof_damping", "dof_frictionloss"),
+    *("geom_type", "geom_size", "geom_pos", "geom_quat", "geom_contype", "geom_conaffinity", "geom_friction"),
+    *("actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "key_qpos"),
+)
+"""Arrays of a model that its motion hangs on."""
+
+
+def digest(names: Iterable[str], model: Any) -> str:
+    """SHA-256 of the robot by its model on flat ground, see `Robot.sha256`."""
+    found = hashlib.sha256(" ".join(names).encode())
+    for name in DECISIVE:
+        values = np.asarray(getattr(model, name)).ravel()
+        values = (values & ~GROUND_BIT if name in ("geom_contype", "geom_conaffinity") else values).astype(np.float64)
+        found.update(" ".join(f"{value + 0.0:.6g}" for value in values).encode())
+    return found.hexdigest()
+
+
+def read(path: Path) -> tuple[Any, Any, Anatomy]:
+    """An MJCF's specification, its model and what it is made of."""
+    import mujoco
+
+    log_to_the_console()
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is no file")
+    if path.stat().st_size > LARGEST_FILE:
+        raise ModelError(f"it is larger than {LARGEST_FILE // 1_000_000} MB")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same
+            spec = mujoco.MjSpec.from_file(str(path))
+            _keep_parts(mujoco, spec)
+            model = spec.compile()
+    except ValueError as error:
+        raise ModelError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from error
+    return spec, model, anatomy(mujoco, model)
+
+
+def remarks(path: Path) -> Iterator[tuple[str, str]]:
+    """What the model in a user's file has that one should know of: heading and text, a line each."""
+    own, model, found = read(path)
+    names = [
+        model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for leg in found.legs for geom in leg.feet
+    ]
+    kinds = {SHAPES[int(model.geom_type[geom])] for leg in found.legs for geom in leg.feet}
+    yield "feet", f"{', '.join(names)} ({', '.join(sorted(kinds))})"
+    if not found.trunk_collides(model):
+        yield "trunk", "does not collide in the model: the box around what is shown of it does here"
+    scene = [
+        f"body {model.body(body).name or body}" for body in range(1, model.nbody) if _of_the_scene(model, found, body)
+    ]
+    loose = sum(geom.parent.id == 0 for geom in own.geoms)
+    for kind, count in (("geom", loose), ("tendon", len(own.tendons)), ("equality", len(own.equalities))):
+        scene += [f"{count} {kind}{' of the world' if kind == 'geom' else ''}"] if count else []
+    if scene:
+        yield "left out", ", ".join(scene)
+
+
+def _of_the_scene(model: Any, found: Anatomy, body: int) -> bool:
+    """Whether a body stands in the world by itself and is not the robot."""
+    return not found.own[body] and int(model.body_parentid[body]) == 0
+
+
+def _keep_parts(mujoco: Any, spec: Any) -> None:
+    """Have the compiler keep every body, geom and frame as the file has it: parts are found by their ids."""
+    for part in (spec, *spec.bodies, *spec.joints, *spec.geoms):
+        compiler = part.compiler
+        compiler.fusestatic = compiler.discardvisual = compiler.alignfree = 0
+    for joint in spec.joints:
+        joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+
+
+def log_to_the_console() -> None:
+    """Keep MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder; a file that somebody has chosen is kept."""
+    import mujoco
+
+    log = mujoco.MjLogConfig.get()
+    if log.logfile == _DEFAULT_LOG:
+        log.logto_file = False
+        log.set()
