@@ -73,7 +73,7 @@ def leg_height(robot: Robot, gravity: NDArray[np.float64], joints: NDArray[np.fl
     the legs, from gravity (n, 3) and joint angles (n, 12)."""
     feet = foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3)) + robot.hip_positions
     depth = feet[:, :, 0] * gravity[:, 0:1] + feet[:, :, 1] * gravity[:, 1:2] + feet[:, :, 2] * gravity[:, 2:3]
-    height: NDArray[np.float64] = depth.max(axis=1) + robot.foot_radius
+    height: NDArray[np.float64] = depth.max(axis=1) + robot.foot_depth
     return height
 
 

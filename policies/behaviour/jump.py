@@ -35,7 +35,7 @@ def keyframes_of(robot: Robot) -> tuple[Keyframe, ...]:
         Keyframe(0.007, 0.377, 0.35, 0.1),
         Keyframe(-0.051, 0.551, 0.06, 0.02),
         Keyframe(0.08, 0.422, 0.1, 0.58),
-        Keyframe(0.0, robot.home_height - robot.foot_radius, 0.4),
+        Keyframe(0.0, robot.home_height - robot.foot_depth + robot.hip_rise, 0.4),
     )
 
 

@@ -25,7 +25,7 @@ class MpcParameters(Parameters):
     duty: float = number(0.5, limits=(0.05, 0.95), search=(0.45, 0.65))
     """Share of the cycle that a foot is on the ground."""
     height: float = number(0.36, limits=(0.01, 5.0), search=(0.34, 0.48), unit="m")
-    """Trunk's centre above the ground, m."""
+    """Hip joints above the ground, m; of SimpleQuad the trunk's centre too."""
     step_height: float = number(0.08, limits=(0.0, 2.0), search=(0.02, 0.2), unit="m")
     """Lift of a swinging foot, m."""
     width: float = number(0.5, limits=(0.005, 10.0), search=(0.42, 0.62), unit=WIDE)

@@ -206,7 +206,7 @@ class Mpc(ShiftableFootholds):
     @property
     def _height(self) -> Floats:
         """That the trunks are to have above the ground, (n,), m."""
-        return self.parameters.height + self.gait_shift[:, 2]
+        return self.parameters.height - self.robot.hip_rise + self.gait_shift[:, 2]
 
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""

@@ -35,7 +35,8 @@ class Stop(Motion):
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Targets of those robots."""
         robot = self._robot
-        present = leg_height(robot, observation[:, OBSERVATION["projected_gravity"]], joints) - robot.foot_radius
+        present = leg_height(robot, observation[:, OBSERVATION["projected_gravity"]], joints)
+        present = present - robot.foot_depth + robot.hip_rise
         height = np.where(np.isnan(self._height[rows]), present, self._height[rows])
         height = np.maximum(height - LOWERING_SPEED * self._period, np.minimum(STOP_HEIGHT, present))
         self._height[rows] = height

@@ -224,7 +224,7 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     lateral = signs[1] * axes[1]
     leg = np.stack(((1.0, 0.0, 0.0), lateral, np.cross((1.0, 0.0, 0.0), lateral)))
     shin = int(model.jnt_bodyid[chain[-1]])
-    sole = foot(model, data, data.xanchor[chain[-1]], geoms_of(model, welded(model, shin), meets))
+    sole = foot(model, data, chain[-1], geoms_of(model, welded(model, shin), meets))
     if sole is None:
         raise ModelError(f"below joint {told[2]} nothing collides with the ground: no foot")
     turn = data.xmat[sole.body].reshape(3, 3)

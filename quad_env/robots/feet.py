@@ -40,13 +40,15 @@ class Foot(NamedTuple):
     """Points of its hull from that centre, (k, 3); of a ball none, (0, 3)."""
 
 
-def foot(model: Any, data: Any, knee: Floats, candidates: list[int]) -> Foot | None:
-    """The foot among geoms of a leg's last link, with the knee there, world frame, (3,), m; None without candidates."""
+def foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot | None:
+    """The foot among geoms of a leg's last link, that below the joint of the knee; None without candidates."""
     if not candidates:
         return None
+    knee, axis = data.xanchor[joint], data.xaxis[joint]
     hulls = {geom: _in_world(model, data, geom, surface(model, geom)) for geom in candidates}
     farthest = max(candidates, key=lambda geom: _reach(model, data, geom, knee))
     down = _centre(model, data, farthest, knee) - knee
+    down -= (down @ axis) * axis  # a foot may be wide
     down /= np.linalg.norm(down)
     depths = {geom: float(((points - knee) @ down).max()) for geom, points in hulls.items()}
     lowest = max(depths.values())
@@ -54,9 +56,10 @@ def foot(model: Any, data: Any, knee: Floats, candidates: list[int]) -> Foot | N
     short = [geom for geom in level if np.ptp(hulls[geom] @ down) < _LONG * lowest]
     geoms = tuple(sorted(short or level[:1], key=lambda geom: -depths[geom]))
     body = int(model.geom_bodyid[geoms[0]])
-    if len(geoms) == 1 and (ends := balls(model, geoms[0])):
-        place, radius = max(ends, key=lambda end: np.linalg.norm(_in_world(model, data, geoms[0], end[0]) - knee))
-        return Foot(geoms, body, place, radius, np.zeros((0, 3)))
+    ends = balls(model, geoms[0]) if len(geoms) == 1 else []
+    heights = [float((knee - _in_world(model, data, geoms[0], place)) @ down) for place, _ in ends]
+    if len(ends) == 1 or (ends and np.ptp(heights) > ends[0][1]):  # no capsule that lies across the leg
+        return Foot(geoms, body, *ends[int(np.argmin(heights))], np.zeros((0, 3)))
     points = np.concatenate([hulls[geom] for geom in geoms])
     radius = min(float(np.min([box(model, geom)[1].min() for geom in geoms])), _THICKEST * lowest)
     centre = _sole(points, knee, down, _FLAT * radius) - radius * down
@@ -73,7 +76,7 @@ def extremes(points: Floats) -> Floats:
 
 def depths(points: Floats, angles: Floats, up: Floats) -> Floats:
     """Lowest points of feet below their centres, (...,), m, from points of their hulls in the base frame with the legs
-    straight down, (..., k, 3), joint angles of the legs, (..., 3), rad, and the vertical in the base frame, (..., 3)."""
+    straight down, (..., k, 3), joint angles, (..., 3), rad, and the vertical in the base frame, (..., 3)."""
     x, y, z = np.moveaxis(points, -1, 0)
     hip, shin = angles[..., 0, None], angles[..., 1, None] + angles[..., 2, None]
     ahead, down = np.cos(shin) * x + np.sin(shin) * z, np.cos(shin) * z - np.sin(shin) * x

@@ -150,10 +150,19 @@ class Robot:
     @cached_property
     def home_height(self) -> float:
         """Origin of the base frame above flat ground in the home pose with the feet just touching, m."""
-        depth = self.foot_radius
-        if self.foot_points.size:
-            depth = float(depths(self.foot_points, self.home_pose.reshape(-1, 3), np.array((0.0, 0.0, 1.0))).max())
-        return self.home_hip_height + depth - float(self.hip_positions[:, 2].mean())
+        return self.home_hip_height + self.foot_depth - self.hip_rise
+
+    @cached_property
+    def hip_rise(self) -> float:
+        """Hip joints above the origin of the base frame, mean over the legs, m."""
+        return float(self.hip_positions[:, 2].mean())
+
+    @cached_property
+    def foot_depth(self) -> float:
+        """Lowest point of a foot below its centre in the home pose, m: its radius where it is a ball."""
+        if not self.foot_points.size:
+            return self.foot_radius
+        return float(depths(self.foot_points, self.home_pose.reshape(-1, 3), np.array((0.0, 0.0, 1.0))).max())
 
     @property
     def joint_lower(self) -> Floats:

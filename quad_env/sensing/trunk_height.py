@@ -1,9 +1,9 @@
 """How high the trunk is above the ground that its feet stand on, from where an estimator has the feet.
 
-With g the unit vector of gravity, pᵢ the centre of a foot from the trunk's centre, base frame, and r the foot's radius,
-each standing foot tells h = g · pᵢ + r; the height is their mean, weighted by the probability that they stand. While
-none stands it goes on by the velocity. Against the ground itself there is nothing to measure it by: where the trunk
-hangs over a hollow or a bump it is the height above the feet.
+With g the unit vector of gravity, pᵢ the centre of a foot from the trunk's centre, base frame, and r the depth of the
+sole below it, each standing foot gives h = g · pᵢ + r; the height is their mean, weighted by the probability that they
+stand. While none stands it goes on by the velocity. Against the ground itself there is nothing to measure it by: where
+the trunk hangs over a hollow or a bump it is the height above the feet.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ class TrunkHeight:
     """Heights of n robots; `zero`, rad, is the standard deviation of their encoders' zeros."""
 
     def __init__(self, robot: Robot, num_envs: int, zero: float) -> None:
-        self._radius, self._zero = robot.foot_radius, zero
+        self._depth, self._zero = robot.foot_depth, zero
         self._value, self._deviation = np.zeros((2, num_envs))
 
     @property
@@ -58,7 +58,7 @@ class TrunkHeight:
         by_error[:, FEET] = (weights[..., None] * gravity[:, None]).reshape(len(gravity), -1)
         by_zeros = weights[..., None] * times(np.swapaxes(jacobians, -1, -2), gravity[:, None])
         variance = _quadratic(by_error, covariance) + self._zero**2 * (by_zeros * by_zeros).sum(axis=(1, 2))
-        return (gravity * middle).sum(axis=-1) + self._radius, np.sqrt(variance)
+        return (gravity * middle).sum(axis=-1) + self._depth, np.sqrt(variance)
 
 
 def _quadratic(vectors: Array, matrices: Array) -> Array:

@@ -1,0 +1,463 @@
+"""A user's model is read as MuJoCo compiles it: whatever its units, its masses, its scene, its feet and its trunk."""
+
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from quad_env import Robot
+from quad_env.describe import text
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.model import compile_model, contact_sensors
+from quad_env.robots.collisions import foot_geoms
+from quad_env.robots.model_file import read
+from quad_env.robots.named import ROBOTS
+from quad_env.robots.plausibility import damping_ratios, warnings_of
+from quad_env.robots.shapes import welded
+from quad_env.scenarios.named import SCENARIOS
+from tests.quad_env.robots.made import Made
+from tests.quad_env.robots.test_imported import NAMED, changed
+
+PLAIN = Made().xml()
+TRUNK = '<geom type="box" size="0.22 0.1 0.05"/>'
+UNSEEN = 'contype="0" conaffinity="0"'
+SHIN = '<geom type="capsule" size="0.012" fromto="0 0 -0.01 0 0 -0.19" mass="0.1"/>'
+BALL = Made().foot
+
+
+def robot_of_text(folder: Path, model: str, file: str = "made.xml", **figures: Any) -> Robot:
+    path = folder / file
+    path.write_text(model, encoding="utf-8")
+    return Robot.from_mjcf(path, **figures)
+
+
+def in_degrees(model: str) -> str:
+    """The same model with its angles in MuJoCo's default unit."""
+
+    def turned(found: re.Match[str]) -> str:
+        return f'{found[1]}="{" ".join(repr(float(np.rad2deg(float(each)))) for each in found[2].split())}"'
+
+    return re.sub(r'\b(range|ref|springref)="([^"]*)"', turned, model).replace('angle="radian"', 'angle="degree"')
+
+
+def standing(robot: Robot) -> tuple[SimpleQuadVectorEnv, dict[str, Any]]:
+    env = SimpleQuadVectorEnv(2, robot=robot, nthread=1, readings=True)
+    env.reset(seed=0, options={"command": np.zeros((2, 3))})
+    for _ in range(100):
+        _, _, terminated, _, info = env.step(np.tile(robot.home_pose, (2, 1)).astype(np.float32))
+        assert not terminated.any()
+    return env, info
+
+
+def floats(*values: float) -> st.SearchStrategy[float]:
+    return st.sampled_from(values)
+
+
+COMPILERS = st.fixed_dictionaries(
+    {},
+    optional={
+        "settotalmass": floats(4.0, 30.0),
+        "boundmass": floats(0.6),
+        "boundinertia": floats(0.01),
+        "balanceinertia": st.just("true"),
+        "inertiafromgeom": st.sampled_from(("true", "false", "auto")),
+        "inertiagrouprange": st.sampled_from(("0 0", "0 2")),
+        "alignfree": st.sampled_from(("true", "false")),
+        "fusestatic": st.just("true"),
+        "discardvisual": st.just("true"),
+        "fitaabb": st.just("true"),
+        "eulerseq": st.sampled_from(("xyz", "zyx", "XYZ")),
+        "autolimits": st.just("true"),
+    },
+)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    compiler=COMPILERS,
+    degrees=st.booleans(),
+    signs=st.tuples(*3 * [st.sampled_from((-1, 1))]),
+    zeros=st.sampled_from(((0.0, 0.0, 0.0), (0.2, 0.7, -1.4))),
+)
+def test_every_option_of_the_compiler_is_kept(
+    tmp_path: Path, compiler: dict[str, Any], degrees: bool, signs: tuple[int, int, int], zeros: tuple[float, ...]
+) -> None:
+    made = Made(signs=signs, zeros=zeros, foot=SHIN + BALL, extra=TOWER)
+    model = made.xml().replace(
+        ' armature="0.01"', ' armature="0.01" stiffness="3" springref="0.1" actuatorfrcrange="-20 25"'
+    )
+    model = in_degrees(model) if degrees else model
+    kept = "".join(f' {name}="{value}"' for name, value in compiler.items() if name != "autolimits")
+    model = model.replace(' autolimits="true"', f' autolimits="true"{kept}')
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # settotalmass is deprecated
+        theirs = mujoco.MjModel.from_xml_string(model)
+    robot = robot_of_text(tmp_path, model)
+    ours, own, found = robot.model, *read(robot.mjcf)[1:]
+    assert ours.body_mass.sum() == pytest.approx(theirs.body_mass.sum(), rel=1e-9)
+    names = robot.joint_names
+    rows = [[model.joint(name).dofadr[0] for name in names] for model in (ours, theirs)]
+    for angles in np.random.default_rng(0).uniform(-0.3, 0.3, (3, 12)):
+        masses, passive = [], []
+        for model, moved, place in ((ours, angles, rows[0]), (theirs, found.signs * (angles - found.zeros), rows[1])):
+            data, inertia = mujoco.MjData(model), np.empty((model.nv, model.nv))
+            data.qpos[7:] = moved if model is ours else moved + own.qpos0[7:]
+            mujoco.mj_forward(model, data)
+            mujoco.mj_fullM(model, data, inertia)
+            masses.append(inertia[np.ix_(place, place)])
+            passive.append(data.qfrc_passive[place])
+        np.testing.assert_allclose(masses[0], np.outer(found.signs, found.signs) * masses[1], atol=1e-9)
+        np.testing.assert_allclose(passive[0], found.signs * passive[1], atol=1e-9)
+    for name, sign, zero in zip(names, found.signs, found.zeros, strict=True):
+        one, other = ours.joint(name), theirs.joint(name)
+        np.testing.assert_allclose(one.range, np.sort(zero + sign * (other.range - other.qpos0)), atol=1e-9)
+        forces = ours.jnt_actfrcrange[one.id], np.sort(sign * theirs.jnt_actfrcrange[other.id])
+        np.testing.assert_allclose(*forces, atol=1e-9)
+    assert robot.rated_torque == pytest.approx(20.0)
+
+
+TOWER = (
+    '<body name="tower" pos="0 0 0.05" euler="0 0 0"><geom type="cylinder" size="0.02 0.03" mass="0.3"/>'
+    '<body pos="0 0 0.1"><geom type="sphere" size="0.03" mass="0.2" group="3" contype="0" conaffinity="0"/></body>'
+    "</body>"
+)
+
+
+def test_a_model_in_degrees_is_the_one_in_radians(tmp_path: Path) -> None:
+    for name, made in (("plain", Made()), ("turned", Made(signs=(-1, 1, -1), zeros=(0.2, 0.7, -1.4)))):
+        one = robot_of_text(tmp_path, made.xml(), name=name)
+        limits = one.joint_lower, one.joint_upper, one.model.actuator_ctrlrange
+        other = robot_of_text(tmp_path, in_degrees(made.xml()), name=name)
+        theirs_all = other.joint_lower, other.joint_upper, other.model.actuator_ctrlrange
+        for ours, theirs in zip(limits, theirs_all, strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=1e-12)
+        standing(other)
+
+
+SCENE = {
+    "a crate": ('<body name="crate" pos="3 0 1"><geom type="box" size="1 1 1" mass="600"/></body>', "body crate"),
+    "a ball that rolls": (
+        '<body name="ball" pos="3 0 1"><freejoint/><geom size="0.1" mass="50"/></body>',
+        "body ball",
+    ),
+    "a door": (
+        '<body name="door" pos="3 0 1"><joint name="hinge" axis="0 0 1"/><geom size="1" mass="9"/></body>',
+        "body door",
+    ),
+    "a target": ('<body name="target" mocap="true" pos="3 0 1"><geom size="0.1" contype="0"/></body>', "body target"),
+}
+
+
+@pytest.mark.parametrize("thing", SCENE)
+def test_what_is_not_the_robot_is_left_out_and_named(thing: str, tmp_path: Path) -> None:
+    plain, (element, said) = robot_of_text(tmp_path, PLAIN), SCENE[thing]
+    plain_mass, model = plain.mass, plain.model
+    robot = robot_of_text(tmp_path, Made(obstacle=element).xml())
+    assert (robot.mass, robot.servo_stiffness) == (plain_mass, plain.servo_stiffness)
+    assert robot.model.nbody == model.nbody
+    assert any(line.startswith("left out") and said in line for line in text(robot))
+
+
+def test_two_robots_in_a_file_are_refused_in_a_line(tmp_path: Path) -> None:
+    geom = '<geom size="0.1"/>'
+    arm = f'<body pos="9 0 1"><freejoint/>{geom}<body><joint axis="1 0 0"/>{geom}</body></body>'
+    assert robot_of_text(tmp_path, Made(obstacle=arm).xml()).num_joints == 12
+    again = Made().xml().split("<worldbody>")[1].split("</worldbody>")[0]
+    again = re.sub(r'name="(\w+)"', r'name="other_\1"', again).replace('<geom type="plane" size="5 5 1"/>', "")
+    with pytest.raises(ValueError, match=r"2 bodies have a free joint.*'other_torso', 'torso'"):
+        robot_of_text(tmp_path, Made(obstacle=again).xml())
+
+
+FEET = {  # shape, centre below the knee, radius, depth of the sole below the knee with a straight leg
+    "box": ('<geom type="box" size="0.03 0.02 0.015" pos="{x} 0 -0.225" mass="0.05"/>', 0.225, 0.015, 0.24),
+    "high box": ('<geom type="box" size="0.02 0.02 0.04" pos="{x} 0 -0.2" mass="0.05"/>', 0.22, 0.02, 0.24),
+    "cylinder": ('<geom type="cylinder" size="0.02 0.025" pos="{x} 0 -0.215" mass="0.05"/>', 0.22, 0.02, 0.24),
+    "lying cylinder": (
+        '<geom type="cylinder" size="0.02 0.025" euler="1.5707963267948966 0 0" pos="{x} 0 {z}" mass="0.05"/>',
+        0.22,
+        0.02,
+        0.24,
+    ),
+    "ellipsoid": ('<geom type="ellipsoid" size="0.03 0.03 0.02" pos="{x} 0 {z}" mass="0.05"/>', 0.22, 0.02, 0.24),
+    "mesh": ('<geom type="mesh" mesh="foot" pos="{x} 0 {z}" mass="0.05"/>', 0.22, 0.02, 0.24),
+    "own body": ('<body pos="{x} 0 {z}"><geom type="sphere" size="0.02" mass="0.05"/></body>', 0.22, 0.02, 0.24),
+    "two balls": (
+        '<geom size="0.02" pos="{x} 0.02 {z}" mass="0.03"/><geom size="0.02" pos="{x} -0.02 {z}" mass="0.03"/>',
+        0.22,
+        0.02,
+        0.24,
+    ),
+    "capsule": ('<geom type="capsule" size="0.02" fromto="0 -0.02 {z} 0 0.02 {z}" mass="0.05"/>', 0.22, 0.02, 0.24),
+}
+MESH = (
+    '<asset><mesh name="foot" vertex="-0.02 -0.02 -0.02 0.02 -0.02 -0.02 -0.02 0.02 -0.02 0.02 0.02 -0.02 '
+    '-0.02 -0.02 0.02 0.02 -0.02 0.02 -0.02 0.02 0.02 0.02 0.02 0.02"/></asset>'
+)
+
+
+def feet_of(shape: str) -> str:
+    return Made(foot=SHIN + FEET[shape][0]).xml().replace("<default>", MESH + "<default>", 1)
+
+
+@pytest.mark.parametrize("shape", FEET)
+def test_the_lowest_geom_is_the_foot_whatever_its_shape(shape: str, tmp_path: Path) -> None:
+    _, centre, radius, sole = FEET[shape]
+    robot = robot_of_text(tmp_path, feet_of(shape))
+    assert robot.calf_length == pytest.approx(centre, abs=1e-6)
+    assert robot.foot_radius == pytest.approx(radius, abs=1e-6)
+    env, info = standing(robot)
+    assert info["foot_contact"].all()
+    assert not info["leg_contact"].any()
+    assert env.simulation.state((np.zeros(2),) * 3).height == pytest.approx(robot.home_height, abs=4e-3)
+    assert np.abs(info["foot_height"]).max() < 3e-3
+    data = mujoco.MjData(robot.model)
+    data.qpos[2], data.qpos[3] = 1.0, 1.0
+    mujoco.mj_forward(robot.model, data)
+    straight = robot.foot_radius if not robot.foot_points.size else -robot.foot_points[..., 2].min()
+    assert data.site("fl_foot").xpos[2] - straight == pytest.approx(1.0 - robot.thigh_length - sole, abs=1e-4)
+
+
+@pytest.mark.parametrize("shape", FEET)
+def test_a_foot_feels_the_weight_that_it_carries(shape: str, tmp_path: Path) -> None:
+    robot = robot_of_text(tmp_path, feet_of(shape))
+    env = SimpleQuadVectorEnv(1, robot=robot, nthread=1)
+    env.reset(seed=0, options={"command": np.zeros((1, 3))})
+    for _ in range(100):
+        env.step(robot.home_pose[None].astype(np.float32))
+    data = env.simulation.snapshot(0)
+    carried = sum(float(data.sensor(f"{leg}_foot_touch").data[0]) for leg in robot.leg_names)
+    assert carried == pytest.approx(robot.mass * 9.81, rel=0.02)
+
+
+@pytest.mark.parametrize("shape", FEET)
+@pytest.mark.parametrize("turn", [(0.0, 0.0), (0.3, -0.4)])
+def test_the_height_of_a_foot_is_that_of_its_lowest_point(
+    shape: str, turn: tuple[float, float], tmp_path: Path
+) -> None:
+    robot, (roll, pitch) = robot_of_text(tmp_path, feet_of(shape)), turn
+    env = SimpleQuadVectorEnv(1, robot=robot, nthread=1, readings=True)
+    env.reset(seed=3)
+    for _ in range(3):
+        target = robot.home_pose + np.random.default_rng(0).uniform(-0.2, 0.2, 12) + np.resize((roll, pitch, 0.0), 12)
+        *_, info = env.step(target[None].astype(np.float32))
+    data = env.simulation.snapshot(0)
+    for place, leg in enumerate(robot.leg_names):
+        lowest = min(_lowest(robot.model, data, geom) for geom in foot_geoms(robot.model, leg))
+        assert info["foot_height"][0, place] == pytest.approx(lowest, abs=2e-3)
+
+
+def _lowest(model: Any, data: Any, geom: int) -> float:
+    """Of a geom, by MuJoCo's own distance to a plane far below it, m."""
+    kinds = mujoco.mjtGeom
+    spot, size, axes = data.geom_xpos[geom], model.geom_size[geom], data.geom_xmat[geom].reshape(3, 3)
+    kind = model.geom_type[geom]
+    if kind == kinds.mjGEOM_SPHERE:
+        return float(spot[2] - size[0])
+    if kind == kinds.mjGEOM_CAPSULE:
+        return float(spot[2] - size[0] - size[1] * abs(axes[2, 2]))
+    if kind == kinds.mjGEOM_ELLIPSOID:
+        return float(spot[2] - np.linalg.norm(size * axes[2]))
+    if kind == kinds.mjGEOM_CYLINDER:
+        return float(spot[2] - size[1] * abs(axes[2, 2]) - size[0] * np.sqrt(1.0 - axes[2, 2] ** 2))
+    half = model.geom_aabb[geom, 3:]  # a box, or the mesh that is one
+    return float(spot[2] - half @ np.abs(axes[2]))
+
+
+@pytest.mark.parametrize("model", ["head", "welded head"])
+def test_any_geom_of_the_trunk_on_the_ground_is_a_fall(model: str, tmp_path: Path) -> None:
+    ball = '<geom name="head" type="sphere" size="0.05" pos="0.32 0 -0.14" mass="0.1"/>'
+    head = ball if model == "head" else f'<body name="head">{ball}</body>'
+    robot = robot_of_text(tmp_path, Made(extra=head).xml())
+    env = SimpleQuadVectorEnv(1, robot=robot, nthread=1)
+    env.reset(seed=0, options={"command": np.zeros((1, 3))})
+    bow = np.resize((0.0, 0.0, 0.0), (4, 3))
+    fore = [place for place, leg in enumerate(robot.leg_names) if leg[0] == "f"]
+    bow[fore] = 0.0, 0.6, -1.0
+    falls = []
+    for _ in range(100):
+        *_, terminated, _, info = env.step((robot.home_pose + bow.ravel())[None].astype(np.float32))
+        falls.append(int(info["fall"][0]))
+        if terminated[0]:
+            break
+    assert falls[-1] == 1  # trunk_contact
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_each_colliding_geom_of_each_robot_s_trunk_is_seen(name: str) -> None:
+    """Each, when it alone of the robot can meet the ground and does."""
+    model = compile_model(ROBOTS[name], SCENARIOS["flat"])
+    root, ground = model.body("base_link").id, model.geom("ground").id
+    solid = (model.geom_contype | model.geom_conaffinity) != 0
+    trunk = np.isin(model.geom_bodyid, welded(model, root)) & solid
+    sensors, bits = contact_sensors(model, "trunk"), (model.geom_contype.copy(), model.geom_conaffinity.copy())
+    assert trunk.any()
+    for geom in np.flatnonzero(trunk):
+        for values, whole in zip((model.geom_contype, model.geom_conaffinity), bits, strict=True):
+            values[:] = np.where((np.arange(model.ngeom) == geom) | (np.arange(model.ngeom) == ground), whole, 0)
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_kinematics(model, data)
+        centre = model.geom_aabb[geom, :3]
+        axes = data.geom_xmat[geom].reshape(3, 3)
+        data.qpos[2] -= (data.geom_xpos[geom] + axes @ centre)[2]  # its middle is in the ground
+        mujoco.mj_forward(model, data)
+        assert sum(float(data.sensor(name).data[0]) for name in sensors) > 0, model.geom(int(geom)).name
+
+
+@pytest.mark.parametrize("link", ["thigh", "calf"])
+def test_each_geom_of_a_leg_is_seen_and_no_foot_is_a_shin(link: str, tmp_path: Path) -> None:
+    pads = '<geom type="box" size="0.02 0.02 0.02" mass="0.1"/>' + SHIN + BALL
+    made = Made(foot=pads).xml()
+    made = made.replace(
+        '<joint name="A1"', '<geom type="sphere" size="0.03"/><geom type="sphere" size="0.02"/><joint name="A1"'
+    )
+    model = compile_model(robot_of_text(tmp_path, made), SCENARIOS["flat"])
+    body = model.body(f"fl_{link}_link").id
+    geoms = [int(g) for g in np.flatnonzero(model.geom_bodyid == body) if g not in foot_geoms(model, "fl")]
+    assert len(geoms) == 2
+    for geom in geoms:
+        alone = model.geom_bodyid == 0
+        alone[geom] = True
+        lean = compile_model(robot_of_text(tmp_path, made), SCENARIOS["flat"])
+        lean.geom_contype[~alone] = lean.geom_conaffinity[~alone] = 0
+        data = mujoco.MjData(lean)
+        mujoco.mj_resetDataKeyframe(lean, data, 0)
+        mujoco.mj_kinematics(lean, data)
+        data.qpos[2] -= data.geom_xpos[geom, 2]
+        mujoco.mj_forward(lean, data)
+        seen = {
+            n
+            for n in range(lean.nsensor)
+            if lean.sensor(n).name.endswith("_ground") or "_ground_" in lean.sensor(n).name
+        }
+        touched = {lean.sensor(n).name for n in seen if data.sensor(n).data[0] > 0}
+        assert touched
+        assert all(name.startswith(f"fl_{link}_ground") for name in touched)
+
+
+def test_a_trunk_keeps_its_own_centre(tmp_path: Path) -> None:
+    box = '<geom type="box" size="0.2 0.08 0.05" pos="0.02 0 0.06"/>'
+    solid = robot_of_text(tmp_path, PLAIN.replace(TRUNK, box), file="solid.xml")
+    shown = robot_of_text(tmp_path, PLAIN.replace(TRUNK, box.replace("/>", f" {UNSEEN}/>")), file="shown.xml")
+    for robot in (solid, shown):
+        np.testing.assert_allclose(robot.trunk_size, (0.4, 0.16, 0.1), atol=1e-12)
+        np.testing.assert_allclose(robot.trunk_centre, (0.02, 0.0, 0.06), atol=1e-12)
+        model = compile_model(robot, SCENARIOS["payload"])
+        payload = model.body("payload").id
+        assert model.body_pos[payload, 2] - model.geom("payload").size[2] == pytest.approx(0.11)
+        standing(robot)
+    trunk = shown.model.geom("trunk")
+    np.testing.assert_allclose((*trunk.pos, *trunk.size), (0.02, 0.0, 0.06, 0.2, 0.08, 0.05), atol=1e-12)
+    assert any("does not collide in the model" in line for line in text(shown))
+    assert not any("does not collide in the model" in line for line in text(solid))
+
+
+@pytest.mark.parametrize("rise", [0.05, -0.08])
+def test_hips_may_be_above_or_below_the_trunk_s_origin(rise: float, tmp_path: Path) -> None:
+    plain = robot_of_text(tmp_path, PLAIN).home_height
+    moved = re.sub(r'(<body pos="-?0.2 -?0.1) 0.0"', rf'\1 {rise}"', PLAIN)
+    robot = robot_of_text(tmp_path, moved)
+    assert robot.home_height == pytest.approx(plain - rise)
+    env, _ = standing(robot)
+    assert env.simulation.state((np.zeros(2),) * 3).height == pytest.approx(robot.home_height, abs=4e-3)
+
+
+def test_our_ground_collides_with_whatever_bits_a_robot_has(tmp_path: Path) -> None:
+    for bits in ((2, 2), (4, 0), (0, 8), (1 << 30, 1 << 30), (3, 1)):
+        layer = PLAIN.replace(
+            '<geom friction="0.9"/>', f'<geom friction="0.9" contype="{bits[0]}" conaffinity="{bits[1]}"/>'
+        )
+        _, info = standing(robot_of_text(tmp_path, layer))
+        assert info["foot_contact"].all()
+
+
+def test_our_ground_collides_with_what_a_pair_names(tmp_path: Path) -> None:
+    model = PLAIN.replace('<geom friction="0.9"/>', f'<geom friction="0.9" {UNSEEN}/>')
+    model = model.replace('<geom type="plane"', '<geom name="floor" type="plane"')
+    names = iter("ABCD")
+    model = re.sub(r'<geom type="sphere"', lambda _: f'<geom name="{next(names)}" type="sphere"', model)
+    pairs = "".join(f'<pair geom1="floor" geom2="{name}"/>' for name in "ABCD") + '<pair geom1="A" geom2="B"/>'
+    robot = robot_of_text(tmp_path, model.replace("<actuator>", f"<contact>{pairs}</contact><actuator>"))
+    _, info = standing(robot)
+    assert info["foot_contact"].all()
+    assert robot.model.npair == 1  # the one of its own feet
+
+
+def test_no_two_geoms_of_a_robot_collide_that_did_not_before(tmp_path: Path) -> None:
+    model = changed('<geom type="box" size="0.22 0.1 0.05"/>', TRUNK.replace("/>", ' contype="1" conaffinity="0"/>'))
+    compiled = robot_of_text(
+        tmp_path, model.replace('<geom friction="0.9"/>', '<geom friction="0.9" conaffinity="2"/>')
+    ).model
+    own = compiled.geom_bodyid > 0
+    meet = compiled.geom_contype[:, None] & compiled.geom_conaffinity[None]
+    assert not (meet | meet.T)[np.ix_(own, own)].any()
+    assert (meet | meet.T)[compiled.geom("ground").id, own].all()
+
+
+@pytest.mark.parametrize("offset", ["", ' pos="0.1 0.02 0.3"', ' pos="0 0 0.3" euler="0 0 0.2"'])
+def test_welded_bodies_above_the_trunk_are_followed(offset: str, tmp_path: Path) -> None:
+    plain = robot_of_text(tmp_path, PLAIN, name="made")
+    home, limits, mass = plain.home_height, plain.joint_lower.copy(), plain.mass
+    dummy = '<body name="base" pos="0 0 0.5"><freejoint/><geom size="0.01" mass="0.001" contype="0" conaffinity="0"/>'
+    model = changed('<body name="torso" pos="0 0 0.5"><freejoint/>', f'{dummy}<body name="torso"{offset}>')
+    robot = robot_of_text(tmp_path, model.replace("</worldbody>", "</body></worldbody>"))
+    assert robot.home_height == pytest.approx(home)
+    assert robot.mass == pytest.approx(mass + 0.001)
+    np.testing.assert_allclose(robot.joint_lower, limits, atol=1e-12)
+    np.testing.assert_allclose(robot.hip_positions, plain.hip_positions, atol=1e-9)
+    np.testing.assert_allclose(robot.model.body("base_link").pos[:2], 0.0, atol=1e-12)
+    standing(robot)
+
+
+@pytest.mark.parametrize(
+    "setting", ['<visual><map zfar="100"/></visual>', '<size memory="20M"/>', '<option gravity="0 0 -1"/>']
+)
+def test_settings_of_the_file_that_are_ours_are_taken_without_a_word(setting: str, tmp_path: Path) -> None:
+    standing(robot_of_text(tmp_path, PLAIN.replace("<default>", f"{setting}<default>", 1)))  # a warning is an error
+
+
+def test_unlikely_figures_are_named_and_not_refused(tmp_path: Path) -> None:
+    assert list(warnings_of(robot_of_text(tmp_path, PLAIN))) == []
+    said = {
+        "a placeholder": (Made(torque=1000.0).xml(), {}),
+        "masses in another unit": (Made(torque=0.5).xml(), {}),
+        "a model in millimetres": (
+            re.sub(
+                r'(pos|size)="([^"]*)"',
+                lambda m: f'{m[1]}="{" ".join(str(1e3 * float(v)) for v in m[2].split())}"',
+                PLAIN,
+            ),
+            {},
+        ),
+        "very little": (PLAIN, {"servo_damping": 0.01}),
+        "very much": (PLAIN, {"servo_damping": 500.0}),
+    }
+    for words, (model, figures) in said.items():
+        lines = list(warnings_of(robot_of_text(tmp_path, model, **figures)))
+        assert sum(words in line for line in lines) == 1, lines
+
+
+def test_the_robots_here_are_likely(tmp_path: Path) -> None:
+    for parameter in NAMED:
+        if not parameter.marks:
+            assert list(warnings_of(ROBOTS[str(parameter.values[0])])) == []
+    ratios = damping_ratios(ROBOTS["simple_quad"])
+    assert ratios.shape == (12,)
+    assert ((ratios > 0.5) & (ratios < 1.6)).all()
+
+
+def test_a_keyframe_is_read_with_the_signs_and_zeros_of_the_joints(tmp_path: Path) -> None:
+    stand = np.array([0.0, 0.8, -1.5] * 4)
+    for made in (Made(), Made(signs=(-1, -1, 1)), Made(signs=(-1, 1, -1), zeros=(0.1, 0.5, -0.9))):
+        own = np.tile(made.signs, 4) * (stand - np.tile(made.zeros, 4))
+        key = " ".join(map(str, (0.0, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0, *own)))
+        model = made.xml().replace("</mujoco>", f'<keyframe><key qpos="{key}"/></keyframe></mujoco>')
+        robot = robot_of_text(tmp_path, model)
+        height = 0.2 * np.cos(0.8) + 0.22 * np.cos(0.7)
+        assert robot.home_hip_height == pytest.approx(height)
