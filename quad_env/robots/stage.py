@@ -86,7 +86,9 @@ def _keep_masses(parts: Parts, model: Any, found: Anatomy) -> None:
     """Give each body the mass and inertia that it has in the compiled model."""
     for body in found.bodies:
         part = parts.bodies[body]
-        part.compiler.inertiafromgeom = 0
+        compiler = part.compiler
+        compiler.inertiafromgeom = compiler.balanceinertia = 0
+        compiler.boundmass = compiler.boundinertia = 0.0
         part.explicitinertial, part.fullinertia = True, np.full(6, np.nan)
         part.mass, part.inertia = model.body_mass[body], model.body_inertia[body]
         part.ipos, part.iquat, part.ialt.type = model.body_ipos[body], model.body_iquat[body], 0
