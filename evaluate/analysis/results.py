@@ -33,7 +33,7 @@ class PolicyErrors:
     episodes: int
     """Of the run."""
     first: str
-    """What the policy did in the first of them, such as `raised ValueError: …`."""
+    """What the policy did in the first of them, such as `raised ValueError: …`, in one line."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Results:
         for policy in self.policies:
             reasons = np.concatenate([failure_reasons(cell) for cell in self.cells if cell.policy == policy])
             if known := [reason for reason in reasons if reason is not None]:
-                found.append(PolicyErrors(policy, len(known), len(reasons), known[0]))
+                found.append(PolicyErrors(policy, len(known), len(reasons), " ".join(known[0].split())))
         return found
 
     @property

@@ -133,17 +133,6 @@ def _flat(top_speed: float) -> Scenario:
     return Scenario("flat", commands=replace(ranges, forward=forward, lateral=lateral, yaw_rate=yaw_rate))
 
 
-@_axis("commanded forward speed", "m/s", (0.2, 0.1, 0.05), nominal=0.2, scales=False)
-def _slow(speed: float) -> Scenario:
-    """Level ground, and always straight ahead at one slow speed: where a policy no longer moves is its dead zone.
-
-    Down to the 0.05 m/s above which the rule of success asks every robot to move. In single precision, in which
-    policies are shown commands and records keep them, 0.05 is 0.0500000007: the last level is just above.
-    """
-    check_positive("the speed", speed, "m/s")
-    return Scenario("slow", commands=CommandRanges.straight(speed))
-
-
 @_axis("impulse of each push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0, 140.0, 200.0), nominal=35.0)
 def _push(impulse: float) -> Scenario:
     """Two pushes an episode, at random times and in random directions."""
@@ -267,3 +256,14 @@ def _surprise(share: float) -> Scenario:
         noise=SensorNoise(0.1 * share),
         dropouts=Dropouts(duration=0.1 * share),
     )
+
+
+@_axis("commanded forward speed", "m/s", (0.2, 0.1, 0.05), nominal=0.2, scales=False)
+def _slow(speed: float) -> Scenario:
+    """Level ground, and always straight ahead at one slow speed: where a policy no longer moves is its dead zone.
+
+    Down to the 0.05 m/s above which the rule of success asks every robot to move. In single precision, in which
+    policies are shown commands and records keep them, 0.05 is 0.0500000007: the last level is just above.
+    """
+    check_positive("the speed", speed, "m/s")
+    return Scenario("slow", commands=CommandRanges.straight(speed))
