@@ -65,6 +65,7 @@ def walk(*stretches: tuple[int, float]) -> np.ndarray:
 def test_the_first_second_of_a_command_is_not_judged() -> None:
     assert judged(walk((100, -2.0), (400, 0.5), (100, -2.0), (400, 0.5))) == "succeeded"
     assert judged(walk((101, -120.0), (400, 0.5))) == "off command"
+    assert judged(walk((100, 0.0), (400, 0.26))) == "succeeded", "0.24 m/s off, where 0.25 are allowed"
 
 
 def test_every_interval_is_judged_by_itself_though_the_command_stays() -> None:

@@ -128,6 +128,7 @@ def test_an_interval_errs_in_a_fortieth_on_either_side_and_that_of_a_ratio_in_an
         failed = np.array([np.arange(30) < count for count in (0, fewer, 30 - fewer, 30)])
         found = breaking_point(severities, failed)
         assert (found.ci, found.wide) == (ci, wide)
+        assert bracket(failed) == (severities.tolist().index(ci[0]), severities.tolist().index(ci[1]))
 
 
 def test_the_next_level_halves_the_widest_gap_of_the_bracket() -> None:
