@@ -72,7 +72,7 @@ def png(drawn: "Figure") -> bytes:
 def outcomes(results: Results) -> "Figure":
     """What came of each policy's episodes, all scenarios together: a bar a policy, a piece an outcome, in per cent."""
     widest = max(text_width(short_name(name)) for name in results.policies)
-    drawn, axes = figure(0.95 + 0.26 * len(results.policies), margins=Margins(left=0.15 + widest, top=0.42))
+    drawn, axes = figure(1.1 + 0.26 * len(results.policies), margins=Margins(left=0.15 + widest, top=0.57))
     names = RULES[results.success_rule].outcomes
     for row, policy in enumerate(results.policies):
         counts = [summary.outcomes for (_, name), summary in results.summaries.items() if name == policy]
@@ -85,7 +85,7 @@ def outcomes(results: Results) -> "Figure":
     axes.set_ylim(len(results.policies) - 0.5, -0.5)
     axes.set(xlim=(0.0, 100.0), xlabel="episodes of all scenarios, %")
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=len(names), fontsize=6.5, frameon=False, handlelength=0.8,
+        loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=3, fontsize=6.5, frameon=False, handlelength=0.8,
         columnspacing=0.8, handletextpad=0.3,
     )  # fmt: skip
     return drawn
