@@ -3,19 +3,21 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.outcomes import outcomes
+from evaluate.measures.outcomes import DIVERGED, FELL, POLICY_ERROR, outcomes
 from evaluate.measures.tracking import SETTLING_TIME
 from evaluate.rollouts.observers import Step
 
 NOTHING_YET = "upright"
 """Said of a robot that cannot be judged yet and has not fallen."""
+POLICY_FAILED = "policy_failed"
+"""Info of a live session: whether each robot's policy has failed, (n,)."""
 
 
 class OutcomeSoFar:
-    """Observer that judges every robot by rule `success/1`, over the command intervals that lasted long enough.
+    """Observer that scores every robot by rule `success/2`, over the command intervals that lasted long enough.
 
     An interval is the time for which a command held, also one that was given by hand, but no longer than a drawn one
-    lasts; its first second is not judged.
+    lasts; its first second does not count.
     """
 
     def __call__(self, step: Step) -> None:
@@ -24,12 +26,14 @@ class OutcomeSoFar:
         if step.number == 0:
             self.begin(len(infos["command"]), env.dt, round(env.scenario.commands.interval / env.dt))
         else:
+            if POLICY_FAILED in infos:
+                self._failed |= infos[POLICY_FAILED] & ~(self._fell | self._diverged)
             self.add(infos["command"], infos["heading_velocity"], infos["fall"] > 0, infos["diverged"])
 
     def begin(self, count: int, dt: float, command_steps: int) -> None:
         """An episode of so many robots; control period, s; how many control steps a drawn command lasts."""
         self._settling, self._command_steps, self._number = round(SETTLING_TIME / dt), command_steps, 0
-        self._fell, self._diverged = np.zeros(count, bool), np.zeros(count, bool)
+        self._fell, self._diverged, self._failed = np.zeros((3, count), bool)
         self._commands: list[NDArray[np.float64]] = []
         self._sums: list[NDArray[np.float64]] = []
         self._steps: list[int] = []
@@ -42,6 +46,7 @@ class OutcomeSoFar:
         diverged: NDArray[np.bool_],
     ) -> None:
         """A control step: commands and velocities, (n, 3), heading frame; who is down, and whose simulation is lost."""
+        command = np.asarray(command, np.float32).astype(np.float64)  # as an evaluation records it
         if self._number % self._command_steps == 0 or not np.array_equal(command, self._commands[-1]):
             if self._steps and self._steps[-1] <= self._settling:
                 self._forget_latest()
@@ -59,22 +64,25 @@ class OutcomeSoFar:
         """Outcome of each robot, one of `OUTCOMES` with spaces; `NOTHING_YET` where nothing could be judged yet."""
         judged = [number for number, steps in enumerate(self._steps) if steps > self._settling]
         if not judged:
-            return ["diverged" if bad else "fell" if fell else NOTHING_YET for bad, fell in self._ends]
+            ended = {DIVERGED: self._diverged, POLICY_ERROR: self._failed, FELL: self._fell}
+            found = np.select(list(ended.values()), list(ended), NOTHING_YET)
+            return [_words(each) for each in found]
         steps = np.array([self._steps[number] - self._settling for number in judged])
         found = outcomes(
             fell=self._fell | self._diverged,
             diverged=self._diverged,
             stopped=np.zeros_like(self._fell),
+            failed=self._failed,
             commands=np.stack([self._commands[number] for number in judged], axis=1),
             velocities=np.stack([self._sums[number] for number in judged], axis=1) / steps[:, None],
             durations=steps.astype(np.float64),
         )
-        return [str(outcome).replace("_", " ") for outcome in found]
-
-    @property
-    def _ends(self) -> list[tuple[bool, bool]]:
-        return list(zip(self._diverged, self._fell, strict=True))
+        return [_words(each) for each in found]
 
     def _forget_latest(self) -> None:
         for kept in (self._commands, self._sums, self._steps):
             kept.pop()
+
+
+def _words(outcome: str) -> str:
+    return str(outcome).replace("_", " ")

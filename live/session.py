@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Observer, Step
+from live.outcome import POLICY_FAILED
 from policies.base import Actions, Policy, PolicyError
 from policies.gait import smoothstep
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -87,6 +88,7 @@ class Session:
         observation = self.latest.observation
         action = np.concatenate([self._action(robot, observation[[robot]]) for robot in range(len(self.policies))])
         observation, _, _, _, infos = self.env.step(action)
+        infos[POLICY_FAILED] = np.array([bool(failure_of(policy)) for policy in self.policies])
         self.latest = Step(self.latest.number + 1, self.env, action, observation, infos)
         self._observed()
         return self.latest
@@ -154,3 +156,9 @@ class Session:
     def _observed(self) -> None:
         for observer in self.observers:
             observer(self.latest)
+
+
+def failure_of(policy: Policy) -> str:
+    """Why a policy of a user's moves its one robot no longer, empty where it does."""
+    failure = getattr(policy, "failure", None)
+    return "" if failure is None else failure[0] or ""

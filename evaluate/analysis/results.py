@@ -7,18 +7,33 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from evaluate.analysis.breaking_points import AxisBreakingPoint, BreakingPointRatio, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, usual_baseline
 from evaluate.analysis.score import Score, scores
 from evaluate.analysis.sensitivity import Sensitivity, sensitivities
 from evaluate.analysis.summary import Summary, summarise
 from evaluate.analysis.training_seeds import spreads_as_json
+from evaluate.measures.outcomes import RULES, SUCCESS_1
 from evaluate.records.provenance import versions
-from evaluate.rollouts.experiment import Cell
+from evaluate.rollouts.experiment import Cell, failure_reasons
 from evaluate.rollouts.hardware import Hardware
 from policies.files import write_atomically
 
 SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class PolicyErrors:
+    """Episodes that a policy failed, by an exception, no answer in time or none that is finite."""
+
+    policy: str
+    failed: int
+    episodes: int
+    """Of the run."""
+    first: str
+    """What the policy did in the first of them, such as `raised ValueError: …`, in one line."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +66,21 @@ class Results:
         return _hardware(self.provenance)
 
     @property
+    def success_rule(self) -> str:
+        """Rule of success that the outcomes are by."""
+        return str(self.versions["success_rule"])
+
+    @property
+    def policy_errors(self) -> list[PolicyErrors]:
+        """Every policy that failed in an episode."""
+        found = []
+        for policy in self.policies:
+            reasons = np.concatenate([failure_reasons(cell) for cell in self.cells if cell.policy == policy])
+            if known := [reason for reason in reasons if reason is not None]:
+                found.append(PolicyErrors(policy, len(known), len(reasons), " ".join(known[0].split())))
+        return found
+
+    @property
     def policies(self) -> tuple[str, ...]:
         """Policies in the order of the run."""
         return tuple(dict.fromkeys(cell.policy for cell in self.cells))
@@ -79,19 +109,22 @@ def analyse(
     made_with = dict(provenance or {"versions": versions()})
     against = baseline or usual_baseline([cell.policy for cell in cells])
     robot, (points, ratios) = _hardware(made_with).quadruped, breaking_points(cells, against)
+    made_by = dict(made_with.pop("versions"))
+    made_by["success_rule"] = made_by.get("success_rule") or SUCCESS_1
+    names = RULES[made_by["success_rule"]].outcomes
     return Results(
         seed=seed,
         episodes=episodes,
         complete=complete,
         cells=tuple(cells),
         baseline=against,
-        summaries={(cell.scenario.name, cell.policy): summarise(cell, robot) for cell in cells},
+        summaries={(cell.scenario.name, cell.policy): summarise(cell, robot, names) for cell in cells},
         comparisons=tuple(compare(cells, against)),
         breaking_points=tuple(points),
         breaking_point_ratios=tuple(ratios),
         sensitivities=tuple(sensitivities(cells, robot)),
         scores=tuple(scores(cells, against)),
-        versions=made_with.pop("versions"),
+        versions=made_by,
         provenance=made_with,
     )
 
@@ -113,6 +146,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "versions": dict(results.versions),
         "provenance": {name: value for name, value in results.provenance.items() if name not in ("seed", "episodes")},
         "baseline": results.baseline,
+        "policy_errors": [asdict(each) for each in results.policy_errors],
         "scores": [asdict(each) for each in results.scores],
         "policies": policies,
         "training_seeds": spreads_as_json(results.cells),

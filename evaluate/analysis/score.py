@@ -1,6 +1,6 @@
 """The score of a policy: its mean success over the axes of a run, each axis and each of its severities alike.
 
-An episode has the same start and commands on every scenario, so that the episodes are what chance draws: intervals
+An episode has the same start and draws on every scenario, so that the episodes are what chance draws: intervals
 resample them, each with all of its scenarios, and differences are paired by episode.
 """
 

@@ -89,11 +89,12 @@ def _of_policy(cells: Sequence[Cell], robot: Robot) -> list[Sensitivity]:
 
 
 def _hardest(cells: Sequence[Cell], robot: Robot) -> Iterator[Cell]:
-    """The cell of the hardest severity of each axis but the undisturbed one; no scenario of a user's counts, whose
-    commands and starts may be others."""
+    """The cell of the hardest severity of each axis with the undisturbed commands, but the undisturbed one; no scenario
+    of a user's counts, whose commands and starts may be others."""
+    usual = scenarios_of(robot)[UNDISTURBED].commands
     for axis in axes_of(robot).values():
-        of_axis = [cell for cell in cells if axis.name != UNDISTURBED and _is_of(axis, cell.scenario)]
-        if of_axis:
+        of_axis = [cell for cell in cells if cell.scenario.commands == usual and _is_of(axis, cell.scenario)]
+        if of_axis and axis.name != UNDISTURBED:
             yield (min if axis.falling else max)(of_axis, key=lambda cell: cell.scenario.severity)
 
 

@@ -1,5 +1,6 @@
 """The figures of one cell: rates and means with their 95 % intervals."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,8 +72,8 @@ class Summary:
     """Response along each axis of the command."""
 
 
-def summarise(cell: Cell, robot: Robot) -> Summary:
-    """All figures of a cell of that robot."""
+def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> Summary:
+    """All figures of a cell of that robot, whose rule of success has those outcomes."""
     measures = cell.measures
     falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
     transport = total_cost_of_transport(measures, weight(robot, cell.scenario))
@@ -85,7 +86,7 @@ def summarise(cell: Cell, robot: Robot) -> Summary:
         successes=successes,
         success_rate=successes / cell.episodes,
         success_rate_ci=wilson_interval(successes, cell.episodes),
-        outcomes={name: int((measures.outcome == name).sum()) for name in OUTCOMES},
+        outcomes={name: int((measures.outcome == name).sum()) for name in outcomes},
         falls=falls,
         fall_rate=falls / cell.episodes,
         fall_rate_ci=wilson_interval(falls, cell.episodes),

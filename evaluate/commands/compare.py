@@ -23,7 +23,8 @@ from evaluate.analysis.comparison import (
     compare_samples,
 )
 from evaluate.analysis.results import without_nan
-from evaluate.measures.outcomes import SUCCEEDED
+from evaluate.measures.outcomes import SUCCEEDED, SUCCESS_1, SUCCESS_RULE
+from evaluate.records.episode_table import by_success_rule
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows, rows_of
 from evaluate.report.table import DIFFERENCES, console_table
@@ -68,6 +69,9 @@ def main(options: Options) -> int:
     if options.json is not None:
         make_folder_of(options.json, "--json")
     a, b = map(_read, (options.a, options.b))
+    rules = a[0].success_rule, b[0].success_rule
+    if rules[0] != rules[1]:
+        a, b = ((manifest, by_success_rule(rows, manifest.success_rule)) for manifest, rows in (a, b))
     pairs = _pairs(options, a[0], b[0])
     scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
     found = [_match(scenario, pair, a, b) for scenario in scenarios for pair in pairs]
@@ -76,7 +80,7 @@ def main(options: Options) -> int:
         raise UsageError(f"{options.a} and {options.b} have no scenario of these policies in common")
     console, changed = Console(), differences(a[0], b[0])
     console.print(_table(options, matches))
-    for line in (*_notes(matches), f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}"):
+    for line in (*_notes(matches, rules), f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}"):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
         _write(options, matches, changed, options.json)
@@ -161,14 +165,19 @@ def _shown(found: MetricDifference) -> str:
     return f"{value(found.difference)}\n{ends(found.ci)}\n{p_value(found.p_value)}"
 
 
-def _notes(matches: list[Match]) -> Iterator[str]:
-    """How the episodes were compared."""
+def _notes(matches: list[Match], rules: tuple[str, str]) -> Iterator[str]:
+    """How the episodes were compared, and by which rule of success where it is not today's in both."""
     if any(match.paired for match in matches):
         yield "paired by episode: same seeds on the same scenario (exact McNemar, sign-flip permutation)"
     for reason in dict.fromkeys(match.why_not for match in matches if not match.paired):
         yield f"unpaired, since {reason} (Barnard, permutation)"
     if same := sum(match.identical for match in matches):
         yield f"(=): the same to the bit in every episode; {same} of {len(matches)}"
+    if rules[0] != rules[1]:
+        old = "A" if rules[0] == SUCCESS_1 else "B"
+        yield f"success and outcomes of both by {SUCCESS_RULE}: {old} ran under {SUCCESS_1} and was rescored, exactly"
+    elif rules[0] != SUCCESS_RULE:
+        yield f"success and outcomes of both by {rules[0]}, the older rule that they ran under"
 
 
 def _write(options: Options, matches: list[Match], changed: list[str], path: Path) -> None:

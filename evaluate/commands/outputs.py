@@ -9,7 +9,6 @@ from typing import Any
 # Functions import the first three when they need them: here too, so that no interrupt comes in the middle of an import.
 import matplotlib.backends.backend_svg
 import matplotlib.figure  # noqa: F401
-import numpy as np
 import scipy.stats  # noqa: F401
 from rich.console import Console
 
@@ -20,9 +19,9 @@ from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
 from evaluate.report import junit, markdown
+from evaluate.report.notes import warnings
 from evaluate.report.page import write_report
 from evaluate.report.table import print_results
-from evaluate.rollouts.experiment import Cell, failure_reasons
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import counted
 from evaluate.terminal.launcher import silence_stdout
@@ -80,7 +79,6 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     verdicts = judge(ending.gates, results) if run.complete else []
     console = Terminal()
     failures = _tried("the table", partial(_print, results, verdicts, ending, console))
-    failures = failures or _tried("the table", partial(_print_failures, run.cells, console))
     if failures:
         console.on_broken_pipe()
     film = ending.film and run.complete
@@ -102,6 +100,8 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
 
 def _print(results: Results, verdicts: Sequence[Verdict], ending: Ending, console: Console) -> None:
     ending.show(results, console)
+    for line in warnings(results):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     for verdict in verdicts:
         if not verdict.passed:
             line = f"gate '{verdict.gate}' does not hold on {verdict.scenario}: {verdict.reason}"
@@ -109,15 +109,6 @@ def _print(results: Results, verdicts: Sequence[Verdict], ending: Ending, consol
     if verdicts and passed(verdicts):
         places = counted(len({verdict.scenario for verdict in verdicts}), "scenario")
         console.print(f"every gate holds, on {places}", highlight=False)
-
-
-def _print_failures(cells: Sequence[Cell], console: Console) -> None:
-    """A line for each policy that failed in some episodes."""
-    for policy in dict.fromkeys(cell.policy for cell in cells):
-        reasons = np.concatenate([failure_reasons(cell) for cell in cells if cell.policy == policy])
-        if found := [reason for reason in reasons if reason is not None]:
-            line = f"{policy} failed in {len(found)} of {counted(len(reasons), 'episode')}; in the first it {found[0]}"
-            console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _print_path(console: Console, path: Path) -> None:

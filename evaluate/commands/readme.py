@@ -15,6 +15,7 @@ import tyro
 from evaluate.analysis.results import with_nan
 from evaluate.analysis.score import Score
 from evaluate.commands.options import command
+from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.report.places import insert
 from evaluate.report.plots import drawing, success
 from evaluate.report.results_page import every_figure, newcomers_table, robots_table, scenarios_of
@@ -132,7 +133,9 @@ def _made_by(found: dict[str, Any]) -> str:
         "seed": found["seed"],
     }
     words = command(chosen | provenance.get("hardware", {}))
-    return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}."
+    rule = versions.get("success_rule") or SUCCESS_1
+    older = "" if rule == SUCCESS_RULE else f"; success by the older rule {rule}"
+    return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}{older}."
 
 
 def limited(labels: Iterable[str], only_on: Mapping[str, Sequence[str]]) -> tuple[str, ...]:

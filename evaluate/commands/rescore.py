@@ -39,7 +39,7 @@ class Options:
     rules: tuple[str, ...] = ("all",)
     """Names of fall rules: simple-quad/1, height-only, tilt-70, tilt-90, trunk-contact, non-foot-contact; or all."""
     success: tuple[str, ...] = ("all",)
-    """Names of rules of success: success/1, success-half, success-double, survival; or all."""
+    """Names of rules of success: success/2, success/1, success-half, success-double, survival; or all."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def _success(scenario: str, policy: str, rule: str, found: NDArray[np.object_]) 
         successes=successes,
         success_rate=successes / len(found),
         success_rate_ci=wilson_interval(successes, len(found)),
-        outcomes={name: int((found == name).sum()) for name in outcomes.OUTCOMES},
+        outcomes={name: int((found == name).sum()) for name in outcomes.RULES[rule].outcomes},
     )
 
 

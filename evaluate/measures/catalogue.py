@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from evaluate.measures import effort, footfalls, outcomes, pushes, residual_use, tracking
+from evaluate.measures import effort, footfalls, pushes, residual_use, tracking
+from evaluate.measures.outcomes import LEAST_SHARE, REFUSED, RULES, SUCCESS_RULE, SuccessRule
 
 Direction = Literal["less", "more", "neither"]
 Scope = Literal["whole episode", "while upright"]
@@ -38,11 +39,21 @@ UPRIGHT: Scope = "while upright"
 CAP, YAW_CAP = f"{tracking.VELOCITY_CAP:g} m/s", f"{tracking.YAW_RATE_CAP:g} rad/s"
 FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.SHORTEST_SWING:g} s"
 
+
+def outcome(rule: SuccessRule) -> Measure:
+    """The outcome by a rule of success."""
+    failed = "the policy raised, gave no answer in time or none that is finite"
+    names = f"{REFUSED}: {failed}, or" if REFUSED in rule.outcomes else f"policy_error: {failed}; stalled:"
+    formula = (
+        f"succeeded: {rule.words}; {names} upright and less than {100 * LEAST_SHARE:g} % of the commanded distance "
+        f"{'in such an interval or ' * rule.stalls}in all (of the turn where none was commanded), or stopped by a "
+        "safety layer; else off_command, fell or diverged"
+    )
+    return Measure("outcome", "outcome", "", "heading", formula, f"rule {rule.name}", "neither", WHOLE)
+
+
 MEASURES = (
-    Measure("outcome", "outcome", "", "heading",
-            f"succeeded: {outcomes.RULES[outcomes.SUCCESS_RULE].words}; refused: upright, and less than "
-            f"{100 * outcomes.REFUSING:g} % of the commanded way (of the turn where none was commanded), or stopped by "
-            "a safety layer; else off_command, fell or diverged", f"rule {outcomes.SUCCESS_RULE}", "neither", WHOLE),
+    outcome(RULES[SUCCESS_RULE]),
     Measure("fell", "falls", "", "", "the fall rule held, or the simulation diverged, before the time limit",
             "rule simple-quad/1", "less", WHOLE),
     Measure("diverged", "diverged", "", "", "MuJoCo warned of a bad state, or a state is not finite",

@@ -15,7 +15,7 @@ from evaluate.measures.at_rest import controlled_stops, motion_of
 from evaluate.measures.averages import Bools, Floats, upright_steps
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import footfalls
-from evaluate.measures.outcomes import REFUSED, RULES, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
+from evaluate.measures.outcomes import RULES, STALLED, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
 from evaluate.measures.pushes import pushes
 from evaluate.measures.tracking import SETTLING_TIME
 
@@ -77,9 +77,9 @@ class Measures:
         return np.asarray(self.outcome == SUCCEEDED)
 
     @property
-    def refused(self) -> Bools:
-        """Which episodes were refused, (n,)."""
-        return np.asarray(self.outcome == REFUSED)
+    def stalled(self) -> Bools:
+        """Which episodes stalled, (n,)."""
+        return np.asarray(self.outcome == STALLED)
 
 
 def measure(episodes: Episodes) -> Measures:
@@ -102,7 +102,7 @@ def measure(episodes: Episodes) -> Measures:
 
 
 def outcome(episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE]) -> NDArray[np.object_]:
-    """What came of each episode under a rule of success, one of `outcomes.OUTCOMES`, (n,)."""
+    """What came of each episode under a rule of success, one of the rule's outcomes, (n,)."""
     upright = upright_steps(episodes.fall_step, episodes.steps)
     return _outcome(episodes, upright, _tracking(episodes, upright)[0], rule)
 

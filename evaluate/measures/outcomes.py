@@ -1,8 +1,10 @@
 """Outcome of an episode: whether the robot did what it was asked to do, and if not, what became of it.
 
-By the rule `success/1` an episode succeeds if the robot neither fell nor diverged and in every command interval, after
-its first second, its mean planar velocity was within 0.15 m/s + 20 % of the command, and its mean yaw rate within
-0.15 rad/s + 20 %. A trace can be judged again by any of RULES.
+By the rule `success/2` an episode succeeds if the robot neither fell nor diverged and in every command interval, after
+its first second, its mean planar velocity was within 0.15 m/s + 20 % of the command, its mean yaw rate within
+0.15 rad/s + 20 %, and it did not stall: it covered at least a quarter of the commanded distance, along the command, if
+more than 0.05 m/s were commanded. Older results are by `success/1`: standing still could succeed within the tolerance,
+and `refused` was what is now `stalled` or `policy_error`. A trace can be scored by any of RULES.
 """
 
 from dataclasses import dataclass
@@ -12,11 +14,16 @@ from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, planar, quotient
 
-SUCCEEDED, OFF_COMMAND, REFUSED, FELL, DIVERGED = "succeeded", "off_command", "refused", "fell", "diverged"
-OUTCOMES = (SUCCEEDED, OFF_COMMAND, REFUSED, FELL, DIVERGED)
+SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR = "succeeded", "off_command", "stalled", "policy_error"
+FELL, DIVERGED, REFUSED = "fell", "diverged", "refused"
+OUTCOMES = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR, FELL, DIVERGED)
 """Every outcome; an episode has exactly one."""
-REFUSING = 0.25
-"""Share of the commanded way below which an upright robot has refused it."""
+OUTCOMES_1 = (SUCCEEDED, OFF_COMMAND, REFUSED, FELL, DIVERGED)
+"""Every outcome of the rule `success/1`."""
+LEAST_SHARE = 0.25
+"""Share of the commanded distance below which an upright robot has stalled."""
+MOVING = 0.05
+"""Commanded planar speed, m/s, above which a stalled interval is no success, whatever the tolerance."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +37,10 @@ class SuccessRule:
     """Yaw rate, rad/s."""
     share: float
     """Of the commanded planar velocity, or of the commanded yaw rate, on top of that."""
+    stalls: bool = True
+    """Whether a stalled interval is no success, though it is within tolerance."""
+    outcomes: tuple[str, ...] = OUTCOMES
+    """Every outcome by this rule."""
 
     @property
     def words(self) -> str:
@@ -37,9 +48,13 @@ class SuccessRule:
         if np.isinf(self.linear):
             return "upright to the end, whatever it was asked to do"
         share = f"{100.0 * self.share:g} % of the command"
+        moved = (
+            f"; and at least {100.0 * LEAST_SHARE:g} % of the commanded distance, along the command, in every interval "
+            f"that commands more than {MOVING:g} m/s"
+        )
         return (
             f"upright, and mean velocity within {self.linear:g} m/s + {share}, mean yaw rate within "
-            f"{self.angular:g} rad/s + {share}, in every command interval after its first second"
+            f"{self.angular:g} rad/s + {share}, in every command interval after its first second{moved * self.stalls}"
         )
 
     def deviations(self, commands: Floats, velocities: Floats) -> Floats:
@@ -54,20 +69,28 @@ class SuccessRule:
         )
         return np.maximum(off[0] / allowed[0], off[1] / allowed[1])
 
+    def stalled(self, commands: Floats, velocities: Floats) -> Bools:
+        """Which intervals are no success because the robot hardly moved in them, (n, k); both (n, k, 3)."""
+        speed = planar(commands)
+        along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)
+        return np.asarray(self.stalls & (speed > MOVING) & (along < LEAST_SHARE * speed))
+
     def on_command(self, commands: Floats, velocities: Floats) -> Bools:
-        """Which episodes kept to their command in every interval, (n,); both (n, k, 3), see `Measures`."""
-        return np.asarray((self.deviations(commands, velocities) <= 1.0).all(axis=1))
+        """Which episodes followed their command in every interval, (n,); both (n, k, 3), see `Measures`."""
+        within = self.deviations(commands, velocities) <= 1.0
+        return np.asarray((within & ~self.stalled(commands, velocities)).all(axis=1))
 
 
-SUCCESS_RULE = "success/1"
-"""The rule that an evaluation runs under."""
+SUCCESS_RULE, SUCCESS_1 = "success/2", "success/1"
+"""The rule that an evaluation runs under, and the one of results that name none."""
 RULES = {
     rule.name: rule
     for rule in (
         SuccessRule(SUCCESS_RULE, linear=0.15, angular=0.15, share=0.2),
+        SuccessRule(SUCCESS_1, linear=0.15, angular=0.15, share=0.2, stalls=False, outcomes=OUTCOMES_1),
         SuccessRule("success-half", linear=0.075, angular=0.075, share=0.1),
         SuccessRule("success-double", linear=0.3, angular=0.3, share=0.4),
-        SuccessRule("survival", linear=np.inf, angular=np.inf, share=0.0),
+        SuccessRule("survival", linear=np.inf, angular=np.inf, share=0.0, stalls=False),
     )
 }
 
@@ -92,7 +115,7 @@ def outcomes(
     durations: Floats | None = None,
     rule: SuccessRule = RULES[SUCCESS_RULE],
 ) -> NDArray[np.object_]:
-    """Outcome of each episode, one of OUTCOMES, (n,).
+    """Outcome of each episode, one of the rule's, (n,).
 
     Args:
         fell: which ended by the fall rule or a divergence, (n,).
@@ -104,16 +127,33 @@ def outcomes(
         durations: of the intervals, (k,); equal by default.
         rule: what counts as success.
     """
-    kept = rule.on_command(commands, velocities)
-    gone = share_of_way(commands, velocities, durations)
+    stalled = rule.stalled(commands, velocities).any(axis=1)
+    stalled |= share_of_way(commands, velocities, durations) < LEAST_SHARE
     out = np.full(len(fell), OFF_COMMAND, dtype=object)
-    out[(gone < REFUSING) | stopped] = REFUSED
-    out[kept] = SUCCEEDED
+    out[stalled | stopped] = STALLED
+    out[rule.on_command(commands, velocities)] = SUCCEEDED
     out[fell & ~stopped] = FELL
-    out[fell & stopped] = REFUSED
+    out[fell & stopped] = STALLED
     if failed is not None:
-        out[failed] = REFUSED
+        out[failed] = POLICY_ERROR
     out[diverged] = DIVERGED
+    if REFUSED in rule.outcomes:
+        out[(out == STALLED) | (out == POLICY_ERROR)] = REFUSED
+    return out
+
+
+def from_success_1(
+    found: NDArray[np.object_], *, failed: Bools, commands: Floats, velocities: Floats
+) -> NDArray[np.object_]:
+    """Outcomes by SUCCESS_RULE, (n,), of episodes whose outcomes by `success/1` are given; see `outcomes` for the rest.
+
+    Exact: `success/2` changes an outcome of `success/1` only in a stalled interval, and divides what was refused.
+    """
+    out = found.copy()
+    refused, upright = found == REFUSED, (found == SUCCEEDED) | (found == OFF_COMMAND)
+    out[upright & RULES[SUCCESS_RULE].stalled(commands, velocities).any(axis=1)] = STALLED
+    out[refused] = STALLED
+    out[refused & failed] = POLICY_ERROR
     return out
 
 

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures
-from evaluate.measures.outcomes import outcomes
+from evaluate.measures.outcomes import RULES, SUCCESS_1, SUCCESS_RULE, from_success_1, outcomes
 from evaluate.rollouts.experiment import Cell, failure_reasons
 from policies.files import write_atomically
 from quad_env.scenarios.named import Scenario
@@ -91,14 +91,32 @@ def read_table(path: Path, run: str | None = None) -> pa.Table:
 
 
 def _with_outcome(rows: pa.Table) -> pa.Table:
-    """Rows that were written before episodes had an outcome, with it; nothing is known of safety layers in them."""
+    """Rows that were written before episodes had an outcome, with that of `success/1`; they say nothing of safety
+    layers."""
     if not {"fell", "diverged", "commands", "mean_velocities"} <= set(rows.column_names):
         return rows
     fell, diverged = (_values(rows, name) for name in ("fell", "diverged"))
     commands, velocities = (_values(rows, name) for name in ("commands", "mean_velocities"))
     stopped = np.zeros(len(fell), np.bool_)
-    found = outcomes(fell=fell, diverged=diverged, stopped=stopped, commands=commands, velocities=velocities)
+    ended, rule = {"fell": fell, "diverged": diverged, "stopped": stopped}, RULES[SUCCESS_1]
+    found = outcomes(**ended, commands=commands, velocities=velocities, rule=rule)
     return rows.add_column(rows.column_names.index("fell"), "outcome", pa.array(found.tolist(), pa.string()))
+
+
+def by_success_rule(rows: pa.Table, rule: str) -> pa.Table:
+    """Rows of a run under that rule of success with the outcomes of SUCCESS_RULE, exactly; without outcomes where the
+    columns that it takes are missing."""
+    if rule == SUCCESS_RULE or "outcome" not in rows.column_names:
+        return rows
+    place = rows.column_names.index("outcome")
+    if not {"commands", "mean_velocities"} <= set(rows.column_names):
+        return rows.remove_column(place)
+    failed = np.zeros(len(rows), np.bool_)
+    if "failure" in rows.column_names:
+        failed = np.array([reason is not None for reason in rows.column("failure").to_pylist()], np.bool_)
+    commands, velocities = _values(rows, "commands"), _values(rows, "mean_velocities")
+    found = from_success_1(_values(rows, "outcome"), failed=failed, commands=commands, velocities=velocities)
+    return rows.set_column(place, rows.schema.field(place), pa.array(found.tolist(), pa.string()))
 
 
 def _array(values: NDArray[Any]) -> pa.Array:

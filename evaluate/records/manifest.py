@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.records.provenance import DIGEST, code_digest, cpu_model, model_of, policy_digest, versions
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
@@ -68,6 +69,11 @@ class Manifest:
             for policy in self.policies
             if scenario.name in self.only_on.get(policy, (scenario.name,))
         ]
+
+    @property
+    def success_rule(self) -> str:
+        """Rule of success that its outcomes are by."""
+        return self.versions.get("success_rule") or SUCCESS_1
 
     def begun(self) -> "Manifest":
         """With its fingerprint."""
@@ -131,6 +137,9 @@ def read(folder: Path) -> Manifest:
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no manifest of this version ({error})") from error
     hardware_of(manifest.hardware.robot, f"{path}: its robot")
+    if manifest.success_rule not in (SUCCESS_RULE, SUCCESS_1):
+        known = f"this version knows {SUCCESS_RULE} and {SUCCESS_1}"
+        raise UsageError(f"{path}: its success rule is {manifest.success_rule}; {known}")
     return manifest
 
 

@@ -1,5 +1,6 @@
 """`report.md`: the outcome for a pull request or a README, as Markdown that GitHub shows."""
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from evaluate.analysis.findings import PHRASES, UNSHOWN, findings_by_policy, hea
 from evaluate.analysis.gate_verdicts import Verdict, by_gate
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
-from evaluate.report.notes import extent
+from evaluate.report.notes import extent, warnings
 from evaluate.rollouts.hardware import words
 from evaluate.terminal.format import ABSENT, interval, number, share
 from policies.files import write_atomically
@@ -35,9 +36,15 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _head(results: Results) -> str:
     interrupted = "" if results.complete else "**Interrupted: this is the part that was done.**\n\n"
+    known = "".join(f"**{_plain(line)}.**\n\n" for line in warnings(results))
     first = "\n".join(f"- **{lead}** {' '.join(rest)}".rstrip() for lead, *rest in headline(results))
     how = f"seed {results.seed}; in brackets 95 % intervals.{words(results.hardware)}"
-    return f"## Evaluation\n\n{interrupted}{first}\n\n{extent(results)}; {how}"
+    return f"## Evaluation\n\n{interrupted}{known}{first}\n\n{extent(results)}; {how}"
+
+
+def _plain(text: str) -> str:
+    """A text of a user's, in which Markdown sees no marks of its own."""
+    return re.sub(r"([\\`*_<>\[\]])", r"\\\1", text)
 
 
 def _gates(verdicts: Sequence[Verdict]) -> Iterator[str]:

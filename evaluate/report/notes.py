@@ -2,6 +2,7 @@
 
 from evaluate.analysis.breaking_point_text import CAVEAT
 from evaluate.analysis.results import Results
+from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.terminal.format import counted, listed
 
 NOTES = (
@@ -28,6 +29,20 @@ NOTES = (
     f"{CAVEAT} What fewer and more are is shown by exact binomial tests.",
     "The intervals speak of episodes, not of training: another training seed gives another policy.",
 )
+
+
+def warnings(results: Results) -> list[str]:
+    """What a reader has to know first: policies with errors, and outcomes by an older rule of success."""
+    lines = [
+        f"{each.policy} failed in {each.failed} of {counted(each.episodes, 'episode')}; in the first it {each.first}"
+        for each in results.policy_errors
+    ]
+    if results.success_rule != SUCCESS_RULE:
+        lines.append(
+            f"Success is by the older rule {results.success_rule}, under which these episodes ran: standing still can "
+            f"succeed at slow commands. python -m evaluate rescore applies {SUCCESS_RULE} to an evaluation with traces"
+        )
+    return lines
 
 
 def extent(results: Results) -> str:

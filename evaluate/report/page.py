@@ -11,7 +11,7 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.footage import footage
 from evaluate.report.html import contents, fold, note, section
-from evaluate.report.notes import NOTES, extent
+from evaluate.report.notes import NOTES, extent, warnings
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.figures import policy_label
@@ -93,6 +93,7 @@ def render(
 def _head(results: Results, made_by: Origin) -> str:
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
+    warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in warnings(results))
     axes = listed([escape(axis.name) for axis in severity_axes(results.cells)])
     command, date = map(escape, made_by)
     begun = f", begun on {date}" if date else ""
@@ -148,7 +149,7 @@ def _notes(results: Results) -> str:
     return section(
         "How it was measured",
         f"<ul>{notes}</ul>",
-        fold("Every measure: unit, frame, formula, source", definitions(), printed=True),
+        fold("Every measure: unit, frame, formula, source", definitions(results.success_rule), printed=True),
         note(f"Made with {made_with}."),
         note("Beside this page: results.json (these figures), episodes.parquet (a row an episode)."),
     )

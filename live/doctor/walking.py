@@ -24,7 +24,7 @@ UNITS, ASIDE = ("m/s", "m/s", "rad/s"), ("ahead", "to the left", "of yaw rate")
 SECONDS, SETTLING = 4.0, 2.0
 """Of a walk, and until it is looked at."""
 OFF, SHARE = RULES[SUCCESS_RULE].linear, RULES[SUCCESS_RULE].share
-"""How far off the command is still on it, m/s or rad/s, as of success/1, and a share of the command more."""
+"""How far off the command is still on it, m/s or rad/s, as of the rule of success, and a share of the command more."""
 
 
 @dataclass(frozen=True)

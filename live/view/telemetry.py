@@ -8,6 +8,7 @@ import numpy as np
 from evaluate.film.commanded_path import headings
 from evaluate.rollouts.observers import Step
 from live.outcome import OutcomeSoFar
+from live.session import failure_of
 from policies.base import Policy
 from quad_env.config import FALL_REASONS
 from quad_env.task.rewards import REWARD
@@ -71,7 +72,7 @@ class Telemetry:
                 "velocity": _rounded(infos["heading_velocity"][number]),
                 "torque": round(float(np.abs(infos["joint_torque"][number]).max()) / self._torque_limit, 3),
                 "correction": _correction(policy),
-                "failure": _failure(policy),
+                "failure": failure_of(policy),
                 "rewards": {
                     name.removeprefix(REWARD): round(float(values[number]), 4)
                     for name, values in infos.items()
@@ -84,12 +85,6 @@ class Telemetry:
 
 def _rounded(values: Any) -> list[float]:
     return [round(float(value), 3) for value in values]
-
-
-def _failure(policy: Policy) -> str:
-    """Why a policy from elsewhere moves its robot no longer, empty where it does."""
-    failure = getattr(policy, "failure", None)
-    return "" if failure is None else failure[0] or ""
 
 
 def _correction(policy: Policy) -> float | None:

@@ -1,8 +1,9 @@
 """Axes of disturbance: one kind of trouble each, as scenarios from harmless to where robots fall.
 
 A severity is in the axis's own physical unit, its levels chosen for SimpleQuad: the last is one at which every shipped
-policy that walks falls in four of five episodes, or what is physically beyond, which is said at the axis. `push` is the
-axis at its nominal severity, `push:3` its third level; for another robot both are what is as hard for it, `axes_of`.
+policy that walks falls in four of five episodes, or what is physically beyond, which is said at the axis; on `slow`
+nobody falls. `push` is the axis at its nominal severity, `push:3` its third level; for another robot both are what is
+as hard for it, `axes_of`.
 """
 
 import math
@@ -48,6 +49,8 @@ class Axis:
     """Severity of the scenario that has the axis's bare name."""
     sentence: str = ""
     """What happens in its scenarios, in a sentence."""
+    scales: bool = True
+    """Whether its levels are others for another robot; `slow` goes by the rule of success, the same for every robot."""
 
     @property
     def falling(self) -> bool:
@@ -71,7 +74,7 @@ class Axis:
 
     def of(self, robot: Robot) -> "Axis":
         """The axis whose levels are as hard for that robot: see `scaled`."""
-        if robot == SIMPLE_QUAD:
+        if robot == SIMPLE_QUAD or not self.scales:
             return self
         larger = self._larger(robot)
         return replace(
@@ -86,7 +89,7 @@ class Axis:
         return self._larger(robot) * severity
 
     def _larger(self, robot: Robot) -> float:
-        return ratio(robot, self.unit) if self.unit in AS_THE_ROBOT else 1.0
+        return ratio(robot, self.unit) if self.scales and self.unit in AS_THE_ROBOT else 1.0
 
 
 AS_THE_ROBOT = "m/s", "N·s", "m", "N", "kg", "N·m"
@@ -101,13 +104,16 @@ def axes_of(robot: Robot) -> dict[str, Axis]:
     return {name: axis.of(robot) for name, axis in AXES.items()}
 
 
-def _axis(quantity: str, unit: str, levels: tuple[float, ...], nominal: float) -> Callable[[AtSeverity], AtSeverity]:
+def _axis(
+    quantity: str, unit: str, levels: tuple[float, ...], nominal: float, *, scales: bool = True
+) -> Callable[[AtSeverity], AtSeverity]:
     """Makes the function that follows an axis, which has the name that the function gives its scenarios and the first
     sentence of its docstring."""
 
     def add(at: AtSeverity) -> AtSeverity:
         name, told = at(nominal).name, " ".join((at.__doc__ or "").split())
-        AXES[name] = Axis(name, at, quantity, unit, levels, nominal, told.partition(". ")[0].rstrip(".") + ".")
+        sentence = told.partition(". ")[0].rstrip(".") + "."
+        AXES[name] = Axis(name, at, quantity, unit, levels, nominal, sentence, scales)
         return at
 
     return add
@@ -250,3 +256,14 @@ def _surprise(share: float) -> Scenario:
         noise=SensorNoise(0.1 * share),
         dropouts=Dropouts(duration=0.1 * share),
     )
+
+
+@_axis("commanded forward speed", "m/s", (0.2, 0.1, 0.05), nominal=0.2, scales=False)
+def _slow(speed: float) -> Scenario:
+    """Level ground, and always straight ahead at one slow speed: where a policy no longer moves is its dead zone.
+
+    Down to the 0.05 m/s above which the rule of success asks every robot to move. In single precision, in which
+    policies are shown commands and records keep them, 0.05 is 0.0500000007: the last level is just above.
+    """
+    check_positive("the speed", speed, "m/s")
+    return Scenario("slow", commands=CommandRanges.straight(speed))

@@ -179,7 +179,7 @@ def test_the_log_has_pushes_falls_and_commands_when_they_were(impulse: int, tmp_
     assert lines[1] == (pushed[0], "pushed")
     assert [at for at, line in lines if line.startswith("fell: ")][:1] == down[:1]
     assert bool(down) == (impulse > 100)
-    assert lines[-1] == (220, "outcome: fell" if down else "outcome: refused")
+    assert lines[-1] == (220, "outcome: fell" if down else "outcome: stalled")
 
 
 def test_the_outcome_is_that_of_an_evaluation(tmp_path: Path) -> None:

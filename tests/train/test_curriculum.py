@@ -28,6 +28,14 @@ def test_an_interval_is_judged_by_its_mean_velocity_once_the_next_command_comes(
         assert walk(intervals, 2, STILL, (0.0, 0.0, 0.0)) == [(True, kept), (False, True)]
 
 
+def test_standing_still_follows_no_command_to_move():
+    """0.1 m/s off, where 0.15 m/s + 20 % are allowed; at 0.04 m/s nothing more is asked."""
+    for speed, kept in ((0.1, False), (0.04, True)):
+        intervals = Intervals(1, DT)
+        walk(intervals, 15, speed * FORWARD, (0.0, 0.0, 0.0))
+        assert walk(intervals, 1, STILL, (0.0, 0.0, 0.0)) == [(True, kept)]
+
+
 def test_a_fall_is_an_interval_lost_at_once_and_a_new_episode_is_not_billed_for_the_last():
     intervals = Intervals(1, DT)
     walk(intervals, 15, FORWARD, (0.0, 0.0, 0.0))

@@ -176,13 +176,13 @@ def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Colle
 def judged(kind: str, rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
     """What parameters are worth on episodes of some `kind`, (its name, whose parameters, measures) each, likewise."""
     lines = [
-        f"| {kind} | parameters | succeeded | refused | falls | velocity error, m/s | mean velocity error, m/s "
+        f"| {kind} | parameters | succeeded | stalled | falls | velocity error, m/s | mean velocity error, m/s "
         "| yaw-rate error, rad/s |",
         "|---" * 8 + "|",
     ]
     for name, label, found in rows:
         errors = (found.velocity_error, found.mean_velocity_error, found.yaw_rate_error)
-        counts = " | ".join(f"{int(each.sum())}/{len(each)}" for each in (found.succeeded, found.refused, found.fell))
+        counts = " | ".join(f"{int(each.sum())}/{len(each)}" for each in (found.succeeded, found.stalled, found.fell))
         figures = " | ".join(f"{value.mean():.3f}" for value in errors)
         lines.append(f"| {name} | {label} | {counts} | {figures} |")
     return lines

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures, measure
-from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, REFUSED, RULES, SUCCEEDED, SUCCESS_RULE
+from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
 from evaluate.measures.tracking import VELOCITY_CAP
 from evaluate.rollouts.rollout import STEPS, run_each
 from policies.base import Floats, Policy
@@ -20,7 +20,7 @@ EXERCISES = (
 )
 """Scenarios of the search unless others are asked for, all of one weight: from where a trot succeeds to where it seldom
 does."""
-OUTCOME_COSTS = {SUCCEEDED: 0.0, OFF_COMMAND: 1.0, REFUSED: 1.5, FELL: 2.0, DIVERGED: 2.0}
+OUTCOME_COSTS = dict(zip(OUTCOMES, (0.0, 1.0, 1.5, 2.0, 2.0, 2.0), strict=True))
 """Cost of what came of an episode; what is graded on top adds up to less than to the next one."""
 DEVIATION_COST, ERROR_COST, OVERSPEED_COST = 0.25, 0.15, 0.1
 """Largest cost of what is graded: the worst command interval, the velocity error, and the share of joint readings above

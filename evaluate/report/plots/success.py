@@ -8,7 +8,7 @@ import numpy as np
 
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import Score
-from evaluate.measures.outcomes import OUTCOMES
+from evaluate.measures.outcomes import RULES
 from evaluate.report.plots.drawing import Margins, figure, short_name, style, text_width
 
 if TYPE_CHECKING:
@@ -20,11 +20,13 @@ ROW, COLUMN, GAP = 0.22, 0.3, 0.12
 COLOURS = {
     "succeeded": "#009E73",
     "off_command": "#F0E442",
+    "stalled": "#56B4E9",
     "refused": "#56B4E9",
+    "policy_error": "#CC79A7",
     "fell": "#D55E00",
     "diverged": "#000000",
 }
-"""Colour of each outcome."""
+"""Colour of each outcome; `refused` is of the rule success/1."""
 NAMES = ("nominal", "hard", "hardest")
 """Severities of a battery that has three of each axis."""
 
@@ -70,19 +72,20 @@ def png(drawn: "Figure") -> bytes:
 def outcomes(results: Results) -> "Figure":
     """What came of each policy's episodes, all scenarios together: a bar a policy, a piece an outcome, in per cent."""
     widest = max(text_width(short_name(name)) for name in results.policies)
-    drawn, axes = figure(0.95 + 0.26 * len(results.policies), margins=Margins(left=0.15 + widest, top=0.42))
+    drawn, axes = figure(1.1 + 0.26 * len(results.policies), margins=Margins(left=0.15 + widest, top=0.57))
+    names = RULES[results.success_rule].outcomes
     for row, policy in enumerate(results.policies):
         counts = [summary.outcomes for (_, name), summary in results.summaries.items() if name == policy]
-        totals = np.array([sum(each[outcome] for each in counts) for outcome in OUTCOMES], float)
+        totals = np.array([sum(each[outcome] for each in counts) for outcome in names], float)
         shares = 100.0 * totals / totals.sum()
-        for name, start, share in zip(OUTCOMES, np.cumsum(shares) - shares, shares, strict=True):
+        for name, start, share in zip(names, np.cumsum(shares) - shares, shares, strict=True):
             label = name.replace("_", " ") if row == 0 else None
             axes.barh(row, share, left=start, color=COLOURS[name], height=0.72, label=label)
     axes.set_yticks(range(len(results.policies)), [short_name(name) for name in results.policies])
     axes.set_ylim(len(results.policies) - 0.5, -0.5)
     axes.set(xlim=(0.0, 100.0), xlabel="episodes of all scenarios, %")
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=5, fontsize=6.5, frameon=False, handlelength=0.8,
+        loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=3, fontsize=6.5, frameon=False, handlelength=0.8,
         columnspacing=0.8, handletextpad=0.3,
     )  # fmt: skip
     return drawn

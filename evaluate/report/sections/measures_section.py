@@ -3,7 +3,8 @@
 from html import escape
 
 from evaluate.analysis.results import Results
-from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
+from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES, outcome
+from evaluate.measures.outcomes import RULES
 from evaluate.report.html import heading, note, table
 from evaluate.report.sections.figures import policy_label
 from evaluate.terminal.format import ABSENT
@@ -27,8 +28,8 @@ def figures_table(results: Results, scenario: str) -> str:
     return table(["measure", *(policy_label(results, policy) for policy in found)], rows)
 
 
-def definitions() -> str:
-    """The table of measures."""
+def definitions(success_rule: str) -> str:
+    """The table of measures, the outcome by that rule."""
     rows = (
         (
             f"{escape(m.title)}<small>{m.name}</small>",
@@ -38,7 +39,7 @@ def definitions() -> str:
             escape(m.source) or "this project",
             m.scope,
         )
-        for m in MEASURES
+        for m in (outcome(RULES[success_rule]), *MEASURES[1:])
     )
     heads = ("measure", "unit", "frame", "formula", "source", "over")
     return note(KEY) + table(heads, rows, "text")

@@ -72,6 +72,20 @@ def test_falls_have_the_interval_of_paired_shares(made_up_cell) -> None:
     assert falls.difference == pytest.approx((1 - 7) / 64)
     assert falls.ci == share_difference_interval(1, 7, 64)
     assert falls.improvement == pytest.approx(0.5 + (7 - 1) / 64 / 2)
+    assert falls.gain == pytest.approx((7 - 1) / 64)
+
+
+def test_more_success_is_an_improvement_and_more_falls_are_none(made_up_cell) -> None:
+    trot, a = NEVER.copy(), NEVER.copy()
+    trot[:9], a[7:10] = True, True
+    found = compare([made_up_cell("trot", trot), made_up_cell("a", a)])
+    success, falls = (next(c for c in found if c.metric == f"{name}_rate") for name in ("success", "fall"))
+    assert (success.difference, falls.difference) == (pytest.approx((7 - 1) / 64), pytest.approx((1 - 7) / 64))
+    assert success.ci == share_difference_interval(7, 1, 64)
+    assert success.gain == falls.gain > 0.0
+    assert success.improvement == falls.improvement == pytest.approx(0.5 + (7 - 1) / 64 / 2)
+    assert success.improvement_ci == falls.improvement_ci
+    assert success.improvement_ci[0] < success.improvement < success.improvement_ci[1]
 
 
 def test_no_fall_of_either_is_no_certainty(made_up_cell) -> None:

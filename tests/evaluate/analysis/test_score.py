@@ -9,6 +9,8 @@ from evaluate.analysis.results import analyse, as_json
 from evaluate.analysis.score import scores
 from evaluate.report.sections.success_section import success as section
 from evaluate.rollouts.battery import resolve
+from evaluate.statistics.intervals import bootstrap_interval, difference_interval
+from evaluate.statistics.significance import sign_flip_test
 
 COUNT = 40
 
@@ -41,6 +43,19 @@ def test_differences_are_paired_by_episode_and_the_best_comes_first(cells) -> No
     assert best.difference == pytest.approx((4 + 4) / 2 / COUNT)
     assert 0.0 < best.difference_ci[0] < best.difference < best.difference_ci[1]
     assert best.p_value < 0.01  # eight pairs, all of one sign
+
+
+def test_an_interval_resamples_episodes_each_with_all_of_its_scenarios(cells) -> None:
+    """The same ten episodes fall everywhere: thirty scenarios of them are no more evidence than one."""
+    everywhere = dict.fromkeys(("flat", "push", "push_3", "rough"), 10)
+    base, (found,) = np.arange(COUNT) < 20, scores(cells("trot", **everywhere), "trot")
+    succeeded = np.where(np.arange(COUNT) < 10, 0.0, 1.0)
+    assert found.ci == bootstrap_interval(succeeded)
+    both = cells("trot", **dict.fromkeys(everywhere, 20)) + cells("stand", **everywhere)
+    best = scores(both, "trot")[0]
+    assert best.policy == "stand"
+    assert best.difference_ci == difference_interval(succeeded - ~base)
+    assert best.p_value == sign_flip_test(succeeded - ~base)
 
 
 def test_a_severity_that_two_scenarios_have_counts_once(cells) -> None:

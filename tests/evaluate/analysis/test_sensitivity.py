@@ -42,6 +42,12 @@ def test_it_is_the_difference_to_the_undisturbed_episodes(run) -> None:
     assert effect_text(found).replace("\u00a0", " ") == "−25 points, +0.25 m/s"
 
 
+def test_other_commands_are_no_disturbance(run) -> None:
+    """Episodes of `slow` and of other levels of `flat` are other episodes than the undisturbed ones."""
+    others = {"flat_at_4": (20, 0.5), "slow": (20, -0.05), "slow_at_3": (20, -0.05)}
+    assert [found.axis for found in sensitivities(run(flat=(2, 0.0), push=(4, 0.1), **others))] == ["push"]
+
+
 def test_what_changes_no_bit_is_not_felt(run) -> None:
     (found,) = sensitivities(run(flat=(2, 0.0), noise=(2, 0.0)))
     assert not found.felt

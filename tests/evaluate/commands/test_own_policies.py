@@ -57,7 +57,7 @@ def test_it_is_judged_beside_ours_and_loses_its_own_episodes_alone(capsys, tmp_p
     assert f"{stops} failed in 2 of 2 episodes; in the first it gave no answer within 0.3 s" in printed
     found = rows(tmp_path / "out")
     assert [(row["outcome"], row["failure"]) for row in found[stops]] == [
-        ("refused", "gave no answer within 0.3 s")
+        ("policy_error", "gave no answer within 0.3 s")
     ] * 2
     assert [row["failure"] for row in found[walk] + found["trot"]] == [None] * 4
     for mine, theirs in zip(found[walk], found["trot"], strict=True):
@@ -121,8 +121,8 @@ def test_with_trust_a_model_of_stable_baselines3_is_judged(capsys, tmp_path) -> 
     assert row["failure"] is None
 
 
-@pytest.mark.parametrize(("reason", "outcome"), [(None, "succeeded"), ("raised", "refused")])
-def test_an_episode_that_the_policy_failed_is_refused_though_it_kept_to_its_command(reason, outcome) -> None:
+@pytest.mark.parametrize(("reason", "outcome"), [(None, "succeeded"), ("raised", "policy_error")])
+def test_an_episode_that_the_policy_failed_is_its_error_though_it_kept_to_its_command(reason, outcome) -> None:
     import numpy as np
 
     episodes = uneventful(SIMPLE_QUAD, 1000, failure=np.array([reason], dtype=object))

@@ -55,6 +55,8 @@ FOUND = {
     "policies": {"trot": {"scenarios": {"flat": CELL}}, "stand": {"scenarios": {"flat": CELL | {"fall_rate": 0.0}}}},
 }
 
+TODAY = {"success_rule": "success/2"}
+
 
 def written(tmp_path, found, more=None) -> tuple[str, str]:
     """README and page after the command."""
@@ -66,6 +68,12 @@ def written(tmp_path, found, more=None) -> tuple[str, str]:
     arguments = ["readme", results, "--readme", readme, "--page", page, *(["--more", others] if more else [])]
     assert main(arguments) == 0
     return files[0].read_text(), files[1].read_text()
+
+
+def test_figures_by_the_older_rule_of_success_say_so(tmp_path) -> None:
+    old, new = (written(tmp_path, FOUND | {"versions": FOUND["versions"] | more}) for more in ({}, TODAY))
+    assert all("Python 3.11.7; success by the older rule success/1." in text for text in old)
+    assert not any("success/" in text for text in new)
 
 
 def test_a_page_alone_leaves_the_readme_and_its_picture_as_they_are(tmp_path, monkeypatch) -> None:

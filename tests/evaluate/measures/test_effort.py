@@ -5,9 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+import policies
+import quad_env
+from evaluate.analysis.summary import summarise
 from evaluate.measures import effort, metrics, residual_use
 from evaluate.measures.averages import upright_mean, upright_share
-from evaluate.measures.episodes import blank, uneventful
+from evaluate.measures.episodes import blank, uneventful, weight
+from evaluate.rollouts import rollout
+from evaluate.rollouts.experiment import Cell
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 DT = 0.1
@@ -54,6 +59,19 @@ def energy() -> None:
 
 def cost_of_transport() -> None:
     assert measured("cost_of_transport", **BRAKING, **WALK, weight=140.0) == pytest.approx(280 / (140 * 2.0))
+
+
+def test_what_is_carried_is_weighed() -> None:
+    """A load of 5 kg, in the record of its episodes as in their summary."""
+    bare, loaded = quad_env.scenario("flat"), quad_env.scenario("payload=5")
+    assert weight(SIMPLE_QUAD, loaded) == pytest.approx((SIMPLE_QUAD.mass + 5.0) * 9.81)
+    seeds = np.arange(2)
+    masses = [rollout.run(policies.make("stand"), each, seeds, steps=20).weight / 9.81 for each in (bare, loaded)]
+    assert masses == pytest.approx([SIMPLE_QUAD.mass, SIMPLE_QUAD.mass + 5.0])
+    measures = metrics.measure(uneventful(SIMPLE_QUAD, STEPS, dt=DT, **BRAKING, **WALK))
+    cell = Cell("stand", loaded, seeds[:1], np.array([None], object), measures)
+    expected = 280 / (weight(SIMPLE_QUAD, loaded) * 2.0)
+    assert summarise(cell, SIMPLE_QUAD).cost_of_transport == pytest.approx(expected)
 
 
 def mechanical_power() -> None:

@@ -19,8 +19,9 @@ STEPS = 6
 UPRIGHT = {"height": 0.5, "tilt": 0.0, "trunk_contact": False, "leg_contact": False}
 FALLS = {
     "sound": ({}, ()),
-    "low": ({"height": 0.1}, (FALL_RULE, "height-only")),
+    "low": ({"height": 0.115}, (FALL_RULE, "height-only")),
     "crouching": ({"height": 0.13}, ("height-only",)),
+    "crouching less": ({"height": 0.15}, ()),  # above 0.267 of 0.54 m, its height at home; its legs are of 0.6 m
     "leaning": ({"tilt": np.deg2rad(71)}, (FALL_RULE, "tilt-70")),
     "upside down": ({"tilt": np.deg2rad(91)}, (FALL_RULE, "tilt-70", "tilt-90")),
     "on its belly": ({"trunk_contact": True}, (FALL_RULE, "trunk-contact", "non-foot-contact")),

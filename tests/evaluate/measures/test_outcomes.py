@@ -7,7 +7,17 @@ import pytest
 
 import policies
 from evaluate.measures.metrics import measure, outcome
-from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE, outcomes, share_of_way
+from evaluate.measures.outcomes import (
+    MOVING,
+    OUTCOMES,
+    OUTCOMES_1,
+    RULES,
+    SUCCESS_1,
+    SUCCESS_RULE,
+    from_success_1,
+    outcomes,
+    share_of_way,
+)
 from evaluate.rollouts.rollout import run
 from policies.base import Policy
 from policies.safety import Safe
@@ -33,11 +43,24 @@ def judged(commands, velocities, **changes):
         ((0.0, 0.0, 1.0), (0.0, 0.0, 0.66), "succeeded"),
         ((0.0, 0.0, 1.0), (0.0, 0.0, 1.36), "off_command"),
         ((0.0, 0.0, 1.0), (0.16, 0.0, 1.0), "off_command"),
-        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.24), "refused"),  # the turn stands in for the way
+        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.24), "stalled"),  # the turn stands in for the way
         ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), "succeeded"),
-        ((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), "off_command"),  # nothing was asked that could be refused
+        ((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), "off_command"),  # nothing was asked in which it could stall
         ((1.0, 0.0, 0.0), (0.26, 0.0, 0.0), "off_command"),
-        ((1.0, 0.0, 0.0), (0.24, 0.9, 0.0), "refused"),  # the way counts along the command
+        ((1.0, 0.0, 0.0), (0.24, 0.9, 0.0), "stalled"),  # the way counts along the command
+        # Within 0.15 m/s + 20 % of the command, though it hardly moved.
+        ((0.1, 0.0, 0.0), (0.0, 0.0, 0.0), "stalled"),
+        ((0.0, -0.1, 0.0), (0.0, -0.024, 0.0), "stalled"),
+        ((0.0, -0.1, 0.0), (0.0, -0.026, 0.0), "succeeded"),
+        ((0.06, 0.08, 0.0), (0.08, -0.06, 0.0), "stalled"),  # 0.1 m/s, but across the command
+        ((-0.2, 0.0, 0.0), (-0.01, 0.0, 0.0), "stalled"),
+        ((0.2, 0.0, 1.0), (0.04, 0.0, 1.0), "stalled"),  # no turn stands in for the way
+        # No more than 0.05 m/s: to stand is within tolerance.
+        ((0.05, 0.0, 0.0), (0.0, 0.0, 0.0), "succeeded"),
+        ((0.03, -0.04, 0.1), (0.0, 0.0, 0.0), "succeeded"),
+        ((np.nextafter(0.05, 1.0), 0.0, 0.0), (0.0, 0.0, 0.0), "stalled"),
+        ((0.04, 0.0, 1.0), (0.0, 0.0, 0.0), "stalled"),  # off its command, and it did nothing
+        ((0.04, 0.0, 1.0), (0.02, 0.0, 0.0), "off_command"),
     ],
 )
 def test_the_rule_by_hand(command, velocity, expected):
@@ -54,10 +77,15 @@ def test_deviations_are_told_in_what_is_allowed():
 def test_every_interval_has_to_be_followed_and_the_way_is_that_of_all():
     forward, still = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     assert judged([forward, still], [forward, still]) == "succeeded"
-    assert judged([forward, forward], [forward, still]) == "off_command"  # half of the way
-    assert judged([forward] * 5, [forward, *[still] * 4]) == "refused"  # a fifth of it
-    long_first = np.array([4.0, 1.0])
-    assert judged([forward] * 2, [still, forward], durations=long_first) == "refused"
+    # Its deviations are 0.8 and 1.1 of what is allowed: within it in the mean, but not in every interval.
+    assert judged([forward] * 2, [(1.0 - 0.8 * 0.35, 0.0, 0.0), (1.0 - 1.1 * 0.35, 0.0, 0.0)]) == "off_command"
+    assert judged([forward, forward], [forward, still]) == "stalled"  # one interval is enough
+    assert judged([(0.1, 0.0, 0.0), still], [still, still]) == "stalled"
+    round_, long_first = (0.0, 0.0, 1.0), np.array([4.0, 1.0])
+    assert judged([round_] * 5, [round_, *[still] * 4]) == "stalled"  # a fifth of the turn
+    assert judged([round_] * 4, [round_, *[still] * 3]) == "off_command"
+    assert judged([round_] * 2, [still, round_], durations=long_first) == "stalled"
+    assert judged([round_] * 2, [still, round_], durations=long_first[::-1]) == "off_command"
     assert share_of_way(np.array([[forward] * 2]), np.array([[still, forward]]), long_first) == pytest.approx([0.2])
 
 
@@ -67,21 +95,46 @@ def test_falls_divergences_and_stops_come_before_everything_else():
     assert judged(*well, fell=yes) == "fell"
     assert judged(*lost, fell=yes) == "fell"
     assert judged(*lost, fell=yes, diverged=yes) == "diverged"
-    assert judged(*lost, fell=yes, stopped=yes) == "refused"
-    assert judged([(1.0, 0.0, 0.0)], [(0.5, 0.0, 0.0)], stopped=yes) == "refused"
+    assert judged(*lost, fell=yes, stopped=yes) == "stalled"
+    assert judged([(1.0, 0.0, 0.0)], [(0.5, 0.0, 0.0)], stopped=yes) == "stalled"
+    assert judged(*well, failed=yes) == "policy_error"
+    assert judged(*lost, fell=yes, failed=yes) == "policy_error", "the policy failed before the fall"
+    assert judged(*lost, fell=yes, diverged=yes, failed=yes) == "diverged"
 
 
-def test_an_outcome_is_one_of_five_whatever_happened():
+def anything(count=2000):
+    """Arguments of `outcomes` for episodes to which anything happened, at slow commands as well as fast ones."""
     generator = np.random.default_rng(0)
-    truths = dict(zip(("fell", "diverged", "stopped"), generator.random((3, 500)) < 0.3, strict=True))
+    truths = dict(zip(("fell", "diverged", "stopped", "failed"), generator.random((4, count)) < 0.2, strict=True))
     truths["fell"] |= truths["diverged"]
-    commands = generator.normal(size=(500, 2, 3))
-    velocities = commands * generator.uniform(0.0, 1.2, (500, 1, 1))
-    found = outcomes(
-        **truths, commands=commands, velocities=np.where(truths["fell"][:, None, None], np.nan, velocities)
-    )
+    commands = generator.normal(size=(count, 2, 3)) * generator.choice((0.0, 0.05, 0.2, 1.0), (count, 2, 1))
+    velocities = commands * generator.uniform(0.0, 1.2, (count, 2, 1))
+    velocities = np.where(truths["fell"][:, None, None], np.nan, velocities)
+    return truths | {"commands": commands, "velocities": velocities, "durations": np.array([4.0, 3.0])}
+
+
+def test_an_outcome_is_one_of_the_rules_whatever_happened():
+    episodes = anything()
+    found = outcomes(**episodes)
     assert set(found) == set(OUTCOMES)
-    assert (np.isin(found, ("fell", "diverged")) | ~truths["fell"] | truths["stopped"]).all()
+    assert set(outcomes(**episodes, rule=RULES[SUCCESS_1])) == set(OUTCOMES_1)
+    fell = np.isin(found, ("fell", "diverged", "policy_error")) | ~episodes["fell"] | episodes["stopped"]
+    assert fell.all()
+    over = np.hypot(*np.moveaxis(episodes["commands"][..., :2], -1, 0)) > MOVING
+    still = outcomes(**episodes | {"velocities": np.zeros_like(episodes["velocities"])})
+    assert not (over.any(axis=1) & (still == "succeeded")).any(), "standing still is a success nowhere"
+    assert ((~over).all(axis=1) & (still == "succeeded")).any()
+
+
+def test_outcomes_by_success_1_give_those_by_success_2_exactly():
+    episodes = anything()
+    old, new = (outcomes(**episodes, rule=RULES[name]) for name in (SUCCESS_1, SUCCESS_RULE))
+    known = {"failed": episodes["failed"], "commands": episodes["commands"], "velocities": episodes["velocities"]}
+    np.testing.assert_array_equal(from_success_1(old, **known), new)
+    assert ((old == "succeeded") & (new == "stalled")).any()
+    assert ((old == "off_command") & (new == "stalled")).any()
+    assert set(new[old == "refused"]) == {"stalled", "policy_error"}
+    assert (old[new == "succeeded"] == "succeeded").all()
 
 
 class Told(Policy):
@@ -125,14 +178,26 @@ class Stopped(Safe):
     ("policy", "forward", "expected"),
     [
         (lambda: policies.make("trot"), 1.0, "succeeded"),
-        (lambda: policies.make("stand"), 1.0, "refused"),
+        (lambda: policies.make("stand"), 1.0, "stalled"),
+        (lambda: policies.make("stand"), 0.1, "stalled"),
+        (lambda: policies.make("stand"), 0.0, "succeeded"),
         (lambda: Told(share=0.7), 2.4, "off_command"),
         (lambda: Told(sideways=0.25), 0.0, "off_command"),
         (lambda: Told(sideways=0.25), 0.4, "off_command"),
         (lambda: Told(until=920), 0.5, "fell"),
-        (lambda: Stopped(policies.make("trot")), 0.5, "refused"),
+        (lambda: Stopped(policies.make("trot")), 0.5, "stalled"),
     ],
-    ids=("trot", "stands still", "30 % too slow", "drifts on the spot", "drifts", "falls late", "stopped"),
+    ids=(
+        "trot",
+        "stands still",
+        "stands still at a slow command",
+        "stands",
+        "30 % too slow",
+        "drifts on the spot",
+        "drifts",
+        "falls late",
+        "stopped",
+    ),
 )
 def test_planted_policies_get_their_outcome(policy, forward, expected):
     episodes = run(policy(), asked(forward), SEEDS)
@@ -142,7 +207,7 @@ def test_planted_policies_get_their_outcome(policy, forward, expected):
         assert ((found.fall_time > 9.8) & (found.fall_time < 10.0)).all()
         survived = outcome(episodes, RULES["survival"])
         assert (survived == "fell").all()
-    if expected == "refused":
+    if expected == "stalled":
         np.testing.assert_array_equal(outcome(episodes, RULES["survival"]) == "succeeded", ~found.fell)
 
 

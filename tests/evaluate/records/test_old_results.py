@@ -9,10 +9,12 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 
 from evaluate.__main__ import main
 from evaluate.records import manifest, provenance
+from evaluate.records.episode_table import read_table, write_table
 from evaluate.records.store import read_run
 
 OLD = Path(__file__).parents[2] / "data" / "results_of_2c74e47"
@@ -43,6 +45,44 @@ def test_their_report_has_the_figures_that_it_had(folder, capsys) -> None:
     now = json.loads((folder / "results.json").read_text())["policies"]
     for policy, scenario, name in (("trot", "slope:6", "falls"), ("document_repaired", "push", "velocity_error")):
         assert now[policy]["scenarios"][scenario][name] == then[policy]["scenarios"][scenario][name]
+
+
+def test_they_keep_the_rule_of_success_that_they_ran_under_and_say_so(folder, capsys) -> None:
+    assert main(["report", str(folder), "--no-film"]) == 0
+    said = "Success is by the older rule success/1, under which these episodes ran"
+    assert said in " ".join(capsys.readouterr().out.split())
+    assert all(said in (folder / name).read_text() for name in ("report.md", "report.html"))
+    found = json.loads((folder / "results.json").read_text())
+    assert found["versions"]["success_rule"] == "success/1"
+    outcomes = found["policies"]["trot"]["scenarios"]["flat"]["outcomes"]
+    assert list(outcomes) == ["succeeded", "off_command", "refused", "fell", "diverged"]
+    assert sum(outcomes.values()) == 3
+
+
+def test_outcomes_of_another_rule_are_compared_by_todays(run, tmp_path, capsys) -> None:
+    """The same episodes, as success/1 called them: standing was refused, or a success where little was asked."""
+    old = shutil.copytree(run.folder, tmp_path / "old")
+    found = replace(manifest.read(old), versions=provenance.versions() | {"success_rule": "success/1"}).begun()
+    found.write(old)
+    rows = read_table(old / "episodes.parquet")
+    names = ["refused" if name == "stalled" else name for name in rows.column("outcome").to_pylist()]
+    assert "refused" in names
+    place = rows.column_names.index("outcome")
+    write_table(rows.set_column(place, "outcome", pa.array(names)), old / "episodes.parquet", found.fingerprint)
+    for pair, which in (((old, run.folder), "A"), ((run.folder, old), "B")):
+        assert main(["compare", *map(str, pair)]) == 0
+        said = " ".join(capsys.readouterr().out.split())
+        assert f"by success/2: {which} ran under success/1 and was rescored, exactly" in said
+        assert "success_rule was" in said
+        assert "6 of 6" in said
+    assert main(["compare", str(old), str(old)]) == 0
+    assert "success and outcomes of both by success/1, the older rule" in " ".join(capsys.readouterr().out.split())
+    row = names.index("refused")
+    assert main(["replay", str(old), str(row)]) == 0
+    assert "identical to the bit" in capsys.readouterr().out
+    replace(found, versions=found.versions | {"success_rule": "success/9"}).begun().write(old)
+    assert main(["report", str(old), "--no-film"]) == 2
+    assert "its success rule is success/9; this version knows success/2 and success/1" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("policy", "scenario"), [("trot", "slope:6"), ("document_repaired", "push")])
@@ -78,4 +118,8 @@ def test_their_traces_are_scored_again(folder, capsys) -> None:
     scored = json.loads((folder / "rescored.json").read_text())["policies"]
     assert list(scored) == ["document_repaired"]
     assert scored["document_repaired"]["scenarios"]["push"]["simple-quad/1"]["episodes"] == 3
+    by_rule = json.loads((folder / "rescored.json").read_text())["success"]["policies"]["document_repaired"]
+    outcomes = {name: set(of["outcomes"]) for name, of in by_rule["scenarios"]["push"].items()}
+    assert outcomes["success/1"] - outcomes["success/2"] == {"refused"}
+    assert outcomes["success/2"] - outcomes["success/1"] == {"stalled", "policy_error"}
     assert "push" in capsys.readouterr().out

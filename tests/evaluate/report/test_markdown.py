@@ -1,10 +1,17 @@
 """report.md: the outcome first, gates by name, figures folded."""
 
 import dataclasses
+from html import escape
+from pathlib import Path
+
+import numpy as np
 
 from evaluate.analysis.gate_verdicts import judge
 from evaluate.analysis.gates import parse
+from evaluate.analysis.results import analyse, as_json
+from evaluate.measures.outcomes import OUTCOMES, OUTCOMES_1
 from evaluate.report.markdown import render
+from evaluate.report.page import render as report_page
 
 
 def test_the_outcome_comes_first_and_figures_are_folded(made) -> None:
@@ -29,6 +36,47 @@ def test_a_failed_gate_says_where_and_why(made) -> None:
     text = render(made, verdicts).replace("\u00a0", " ")
     assert "- `other falls <= trot`: failed on 1 of 6 scenarios\n  - rough: 55 % against 5.0 % of trot" in text
     assert "- `trot diverged <= 0`: passed" in text
+
+
+def failing(made):
+    """The same, but other raised in its second episode on flat and in the first two on rough."""
+    cells = []
+    for cell in made.cells:
+        failure = np.full(cell.episodes, None, dtype=object)
+        if cell.policy == "other" and cell.scenario.name in ("flat", "rough"):
+            failure[cell.scenario.name == "flat" : 2] = "raised ValueError: a_b <c>\nsecond line"
+        cells.append(dataclasses.replace(cell, failure=failure))
+    return dataclasses.replace(made, cells=tuple(cells))
+
+
+def test_a_policy_with_errors_is_named_at_the_top_of_every_report(made) -> None:
+    results = failing(made)
+    line = "other failed in 3 of 240 episodes; in the first it raised ValueError: a_b <c> second line"
+    text = render(results)
+    assert line in text.replace("\\", "")
+    assert "a\\_b \\<c\\>" in text
+    assert text.index("other failed in") < text.index("succeeds more often")
+    page = report_page(results, Path())
+    assert f'<p class="warning">{escape(line)}.</p>' in page
+    assert page.index("other failed in") < page.index("<section")
+    assert as_json(results)["policy_errors"] == [
+        {"policy": "other", "failed": 3, "episodes": 240, "first": "raised ValueError: a_b <c> second line"}
+    ]
+    assert "failed in" not in render(made) + report_page(made, Path())
+    assert as_json(made)["policy_errors"] == []
+
+
+def test_outcomes_by_the_older_rule_are_said_to_be(made) -> None:
+    old = analyse(made.cells, seed=0, episodes=40, complete=True, provenance={"versions": {}})
+    assert old.success_rule == "success/1"
+    assert set(old.summaries["flat", "trot"].outcomes) == set(OUTCOMES_1)
+    assert set(made.summaries["flat", "trot"].outcomes) == set(OUTCOMES)
+    for shown, says in ((old, True), (made, False)):
+        page = report_page(shown, Path())
+        for text in (render(shown), page):
+            assert ("Success is by the older rule success/1" in text) == says
+        assert ("rule success/1" in page.split("Every measure: unit")[-1]) == says
+        assert ("rule success/2" in page.split("Every measure: unit")[-1]) != says
 
 
 def test_an_interrupted_run_says_so(made) -> None:

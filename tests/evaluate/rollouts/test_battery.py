@@ -73,6 +73,7 @@ def test_the_default_battery_has_every_axis_at_its_nominal_severity_and_the_next
     assert found["push"] == [35.0, 50.0, 65.0]
     assert found["slippery"] == [0.4, 0.2, 0.1]
     assert found["surprise"] == [1.0, 1.5, 2.0]
+    assert found["slow"] == [0.2, 0.1, 0.05]
     assert {len(severities) for severities in found.values()} == {3}
 
 

@@ -211,5 +211,5 @@ def test_a_failure_of_the_policy_counts_unless_the_robot_has_fallen_before() -> 
         episodes = rollout.run(Failing(call), PUSHED, seeds, steps=STEPS)
         assert counts.sum() > 0
         np.testing.assert_array_equal(episodes.failed, counts)
-        assert set(measure(episodes).outcome[counts]) == {"refused"}
+        assert set(measure(episodes).outcome[counts]) == {"policy_error"}
     assert not run().failed.any()

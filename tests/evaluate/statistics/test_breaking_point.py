@@ -117,6 +117,20 @@ def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
     assert bracket(failed[2:5]) == (-1, 3)
 
 
+def test_an_interval_errs_in_a_fortieth_on_either_side_and_that_of_a_ratio_in_an_eightieth() -> None:
+    """Of 30 episodes: P(at most 10) = 0.049, P(at most 9) = 0.021 and P(at most 8) = 0.008 if half of all fall."""
+    severities = np.array([20.0, 35.0, 50.0, 65.0])
+    for fewer, ci, wide in (
+        (10, (20.0, 65.0), (20.0, 65.0)),
+        (9, (35.0, 50.0), (20.0, 65.0)),
+        (8, *2 * [(35.0, 50.0)]),
+    ):
+        failed = np.array([np.arange(30) < count for count in (0, fewer, 30 - fewer, 30)])
+        found = breaking_point(severities, failed)
+        assert (found.ci, found.wide) == (ci, wide)
+        assert bracket(failed) == (severities.tolist().index(ci[0]), severities.tolist().index(ci[1]))
+
+
 def test_the_next_level_halves_the_widest_gap_of_the_bracket() -> None:
     severities = np.geomspace(1.0, 256.0, 9)
     failed = np.array([np.arange(20) < count for count in (0, 20)])

@@ -6,7 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from evaluate.measures.outcomes import MOVING
+from quad_env import OBSERVATION
 from quad_env.config import CommandRanges, StartNoise
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
@@ -18,14 +21,14 @@ from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
 ISSUE = (
     "flat push rough force slope stairs gravel soft slippery payload weak_motors slow_motors latency noise dropout "
-    "surprise"
+    "surprise slow"
 )
 
 
 def test_each_axis_has_levels_in_order_and_a_nominal_scenario_within() -> None:
     assert sorted(AXES) == sorted(SCENARIOS) == sorted(ISSUE.split())
     for name, axis in AXES.items():
-        assert len(set(axis.levels)) >= 5
+        assert len(set(axis.levels)) >= (3 if name == "slow" else 5)
         assert list(axis.levels) in (sorted(axis.levels), sorted(axis.levels, reverse=True))
         assert min(axis.levels) <= axis.nominal <= max(axis.levels)
         nominal = SCENARIOS[name]
@@ -40,6 +43,21 @@ def test_no_two_severities_of_an_axis_are_the_same_scenario() -> None:
     for axis in AXES.values():
         bare = {axis.at(severity) for severity in axis.levels}
         assert len(bare) == len(axis.levels)
+
+
+def test_slow_goes_straight_ahead_down_to_where_the_rule_of_success_begins() -> None:
+    """Every level is above MOVING as policies see and records hold it, so that no level is one on which to stand."""
+    axis = AXES["slow"]
+    assert (axis.levels, axis.falling, axis.nominal) == ((0.2, 0.1, 0.05), True, 0.2)
+    for number, speed in enumerate(axis.levels, 1):
+        env = SimpleQuadVectorEnv(2, scenario=axis.level(number), max_episode_steps=None)
+        observation, _ = env.reset(seed=4)
+        np.testing.assert_array_equal(observation[:, OBSERVATION["command"]], np.float32([[speed, 0.0, 0.0]] * 2))
+        assert float(observation[0, OBSERVATION["command"].start]) > MOVING
+        env.close()
+    assert axis.level(1).terrain == SCENARIOS["flat"].terrain
+    with pytest.raises(ValueError, match="the speed must be finite and more than 0 m/s"):
+        axis.at(0.0)
 
 
 def test_the_first_three_scenarios_are_as_ever() -> None:
@@ -68,7 +86,7 @@ def test_a_disturbance_shifts_no_other_draw() -> None:
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) -> None:
-    scenario = AXES[name].level(4)
+    scenario = AXES[name].level(min(4, len(AXES[name].levels)))
     simulation = Simulation(SIMPLE_QUAD, scenario, 16, 1, 100.0)
     simulation.reset(np.arange(16), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(16)]))
     for robot in range(16):

@@ -69,7 +69,7 @@ def own(robot: Robot, of: Scenario) -> dict[str, float]:
     return {name: value / by.get(name, robot.leg_length) for name, value in everything(of).items()}
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", [name for name, axis in AXES.items() if axis.scales])
 def test_every_level_is_as_hard_for_a_small_robot(axis: str, small: Robot) -> None:
     for number in range(1, len(AXES[axis].levels) + 1):
         ours, theirs = AXES[axis].level(number), axes_of(small)[axis].level(number)
@@ -85,11 +85,18 @@ def test_every_level_is_as_hard_for_a_small_robot(axis: str, small: Robot) -> No
 def test_severities_are_physical(axis: str, small: Robot) -> None:
     ours, theirs = AXES[axis], axes_of(small)[axis]
     ratio = theirs.level(2).severity / ours.level(2).severity
-    assert (ratio == 1.0) == (ours.unit not in AS_THE_ROBOT)
+    assert (ratio == 1.0) == (ours.unit not in AS_THE_ROBOT or not ours.scales)
     assert theirs.level(2).severity_unit == ours.unit
     assert theirs.falling == ours.falling
     if axis == "push":
         assert theirs.level(2).pushes.impulse == pytest.approx(theirs.level(2).severity)
+
+
+def test_slow_commands_are_those_of_the_rule_of_success_for_every_robot(small: Robot) -> None:
+    assert [name for name, axis in AXES.items() if not axis.scales] == ["slow"]
+    for name in ("slow", "slow=0.05"):
+        assert scenario(name, small) == scenario(name)
+    assert likewise("slow=0.05", small) == "slow=0.05"
 
 
 def test_simple_quads_scenarios_are_the_very_ones_that_they_were(small: Robot) -> None:

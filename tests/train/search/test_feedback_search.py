@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import policies
 from evaluate.measures.metrics import Measures
-from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, REFUSED, SUCCEEDED
+from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, POLICY_ERROR, STALLED, SUCCEEDED
 from policies.bases import BASES
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
@@ -26,7 +26,7 @@ from train.search import feedback_comparison, feedback_cost
 from train.search.evolution import MARGIN, encode
 from train.search.feedback import SUBJECTS, Options
 from train.search.feedback_comparison import ADOPTED, KEPT, Comparison, moved
-from train.search.feedback_cost import EXERCISES, episode_costs, judge, walked
+from train.search.feedback_cost import EXERCISES, OUTCOME_COSTS, episode_costs, judge, walked
 
 TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1 --exercises flat=1.5"
 each_subject = pytest.mark.parametrize("name", SUBJECTS)
@@ -63,7 +63,7 @@ def found(outcome, commands, velocities, *, error=0.0, overspeed=0.0):
         # The worst interval counts: 0.5 rad/s off where 0.15 rad/s are allowed.
         (found(OFF_COMMAND, [FORWARD, STILL], [FORWARD, (0.0, 0.0, 0.45)]), 1.0 + 0.25 * 3 / 4),
         (found(OFF_COMMAND, [STILL], [(5.0, 0.0, 0.0)]), 1.25),
-        (found(REFUSED, [FORWARD], [STILL]), 1.5 + 0.25 * (1.0 / 0.35) / 4),
+        (found(STALLED, [FORWARD], [STILL]), 1.5 + 0.25 * (1.0 / 0.35) / 4),
         (found(FELL, [FORWARD, GONE], [FORWARD, GONE], error=1.0), 2.0 + 0.25 + 0.15 / 2),
         (found(FELL, [GONE], [GONE], error=2.0, overspeed=np.nan), 2.5),
         (found(DIVERGED, [GONE], [GONE], error=2.0), 2.4),
@@ -80,10 +80,11 @@ speeds = st.tuples(*[st.floats(-5, 5)] * 3)
 @given(speeds, speeds, speeds, st.tuples(amounts, amounts))
 def test_whatever_is_graded_the_outcomes_keep_their_order(command, one, other, graded):
     """So that a robot that stands still where it should walk never gains by it, nor one that falls by falling."""
-    order = (SUCCEEDED, OFF_COMMAND, REFUSED, FELL)
+    order = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR)
     for better, worse in itertools.pairwise(order):
         first = episode_costs(found(better, [command], [one], **graded[0]))
         assert first <= episode_costs(found(worse, [command], [other], **graded[1]))
+    assert OUTCOME_COSTS[POLICY_ERROR] == OUTCOME_COSTS[FELL]
 
 
 def test_standing_still_costs_more_than_walking_off_command_and_falling_more_than_either():
