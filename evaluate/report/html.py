@@ -35,7 +35,7 @@ def note(text: str) -> str:
 
 
 def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]], kind: str = "") -> str:
-    """A table that scrolls within itself where a phone is too narrow: headings, and the cells of each row, by column."""
+    """A table that scrolls within itself where a phone is too narrow: headings, and cells of each row, by column."""
     head = "".join(f"<th>{text}</th>" for text in heads.values())
     body = "".join(f"<tr>{''.join(_cell(row[column]) for column in heads)}</tr>" for row in rows)
     named = f' class="{kind}"' if kind else ""

@@ -35,8 +35,8 @@ def render(results: Results, verdicts: Sequence[Verdict] = ()) -> str:
 
 def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:
     """A Markdown table: headings, and the cells of each row, by column; the first column to the left."""
-    lines = [heads.values(), ["---", *["---:"] * (len(heads) - 1)], *([row[name] for name in heads] for row in rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    first, *rest = (f"| {' | '.join(row[column] for column in heads)} |" for row in (heads, *rows))
+    return "\n".join([first, f"|---|{'---:|' * (len(heads) - 1)}", *rest])
 
 
 def _head(results: Results) -> str:

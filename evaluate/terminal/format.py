@@ -1,6 +1,7 @@
 """Figures as people read them."""
 
 import math
+import re
 from collections.abc import Sequence
 
 ABSENT = "–"
@@ -65,6 +66,16 @@ def p_value(value: float) -> str:
 def listed(names: Sequence[str]) -> str:
     """`a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def broken(name: str, width: int) -> list[str]:
+    """A name in lines of at most so many characters: broken after `/`, `_` or `-`, or where it has none of them."""
+    lines = [""]
+    for piece in re.findall(rf"[^/_-]{{1,{width - 1}}}[/_-]?|[/_-]", name):
+        if len(lines[-1]) + len(piece) > width:
+            lines.append("")
+        lines[-1] += piece
+    return lines
 
 
 def counted(count: int, thing: str) -> str:
