@@ -39,7 +39,12 @@ def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]], kind: str
     head = "".join(f"<th>{text}</th>" for text in heads.values())
     body = "".join(f"<tr>{''.join(_cell(row[column]) for column in heads)}</tr>" for row in rows)
     named = f' class="{kind}"' if kind else ""
-    return f'<div class="wide"><table{named}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    return wide(f"<table{named}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+
+
+def wide(body: str) -> str:
+    """What scrolls within itself where the page is narrower."""
+    return f'<div class="wide">{body}</div>'
 
 
 def heading(name: str, unit: str) -> str:

@@ -5,7 +5,7 @@ from html import escape
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.severity_levels import severity_axes
-from evaluate.report.html import grid, heading, image, note, section, table
+from evaluate.report.html import grid, heading, image, note, section, table, wide
 from evaluate.report.plots import success as plots
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.figures import policy_label
@@ -30,7 +30,7 @@ def success(results: Results) -> str:
     minus = heading(f"minus {escape(results.baseline)}", "% points")
     heads = {"policy": "policy", "score": heading("score", "%"), "difference": minus}
     rows = ({"policy": policy_label(results, each.policy), **_cells(each, results.baseline)} for each in results.scores)
-    return section("Success", note(LEAD), heat_map, grid(pictures, 2), note(WORDS), table(heads, rows))
+    return section("Success", note(LEAD), wide(heat_map), grid(pictures, 2), note(WORDS), table(heads, rows))
 
 
 def _cells(score: Score, baseline: str) -> dict[str, str]:
