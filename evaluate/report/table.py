@@ -80,12 +80,13 @@ def print_breaking_points(results: Results, console: Console) -> None:
     for axis in severity_axes(results.cells):
         half = {(p.policy, p.of): breaking_point_text(p) for p in results.breaking_points if p.axis == axis.name}
         ran = {name: sum((level.name, name) in results.summaries for level in axis.levels) for name in results.policies}
+        heads = {FIRST: "policy", "levels": "levels"} | {str(of): head for of, head in HALF.items()}
         rows = (
-            {FIRST: row_name(name), "levels": str(count), **{of: half.get((name, of), "") for of in HALF}}
+            {FIRST: row_name(name), "levels": str(count)} | {str(of): half.get((name, of), "") for of in HALF}
             for name, count in ran.items()
         )
         title = f"[bold]{escape(axis.name)}[/bold]: {escape(axis.quantity)}"
-        console.print(console_table(title, {FIRST: "policy", "levels": "levels", **HALF}, {"": rows}))
+        console.print(console_table(title, heads, {"": rows}))
 
 
 def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:

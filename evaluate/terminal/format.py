@@ -57,7 +57,9 @@ def points_interval(ends: tuple[float, float]) -> str:
 
 
 def p_value(value: float) -> str:
-    """`p < 0.001`, or `p = ` with two or three decimals; its spaces do not break."""
+    """`p < 0.001`, or `p = ` with two or three decimals; its spaces do not break; a dash if it does not exist."""
+    if math.isnan(value):
+        return ABSENT
     if value < 0.001:
         return f"p{NO_BREAK}<{NO_BREAK}0.001"
     return f"p{NO_BREAK}={NO_BREAK}{value:.{3 if value < 0.1 else 2}f}"

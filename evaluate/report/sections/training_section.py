@@ -12,8 +12,8 @@ from evaluate.terminal.format import interval, number, percent, percent_interval
 
 LEAD = (
     "Policies from folders seed-<number> of one parent count as one training, repeated. A seed is one value, its mean "
-    "over the episodes. Below each mean over the seeds: the 95 % interval of Student's t, which counts seeds, then the "
-    "lowest and highest seed."
+    "over the episodes. Below each mean over the seeds: the 95 % interval, which counts seeds (of errors Student's t), "
+    "then the lowest and highest seed."
 )
 
 

@@ -43,6 +43,43 @@ def test_differences_are_paired_by_episode_and_the_best_comes_first(cells) -> No
     assert best.p_value < 0.01  # eight pairs, all of one sign
 
 
+def test_without_the_baselines_score_there_is_no_difference(cells) -> None:
+    """The trot missed push: 0 instead would be a figure that nobody measured."""
+    (found,) = scores(cells("trot", flat=0) + cells("stand", flat=4, push=20), "trot")
+    assert found.policy == "stand"
+    assert np.isnan([found.difference, *found.difference_ci, found.p_value]).all()
+
+
+def ends(contents, place="") -> dict:
+    """Every interval of results.json by its place."""
+    entries = contents.items() if isinstance(contents, dict) else enumerate(contents)
+    found = {}
+    for name, value in entries:
+        if str(name).endswith("ci"):
+            found[f"{place}/{name}"] = value
+        elif isinstance(value, dict | list):
+            found |= ends(value, f"{place}/{name}")
+    return found
+
+
+@pytest.mark.parametrize("count", [2, 8])
+def test_no_interval_has_no_width_where_all_episodes_agree(made_up_cell, count) -> None:
+    """Two policies, three seeds of a training among them: one always succeeds, others always fall, all errors agree."""
+    policies = {"trot": False, "runs/a/seed-0": True, "runs/a/seed-1": True, "runs/a/seed-2": True}
+    all_cells = [
+        made_up_cell(policy, np.full(count, fell), np.full(count, 2.0 if fell else 0.5), resolve((name,))[0])
+        for name in ("flat", "push:1", "push:2", "push:3")
+        for policy, fell in policies.items()
+    ]
+    found = ends(as_json(analyse(all_cells, seed=0, episodes=count, complete=True)))
+    known = {place: ci for place, ci in found.items() if None not in ci}
+    assert {place.split("/")[1] for place in known} == {
+        "scores", "policies", "training_seeds", "comparisons", "sensitivities"
+    }  # fmt: skip
+    flat = {place for place, (low, high) in known.items() if low >= high}
+    assert flat == {"/scores/0/difference_ci"}  # of the baseline from itself
+
+
 def test_a_severity_that_two_scenarios_have_counts_once(cells) -> None:
     nominal = cells("trot", flat=0, push=20)
     twice = [*nominal, dataclasses.replace(nominal[1], scenario=resolve(("push:2",))[0])]
