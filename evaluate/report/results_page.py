@@ -26,11 +26,17 @@ from evaluate.terminal.format import (
     points_interval,
     share,
 )
+from policies.summaries import explained
 from quad_env.robots.robot import Robot
 
 ROWS = ("flat", "push", "push:4", "rough", "rough:4", "slope", "payload:4", "latency:4")
 """Conditions of the table, of those that the run has."""
 _ON_EVERY_ROW = "flat"
+
+
+def legend(found: dict[str, Any]) -> str:
+    """What each of a run's policies is, a line each, in one of Markdown."""
+    return "<br>".join(f"`{name}`: {text}." for name, text in explained(found["policies"]).items())
 
 
 def newcomers_table(found: dict[str, Any]) -> list[str]:
