@@ -58,7 +58,8 @@ def main(options: Options) -> int:
     if options.more is not None:
         texts[options.page] = insert(texts[options.page], _lines(options.more, _read(options.more))[1], MORE)
     if options.readme is not None:
-        lines = [legend(found), "", *_pictured(shown, found, options, options.readme)]
+        about = [legend(found), ""] if legend(found) else []
+        lines = [*about, *_pictured(shown, found, options, options.readme)]
         texts[options.readme] = insert(texts[options.readme], lines)
         if options.robots:
             others = [_complete(path) for path in options.robots]

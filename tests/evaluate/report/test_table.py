@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from evaluate.analysis.comparison import METRICS, RATES
 from evaluate.analysis.results import analyse
+from evaluate.report.headings import NARROW, NARROW_DIFFERENCES, TITLES, UNITS
 from evaluate.report.table import print_results
 from evaluate.rollouts.battery import resolve
 
@@ -64,6 +66,14 @@ def test_many_scenarios_have_falls_and_breaking_points_in_80_columns(made) -> No
     # Of 20 of 40, the widest: 35 to 65 %.
     assert any("at most 15 points" in line for line in lines)
     assert any(line.split() == ["flat", "at", "1.5", "m/s", "100", "(0)", "100", "(0)"] for line in lines)
+
+
+def test_short_headings_are_those_of_the_same_figure() -> None:
+    """The first word and the unit of the whole heading; with a unit of their own, differences of shares."""
+    for metric in METRICS:
+        words = NARROW[metric].replace("\n", " ")
+        assert (words.split()[0], words.endswith(UNITS[metric])) == (TITLES[metric].split()[0], True)
+    assert [NARROW_DIFFERENCES[metric] for metric in RATES] == ["success\n% points", "falls\n% points"]
 
 
 @pytest.mark.parametrize("width", [80, 200])
