@@ -1,5 +1,7 @@
 """What each policy is, in a line, by its name; `python -m quad_env policies` and docs/policies.md say it."""
 
+from collections.abc import Iterable
+
 SUMMARIES = {
     "stand": "holds the home pose",
     "crouch": "holds a lower one, knees bent: what end-to-end learning begins from",
@@ -11,8 +13,8 @@ SUMMARIES = {
         "force, does not carry it off"
     ),
     "trot_feedback": (
-        "the trot with footholds from the velocity error, attitude and height feedback, and slope adaptation; what it "
-        "feels is smoothed, and where its joints lag behind their targets it takes slower, higher steps"
+        "the trot with footholds from the velocity error, attitude and height feedback, and slope adaptation; its "
+        "readings are smoothed, and where its joints lag behind their targets it takes slower, higher steps"
     ),
     "walk": "four beats, three feet on the ground; follows the command within its limit of 0.4 m/s ahead",
     "pace": "the legs of one side together; at most 0.8 m/s ahead",
@@ -29,7 +31,7 @@ SUMMARIES = {
         "model-predictive control of a trot: each leg bears the force that is planned for it and follows its path by "
         "itself"
     ),
-    "mpc_wbc": "mpc with a program of the whole body",
+    "mpc_wbc": "mpc with a quadratic program of the whole body",
     "mpc_wbc_sighted": "mpc_wbc that is shown a height scan, which no other policy is",
     "mpc_wbc_walk": "mpc_wbc's walk",
     "mpc_wbc_pace": "mpc_wbc's pace",
@@ -39,8 +41,13 @@ SUMMARIES = {
         "trot_integral plus a learned correction of at most 0.3 rad a joint, 0.15 rad at the hips: what python -m "
         "train makes"
     ),
-    "robust": "the same as residual, learned for six times as long",
+    "robust": "the same as residual, trained for six times as long",
     "residual_feedback": "trot_feedback plus such a correction",
     "end_to_end": ("learned without a gait, from a crouch, by up to 1 rad a joint: what the base of residual is worth"),
 }
-"""Of every policy that ships, in the order in which they are told."""
+"""Of every policy that ships, in the order in which they are listed."""
+
+
+def explained(names: Iterable[str]) -> dict[str, str]:
+    """Those of the names, in their order, that need explaining before their figures: policies that ship."""
+    return {name: SUMMARIES[name] for name in names if name in SUMMARIES}

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
+from evaluate.measures.tracking import VELOCITY_CAP, YAW_RATE_CAP
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.improvement import improvement_by_episode
 from evaluate.statistics.intervals import (
@@ -22,7 +23,9 @@ BASELINE = "trot"
 SUCCESS_RATE, FALL_RATE = "success_rate", "fall_rate"
 RATES = (SUCCESS_RATE, FALL_RATE)
 """Shares of the episodes; of successes more is better, of all other metrics less."""
-ERRORS = ("velocity_error", "yaw_rate_error", "mean_velocity_error")
+CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}
+"""Largest value of each error."""
+ERRORS = tuple(CAPS)
 METRICS = (*RATES, *ERRORS)
 """What is compared, in the order in which it is shown."""
 SIGNIFICANT = 0.05
@@ -124,7 +127,8 @@ def paired_difference(metric: str, a: Floats, b: Floats) -> tuple[float, Interva
     if metric in RATES:
         only_a, only_b = int((a > b).sum()), int((a < b).sum())
         return difference, share_difference_interval(only_a, only_b, len(a)), mcnemar(a > 0, b > 0), "exact McNemar"
-    return difference, difference_interval(a - b), sign_flip_test(a - b), "paired sign-flip permutation"
+    ci = difference_interval(a - b, (-CAPS[metric], CAPS[metric]))
+    return difference, ci, sign_flip_test(a - b), "paired sign-flip permutation"
 
 
 @dataclass(frozen=True)
@@ -155,5 +159,5 @@ def _compare(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDiffer
     if metric in RATES:
         found = newcombe_interval(a > 0, b > 0), fall_rates_test(a > 0, b > 0), "Barnard"
     else:
-        found = two_sample_interval(a, b), relabelling_test(b, a), "permutation"
+        found = two_sample_interval(a, b, (0.0, CAPS[metric])), relabelling_test(b, a), "permutation"
     return MetricDifference(metric, mean_a, mean_b, mean_b - mean_a, *found)

@@ -1,7 +1,7 @@
 """The score of a policy: its mean success over the axes of a run, each axis and each of its severities alike.
 
-An episode has the same start and draws on every scenario, so that the episodes are what chance draws: intervals
-resample them, each with all of its scenarios, and differences are paired by episode.
+An episode has the same start and commands on every scenario, so that the episodes are what chance draws: intervals
+count them, each with all of its scenarios, and differences are paired by episode.
 """
 
 from collections.abc import Sequence
@@ -11,13 +11,13 @@ import numpy as np
 
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, difference_interval
+from evaluate.statistics.intervals import Floats, Interval, difference_interval, mean_share_interval
 from evaluate.statistics.significance import sign_flip_test
 
 FEWEST_AXES = 2
 """Axes from which on a mean over them is a score."""
 WORDS = (
-    "The score is the mean success over the axes, each axis and each of its severities alike; its interval resamples "
+    "The score is the mean success over the axes, each axis and each of its severities alike; its interval counts "
     "episodes, each with all of its scenarios. p is not corrected."
 )
 
@@ -29,12 +29,13 @@ class Score:
     policy: str
     score: float
     ci: Interval
-    """95 %, bootstrap over the episodes."""
+    """95 %, see `mean_share_interval`."""
     axes: dict[str, tuple[float, ...]]
     """Axis -> success at each of its severities in the run, the mildest first."""
     difference: float
-    """From the baseline's score; 0 of the baseline itself."""
+    """From the baseline's score; 0 of the baseline itself, NaN where the baseline has none."""
     difference_ci: Interval
+    """95 %, bootstrap over the episodes; of the baseline itself 0."""
     p_value: float
     """Of that difference, paired sign-flip permutation; not corrected."""
 
@@ -59,15 +60,16 @@ def scores(cells: Sequence[Cell], baseline: str) -> list[Score]:
 def _score(
     policy: str, ran: dict[str, Cell], axes: Sequence[SeverityAxis], values: Floats, base: Floats | None
 ) -> Score:
-    difference = values - (values if base is None else base)
+    difference = values - (np.nan if base is None else base)
+    compared = base is not None and base is not values
     return Score(
         policy=policy,
         score=float(values.mean()),
-        ci=bootstrap_interval(values),
+        ci=mean_share_interval(values),
         axes={axis.name: tuple(_rate(ran[level.name]) for level in axis.levels) for axis in axes},
         difference=float(difference.mean()),
-        difference_ci=difference_interval(difference),
-        p_value=sign_flip_test(difference),
+        difference_ci=difference_interval(difference, (-1.0, 1.0)) if compared else (difference[0], difference[0]),
+        p_value=float("nan") if base is None else sign_flip_test(difference),
     )
 
 

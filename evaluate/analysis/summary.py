@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.analysis.comparison import ERRORS
+from evaluate.analysis.comparison import CAPS, ERRORS
 from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_transport
 from evaluate.measures.episodes import weight
@@ -78,7 +78,7 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
     falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
     transport = total_cost_of_transport(measures, weight(robot, cell.scenario))
     means: dict[str, Any] = {name: _mean(getattr(measures, name)) for name in _MEANS}
-    means |= {f"{name}_ci": bootstrap_interval(getattr(measures, name)) for name in ERRORS}
+    means |= {f"{name}_ci": bootstrap_interval(getattr(measures, name), (0.0, cap)) for name, cap in CAPS.items()}
     return Summary(
         episodes=cell.episodes,
         severity=cell.scenario.severity,
@@ -93,7 +93,7 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
         diverged=int(measures.diverged.sum()),
         time_to_fall=_mean(measures.fall_time),
         velocity_error_iqm=interquartile_mean(measures.velocity_error),
-        velocity_error_iqm_ci=interquartile_mean_interval(measures.velocity_error),
+        velocity_error_iqm_ci=interquartile_mean_interval(measures.velocity_error, (0.0, CAPS["velocity_error"])),
         cost_of_transport=transport,
         **means,
         figures={name: _mean(getattr(measures, name)) for name in FIGURES} | {"cost_of_transport": transport},

@@ -5,15 +5,22 @@ A trained seed is one value a scenario and metric, its mean over the episodes. I
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from evaluate.analysis.comparison import METRICS, RATES, by_episode
+from evaluate.analysis.comparison import CAPS, METRICS, RATES, by_episode
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.intervals import CONFIDENCE, Floats, Interval
+from evaluate.statistics.intervals import (
+    CONFIDENCE,
+    UNBOUNDED,
+    Floats,
+    Interval,
+    agreeing_interval,
+    mean_share_interval,
+)
 
 SEED_FOLDER = re.compile(r"seed-\d+")
 _FIGURES = ("seeds", "mean", "lowest", "highest", "standard_deviation", "ci")
@@ -35,7 +42,7 @@ class SeedSpread:
     standard_deviation: float
     """Standard deviation of the sample: NaN for a single seed."""
     ci: Interval
-    """95 %, Student's t with seeds − 1 degrees of freedom; within 0 … 1 for rates."""
+    """95 %, Student's t with seeds − 1 degrees of freedom; of rates see `mean_share_interval`."""
 
 
 def training_runs(policies: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -73,8 +80,11 @@ def spreads_as_json(cells: Sequence[Cell]) -> dict[str, Any]:
     return out
 
 
-def spread_over_seeds(values: Floats) -> tuple[float, float, float, float, Interval]:
-    """Mean, lowest, highest, standard deviation and 95 % t-interval of one value a seed, (n,)."""
+def spread_over_seeds(values: Floats, bounds: Interval = UNBOUNDED) -> tuple[float, float, float, float, Interval]:
+    """Mean, lowest, highest, standard deviation and 95 % t-interval of one value a seed, (n,).
+
+    `bounds` of a value, for values that all agree: see `agreeing_interval`.
+    """
     from scipy.stats import t
 
     mean, count = float(values.mean()), len(values)
@@ -82,7 +92,8 @@ def spread_over_seeds(values: Floats) -> tuple[float, float, float, float, Inter
         return mean, mean, mean, np.nan, (np.nan, np.nan)
     deviation = float(values.std(ddof=1))
     reach = float(t.ppf(0.5 + CONFIDENCE / 2, count - 1)) * deviation / np.sqrt(count)
-    return mean, float(values.min()), float(values.max()), deviation, (mean - reach, mean + reach)
+    ci = (mean - reach, mean + reach) if reach > 0.0 else agreeing_interval(values, bounds)
+    return mean, float(values.min()), float(values.max()), deviation, ci
 
 
 def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
@@ -91,8 +102,8 @@ def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
     if any(not np.array_equal(cell.seeds, cells[0].seeds) for cell in cells):
         raise ValueError(f"the training seeds of {run} ran different episodes on {cells[0].scenario.name}")
     for metric in METRICS:
-        mean, lowest, highest, deviation, (low, high) = spread_over_seeds(
-            np.array([by_episode(c, metric).mean() for c in cells])
-        )
-        ci = (max(low, 0.0), min(high, 1.0)) if metric in RATES and len(cells) > 1 else (low, high)
-        yield SeedSpread(run, cells[0].scenario.name, metric, len(cells), mean, lowest, highest, deviation, ci)
+        values = np.array([by_episode(c, metric).mean() for c in cells])
+        spread = spread_over_seeds(values, (0.0, CAPS.get(metric, 1.0)))
+        found = SeedSpread(run, cells[0].scenario.name, metric, len(cells), *spread)
+        shares = metric in RATES and len(cells) > 1
+        yield replace(found, ci=mean_share_interval(values)) if shares else found

@@ -27,7 +27,8 @@ from evaluate.measures.outcomes import SUCCEEDED, SUCCESS_1, SUCCESS_RULE
 from evaluate.records.episode_table import by_success_rule
 from evaluate.records.manifest import Manifest, differences
 from evaluate.records.store import read_rows, rows_of
-from evaluate.report.table import DIFFERENCES, console_table
+from evaluate.report.headings import FIRST, NARROW_DIFFERENCES
+from evaluate.report.table import console_table, row_name
 from evaluate.statistics.intervals import Floats
 from evaluate.terminal.command_line import UsageError, make_folder_of
 from evaluate.terminal.format import ABSENT, interval, number, p_value, points, points_interval
@@ -149,15 +150,13 @@ def _identical(a: pa.Table, b: pa.Table) -> bool:
 
 def _table(options: Options, matches: list[Match]) -> Table:
     title = f"B minus A, 95 % interval, uncorrected p\nA: {options.a}\nB: {options.b}"
-    table = console_table(escape(title), "policy", *DIFFERENCES)
-    for scenario in dict.fromkeys(match.scenario for match in matches):
-        table.add_row(f"[bold]{escape(scenario)}[/bold]")
-        for match in (match for match in matches if match.scenario == scenario):
-            name = match.a if match.a == match.b else f"{match.a} → {match.b}"
-            shown = {found.metric: _shown(found) for found in match.contrasts}
-            mark = " (=)" if match.identical else "" if match.paired else " (unpaired)"
-            table.add_row(f" {escape(name)}{mark}", *(shown.get(metric, ABSENT) for metric in METRICS))
-    return table
+    groups: dict[str, list[dict[str, str]]] = {match.scenario: [] for match in matches}
+    for match in matches:
+        name = match.a if match.a == match.b else f"{match.a} → {match.b}"
+        mark = " (=)" if match.identical else "" if match.paired else " (unpaired)"
+        shown = dict.fromkeys(METRICS, ABSENT) | {found.metric: _shown(found) for found in match.contrasts}
+        groups[match.scenario].append({FIRST: row_name(f"{name}{mark}"), **shown})
+    return console_table(escape(title), {FIRST: "policy", **NARROW_DIFFERENCES}, groups)
 
 
 def _shown(found: MetricDifference) -> str:

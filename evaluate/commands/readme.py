@@ -18,7 +18,7 @@ from evaluate.commands.options import command
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
 from evaluate.report.places import insert
 from evaluate.report.plots import drawing, success
-from evaluate.report.results_page import every_figure, newcomers_table, robots_table, scenarios_of
+from evaluate.report.results_page import every_figure, legend, newcomers_table, robots_table, scenarios_of
 from evaluate.rollouts.battery import BATTERIES, resolve
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
@@ -59,7 +59,9 @@ def main(options: Options) -> int:
     if options.more is not None:
         texts[options.page] = insert(texts[options.page], _lines(options.more, _read(options.more))[1], MORE)
     if options.readme is not None:
-        texts[options.readme] = insert(texts[options.readme], _pictured(shown, found, options, options.readme))
+        about = [legend(found), ""] if legend(found) else []
+        lines = [*about, *_pictured(shown, found, options, options.readme)]
+        texts[options.readme] = insert(texts[options.readme], lines)
         if options.robots:
             others = [_complete(path) for path in options.robots]
             made_by = " ".join(map(_made_by, others))

@@ -20,7 +20,8 @@ from evaluate.measures.metrics import outcome
 from evaluate.measures.outcomes import SuccessRule
 from evaluate.records import trace
 from evaluate.records.manifest import check_folder
-from evaluate.report.table import console_table
+from evaluate.report.headings import FIRST
+from evaluate.report.table import console_table, row_name
 from evaluate.statistics.intervals import Interval, wilson_interval
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import percent
@@ -164,15 +165,13 @@ def _success(scenario: str, policy: str, rule: str, found: NDArray[np.object_]) 
 
 def table(what: str, rules: Sequence[str], scores: Sequence[Score | SuccessScore]) -> Table:
     """A row for each policy on each scenario, a column for each rule; 80 columns are enough."""
-    out = console_table(f"{what}, with Wilson 95 % intervals")
-    for rule in rules:
-        out.add_column(rule.replace("-", "-\n"), justify="right", no_wrap=True)
-    for scenario in dict.fromkeys(score.scenario for score in scores):
-        out.add_row(f"[bold]{escape(scenario)}[/bold]")
-        there = {(score.policy, score.rule): score for score in scores if score.scenario == scenario}
-        for policy in dict.fromkeys(policy for policy, _ in there):
-            out.add_row(f" {escape(policy)}", *(_shown(there[policy, rule]) for rule in rules))
-    return out
+    found: dict[str, dict[str, dict[str, str]]] = {}
+    for score in scores:
+        row = found.setdefault(score.scenario, {}).setdefault(score.policy, {FIRST: row_name(score.policy)})
+        row[score.rule] = _shown(score)
+    heads = {FIRST: "policy", **{rule: rule.replace("-", "-\n") for rule in rules}}
+    groups = {scenario: by_policy.values() for scenario, by_policy in found.items()}
+    return console_table(f"{what}, with Wilson 95 % intervals", heads, groups)
 
 
 def write(

@@ -2,7 +2,7 @@
 
 import base64
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from html import escape
 
 BEST = "!"
@@ -34,12 +34,17 @@ def note(text: str) -> str:
     return f'<p class="note">{escape(text)}</p>'
 
 
-def table(heads: Iterable[str], rows: Iterable[Iterable[str]], kind: str = "") -> str:
-    """A table that scrolls within itself where a phone is too narrow."""
-    head = "".join(f"<th>{text}</th>" for text in heads)
-    body = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
+def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]], kind: str = "") -> str:
+    """A table that scrolls within itself where a phone is too narrow: headings, and cells of each row, by column."""
+    head = "".join(f"<th>{text}</th>" for text in heads.values())
+    body = "".join(f"<tr>{''.join(_cell(row[column]) for column in heads)}</tr>" for row in rows)
     named = f' class="{kind}"' if kind else ""
-    return f'<div class="wide"><table{named}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    return wide(f"<table{named}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+
+
+def wide(body: str) -> str:
+    """What scrolls within itself where the page is narrower."""
+    return f'<div class="wide">{body}</div>'
 
 
 def heading(name: str, unit: str) -> str:

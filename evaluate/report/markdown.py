@@ -1,18 +1,24 @@
 """`report.md`: the outcome for a pull request or a README, as Markdown that GitHub shows."""
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from evaluate.analysis.breaking_point_text import CAVEAT, HALF, breaking_point_text
+from evaluate.analysis.comparison import FALL_RATE, RATES, SUCCESS_RATE
 from evaluate.analysis.findings import PHRASES, UNSHOWN, findings_by_policy, headline, summary
 from evaluate.analysis.gate_verdicts import Verdict, by_gate
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
+from evaluate.analysis.summary import Summary
+from evaluate.report.headings import FIRST, IN_A_LINE
 from evaluate.report.notes import extent, warnings
 from evaluate.rollouts.hardware import words
 from evaluate.terminal.format import ABSENT, interval, number, share
 from policies.files import write_atomically
+
+FIGURES = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
+"""Metrics that the tables of figures show."""
 
 
 def write(results: Results, path: Path, verdicts: Sequence[Verdict] = ()) -> None:
@@ -28,10 +34,10 @@ def render(results: Results, verdicts: Sequence[Verdict] = ()) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table, the first column to the left."""
-    lines = [heads, ["---", *["---:"] * (len(heads) - 1)], *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:
+    """A Markdown table: headings, and the cells of each row, by column; the first column to the left."""
+    first, *rest = (f"| {' | '.join(row[column] for column in heads)} |" for row in (heads, *rows))
+    return "\n".join([first, f"|---|{'---:|' * (len(heads) - 1)}", *rest])
 
 
 def _head(results: Results) -> str:
@@ -75,29 +81,28 @@ def _breaking_points(results: Results) -> Iterator[str]:
     for of, head in HALF.items():
         found = {(p.axis, p.policy): breaking_point_text(p) for p in results.breaking_points if p.of == of}
         axes, policies = (list(dict.fromkeys(each)) for each in zip(*found, strict=True))
-        rows = [[axis, *(found.get((axis, policy), ABSENT) for policy in policies)] for axis in axes]
-        yield table([head, *(f"`{policy}`" for policy in policies)], rows)
+        rows = [{FIRST: axis, **{each: found.get((axis, each), ABSENT) for each in policies}} for axis in axes]
+        yield table({FIRST: head, **{policy: f"`{policy}`" for policy in policies}}, rows)
 
 
 def _folded(results: Results, axis: SeverityAxis) -> str:
     rows = [
-        [severity(level), f"`{policy}`", *_figures(results, level.name, policy)]
+        {FIRST: severity(level), "policy": f"`{policy}`", **_figures(results.summaries[level.name, policy])}
         for level in axis.levels
         for policy in results.policies
         if (level.name, policy) in results.summaries
     ]
-    heads = (axis.name, "policy", "success", "falls", "velocity error, m/s", "yaw-rate error, rad/s")
+    heads = {FIRST: axis.name, "policy": "policy", **{metric: IN_A_LINE[metric] for metric in FIGURES}}
     return _details(f"{axis.name}: figures", table(heads, rows))
 
 
-def _figures(results: Results, scenario: str, policy: str) -> tuple[str, ...]:
-    s = results.summaries[scenario, policy]
-    return (
-        share(s.success_rate, s.success_rate_ci),
-        share(s.fall_rate, s.fall_rate_ci),
-        f"{number(s.velocity_error)} [{interval(s.velocity_error_ci)}]",
-        f"{number(s.yaw_rate_error)} [{interval(s.yaw_rate_error_ci)}]",
-    )
+def _figures(summary: Summary) -> dict[str, str]:
+    """Metric -> its figure with the interval."""
+    return {
+        metric: share(value, ci) if metric in RATES else f"{number(value)} [{interval(ci)}]"
+        for metric in FIGURES
+        for value, ci in [(getattr(summary, metric), getattr(summary, f"{metric}_ci"))]
+    }
 
 
 def _details(title: str, body: str) -> str:

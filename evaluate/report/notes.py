@@ -17,8 +17,10 @@ NOTES = (
     "Cost of transport is the energy of all episodes, ∑|torque · joint speed| before a fall, over weight times "
     "distance, where the distance of a command interval is its time times its mean planar speed: swaying on the spot "
     "covers none.",
-    "Intervals are 95 %: Wilson for falls, bootstrap (BCa) over episodes for means, Tango's score interval for "
-    "differences of falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means.",
+    "Intervals are 95 %: Wilson for successes and falls, for scores Wilson with the effective number of episodes (Korn "
+    "and Graubard 1998), bootstrap (BCa) over episodes for means, Tango's score interval for differences of successes "
+    "and falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means. Where all episodes "
+    "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
     "Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation for means. p-values are "
     "corrected by Holm's method, metric by metric, over the comparisons with the baseline on every scenario of the "
     "run; those of the other pairs are families of their own. A difference is claimed below 0.05: the chance of any "

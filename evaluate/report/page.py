@@ -25,6 +25,7 @@ from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from evaluate.terminal.format import counted, listed
 from policies.files import write_atomically
+from policies.summaries import explained
 
 FILM_PLACE = 6
 """Place of the film among the sections; it is made in another process meanwhile."""
@@ -99,7 +100,10 @@ def _head(results: Results, made_by: Origin) -> str:
     begun = f", begun on {date}" if date else ""
     made = f'<p class="soft">Made by <code>{command}</code>{begun}.</p>' if command else ""
     roles = {results.baseline: " <small>(baseline)</small>"} if len(results.policies) > 1 else {}
-    legend = "".join(f"<li>{policy_label(results, name)}{roles.get(name, '')}</li>" for name in results.policies)
+    about = {name: f": {escape(text)}" for name, text in explained(results.policies).items()}
+    legend = "".join(
+        f"<li>{policy_label(results, name)}{roles.get(name, '')}{about.get(name, '')}</li>" for name in results.policies
+    )
     return (
         f"<h1>{escape(listed(results.policies))}</h1>"
         f'<p class="soft">{escape(extent(results))}: {axes}. Seed {results.seed}.'

@@ -1,13 +1,16 @@
 """A results.json, with NaN for null, as Markdown: the README's table, and every figure for its page of results."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from evaluate.analysis.breaking_point_text import CAVEAT, HALF, breaking_point_text
 from evaluate.analysis.breaking_points import AxisBreakingPoint
+from evaluate.analysis.comparison import RATES
 from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.sensitivity import LEAD, Sensitivity, effect_text
 from evaluate.analysis.severity_levels import amount, place
+from evaluate.report.headings import FIRST, IN_A_LINE
+from evaluate.report.markdown import FIGURES, table
 from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.terminal.format import (
@@ -23,11 +26,17 @@ from evaluate.terminal.format import (
     points_interval,
     share,
 )
+from policies.summaries import explained
 from quad_env.robots.robot import Robot
 
 ROWS = ("flat", "push", "push:4", "rough", "rough:4", "slope", "payload:4", "latency:4")
 """Conditions of the table, of those that the run has."""
 _ON_EVERY_ROW = "flat"
+
+
+def legend(found: dict[str, Any]) -> str:
+    """What each of a run's policies is, a line each, in one of Markdown."""
+    return "<br>".join(f"`{name}`: {text}." for name, text in explained(found["policies"]).items())
 
 
 def newcomers_table(found: dict[str, Any]) -> list[str]:
@@ -40,13 +49,8 @@ def newcomers_table(found: dict[str, Any]) -> list[str]:
         "In each cell: share of the episodes in which the robot does what it is asked to do; in brackets that in which"
         " it falls.",
         "",
-        f"| condition | {' | '.join(f'`{name}`' for name in names)} |",
-        f"|---|{'---|' * len(names)}",
+        *table({FIRST: "condition", **_code(names)}, (_condition(found, row, names) for row in rows)).splitlines(),
     ]
-    for row in rows:
-        (scenario,) = resolve((row,), _robot(found))
-        words = "flat ground" if row == _ON_EVERY_ROW else place(scenario)
-        lines.append(f"| {words} | {' | '.join(_short(found, name, row) for name in names)} |")
     alone = [name for name in found["policies"] if name not in names]
     if alone:
         figures = [f"`{name}` {_short(found, name, _ON_EVERY_ROW)}" for name in alone]
@@ -58,13 +62,17 @@ def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
     """Lines of the table of other robots, a robot a row: the score of each policy that all of them have."""
     scores = [{each["policy"]: each for each in one["scores"]} for one in found]
     names = [name for name in scores[0] if all(name in each for each in scores)]
-    lines = [f"| robot | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}"]
-    for one, policies in zip(found, scores, strict=True):
-        robot = _robot(one)
-        what = f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"
-        cells = (share(policies[name]["score"], tuple(policies[name]["ci"])) for name in names)
-        lines.append(f"| {what} | {' | '.join(cells)} |")
-    return lines
+    rows = [
+        {FIRST: f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"}
+        | {name: share(policies[name]["score"], tuple(policies[name]["ci"])) for name in names}
+        for robot, policies in zip(map(_robot, found), scores, strict=True)
+    ]
+    return table({FIRST: "robot", **_code(names)}, rows).splitlines()
+
+
+def _code(names: Iterable[str]) -> dict[str, str]:
+    """Name -> the name as code: columns of policies."""
+    return {name: f"`{name}`" for name in names}
 
 
 def _robot(found: dict[str, Any]) -> Robot:
@@ -95,6 +103,12 @@ def _headline(found: dict[str, Any], names: list[str]) -> str:
     )
 
 
+def _condition(found: dict[str, Any], scenario: str, names: list[str]) -> dict[str, str]:
+    """A row of the short table."""
+    words = "flat ground" if scenario == _ON_EVERY_ROW else place(resolve((scenario,), _robot(found))[0])
+    return {FIRST: words, **{name: _short(found, name, scenario) for name in names}}
+
+
 def _short(found: dict[str, Any], policy: str, scenario: str) -> str:
     figures = found["policies"][policy]["scenarios"][scenario]
     return f"{percent(figures['success_rate'])} ({percent(figures['fall_rate'])})"
@@ -103,18 +117,16 @@ def _short(found: dict[str, Any], policy: str, scenario: str) -> str:
 def every_figure(found: dict[str, Any]) -> list[str]:
     """Lines of the comparison, breaking points and effects of disturbances as tables, with NaN for null."""
     names = list(found["policies"])
-    run = scenarios_of(found)
-    lines = [
-        "In brackets 95 % intervals.",
-        "",
-        "| scenario | policy | success | falls | velocity error, m/s | yaw-rate error, rad/s |",
-        "|---|---|---|---|---|---|",
+    rows = [
+        {"scenario": scenario, "policy": f"`{name}`", **_row(cell)}
+        for scenario in scenarios_of(found)
+        for name in names
+        if (cell := found["policies"][name]["scenarios"].get(scenario))
     ]
+    heads = {"scenario": "scenario", "policy": "policy", **{metric: IN_A_LINE[metric] for metric in FIGURES}}
+    lines = ["In brackets 95 % intervals.", "", *table(heads, rows).splitlines()]
     if scores := found.get("scores"):
         lines = [*score_table([Score(**each) for each in scores], found["baseline"]), "", *lines]
-    for scenario in run:
-        cells = {name: found["policies"][name]["scenarios"].get(scenario) for name in names}
-        lines += [f"| {scenario} | `{name}` | {_row(cell)} |" for name, cell in cells.items() if cell]
     if found["breaking_points"]:
         lines += ["", CAVEAT, "", *_breaking_points(found["breaking_points"], names)]
     if found["sensitivities"]:
@@ -126,16 +138,17 @@ def score_table(scores: Sequence[Score], baseline: str, called: Mapping[str, str
     """Each policy's score and its difference from the baseline's, in Markdown; `called`: what to call policies."""
     names = called or {}
     rows = [
-        f"| {names.get(each.policy, f'`{each.policy}`')} | "
-        f"{number(100.0 * each.score, 1)} [{percent_interval(each.ci)}] | "
-        + (
-            f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)} |"
+        {
+            "policy": names.get(each.policy, f"`{each.policy}`"),
+            "score": f"{number(100.0 * each.score, 1)} [{percent_interval(each.ci)}]",
+            "difference": f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)}"
             if each.policy != baseline
-            else f"{ABSENT} |"
-        )
+            else ABSENT,
+        }
         for each in scores
     ]
-    return [WORDS, "", f"| policy | score, % | minus `{baseline}`, % points |", "|---|---|---|", *rows]
+    heads = {"policy": "policy", "score": "score, %", "difference": f"minus `{baseline}`, % points"}
+    return [WORDS, "", *table(heads, rows).splitlines()]
 
 
 def scenarios_of(found: dict[str, Any]) -> list[str]:
@@ -164,19 +177,14 @@ def _breaking_points(points: list[dict[str, Any]], names: list[str]) -> list[str
 
 def _by_axis(head: str, axes: dict[str, str], cells: dict[tuple[str, str], str], names: list[str]) -> list[str]:
     """A table of cells by axis and policy; `axes` gives each one's words."""
-    rows = [
-        f"| {words} | {' | '.join(cells.get((axis, name), ABSENT) for name in names)} |" for axis, words in axes.items()
-    ]
-    return [f"| {head} | {' | '.join(f'`{name}`' for name in names)} |", f"|---|{'---|' * len(names)}", *rows]
+    rows = [{FIRST: words, **{name: cells.get((axis, name), ABSENT) for name in names}} for axis, words in axes.items()]
+    return table({FIRST: head, **_code(names)}, rows).splitlines()
 
 
-def _row(cell: dict[str, Any]) -> str:
-    """The figures of one policy on one scenario."""
-    return " | ".join(
-        (
-            f"{percent(cell['success_rate'])} [{percent_interval(cell['success_rate_ci'])}]",
-            f"{percent(cell['fall_rate'])} [{percent_interval(cell['fall_rate_ci'])}]",
-            f"{number(cell['velocity_error'])} [{interval(cell['velocity_error_ci'])}]",
-            f"{number(cell['yaw_rate_error'])} [{interval(cell['yaw_rate_error_ci'])}]",
-        )
-    )
+def _row(cell: dict[str, Any]) -> dict[str, str]:
+    """The figures of one policy on one scenario, by metric."""
+    return {
+        metric: f"{percent(value)} [{percent_interval(ci)}]" if metric in RATES else f"{number(value)} [{interval(ci)}]"
+        for metric in FIGURES
+        for value, ci in [(cell[metric], cell[f"{metric}_ci"])]
+    }

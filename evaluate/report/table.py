@@ -1,6 +1,7 @@
 """The comparison as a table on the terminal."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -8,21 +9,22 @@ from rich.markup import escape
 from rich.table import Table
 
 from evaluate.analysis.breaking_point_text import HALF, breaking_point_text
-from evaluate.analysis.comparison import METRICS, RATES, SUCCESS_RATE, Comparison
+from evaluate.analysis.breaking_points import Of
+from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
 from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
-from evaluate.terminal.format import counted, number, p_value, percent, points, share
+from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES
+from evaluate.terminal.format import broken, counted, number, p_value, percent, points, share
 
 SHOWN = "success % (falls %)"
 MOST_SCENARIOS = 6
 """Scenarios of which every figure is printed."""
-_ERRORS = ("velocity\nerror m/s", "yaw-rate\nerror rad/s", "mean vel.\nerror m/s")
-FIGURES = ("success", "falls", *_ERRORS)
-"""Headings of the METRICS."""
-DIFFERENCES = ("success\n% points", "falls\n% points", *_ERRORS)
-"""Headings of their differences."""
+NAME_WIDTH, HEAD_WIDTH = 20, 9
+"""Characters of a name in a line, at the head of a row and of a column; the rest goes on below."""
+FIGURES_WIDTH = 72
+"""Columns of a summary's figures with their intervals in a line."""
 
 
 def print_results(results: Results, console: Console) -> None:
@@ -33,7 +35,7 @@ def print_results(results: Results, console: Console) -> None:
     if len(results.scenarios) > MOST_SCENARIOS:
         print_levels(results, console)
     else:
-        console.print(summary_table(results))
+        console.print(summary_table(results, console.width))
         if results.against_baseline:
             console.print()
             console.print(difference_table(results))
@@ -58,48 +60,44 @@ def level_table(results: Results, axis: SeverityAxis) -> Table:
         for point in results.breaking_points
         if point.axis == axis.name
     }
-    table = console_table(f"[bold]{escape(axis.name)}[/bold]: success in %, and falls, at {escape(axis.quantity)}")
-    for level in axis.levels:
-        table.add_column(amount(level.severity), justify="right")
-    if half:
-        table.add_column("half at")
+    heads = {FIRST: "policy", **{level.name: amount(level.severity) for level in axis.levels}}
+    rows = []
     for policy in results.policies:
-        found = [results.summaries.get((level.name, policy)) for level in axis.levels]
-        if not any(found):
-            continue
-        where = [[half[policy, of]] if (policy, of) in half else [] for of in HALF]
-        table.add_row(f" {escape(policy)}", *(_percent(s.success_rate) if s else "" for s in found), *where[0])
-        table.add_row("   falls", *(_percent(s.fall_rate) if s else "" for s in found), *where[1])
-    return table
+        found = {level.name: results.summaries.get((level.name, policy)) for level in axis.levels}
+        lines: tuple[tuple[Of, str, str], ...] = (
+            ("success", SUCCESS_RATE, row_name(policy)),
+            ("falls", FALL_RATE, "   falls"),
+        )
+        for of, rate, words in lines if any(found.values()) else ():
+            shares = {name: _percent(getattr(s, rate)) if s else "" for name, s in found.items()}
+            rows.append({FIRST: words, **shares, "half": half.get((policy, of), "")})
+    title = f"[bold]{escape(axis.name)}[/bold]: success in %, and falls, at {escape(axis.quantity)}"
+    return console_table(title, heads | ({"half": "half at"} if half else {}), {"": rows})
 
 
 def print_breaking_points(results: Results, console: Console) -> None:
     """Print where half of the episodes no longer succeed, and fall: a policy a row, and how many levels it ran."""
     for axis in severity_axes(results.cells):
-        table = console_table(f"[bold]{escape(axis.name)}[/bold]: {escape(axis.quantity)}")
-        for head in ("levels", *HALF.values()):
-            table.add_column(head, justify="right")
-        for policy in results.policies:
-            half = {
-                p.of: breaking_point_text(p)
-                for p in results.breaking_points
-                if (p.axis, p.policy) == (axis.name, policy)
-            }
-            ran = sum((level.name, policy) in results.summaries for level in axis.levels)
-            table.add_row(f" {escape(policy)}", str(ran), *(half.get(of, "") for of in HALF))
-        console.print(table)
+        half = {(p.policy, p.of): breaking_point_text(p) for p in results.breaking_points if p.axis == axis.name}
+        ran = {name: sum((level.name, name) in results.summaries for level in axis.levels) for name in results.policies}
+        heads = {FIRST: "policy", "levels": "levels"} | {str(of): head for of, head in HALF.items()}
+        rows = (
+            {FIRST: row_name(name), "levels": str(count)} | {str(of): half.get((name, of), "") for of in HALF}
+            for name, count in ran.items()
+        )
+        title = f"[bold]{escape(axis.name)}[/bold]: {escape(axis.quantity)}"
+        console.print(console_table(title, heads, {"": rows}))
 
 
 def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
     """Successes and falls in per cent: a scenario a row, a policy a column."""
-    table = console_table(SHOWN, "scenario")
-    for policy in results.policies:
-        table.add_column(escape(policy), justify="right", overflow="fold")
-    for axis in single:
-        found = [results.summaries.get((axis.scenario_names[0], policy)) for policy in results.policies]
-        shares = map(_shares, found)
-        table.add_row(f" {escape(place(axis.scenarios[0]))}", *shares)
-    return table
+    rows = (
+        {FIRST: f" {escape(place(axis.scenarios[0]))}"}
+        | {policy: _shares(results.summaries.get((axis.scenario_names[0], policy))) for policy in results.policies}
+        for axis in single
+    )
+    names = {policy: escape("\n".join(broken(policy, HEAD_WIDTH))) for policy in results.policies}
+    return console_table(SHOWN, {FIRST: "scenario", **names}, {"": rows})
 
 
 def _widest(results: Results) -> str:
@@ -111,42 +109,37 @@ def _widest(results: Results) -> str:
     return f"95 % intervals of these shares (Wilson): at most {reach} points to either side; each is in the report"
 
 
-def summary_table(results: Results) -> Table:
-    """A row for each policy on each scenario."""
+def summary_table(results: Results, width: int) -> Table:
+    """A row for each policy on each scenario; intervals below their figures where names leave no room in a line."""
+    longest = max(len(line) for policy in results.policies for line in row_name(policy).splitlines())
+    end = " " if longest + FIGURES_WIDTH <= width else "\n"
     title = f"{counted(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
-    table = console_table(title, "policy", *FIGURES[:-1], "cost of\ntransport")
-    for scenario in results.scenarios:
-        table.add_row(f"[bold]{escape(scenario)}[/bold]")
-        for policy in results.policies:
-            if summary := results.summaries.get((scenario, policy)):
-                table.add_row(f" {escape(policy)}", *summary_figures(summary))
-    return table
+    shown = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
+    heads = {FIRST: "policy", **{metric: NARROW[metric] for metric in shown}, "cost_of_transport": "cost of\ntransport"}
+    groups: dict[str, list[dict[str, str]]] = {scenario: [] for scenario in results.scenarios}
+    for (scenario, policy), summary in results.summaries.items():
+        groups[scenario].append({FIRST: row_name(policy), **summary_figures(summary, end)})
+    return console_table(title, heads, groups)
 
 
-def summary_figures(summary: Summary) -> tuple[str, ...]:
-    """The figures of one row."""
-    return (
-        share(summary.success_rate, summary.success_rate_ci),
-        share(summary.fall_rate, summary.fall_rate_ci),
-        _spread(summary.velocity_error, summary.velocity_error_ci),
-        _spread(summary.yaw_rate_error, summary.yaw_rate_error_ci),
-        number(summary.cost_of_transport, 2),
-    )
+def summary_figures(summary: Summary, end: str) -> dict[str, str]:
+    """The figures of one row, by column; `end` stands between a figure and its interval."""
+    cells = {"cost_of_transport": number(summary.cost_of_transport, 2)}
+    for metric in METRICS:
+        value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
+        cells[metric] = share(value, ci) if metric in RATES else f"{number(value)} ± {number((ci[1] - ci[0]) / 2)}"
+    return {column: re.sub(r" (?=\[|±)", end, cell) for column, cell in cells.items()}
 
 
 def difference_table(results: Results) -> Table:
     """A row for each policy on each scenario: its difference from the baseline, with the corrected p-value below."""
-    title = f"minus {results.baseline}, paired by episode\np corrected for their number (Holm)"
-    table = console_table(title, "policy", *DIFFERENCES)
+    title = f"minus {escape(results.baseline)}, paired by episode\np corrected for their number (Holm)"
     rows: dict[str, dict[str, dict[str, str]]] = {}
-    for comparison in results.against_baseline:
-        by_policy = rows.setdefault(comparison.scenario, {})
-        by_policy.setdefault(comparison.a, {})[comparison.metric] = _difference(comparison)
-    for scenario, by_policy in rows.items():
-        table.add_row(f"[bold]{escape(scenario)}[/bold]")
-        for policy, cells in by_policy.items():
-            table.add_row(f" {escape(policy)}", *(cells[metric] for metric in METRICS))
-    return table
+    for each in results.against_baseline:
+        row = rows.setdefault(each.scenario, {}).setdefault(each.a, {FIRST: row_name(each.a)})
+        row[each.metric] = _difference(each)
+    groups = {scenario: by_policy.values() for scenario, by_policy in rows.items()}
+    return console_table(title, {FIRST: "policy", **NARROW_DIFFERENCES}, groups)
 
 
 def print_spread(results: Results, console: Console) -> None:
@@ -157,10 +150,11 @@ def print_spread(results: Results, console: Console) -> None:
     for run, scenarios in runs.items():
         count = next(iter(scenarios.values()))[SUCCESS_RATE].seeds
         title = f"{escape(run)}, {count} training seeds: mean ± standard deviation, lowest … highest"
-        table = console_table(title, "scenario", *FIGURES)
-        for scenario, metrics in scenarios.items():
-            table.add_row(escape(scenario), *(_over_seeds(metrics[name]) for name in METRICS))
-        console.print(table)
+        rows = (
+            {FIRST: escape(scenario), **{metric: _over_seeds(metrics[metric]) for metric in METRICS}}
+            for scenario, metrics in scenarios.items()
+        )
+        console.print(console_table(title, {FIRST: "scenario", **NARROW}, {"": rows}))
         console.print()
 
 
@@ -170,14 +164,25 @@ def _over_seeds(spread: SeedSpread) -> str:
     return f"{middle}\n{form(spread.lowest)} … {form(spread.highest)}"
 
 
-def console_table(title: str, first: str = "policy", *others: str) -> Table:
-    """An empty table in the style of all of them; columns but the first hold figures."""
+def row_name(name: str) -> str:
+    """A name at the head of a row, as markup."""
+    return "\n".join(f" {escape(line)}" for line in broken(name, NAME_WIDTH))
+
+
+def console_table(title: str, heads: Mapping[str, str], groups: Mapping[str, Iterable[Mapping[str, str]]]) -> Table:
+    """A table in the style of all of them: headings, and the cells of each row, by column, below their group's name."""
     table = Table(
         title=title, title_justify="left", title_style="", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
     )
-    table.add_column(first, overflow="fold")
-    for name in others:
-        table.add_column(name, justify="right")
+    first, *figures = heads
+    table.add_column(heads[first], overflow="fold")
+    for column in figures:
+        table.add_column(heads[column], justify="right", overflow="fold")
+    for group, rows in groups.items():
+        if group:
+            table.add_row(f"[bold]{escape(group)}[/bold]")
+        for row in rows:
+            table.add_row(*(row[column] for column in heads))
     return table
 
 
@@ -185,10 +190,6 @@ def _difference(comparison: Comparison) -> str:
     value = comparison.difference
     shown = points(value) if comparison.metric in RATES else number(value)
     return f"{shown}\n{p_value(comparison.p_value_holm)}"
-
-
-def _spread(mean: float, ci: tuple[float, float]) -> str:
-    return f"{number(mean)} ± {number((ci[1] - ci[0]) / 2)}"
 
 
 def _shares(summary: Summary | None) -> str:

@@ -7,8 +7,10 @@ import numpy as np
 
 from evaluate.statistics.intervals import (
     FEWER_RESAMPLES,
+    UNBOUNDED,
     Floats,
     Interval,
+    agreeing_interval,
     percentile_interval,
     resamples,
     share_difference_interval,
@@ -25,10 +27,13 @@ def interquartile_mean(values: Floats) -> float:
     return float(trim_mean(values, TRIMMED)) if len(values) else float("nan")
 
 
-def interquartile_mean_interval(values: Floats, seed: int = 0) -> Interval:
-    """Percentile bootstrap interval of the interquartile mean, 95 %; (NaN, NaN) for fewer than two values."""
-    if len(values) < 2:
-        return (np.nan, np.nan)
+def interquartile_mean_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int = 0) -> Interval:
+    """Percentile bootstrap interval of the interquartile mean, 95 %; (NaN, NaN) for fewer than two values.
+
+    `bounds` of a value, for values that all agree: see `agreeing_interval`.
+    """
+    if len(values) < 2 or np.ptp(values) == 0.0:
+        return agreeing_interval(values, bounds, TRIMMED)
     blocks = resamples(len(values), FEWER_RESAMPLES, seed)
     return percentile_interval(np.concatenate([_trimmed_means(counts, values) for counts in blocks]))
 

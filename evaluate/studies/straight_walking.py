@@ -14,11 +14,12 @@ import numpy as np
 from rich.progress import track
 
 from evaluate.measures.metrics import Measures
+from evaluate.measures.tracking import VELOCITY_CAP
 from evaluate.report.places import RESULTS, insert, page_with
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.rollouts.workers import process_pool
-from evaluate.statistics.intervals import bootstrap_interval, wilson_interval
+from evaluate.statistics.intervals import UNBOUNDED, bootstrap_interval, wilson_interval
 from evaluate.terminal.command_line import UsageError, check_numbers
 from evaluate.terminal.format import ABSENT, number, share
 from policies.files import write_atomically
@@ -111,9 +112,9 @@ def _figures(measures: Measures) -> Iterator[str]:
     for counted in (measures.succeeded, measures.fell):
         yield share(counted.mean(), wilson_interval(int(counted.sum()), len(counted)))
     whole = measures.cost_of_transport[~measures.fell & np.isfinite(measures.cost_of_transport)]
-    for values, digits in ((measures.velocity_error, 3), (whole, 2)):
+    for values, digits, bounds in ((measures.velocity_error, 3, (0.0, VELOCITY_CAP)), (whole, 2, UNBOUNDED)):
         if len(values) < 2:
             yield ABSENT
         else:
-            low, high = (number(end, digits) for end in bootstrap_interval(values))
+            low, high = (number(end, digits) for end in bootstrap_interval(values, bounds))
             yield f"{number(values.mean(), digits)} [{low}, {high}]"

@@ -1,6 +1,7 @@
 """Figures as people read them."""
 
 import math
+import re
 from collections.abc import Sequence
 
 ABSENT = "–"
@@ -56,7 +57,9 @@ def points_interval(ends: tuple[float, float]) -> str:
 
 
 def p_value(value: float) -> str:
-    """`p < 0.001`, or `p = ` with two or three decimals; its spaces do not break."""
+    """`p < 0.001`, or `p = ` with two or three decimals; its spaces do not break; a dash if it does not exist."""
+    if math.isnan(value):
+        return ABSENT
     if value < 0.001:
         return f"p{NO_BREAK}<{NO_BREAK}0.001"
     return f"p{NO_BREAK}={NO_BREAK}{value:.{3 if value < 0.1 else 2}f}"
@@ -65,6 +68,16 @@ def p_value(value: float) -> str:
 def listed(names: Sequence[str]) -> str:
     """`a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def broken(name: str, width: int) -> list[str]:
+    """A name in lines of at most so many characters: broken after `/`, `_` or `-`, or where it has none of them."""
+    lines = [""]
+    for piece in re.findall(rf"[^/_-]{{1,{width - 1}}}[/_-]?|[/_-]", name):
+        if len(lines[-1]) + len(piece) > width:
+            lines.append("")
+        lines[-1] += piece
+    return lines
 
 
 def counted(count: int, thing: str) -> str:

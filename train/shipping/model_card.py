@@ -6,6 +6,9 @@ from statistics import median
 
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
+from evaluate.analysis.summary import Summary
+from evaluate.report import markdown
+from evaluate.report.headings import IN_A_LINE
 from evaluate.report.results_page import score_table
 from evaluate.rollouts import hardware
 from evaluate.terminal.format import number, p_value, percent, points, share
@@ -13,6 +16,8 @@ from policies.base import CONTROL_PERIOD
 from train.config import TrainConfig
 from train.run_record import command
 
+BOTH = (FALL_RATE, "velocity_error", "yaw_rate_error")
+"""Metrics of which the figure of the base stands in one cell with that of the policy."""
 SIGNIFICANT = 0.05
 """Largest p-value, corrected, with which a difference is one."""
 
@@ -98,18 +103,11 @@ def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results:
     first, *others = sorted(runs, key=lambda run: run is not shipped)
     base, name = shipped.config.base, f"{called} {seed(first, shipped)}"
     rest = ", ".join(str(run.config.seed) for run in others)
-    header = (
-        "scenario",
-        f"success, `{base}`",
-        f"success, {name}",
-        *([f"seeds {rest}", "median"] if others else []),
-        f"{name} minus `{base}`, points",
-        f"falls, `{base}` / {name}",
-        f"velocity error, m/s, `{base}` / {name}",
-        f"yaw-rate error, rad/s, `{base}` / {name}",
-    )
-    rows = [_row(scenario, base, (first, *others), results) for scenario in results.scenarios]
-    return "\n".join(f"| {' | '.join(row)} |" for row in (header, ["---"] * len(header), *rows))
+    heads = {"scenario": "scenario", "before": f"success, `{base}`", "after": f"success, {name}"}
+    heads |= {"seeds": f"seeds {rest}", "median": "median"} if others else {}
+    heads[SUCCESS_RATE] = f"{name} minus `{base}`, points"
+    heads |= {metric: f"{IN_A_LINE[metric]}, `{base}` / {name}" for metric in BOTH}
+    return markdown.table(heads, (_row(scenario, base, (first, *others), results) for scenario in results.scenarios))
 
 
 def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
@@ -119,22 +117,25 @@ def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: Train
     return "\n".join(score_table(results.scores, shipped.config.base, labels)) if results.scores else ""
 
 
-def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> tuple[str, ...]:
-    """Figures of the base, of the first of the runs beside it, and the successes of the others."""
+def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:
+    """Figures of the base, of the first of the runs beside it, and the successes of the others, by column."""
     before, *after = (results.summaries[scenario, policy] for policy in (base, *(run.label for run in runs)))
     shown = after[0]
     seeds = [percent(each.success_rate) for each in after[1:]]
     found = {metric: difference(_against(base, scenario, runs[0], metric, results)) for metric in METRICS}
-    return (
-        scenario,
-        share(before.success_rate, before.success_rate_ci),
-        share(shown.success_rate, shown.success_rate_ci),
-        *([", ".join(seeds), percent(median(each.success_rate for each in after))] if seeds else []),
-        found[SUCCESS_RATE],
-        f"{before.falls} / {shown.falls}, {found[FALL_RATE]}",
-        f"{number(before.velocity_error)} / {number(shown.velocity_error)}, {found['velocity_error']}",
-        f"{number(before.yaw_rate_error)} / {number(shown.yaw_rate_error)}, {found['yaw_rate_error']}",
-    )
+    return {
+        "scenario": scenario,
+        "before": share(before.success_rate, before.success_rate_ci),
+        "after": share(shown.success_rate, shown.success_rate_ci),
+        "seeds": ", ".join(seeds),
+        "median": percent(median(each.success_rate for each in after)),
+        SUCCESS_RATE: found[SUCCESS_RATE],
+        **{metric: f"{_figure(before, metric)} / {_figure(shown, metric)}, {found[metric]}" for metric in BOTH},
+    }
+
+
+def _figure(summary: Summary, metric: str) -> str:
+    return str(summary.falls) if metric == FALL_RATE else number(getattr(summary, metric))
 
 
 def _against(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:

@@ -114,12 +114,15 @@ def _preferred(policy: str) -> list[int]:
 
 
 @cache
-def text_width(text: str) -> float:
-    """Width of a text at the usual size, in."""
+def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
+    """Width of a text at a size in points, in."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
-    return float(TextPath((0.0, 0.0), text, 9.0, prop=FontProperties(family=FONT)).get_extents().width) / 72.0
+    return (
+        float(TextPath((0.0, 0.0), text, size, prop=FontProperties(family=FONT, weight=weight)).get_extents().width)
+        / 72.0
+    )
 
 
 def short_name(policy: str) -> str:

@@ -10,6 +10,7 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.score import Score
 from evaluate.measures.outcomes import RULES
 from evaluate.report.plots.drawing import Margins, figure, short_name, style, text_width
+from evaluate.terminal.format import broken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 ROW, COLUMN, GAP = 0.22, 0.3, 0.12
 """Height and width of a cell of the heat map, and room between two policies, in."""
+NAME_WIDTH, NAME_SIZE, NAME_LINE = 12, 8.0, 0.135
+"""Characters of a policy's name in a line above its block, its size, pt, and the height of a line, in."""
 COLOURS = {
     "succeeded": "#009E73",
     "off_command": "#F0E442",
@@ -34,17 +37,20 @@ NAMES = ("nominal", "hard", "hardest")
 def heat_map(scores: Sequence[Score]) -> "Figure":
     """Success in per cent: an axis a row, a policy a block, in it a column a severity, the mildest to the left."""
     names = list(scores[0].axes)
+    heads = ["\n".join(broken(score.policy, NAME_WIDTH)) for score in scores]
     columns = max(map(len, scores[0].axes.values()))
-    width = columns * COLUMN + GAP
-    margins = Margins(left=0.15 + max(map(text_width, names)), right=0.05, bottom=0.06, top=0.3)
+    widest = max(text_width(line, NAME_SIZE, "bold") for head in heads for line in head.splitlines())
+    width = max(columns * COLUMN, widest) + GAP
+    top = 0.15 + NAME_LINE * max(len(head.splitlines()) for head in heads)
+    margins = Margins(left=0.15 + max(map(text_width, names)), right=0.05, bottom=0.06, top=top)
     size = len(scores) * width + margins.left + margins.right, len(names) * ROW + margins.top + margins.bottom
-    drawn, axes = figure(size[1], max(size[0], 3.0), margins)
-    for number, score in enumerate(scores):
+    drawn, axes = figure(size[1], size[0], margins)
+    for number, (head, score) in enumerate(zip(heads, scores, strict=True)):
+        centre = (number + 0.5) * width
         for row, rates in enumerate(score.axes.values()):
             for column, rate in enumerate(rates):
-                _cell(axes, number * width + column * COLUMN, row, rate)
-        centre = number * width + columns * COLUMN / 2
-        axes.text(centre, -0.35, short_name(score.policy), ha="center", va="bottom", fontsize=8, fontweight="bold")
+                _cell(axes, centre + (column - columns / 2) * COLUMN, row, rate)
+        axes.text(centre, -0.35, head, ha="center", va="bottom", fontsize=NAME_SIZE, fontweight="bold")
     axes.set(xlim=(0.0, len(scores) * width), ylim=(len(names), 0.0), xticks=[])
     axes.set_yticks(np.arange(len(names)) + 0.5, names)
     axes.tick_params(length=0)

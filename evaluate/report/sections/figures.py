@@ -1,23 +1,19 @@
 """Tables of figures: what each policy did, and its paired differences."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from html import escape
 
-from evaluate.analysis.comparison import ERRORS, FALL_RATE, RATES, SUCCESS_RATE, Comparison
+from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place
 from evaluate.analysis.summary import Summary
+from evaluate.report.headings import DIFFERENCE_UNITS, FIRST, TITLES, UNITS
 from evaluate.report.html import BEST, breakable, heading, mark, table
 from evaluate.report.plots.drawing import MARKS, style
 from evaluate.terminal.format import ABSENT, interval, number, p_value, percent_interval, points, points_interval
 
-HEADINGS = {
-    SUCCESS_RATE: ("success", ""),
-    FALL_RATE: ("falls", ""),
-    "velocity_error": ("velocity error", "m/s"),
-    "mean_velocity_error": ("mean velocity error", "m/s"),
-    "yaw_rate_error": ("yaw-rate error", "rad/s"),
-}
+HEADINGS = {metric: heading(TITLES[metric], UNITS[metric]) for metric in METRICS}
+"""Metric -> its heading."""
 
 
 def policy_label(results: Results, policy: str) -> str:
@@ -30,24 +26,23 @@ def summary_table(results: Results, scenario: str) -> str:
     """A row for each policy on one scenario."""
     rows = {policy: s for (name, policy), s in results.summaries.items() if name == scenario}
     best = {metric: min(getattr(summary, metric) for summary in rows.values()) for metric in ERRORS}
-    heads = [*HEADINGS.values(), ("cost of transport", ""), ("diverged", "")]
-    body = ([policy_label(results, policy), *_summary_cells(summary, best)] for policy, summary in rows.items())
-    return table(["policy", *(heading(*head) for head in heads)], body)
+    heads = {FIRST: "policy", **HEADINGS, "cost_of_transport": "cost of transport", "diverged": "diverged"}
+    body = ({FIRST: policy_label(results, policy), **_summary_cells(summary, best)} for policy, summary in rows.items())
+    return table(heads, body)
 
 
 def level_table(results: Results, axis: SeverityAxis) -> str:
     """Successes and falls in per cent: a policy a row, a level a column."""
-    heads = [
-        heading("success (falls), %", f"at {escape(axis.unit or axis.name)}"),
-        *(amount(level.severity) for level in axis.levels),
-    ]
+    heads = {FIRST: heading("success (falls), %", f"at {escape(axis.unit or axis.name)}")}
+    heads |= {level.name: amount(level.severity) for level in axis.levels}
     found = {
-        policy: [results.summaries.get((level.name, policy)) for level in axis.levels] for policy in results.policies
+        policy: {level.name: results.summaries.get((level.name, policy)) for level in axis.levels}
+        for policy in results.policies
     }
     rows = (
-        [policy_label(results, policy), *(_shares(s) if s else ABSENT for s in levels)]
+        {FIRST: policy_label(results, policy), **{name: _shares(s) if s else ABSENT for name, s in levels.items()}}
         for policy, levels in found.items()
-        if any(levels)
+        if any(levels.values())
     )
     return table(heads, rows, "levels")
 
@@ -59,23 +54,23 @@ def comparison_table(results: Results, comparisons: Iterable[Comparison]) -> str
     for c in comparisons:
         rows.setdefault((c.scenario, c.a, c.b), {})[c.metric] = _difference(c)
     body = (
-        [f"{breakable(a)} − {breakable(b)}<small>{escape(place(scenarios[name]))}</small>"]
-        + [cells[metric] for metric in HEADINGS]
+        {FIRST: f"{breakable(a)} − {breakable(b)}<small>{escape(place(scenarios[name]))}</small>", **cells}
         for (name, a, b), cells in rows.items()
     )
-    units = HEADINGS | {SUCCESS_RATE: ("success", "% points"), FALL_RATE: ("falls", "% points")}
-    return table(["difference", *(heading(*head) for head in units.values())], body)
+    return table({FIRST: "difference", **{m: heading(TITLES[m], DIFFERENCE_UNITS[m]) for m in METRICS}}, body)
 
 
-def _summary_cells(summary: Summary, best: dict[str, float]) -> Iterator[str]:
-    for count, ci in ((summary.successes, summary.success_rate_ci), (summary.falls, summary.fall_rate_ci)):
-        yield f"{count}&nbsp;of&nbsp;{summary.episodes}<small>{percent_interval(ci)}</small>"
+def _summary_cells(summary: Summary, best: dict[str, float]) -> dict[str, str]:
+    """Column -> cell."""
+    cells = {"cost_of_transport": number(summary.cost_of_transport, 2), "diverged": str(summary.diverged)}
+    for rate, count in ((SUCCESS_RATE, summary.successes), (FALL_RATE, summary.falls)):
+        ci = percent_interval(getattr(summary, f"{rate}_ci"))
+        cells[rate] = f"{count}&nbsp;of&nbsp;{summary.episodes}<small>{ci}</small>"
     for metric in ERRORS:
         value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
         text = f"{number(value)}<small>{interval(ci)}</small>"
-        yield f"{BEST}{text}" if value == best[metric] else text
-    yield number(summary.cost_of_transport, 2)
-    yield str(summary.diverged)
+        cells[metric] = f"{BEST}{text}" if value == best[metric] else text
+    return cells
 
 
 def _shares(summary: Summary) -> str:

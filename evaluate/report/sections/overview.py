@@ -9,6 +9,7 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.sensitivity import LEAD as EFFECTS
 from evaluate.analysis.sensitivity import effect_text
 from evaluate.analysis.severity_levels import amount, severity_axes
+from evaluate.report.headings import FIRST
 from evaluate.report.html import note, section, table
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
@@ -45,13 +46,11 @@ def _by_axis(results: Results, axes: Mapping[str, str], cells: Mapping[tuple[str
     """A table of cells, ready HTML, of the policies that have one; below each axis's name stand its words, a text."""
     policies = [policy for policy in results.policies if any(policy == found for _, found in cells)]
     rows = [
-        [
-            f'<a href="#{anchor(axis)}">{escape(axis)}</a><small>{escape(words)}</small>',
-            *(cells.get((axis, policy), ABSENT) for policy in policies),
-        ]
+        {FIRST: f'<a href="#{anchor(axis)}">{escape(axis)}</a><small>{escape(words)}</small>'}
+        | {policy: cells.get((axis, policy), ABSENT) for policy in policies}
         for axis, words in axes.items()
     ]
-    return table(["axis", *(policy_label(results, policy) for policy in policies)], rows, "text")
+    return table({FIRST: "axis", **{policy: policy_label(results, policy) for policy in policies}}, rows, "text")
 
 
 def _cell(point: AxisBreakingPoint) -> str:

@@ -1,6 +1,7 @@
 """Speed response: what a policy does of the speed it is told, as curves, and its dead zones in a table."""
 
 import math
+from collections.abc import Mapping
 from html import escape
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.measures.response import AXES, RESPONDS, Response, known
+from evaluate.report.headings import FIRST
 from evaluate.report.html import grid, heading, image, note, section, table
 from evaluate.report.plots.drawing import Margins, cell_of, figure, same_ticks, style, svg
 from evaluate.report.sections.figures import policy_label
@@ -90,17 +92,24 @@ def _quartiles(commanded: Floats, achieved: Floats, limit: float) -> tuple[Float
 
 
 def _dead_zones(results: Results, scenario: str) -> str:
-    heads = ["policy"]
-    for name, unit in COMPONENTS:
-        heads += [f"{name}<small>slope</small>", heading("dead zone", unit)]
-    rows = []
-    for policy in results.policies:
-        if (scenario, policy) in results.summaries:
-            found = results.summaries[scenario, policy].response
-            rows.append([policy_label(results, policy), *(cell for axis in AXES for cell in _cells(found[axis]))])
+    """A policy a row; the columns of each component of a command."""
+    heads = {FIRST: "policy"}
+    for axis, unit in AXES.items():
+        name = axis.replace("_", " ")
+        heads |= {f"{axis} slope": heading(name, "slope"), f"{axis} zone": heading(name, f"dead zone, {unit}")}
+    rows = (
+        {FIRST: policy_label(results, policy), **_cells(results.summaries[scenario, policy].response)}
+        for policy in results.policies
+        if (scenario, policy) in results.summaries
+    )
     return table(heads, rows)
 
 
-def _cells(found: Response) -> tuple[str, str]:
-    zone = "all" if math.isinf(found.dead_zone) else number(found.dead_zone, 1)
-    return number(found.gain, 2), zone if not math.isnan(found.dead_zone) else ABSENT
+def _cells(responses: Mapping[str, Response]) -> dict[str, str]:
+    """Column -> cell."""
+    cells = {}
+    for axis, found in responses.items():
+        zone = "all" if math.isinf(found.dead_zone) else number(found.dead_zone, 1)
+        cells[f"{axis} slope"] = number(found.gain, 2)
+        cells[f"{axis} zone"] = zone if not math.isnan(found.dead_zone) else ABSENT
+    return cells

@@ -5,7 +5,7 @@ from html import escape
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.severity_levels import severity_axes
-from evaluate.report.html import grid, heading, image, note, section, table
+from evaluate.report.html import grid, heading, image, note, section, table, wide
 from evaluate.report.plots import success as plots
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.figures import policy_label
@@ -27,14 +27,14 @@ def success(results: Results) -> str:
     heat_map = image(
         svg(plots.heat_map(results.scores)), "Success of each policy on each axis at each severity, in per cent"
     )
-    heads = ["policy", heading("score", "%"), heading(f"minus {escape(results.baseline)}", "% points")]
-    rows = ([policy_label(results, score.policy), *_cells(score, results.baseline)] for score in results.scores)
-    return section("Success", note(LEAD), heat_map, grid(pictures, 2), note(WORDS), table(heads, rows))
+    minus = heading(f"minus {escape(results.baseline)}", "% points")
+    heads = {"policy": "policy", "score": heading("score", "%"), "difference": minus}
+    rows = ({"policy": policy_label(results, each.policy), **_cells(each, results.baseline)} for each in results.scores)
+    return section("Success", note(LEAD), wide(heat_map), grid(pictures, 2), note(WORDS), table(heads, rows))
 
 
-def _cells(score: Score, baseline: str) -> tuple[str, str]:
+def _cells(score: Score, baseline: str) -> dict[str, str]:
+    """Column -> cell."""
     figure = f"{number(100.0 * score.score, 1)}<small>{percent_interval(score.ci)}</small>"
-    if score.policy == baseline:
-        return figure, ""
     ci = f"<small>{points_interval(score.difference_ci)}</small><small>{escape(p_value(score.p_value))}</small>"
-    return figure, f"{points(score.difference)}{ci}"
+    return {"score": figure, "difference": f"{points(score.difference)}{ci}" if score.policy != baseline else ""}

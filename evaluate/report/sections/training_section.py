@@ -5,14 +5,15 @@ from html import escape
 from evaluate.analysis.comparison import RATES
 from evaluate.analysis.results import Results
 from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
-from evaluate.report.html import heading, note, section, table
+from evaluate.report.headings import FIRST
+from evaluate.report.html import note, section, table
 from evaluate.report.sections.figures import HEADINGS
 from evaluate.terminal.format import interval, number, percent, percent_interval
 
 LEAD = (
     "Policies from folders seed-<number> of one parent count as one training, repeated. A seed is one value, its mean "
-    "over the episodes. Below each mean over the seeds: the 95 % interval of Student's t, which counts seeds, then the "
-    "lowest and highest seed."
+    "over the episodes. Below each mean over the seeds: the 95 % interval, which counts seeds (of errors Student's t), "
+    "then the lowest and highest seed."
 )
 
 
@@ -27,9 +28,9 @@ def _run(run: str, spreads: list[SeedSpread]) -> str:
     mine = [spread for spread in spreads if spread.run == run]
     cells = {(spread.scenario, spread.metric): _cell(spread) for spread in mine}
     scenarios = dict.fromkeys(spread.scenario for spread in mine)
-    rows = ([escape(name), *(cells[name, metric] for metric in HEADINGS)] for name in scenarios)
+    rows = ({FIRST: escape(name), **{metric: cells[name, metric] for metric in HEADINGS}} for name in scenarios)
     title = f"<h3>{escape(run)} <small>{mine[0].seeds} seeds</small></h3>"
-    return title + table(["scenario", *(heading(*head) for head in HEADINGS.values())], rows)
+    return title + table({FIRST: "scenario", **HEADINGS}, rows)
 
 
 def _cell(spread: SeedSpread) -> str:

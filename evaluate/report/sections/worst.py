@@ -34,7 +34,7 @@ def worst_episodes(results: Results, folder: Path) -> str:
         "velocity errors. The command runs the episode again, bit for bit on the same class of machine; "
         "--video replay.webp films it."
     )
-    heads = ("scenario", "what happened", "replay")
+    heads = {"scenario": "scenario", "what": "what happened", "replay": "replay"}
     tables = (
         fold(
             policy_label(results, policy),
@@ -52,8 +52,9 @@ def replay_command(cell: Cell, episode: int, folder: Path) -> str:
     return shlex.join((*words, "--policy", cell.policy, "--scenario", cell.scenario.name))
 
 
-def _row(cell: Cell, episode: int, folder: Path) -> tuple[str, str, str]:
+def _row(cell: Cell, episode: int, folder: Path) -> dict[str, str]:
     reason, measures = cell.fall_reason[episode], cell.measures
     fall = f"{escape(reason or '')} at {number(measures.fall_time[episode], 2)} s"
     what = fall if reason else f"velocity error {number(measures.velocity_error[episode])} m/s"
-    return escape(cell.scenario.name), what, f"<code>{escape(replay_command(cell, episode, folder))}</code>"
+    replay = f"<code>{escape(replay_command(cell, episode, folder))}</code>"
+    return {"scenario": escape(cell.scenario.name), "what": what, "replay": replay}

@@ -9,7 +9,7 @@ from evaluate.analysis.results import analyse, as_json
 from evaluate.analysis.score import scores
 from evaluate.report.sections.success_section import success as section
 from evaluate.rollouts.battery import resolve
-from evaluate.statistics.intervals import bootstrap_interval, difference_interval
+from evaluate.statistics.intervals import difference_interval, mean_share_interval
 from evaluate.statistics.significance import sign_flip_test
 
 COUNT = 40
@@ -45,17 +45,54 @@ def test_differences_are_paired_by_episode_and_the_best_comes_first(cells) -> No
     assert best.p_value < 0.01  # eight pairs, all of one sign
 
 
-def test_an_interval_resamples_episodes_each_with_all_of_its_scenarios(cells) -> None:
+def test_an_interval_counts_episodes_each_with_all_of_its_scenarios(cells) -> None:
     """The same ten episodes fall everywhere: thirty scenarios of them are no more evidence than one."""
     everywhere = dict.fromkeys(("flat", "push", "push_3", "rough"), 10)
     base, (found,) = np.arange(COUNT) < 20, scores(cells("trot", **everywhere), "trot")
     succeeded = np.where(np.arange(COUNT) < 10, 0.0, 1.0)
-    assert found.ci == bootstrap_interval(succeeded)
+    assert found.ci == mean_share_interval(succeeded)
     both = cells("trot", **dict.fromkeys(everywhere, 20)) + cells("stand", **everywhere)
     best = scores(both, "trot")[0]
     assert best.policy == "stand"
     assert best.difference_ci == difference_interval(succeeded - ~base)
     assert best.p_value == sign_flip_test(succeeded - ~base)
+
+
+def test_without_the_baselines_score_there_is_no_difference(cells) -> None:
+    """The trot missed push: 0 instead would be a figure that nobody measured."""
+    (found,) = scores(cells("trot", flat=0) + cells("stand", flat=4, push=20), "trot")
+    assert found.policy == "stand"
+    assert np.isnan([found.difference, *found.difference_ci, found.p_value]).all()
+
+
+def ends(contents, place="") -> dict:
+    """Every interval of results.json by its place."""
+    entries = contents.items() if isinstance(contents, dict) else enumerate(contents)
+    found = {}
+    for name, value in entries:
+        if str(name).endswith("ci"):
+            found[f"{place}/{name}"] = value
+        elif isinstance(value, dict | list):
+            found |= ends(value, f"{place}/{name}")
+    return found
+
+
+@pytest.mark.parametrize("count", [2, 8])
+def test_no_interval_has_no_width_where_all_episodes_agree(made_up_cell, count) -> None:
+    """Two policies, three seeds of a training among them: one always succeeds, others always fall, all errors agree."""
+    policies = {"trot": False, "runs/a/seed-0": True, "runs/a/seed-1": True, "runs/a/seed-2": True}
+    all_cells = [
+        made_up_cell(policy, np.full(count, fell), np.full(count, 2.0 if fell else 0.5), resolve((name,))[0])
+        for name in ("flat", "push:1", "push:2", "push:3")
+        for policy, fell in policies.items()
+    ]
+    found = ends(as_json(analyse(all_cells, seed=0, episodes=count, complete=True)))
+    known = {place: ci for place, ci in found.items() if None not in ci}
+    assert {place.split("/")[1] for place in known} == {
+        "scores", "policies", "training_seeds", "comparisons", "sensitivities"
+    }  # fmt: skip
+    flat = {place for place, (low, high) in known.items() if low >= high}
+    assert flat == {"/scores/0/difference_ci"}  # of the baseline from itself
 
 
 def test_a_severity_that_two_scenarios_have_counts_once(cells) -> None:

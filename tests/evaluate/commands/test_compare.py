@@ -64,7 +64,10 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
         expected = 0.125 if match["a"] == "trot" else 0.0
         assert velocity["difference"] == pytest.approx(velocity["b"] - velocity["a"], abs=1e-12)
         assert velocity["difference"] == pytest.approx(expected)
-        assert velocity["ci"] == pytest.approx([expected, expected])
+        # All five agree: others have at most 3.8415 / 8.8415 of the episodes (Wilson), and are within -2 … 2 m/s.
+        others = 0.43448
+        ends = [expected - others * (expected + 2.0), expected + others * (2.0 - expected)]
+        assert velocity["ci"] == pytest.approx(ends, abs=1e-4)
         # Five differences of one sign: 2 of 2^5 sign flips are as large.
         assert velocity["p_value"] == (pytest.approx(2 / 32) if expected else 1.0)
 

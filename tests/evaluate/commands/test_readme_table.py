@@ -11,6 +11,7 @@ from evaluate.commands.readme import insert
 from evaluate.report.results_page import every_figure, newcomers_table
 from evaluate.rollouts.battery import BATTERIES
 from evaluate.terminal.command_line import UsageError
+from policies import summary
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.alike import alike
 
@@ -150,6 +151,13 @@ def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
 def test_the_command_that_makes_the_tables_is_below_them(changes, command, tmp_path) -> None:
     for text in written(tmp_path, FOUND | changes):
         assert f"\n`{command}`; MuJoCo" in text
+
+
+def test_what_the_policies_are_stands_before_their_figures_in_the_readme(tmp_path) -> None:
+    readme, _ = written(tmp_path, FOUND)
+    first = readme.splitlines()[1]
+    assert first == f"`trot`: {summary('trot')}.<br>`stand`: {summary('stand')}."
+    assert written(tmp_path, FOUND | {"policies": {"my.onnx": FOUND["policies"]["trot"]}})[0].splitlines()[1] != first
 
 
 @pytest.mark.parametrize(("battery", "words"), [("default", ""), ("quick", " --scenarios quick")])

@@ -8,11 +8,12 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from evaluate.analysis.score import Score
 from evaluate.commands.outputs import analysed
 from evaluate.measures.footfalls import stances
 from evaluate.records.store import read_run
 from evaluate.report.page import render
-from evaluate.report.plots import curves, drawing
+from evaluate.report.plots import curves, drawing, success
 from evaluate.report.sections.gait_section import gait_diagram
 from evaluate.report.sections.push_section import DIRECTIONS, fall_shares, push_plot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -107,6 +108,31 @@ def test_no_name_is_clipped(made_up_cell, clipped, name) -> None:
         push_plot(impulses, np.ones(40), name)
         gait_diagram(SIMPLE_QUAD, np.ones((200, 4), bool), 3.0, 0.01, "#000000", name)
     assert clipped == ["3"]
+
+
+def score(policy: str, **axes: int) -> Score:
+    """A score on axes with so many severities."""
+    rates = {axis: (0.5,) * severities for axis, severities in axes.items()}
+    return Score(policy, 0.5, (0.4, 0.6), rates, 0.0, (0.0, 0.0), 1.0)
+
+
+@pytest.mark.parametrize("severities", [1, 3])
+@pytest.mark.parametrize(
+    "names", [("trot",), ("document_repaired", "trot", "trot_feedback", "residual"), (LONG, WIDE, "trot", LONG + "0")]
+)
+def test_headings_of_the_heat_map_neither_overlap_nor_leave_it(clipped, names, severities) -> None:
+    """Also where each axis has one severity, and a block of cells is narrower than a policy's name."""
+    with drawing.settings():
+        drawn = success.heat_map([score(name, flat=1, push=severities) for name in names])
+        drawing.svg(drawn)
+        FigureCanvasAgg(drawn)
+        drawn.draw_without_rendering()
+        boxes = [text.get_window_extent() for text in drawn.axes[0].texts]
+    assert clipped == ["1"]
+    assert not [(a, b) for a, b in itertools.combinations(boxes, 2) if a.overlaps(b)]
+    assert [text.get_text().replace("\n", "") for text in drawn.axes[0].texts if not text.get_text().isdigit()] == list(
+        names
+    )
 
 
 def test_a_policys_colour_is_its_own_whatever_the_order_and_company() -> None:

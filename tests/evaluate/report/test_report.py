@@ -6,7 +6,7 @@ import re
 import shutil
 import subprocess
 from datetime import UTC, date, datetime
-from html import unescape
+from html import escape, unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from evaluate.analysis.results import analyse
 from evaluate.report.page import render
 from evaluate.report.sections.worst import worst
 from evaluate.terminal.format import interval, listed, number, p_value, percent, percent_interval, points
+from policies import summary
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
@@ -56,6 +57,11 @@ def test_the_page_needs_nothing_but_itself(page) -> None:
 def test_the_outcome_in_words_comes_before_every_table_and_plot(page) -> None:
     first = min(page.index("<table"), page.index("<img"))
     assert 0 < page.index("Outcome") < page.index("document against trot") < first
+
+
+def test_what_each_policy_is_stands_before_its_figures(page) -> None:
+    legend = page[page.index('<ul class="legend">') : page.index("Outcome")]
+    assert all(f": {escape(summary(name))}</li>" in legend for name in ("document", "stand", "trot"))
 
 
 def test_the_contents_lead_to_every_section(page) -> None:

@@ -29,6 +29,15 @@ def test_interquartile_mean_interval_is_rliables() -> None:
     assert np.isnan(interquartile_mean_interval(ROOTS[:1])).all()
 
 
+def test_interquartile_mean_of_values_that_agree() -> None:
+    """Of two, 66 % may be others, of which the quarter at either end does not count; of 24, 14 % are all cut off."""
+    unseen = (0.65763 - 0.25) / 0.5
+    assert interquartile_mean_interval(np.full(2, 2.0), (0.0, 2.0)) == pytest.approx(
+        (2.0 - 2.0 * unseen, 2.0), abs=1e-4
+    )
+    assert interquartile_mean_interval(np.full(24, 2.0), (0.0, 2.0)) == (2.0, 2.0)
+
+
 @pytest.mark.parametrize("size", [5, 40, 63])
 def test_resampled_interquartile_means_are_those_of_the_drawn_values(size) -> None:
     """Percentiles of scipy's trimmed means over values drawn one by one, with the same generator's draws."""

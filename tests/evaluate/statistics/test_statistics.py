@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import stats
 
 from evaluate.statistics import intervals
@@ -10,6 +12,7 @@ from evaluate.statistics.intervals import (
     KEPT_VALUES,
     bootstrap_interval,
     difference_interval,
+    mean_share_interval,
     newcombe_interval,
     percentile_interval,
     resamples,
@@ -103,8 +106,7 @@ def test_difference_interval_has_students_tails(monkeypatch, pairs, tail) -> Non
     assert difference_interval(np.arange(float(pairs))) == pytest.approx((tail, 1.0 - tail), abs=2e-6)
 
 
-def test_difference_interval_without_spread_or_pairs() -> None:
-    assert difference_interval(np.full(8, -2.0)) == (-2.0, -2.0)
+def test_difference_interval_of_one_pair_does_not_exist() -> None:
     assert np.isnan(difference_interval(np.array([1.0]))).all()
 
 
@@ -146,9 +148,76 @@ def test_bootstrap_interval_is_as_wide_as_the_normal_one_for_many_values() -> No
     assert high - low == pytest.approx(2 * 1.96 * 0.5 / np.sqrt(400), rel=0.1)
 
 
-def test_bootstrap_interval_of_equal_values_is_that_value() -> None:
-    assert bootstrap_interval(np.full(8, 2.0)) == (2.0, 2.0)
-    assert bootstrap_interval(np.zeros(128)) == (0.0, 0.0)
+def test_values_that_agree_may_hide_as_many_others_as_wilsons_interval_has_for_none() -> None:
+    """Of none of 24, Wilson's upper end is z² / (24 + z²) = 3.8415 / 27.8415 = 0.13798."""
+    unseen = 0.13798
+    assert bootstrap_interval(np.full(24, 2.0), (0.0, 2.0)) == pytest.approx((2.0 - 2.0 * unseen, 2.0), abs=1e-4)
+    assert bootstrap_interval(np.full(24, 0.5), (0.0, 2.0)) == pytest.approx((0.43101, 0.70697), abs=1e-4)
+    assert difference_interval(np.zeros(24), (-1.0, 1.0)) == pytest.approx((-unseen, unseen), abs=1e-4)
+    assert bootstrap_interval(np.full(24, 2.0)) == (-np.inf, np.inf)
+
+
+def test_two_samples_that_agree_have_the_interval_of_both_means() -> None:
+    """Of 24 and 24 each end is 0.13798 · 2 away on one side: √2 times that where both may move apart, else one."""
+    low, high = two_sample_interval(np.zeros(24), np.full(24, 2.0), (0.0, 2.0))
+    assert (low, high) == pytest.approx((2.0 - np.sqrt(2.0) * 0.27596, 2.0), abs=1e-4)
+    low, high = two_sample_interval(np.full(24, 1.0), np.full(24, 1.0), (0.0, 2.0))
+    assert (low, high) == pytest.approx((-np.sqrt(2.0) * 0.13798, np.sqrt(2.0) * 0.13798), abs=1e-4)
+
+
+@given(st.integers(1, 200).flatmap(lambda trials: st.tuples(st.integers(0, trials), st.just(trials))))
+def test_wilson_interval_is_scipys(counts) -> None:
+    reference = stats.binomtest(*counts).proportion_ci(0.95, method="wilson")
+    assert wilson_interval(*counts) == pytest.approx(tuple(reference), abs=1e-12)
+
+
+def test_mean_share_interval_is_wilsons_with_the_number_of_trials_that_vary_as_much() -> None:
+    """Twelve of 24: 23 trials, times (1.95996 / 2.06866)² = 0.89767 for Student's t. Half shares vary a quarter."""
+    shares = np.repeat([0.0, 1.0], 12)
+    assert mean_share_interval(shares) == pytest.approx(wilson_interval(0.5 * 20.6465, 20.6465), abs=1e-5)
+    halves = 0.25 + shares / 2.0
+    assert mean_share_interval(halves) == pytest.approx(wilson_interval(0.5 * 82.586, 82.586), abs=1e-5)
+
+
+def test_mean_share_interval_where_all_agree_counts_each_as_one_trial() -> None:
+    assert mean_share_interval(np.ones(24)) == pytest.approx((1.0 - 0.13798, 1.0), abs=1e-5)
+    assert mean_share_interval(np.zeros(2)) == pytest.approx((0.0, 0.65762), abs=1e-5)
+    assert mean_share_interval(np.full(24, 0.75)) == wilson_interval(18, 24)
+    assert mean_share_interval(np.ones(1)) == wilson_interval(1, 1)
+    assert np.isnan(mean_share_interval(np.empty(0))).all()
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=30))
+def test_mean_share_interval_has_a_width_and_holds_the_mean(shares) -> None:
+    low, high = mean_share_interval(np.array(shares))
+    assert 0.0 <= low <= np.mean(shares) + 1e-9
+    assert np.mean(shares) - 1e-9 <= high <= 1.0
+    assert low < high
+
+
+SCENARIOS = {
+    "two, easy": (0.97, 0.97),
+    "two, hardly ever": (0.01, 0.02),
+    "two, easy and not": (0.99, 0.6),
+    "sixteen of all kinds": tuple(np.linspace(0.02, 0.99, 16)),
+    "sixteen, hardly ever": (0.005,) * 16,
+    "forty-eight, three severities": (0.99, 0.6, 0.05) * 16,
+}
+"""Success probabilities of the scenarios of a score."""
+
+
+@pytest.mark.parametrize("together", [0.0, 0.5, 0.95])
+@pytest.mark.parametrize("episodes", [2, 4, 8, 24])
+@pytest.mark.parametrize("probabilities", SCENARIOS.values(), ids=SCENARIOS)
+def test_mean_share_interval_covers_scores_of_few_episodes(probabilities, episodes, together) -> None:
+    """Scenarios of an episode share a part of their luck: none, half or nearly all. A bootstrap covers 4 to 97 %."""
+    generator = np.random.default_rng(0)
+    own = generator.normal(size=(1000, episodes, len(probabilities)))
+    luck = np.sqrt(together) * generator.normal(size=(1000, episodes, 1)) + np.sqrt(1.0 - together) * own
+    scores = (luck < stats.norm.ppf(probabilities)).mean(axis=2)
+    ends = np.array([mean_share_interval(each) for each in scores])
+    covered = (ends[:, 0] <= np.mean(probabilities)) & (np.mean(probabilities) <= ends[:, 1])
+    assert covered.mean() > 0.9
 
 
 def test_bootstrap_interval_of_one_value_does_not_exist() -> None:
