@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures
@@ -31,8 +32,9 @@ _KINDS = {
     **dict.fromkeys(("fall_reason", "failure"), (pa.string(), True)),
     **dict.fromkeys(("episode", "seed"), (pa.int64(), False)),
     **dict.fromkeys(("fell", "diverged"), (pa.bool_(), False)),
+    **dict.fromkeys(("velocity_error", "yaw_rate_error", "mean_velocity_error"), (pa.float64(), False)),
 }
-"""Type of each column's values that are no figures, and whether one may be absent."""
+"""Type of each column's values, and whether one may be absent, where these are not figures that may."""
 _DEPTHS = {
     **dict.fromkeys(("duty_factor", "push_time", "push_phase", "push_fell", "push_recovery"), 1),
     **dict.fromkeys(("commands", "mean_velocities", "push_impulse"), 2),
@@ -110,12 +112,13 @@ def _check_columns(rows: pa.Table) -> None:
         raise ValueError("two of its columns have one name")
     for name in (name for name in rows.column_names if name in {"severity", *_KINDS, *MEASURES}):
         column, depth = rows.column(name), _DEPTHS.get(name, 0)
-        kind, absent = _KINDS.get(name, (pa.float64(), True))
-        found = column.type
+        kind, absent = _KINDS.get(name, (pa.float64(), not depth))
         for _ in range(depth):
-            found = found.value_type if pa.types.is_list(found) else None
-        if found != kind or (column.null_count and (depth or not absent)):
+            kind = pa.list_(kind)
+        if column.type != kind or (column.null_count and not absent):
             raise ValueError(f"its column {name} holds {column.type}, or nothing, where it must hold {kind}")
+        if kind == pa.float64() and not pc.all(pc.is_finite(column.drop_null()), min_count=0).as_py():
+            raise ValueError(f"its column {name} holds a number that is not finite")
     if {"fell", "fall_time"} <= set(rows.column_names):
         fell, timed = (rows.column(name) for name in ("fell", "fall_time"))
         if fell.to_pylist() != timed.is_valid().to_pylist():
