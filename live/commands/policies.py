@@ -9,6 +9,7 @@ from evaluate.rollouts.hardware import hardware_of
 from evaluate.terminal.format import counted
 from policies import bundle, shipped
 from policies.summaries import SUMMARIES
+from quad_env.files import read_bytes
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -48,7 +49,7 @@ def _lines(robot: Robot) -> Iterator[str]:
 def _trained(folder: Path) -> Iterator[str]:
     """What a bundle corrects and how it was trained; what is wrong with it, if anything is."""
     try:
-        told = bundle.parsed(folder, (folder / bundle.DESCRIPTION).read_bytes())
+        told = bundle.parsed(folder, read_bytes(folder / bundle.DESCRIPTION))
         base, training = told["base"]["name"], told["training"]
         yield (
             f"base {base}, at most {max(told['authority']):.2g} rad a joint; {training['steps']:,} steps of training, "
