@@ -26,6 +26,7 @@ from evaluate.rollouts.experiment import Cell, failure_reasons
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.format import counted
 from evaluate.terminal.launcher import silence_stdout
+from quad_env.text import one_line
 
 Show = Callable[[Results, Console], None]
 """Prints an outcome."""
@@ -117,7 +118,7 @@ def _print_failures(cells: Sequence[Cell], console: Console) -> None:
         reasons = np.concatenate([failure_reasons(cell) for cell in cells if cell.policy == policy])
         if found := [reason for reason in reasons if reason is not None]:
             line = f"{policy} failed in {len(found)} of {counted(len(reasons), 'episode')}; in the first it {found[0]}"
-            console.print(line, highlight=False, markup=False, soft_wrap=True)
+            console.print(one_line(line), highlight=False, markup=False, soft_wrap=True)
 
 
 def _print_path(console: Console, path: Path) -> None:

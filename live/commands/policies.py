@@ -12,6 +12,7 @@ from policies.summaries import SUMMARIES
 from quad_env.files import read_bytes
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.text import one_line
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def _lines(robot: Robot) -> Iterator[str]:
     folders = [found.parent for found in sorted(shipped.folder_of(robot).glob(f"*/{bundle.DESCRIPTION}"))]
     for folder in folders:
         own = policies.summary(folder.name) if robot == SIMPLE_QUAD else ""
-        first, *more = filter(None, (own, *_trained(folder)))
+        first, *more = filter(None, map(one_line, (own, *_trained(folder))))
         yield f"  {folder.name:{width}}{first}"
         yield from (f"  {'':{width}}{line}" for line in more)
     if not folders:

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Mask, Policy, PolicyError
-from policies.foreign import onnx_file, python_file, sb3_file
+from policies.foreign import onnx_file, prints, python_file, sb3_file
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
+from quad_env.text import one_line
 
 POLICY, ROBOT, BATCH = "policy", "robot", "batch"
 """Ways to ask: a `Policy`; a callable of one robot's observation; a callable of every robot's."""
@@ -43,6 +44,7 @@ class Answer:
 
 def serve(reference: Reference, way: str, robot: Robot, control_period: float, deadline: float) -> "Served":
     """The policy of a reference, loaded; without a way to ask it is found out. Raises PolicyError."""
+    prints.limit()
     loaded: Policy | Maker
     if reference.suffix == ".py":
         loaded = python_file.load(reference, robot, control_period)
@@ -179,7 +181,7 @@ class Served:
         except _Late:
             return None, f"gave no answer within {patience:g} s"
         except BaseException as error:
-            return None, " ".join(f"raised {type(error).__name__}: {error}".split())[:LONGEST_REASON]
+            return None, one_line(f"raised {type(error).__name__}: {error}")[:LONGEST_REASON]
         return result, None
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy, colliding
+from quad_env.robots.named_files import check_named
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -98,6 +99,10 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
         raise FileNotFoundError(f"{path} is no file")
     if path.stat().st_size > LARGEST_FILE:
         raise ModelError(f"it is larger than {LARGEST_FILE // 1_000_000} MB")
+    try:
+        check_named(path)
+    except OSError as error:
+        raise ModelError(f"cannot read {error.filename} ({error.strerror})") from None
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         model = spec.compile()
