@@ -15,10 +15,8 @@ LARGEST = 4 * 2**30
 
 def read_bytes(path: Path, limit: int = TEXT) -> bytes:
     """The content of a regular file of at most so many bytes; OSError for a pipe, a device or a larger file."""
-    # Without waiting for a writer, should it be a pipe.
-    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with os.fdopen(handle, "rb") as file:
-        _check(path, os.fstat(handle), limit)
+    with open(path, "rb", opener=_at_once) as file:
+        _check(path, os.fstat(file.fileno()), limit)
         content = file.read(limit + 1)
     if len(content) > limit:  # it has grown, or is one of the kernel's, whose sizes are not known
         raise OSError(errno.EFBIG, _too_large(limit), str(path))
@@ -36,6 +34,11 @@ def parse_json(content: bytes | str) -> Any:
         return json.loads(content, object_pairs_hook=_distinct)
     except RecursionError:
         raise ValueError("its values are nested too deeply") from None
+
+
+def _at_once(path: str, flags: int) -> int:
+    """A file's handle, without waiting for a writer, should it be a pipe."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def _check(path: Path, found: os.stat_result, limit: int) -> None:

@@ -2,9 +2,12 @@
 
 import io
 import sys
-from typing import TextIO
+from collections.abc import Callable
+from typing import TextIO, TypeVar
 
-MOST = 4096
+T = TypeVar("T")
+
+MOST = 1000
 """Characters that a policy's process may print."""
 
 
@@ -15,7 +18,7 @@ class Prints(io.TextIOBase):
         self._stream, self._left = stream, MOST
 
     @property
-    def encoding(self) -> str:
+    def encoding(self) -> str:  # type: ignore[override]
         """That of the stream."""
         return self._stream.encoding
 
@@ -39,7 +42,8 @@ class Prints(io.TextIOBase):
         return len(text)
 
 
-def limit() -> None:
-    """From now on this process prints so much, all of it on stderr."""
+def limited(make: Callable[[], T]) -> T:
+    """What `make` gives, in a process that from now on prints so much, all of it on stderr."""
     if sys.stderr is not None:
         sys.stdout = sys.stderr = Prints(sys.stderr)
+    return make()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Actions, Mask, Policy, PolicyError
-from policies.foreign import onnx_file, prints, python_file, sb3_file
+from policies.foreign import onnx_file, python_file, sb3_file
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
 from quad_env.robots.robot import Robot
@@ -44,7 +44,6 @@ class Answer:
 
 def serve(reference: Reference, way: str, robot: Robot, control_period: float, deadline: float) -> "Served":
     """The policy of a reference, loaded; without a way to ask it is found out. Raises PolicyError."""
-    prints.limit()
     loaded: Policy | Maker
     if reference.suffix == ".py":
         loaded = python_file.load(reference, robot, control_period)

@@ -27,12 +27,18 @@ def warn_of_no_render_mode(modes: Sequence[str]) -> None:
     gym.logger.warn(f"render() without a render_mode gives None; make the environment with one of {', '.join(modes)}")
 
 
-def held_commands(options: dict[str, Any], num_envs: int) -> Array | None:
-    """Commands that reset's options hold, (num_envs, 3), given as one for all or one each; None to draw them."""
-    if not isinstance(options, Mapping):
+def reset_options(options: Any) -> Mapping[str, Any]:
+    """What reset is asked for; nothing of None."""
+    found = {} if options is None else options
+    if not isinstance(found, Mapping):
         raise ValueError(f"options must be a dict with some of {', '.join(RESET_OPTIONS)}, got {options!r:.80}")
-    if unknown := set(options) - set(RESET_OPTIONS):
+    if unknown := set(found) - set(RESET_OPTIONS):
         raise ValueError(f"unknown options {sorted(map(str, unknown))}; valid: {', '.join(RESET_OPTIONS)}")
+    return found
+
+
+def held_commands(options: Mapping[str, Any], num_envs: int) -> Array | None:
+    """Commands that reset's options hold, (num_envs, 3), given as one for all or one each; None to draw them."""
     if (command := options.get("command")) is None:
         return None
     return commands(command, num_envs, "options['command']")
