@@ -404,13 +404,16 @@ def test_a_training_run_is_found_as_its_best_bundle(folder, tmp_path):
     assert trajectory(policies.resolve(str(run))) == trajectory(load(run / "best")) == trajectory(load(folder))
 
 
+NO_JSON = "policy.json is not JSON (Expecting value: line 1 column 1 (char 0)); train it anew"
+
+
 @pytest.mark.parametrize(
     ("files", "remedy"),
     [
         (("config.json", "tensorboard/events"), "its first validation"),
         (("notes.txt",), "name the folder of a trained policy, such as models/residual, or of a training run"),
-        (("policy.json",), "policy.json is not JSON (Expecting value: line 1 column 1 (char 0)); train it anew"),
-        (("config.json", "best/policy.json"), "best: policy.json is not JSON (Expecting value: line 1 column 1 (char 0)); train it anew"),
+        (("policy.json",), NO_JSON),
+        (("config.json", "best/policy.json"), f"best: {NO_JSON}"),
     ],
 )
 def test_a_folder_without_a_bundle_says_what_to_do(tmp_path, files, remedy):
