@@ -191,10 +191,18 @@ def _chunks(folder: Path) -> Iterator[Path]:
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
+    """The cells of which every part is there; how many parts cannot be used is said on stderr."""
+    there, used = len(list(_chunks(store.folder))), 0
     for scenario, policy in store.manifest.cells:
         chunks = store.load(policy, scenario)
+        used += len(chunks)
         if sum(len(chunk.numbers) for chunk in chunks) == store.manifest.episodes:
             yield join(chunks)
+    if used < there:
+        left_out = (
+            f"{there - used} of {counted(there, 'part')} in {store.folder / CHUNKS} left out, as damaged, changed"
+        )
+        print(f"{left_out} or of another run; --resume simulates what is missing", file=sys.stderr)
 
 
 def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[Cell]:

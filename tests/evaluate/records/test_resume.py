@@ -15,6 +15,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import policies
@@ -181,7 +183,7 @@ def test_parts_of_any_size_are_filled_up(tmp_path, whole) -> None:
     assert_same(tmp_path, whole)
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "another run's"])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "changed", "another run's"])
 def test_a_damaged_part_is_done_again(tmp_path, whole, damage) -> None:
     path = sorted(unfinished(whole, tmp_path).glob("parts/*.parquet"))[0]
     content = path.read_bytes()
@@ -190,8 +192,15 @@ def test_a_damaged_part_is_done_again(tmp_path, whole, damage) -> None:
     path.write_bytes({"cut": content[:-9], "flipped": bytes(flipped), "empty": b""}.get(damage, content))
     if damage == "another run's":
         write_table(read_table(path), path, "another")
+    if damage == "changed":
+        rows = pq.read_table(path)
+        place = rows.schema.get_field_index("energy")
+        pq.write_table(rows.set_column(place, "energy", pa.array(np.zeros(rows.num_rows))), path)
+    said = f"1 of 4 parts in {tmp_path / 'parts'} left out, as damaged, changed or of another run"
+    assert said in evaluate("report", tmp_path)[1]
     code, error = evaluate("--resume", "--out", tmp_path)
     assert code == 0, error
+    assert said in error
     assert_same(tmp_path, whole)
 
 
