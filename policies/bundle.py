@@ -37,6 +37,7 @@ from policies.residual import (
     correction_width,
 )
 from quad_env import ENV_ID
+from quad_env.files import LARGEST, TEXT, parse_json, read_bytes
 from quad_env.robots.named import ROBOTS
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -138,10 +139,10 @@ def load(path: str | Path, robot: Robot | None = None) -> ResidualPolicy:
     Raises PolicyError, one line, if anything is missing, damaged or does not fit.
     """
     folder = folder_of(Path(path))
-    description = parsed(folder, _read(folder / DESCRIPTION))
+    description = parsed(folder, _read(folder / DESCRIPTION, TEXT))
 
     def network(inputs: int, outputs: int) -> Network:
-        weights = _read(folder / WEIGHTS)
+        weights = _read(folder / WEIGHTS, LARGEST)
         if hashlib.sha256(weights).hexdigest() != description["weights_sha256"]:
             _fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
         return network_of(folder, description["network"], _parse_weights(folder, weights), inputs, outputs)
@@ -171,8 +172,8 @@ def assembled(
     if type(hold := description["hold"]) is not int or not 1 <= hold <= _LONGEST_HOLD:
         _fail(place, f"hold must be a whole number from 1 to {_LONGEST_HOLD}")
     name = description["name"]
-    if not isinstance(name, str) or not name:
-        _fail(place, "name must be a non-empty text")
+    if not isinstance(name, str) or not name or not name.isprintable():
+        _fail(place, "name must be a text of printable characters")
     authority = _authority(place, "authority", description["authority"], robot.num_joints)
     if (space := description["space"]) not in (spaces := get_args(Space)):
         _fail(place, f"space must be one of {', '.join(spaces)}")
@@ -199,9 +200,9 @@ def _fail(folder: Path, reason: str) -> NoReturn:
     raise PolicyError(f"cannot load the policy in {folder}: {reason}; train it anew or fetch a complete copy")
 
 
-def _read(file: Path) -> bytes:
+def _read(file: Path, limit: int) -> bytes:
     try:
-        return file.read_bytes()
+        return read_bytes(file, limit)
     except OSError as error:
         _fail(file.parent, f"{file.name} cannot be read ({error.strerror})")
 
@@ -209,13 +210,14 @@ def _read(file: Path) -> bytes:
 def parsed(place: Path, content: bytes) -> dict[str, Any]:
     """The description with exactly the fields of its schema, whose contents are yet to be checked; PolicyError."""
     try:
-        description = json.loads(content)
-    except (ValueError, RecursionError):
-        _fail(place, f"{DESCRIPTION} is not JSON")
+        description = parse_json(content)
+    except ValueError as error:
+        _fail(place, f"{DESCRIPTION} is not JSON ({error})")
     if not isinstance(description, dict):
         _fail(place, f"{DESCRIPTION} must hold an object")
-    if description.get("schema_version") != SCHEMA_VERSION:
-        _fail(place, f"schema_version must be {SCHEMA_VERSION}, not {description.get('schema_version')!r}")
+    version = description.get("schema_version")
+    if type(version) is not int or version != SCHEMA_VERSION:
+        _fail(place, f"schema_version must be {SCHEMA_VERSION}, not {version!r:.80}")
     if missing := sorted(_FIELDS - set(description)):
         _fail(place, f"{DESCRIPTION} lacks {', '.join(missing)}")
     if unknown := sorted(set(description) - _FIELDS - set(_LATER_FIELDS)):

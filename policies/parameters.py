@@ -1,6 +1,5 @@
 """Parameters of policies: dataclasses of numbers, each with its limits, and the files that searches leave them in."""
 
-import json
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -9,6 +8,7 @@ from typing import Any, TypeVar
 
 from policies.base import PolicyError
 from policies.shipped import folder_of
+from quad_env.files import parse_json, read_bytes
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
 
@@ -91,8 +91,8 @@ def is_number(value: Any) -> bool:
 def read(path: Path, search: str, decode: Callable[[Any], T]) -> T:
     """What a search has left in a JSON file, decoded. Raises PolicyError where it is missing or damaged."""
     try:
-        return decode(json.loads(path.read_text()))
-    except (AttributeError, KeyError, OSError, RecursionError, TypeError, ValueError) as error:
+        return decode(parse_json(read_bytes(path)))
+    except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
         raise PolicyError(
             f"cannot read {path} ({error}); `python -m train search {search}` writes such a file"
         ) from None

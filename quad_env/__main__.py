@@ -13,6 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
+from quad_env.text import one_line
+
 INTERRUPTED, FAILED = 130, 2
 COMMANDS = {
     "info": "robot, spaces, scenarios, actuators and sensors of the environment",
@@ -108,7 +110,7 @@ def _info(text: str, options: argparse.Namespace) -> int:
     try:
         print(getattr(info, text)(robot_of(options.robot)))
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_line(str(error))}", file=sys.stderr)
         return FAILED
     return 0
 
@@ -128,7 +130,7 @@ def _describe(options: argparse.Namespace) -> int:
         if options.picture is not None:
             print(f"written: {options.picture}")
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_line(str(error))}", file=sys.stderr)
         if options.toml is not None and told.suffix == ".xml" and told.is_file() and not options.toml.exists():
             describe.write_toml(options.toml, told, None)
             print(f"written, with what there is to tell: {options.toml}", file=sys.stderr)

@@ -16,6 +16,7 @@ from policies.history import Inputs
 from policies.parameters import number
 from policies.residual import Space
 from quad_env.config import RewardWeights
+from quad_env.files import read_bytes
 from quad_env.scenarios import combination
 from quad_env.scenarios.named import Pushes
 from train.foreign.reward_term import FileTerm
@@ -344,7 +345,7 @@ def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
 def load_config(folder: Path) -> TrainConfig:
     """The settings that the run in `folder` was begun with. Raises UsageError where there is none."""
     try:
-        settings = json.loads((folder / CONFIG_FILE).read_bytes())
+        settings = json.loads(read_bytes(folder / CONFIG_FILE))
     except OSError as error:
         raise UsageError(
             f"no run in {folder}: {CONFIG_FILE} cannot be read ({error.strerror}); name its folder with --out"

@@ -10,6 +10,7 @@ from typing import Any
 from evaluate.records.provenance import model_of, versions
 from evaluate.rollouts.hardware import Hardware
 from policies.files import write_atomically
+from quad_env.files import LARGEST, read_bytes
 from train.config import DEFAULTS, Change, TrainConfig, differences, likewise, to_dict
 from train.foreign.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
@@ -63,7 +64,7 @@ def _versions() -> dict[str, str | None]:
 def _sessions(path: Path) -> list[dict[str, Any]]:
     """Those of an earlier record; none where it is not there or damaged."""
     try:
-        return list(json.loads(path.read_bytes())["sessions"])
+        return list(json.loads(read_bytes(path))["sessions"])
     except (OSError, ValueError, KeyError, TypeError):
         return []
 
@@ -75,13 +76,13 @@ def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str
 
 def best_validation(folder: Path) -> dict[str, Any]:
     """The best of a run's validations. Raises OSError where there are none."""
-    found = json.loads((folder / VALIDATIONS_FILE).read_bytes())
+    found = json.loads(read_bytes(folder / VALIDATIONS_FILE))
     return next(each for each in found["validations"] if each["steps"] == found["best"])
 
 
 def last_metrics(folder: Path) -> dict[str, Any]:
     """Figures of a run's last rollout. Raises OSError where there are none, IndexError before the first."""
-    return dict(json.loads((folder / METRICS_FILE).read_bytes().splitlines()[-1]))
+    return dict(json.loads(read_bytes(folder / METRICS_FILE, LARGEST).splitlines()[-1]))
 
 
 def _lines(record: Mapping[str, Any]) -> bytes:
@@ -92,7 +93,7 @@ def cut_metrics(folder: Path, steps: int) -> None:
     """Leave the metrics as they were after so many steps: what came later comes again."""
     path = folder / METRICS_FILE
     kept = []
-    for line in path.read_bytes().splitlines(keepends=True) if path.exists() else ():
+    for line in read_bytes(path, LARGEST).splitlines(keepends=True) if path.exists() else ():
         if not line.endswith(b"\n") or json.loads(line)["steps"] > steps:
             break
         kept.append(line)

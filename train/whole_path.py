@@ -26,6 +26,7 @@ from policies import bundle
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
 from policies.shipped import folder_of
+from quad_env.files import read_bytes
 from quad_env.robots.robot import Robot
 from train.config import BaseName, Count
 from train.run_folder import BEST, has_checkpoint, steps_done
@@ -157,7 +158,7 @@ def _begun_alike(options: Options) -> None:
         write_atomically(begun, (json.dumps(now, indent=2) + "\n").encode())
         return
     try:
-        then = json.loads(begun.read_bytes())
+        then = json.loads(read_bytes(begun))
         other = [name for name in now if then.get(name) != now[name]]
     except (ValueError, AttributeError):
         other = ["nothing that can be read"]

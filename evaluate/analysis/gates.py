@@ -16,6 +16,7 @@ from typing import get_type_hints
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE
 from evaluate.analysis.summary import Summary
+from quad_env.text import number
 
 SHARES = {"success": SUCCESS_RATE, "falls": FALL_RATE}
 """What a gate calls the shares of episodes -> their fields of Summary."""
@@ -103,7 +104,7 @@ def _rule(text: str) -> Rule:
 
 def _bound(text: str, measure: str, right: str, percent: bool) -> float | str:
     try:
-        number = float(right)
+        value = number(right)
     except ValueError:
         if percent:
             raise ValueError(f"gate '{text}': {right} is no number of per cent") from None
@@ -112,6 +113,6 @@ def _bound(text: str, measure: str, right: str, percent: bool) -> float | str:
                 f"gate '{text}': {measure} is compared with numbers only; with a policy: {', '.join(COMPARED)}"
             ) from None
         return right
-    if number != number or (measure in SHARES and not percent and number > 1.0):
+    if value != value or (measure in SHARES and not percent and value > 1.0):
         raise ValueError(f"gate '{text}': {right} is no share of episodes; write 0.05 or 5 %")
-    return number / 100.0 if percent else number
+    return value / 100.0 if percent else value

@@ -31,7 +31,7 @@ from evaluate.report.headings import FIRST, NARROW_DIFFERENCES
 from evaluate.report.table import console_table, row_name
 from evaluate.statistics.intervals import Floats
 from evaluate.terminal.command_line import UsageError, make_folder_of
-from evaluate.terminal.format import ABSENT, interval, number, p_value, points, points_interval
+from evaluate.terminal.format import ABSENT, counted, interval, number, p_value, points, points_interval
 from policies.files import write_atomically
 
 
@@ -60,8 +60,12 @@ class Match:
     paired: bool
     why_not: str
     """What keeps the episodes from being paired; empty if they are."""
+    episodes: tuple[int, int]
+    """Of A and of B; where they are paired and not as many, those of the same seeds are compared alone."""
+    common: int
+    """Episodes of the same seeds."""
     identical: bool
-    """Every column of every episode is the same to the bit."""
+    """Every column of every episode that is compared is the same to the bit."""
     contrasts: tuple[MetricDifference, ...]
 
 
@@ -81,7 +85,11 @@ def main(options: Options) -> int:
         raise UsageError(f"{options.a} and {options.b} have no scenario of these policies in common")
     console, changed = Console(), differences(a[0], b[0])
     console.print(_table(options, matches))
-    for line in (*_notes(matches, rules), f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}"):
+    for line in (
+        *_notes(matches, rules),
+        *_left_out(a, b),
+        f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}",
+    ):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
         _write(options, matches, changed, options.json)
@@ -120,17 +128,21 @@ def _match(
     rows = [rows_of(table, policy, scenario) for (_, table), policy in zip((a, b), pair, strict=True)]
     if not all(each.num_rows for each in rows):
         return None
-    seeds = [each.column("seed").to_numpy() for each in rows]
+    counts = rows[0].num_rows, rows[1].num_rows
+    common = np.intersect1d(*(each.column("seed").to_numpy() for each in rows), return_indices=True)[1:]
     definitions = [next(s for s in m.scenarios if s.name == scenario) for m, _ in (a, b)]
     why_not = ""
     if definitions[0] != definitions[1]:
         why_not = f"{scenario} is not the same scenario in both"
     elif a[0].steps != b[0].steps:
         why_not = "their episodes are not of the same length"
-    elif not np.array_equal(*seeds):
+    elif not len(common[0]):
         why_not = "their episodes have different seeds"
+    else:  # in the order of A's
+        rows = [each.take(places[common[0].argsort()]) for each, places in zip(rows, common, strict=True)]
     found = tuple(compare_samples(*map(_values, rows), paired=not why_not))
-    return Match(*pair, scenario, not why_not, why_not, not why_not and _identical(*rows), found)
+    same = not why_not and _identical(*rows)
+    return Match(*pair, scenario, not why_not, why_not, counts, len(common[0]), same, found)
 
 
 def _values(rows: pa.Table) -> dict[str, Floats]:
@@ -166,8 +178,12 @@ def _shown(found: MetricDifference) -> str:
 
 def _notes(matches: list[Match], rules: tuple[str, str]) -> Iterator[str]:
     """How the episodes were compared, and by which rule of success where it is not today's in both."""
-    if any(match.paired for match in matches):
+    paired = [match for match in matches if match.paired]
+    if paired:
         yield "paired by episode: same seeds on the same scenario (exact McNemar, sign-flip permutation)"
+    for common, (a, b) in dict.fromkeys((match.common, match.episodes) for match in paired):
+        if {common} != {a, b}:
+            yield f"of A's {counted(a, 'episode')} and B's {b}, the {common} of the same seeds are compared"
     for reason in dict.fromkeys(match.why_not for match in matches if not match.paired):
         yield f"unpaired, since {reason} (Barnard, permutation)"
     if same := sum(match.identical for match in matches):
@@ -177,6 +193,14 @@ def _notes(matches: list[Match], rules: tuple[str, str]) -> Iterator[str]:
         yield f"success and outcomes of both by {SUCCESS_RULE}: {old} ran under {SUCCESS_1} and was rescored, exactly"
     elif rules[0] != SUCCESS_RULE:
         yield f"success and outcomes of both by {rules[0]}, the older rule that they ran under"
+
+
+def _left_out(a: tuple[Manifest, pa.Table], b: tuple[Manifest, pa.Table]) -> Iterator[str]:
+    """What a run that is not finished has no episodes of yet."""
+    for name, (manifest, rows) in (("A", a), ("B", b)):
+        there = set(zip(rows.column("scenario").to_pylist(), rows.column("policy").to_pylist(), strict=True))
+        if left := [f"{policy} on {each.name}" for each, policy in manifest.cells if (each.name, policy) not in there]:
+            yield f"{name} is not finished, and left out of it are: {', '.join(left)}"
 
 
 def _write(options: Options, matches: list[Match], changed: list[str], path: Path) -> None:

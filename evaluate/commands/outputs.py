@@ -81,12 +81,12 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     failures = _tried("the table", partial(_print, results, verdicts, ending, console))
     if failures:
         console.on_broken_pipe()
-    film = ending.film and run.complete
+    film, fingerprint = ending.film and run.complete, run.manifest.fingerprint
     about: dict[str, Any] = {"trust": ending.trust, "verdicts": verdicts}
     about["made_by"] = command(run.manifest.options), run.manifest.date
     for name, write in (
         ("results.json", partial(write_json, results)),
-        ("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)),
+        *([] if run.stored else [("episodes.parquet", partial(write_parquet, run.cells, run=fingerprint))]),
         ("report.md", partial(markdown.write, results, verdicts=verdicts)),
         *([("junit.xml", partial(junit.write, verdicts))] if verdicts else []),
         ("report.html", partial(write_report, results, film=film, **about)),

@@ -3,7 +3,6 @@
 The README gets a short table, `docs/results.md` every figure.
 """
 
-import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from evaluate.report.results_page import every_figure, legend, newcomers_table, 
 from evaluate.rollouts.battery import BATTERIES, resolve
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
+from quad_env.files import parse_json, read_bytes
 
 MORE, ROBOTS = "more", "robots"
 """Names of the page's second place, and of the README's."""
@@ -73,7 +73,7 @@ def main(options: Options) -> int:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text()
+        return read_bytes(path).decode()
     except UnicodeError as error:
         raise UsageError(f"{path} is no text ({error})") from error
 
@@ -95,7 +95,7 @@ def _read(path: Path) -> dict[str, Any]:
     if not path.exists():
         raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
     try:
-        return dict(with_nan(json.loads(path.read_bytes())))
+        return dict(with_nan(parse_json(read_bytes(path))))
     except (AttributeError, TypeError, ValueError) as error:
         raise UsageError(f"{path} is not a results.json of `python -m evaluate` ({error!r})") from error
 

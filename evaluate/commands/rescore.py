@@ -19,7 +19,7 @@ from evaluate.measures.fall_rules import FallCriterion
 from evaluate.measures.metrics import outcome
 from evaluate.measures.outcomes import SuccessRule
 from evaluate.records import trace
-from evaluate.records.manifest import check_folder
+from evaluate.records.store import Run, read_run
 from evaluate.report.headings import FIRST
 from evaluate.report.table import console_table, row_name
 from evaluate.statistics.intervals import Interval, wilson_interval
@@ -28,7 +28,7 @@ from evaluate.terminal.format import percent
 from policies.files import write_atomically
 from quad_env.config import FALL_RULE
 
-RESULTS, FILE = "results.json", "rescored.json"
+FILE = "rescored.json"
 
 
 @dataclass(frozen=True)
@@ -93,16 +93,16 @@ def rescore(
     results: Path, rules: tuple[FallCriterion, ...], of_success: tuple[SuccessRule, ...]
 ) -> tuple[list[Score], list[SuccessScore]]:
     """Falls and successes of every traced cell under every rule; UsageError where there is no trace."""
+    run = read_run(results)
     paths = sorted((results / trace.FOLDER).glob("*.parquet"))
     if not paths:
-        check_folder(results)
         raise UsageError(f"no traces in {results / trace.FOLDER}; run the evaluation with --trace")
     steps: dict[tuple[str, str, str], list[NDArray[np.float64]]] = {}
     found: dict[tuple[str, str, str], list[NDArray[np.object_]]] = {}
     for path in paths:
         try:
             header, episodes = trace.read(path, "compact")
-        except (OSError, ValueError) as error:
+        except (KeyError, OSError, TypeError, ValueError) as error:
             raise UsageError(f"cannot read {path}: {error}") from error
         for rule in {FALL_RULE: fall_rules.RULES[FALL_RULE], **{rule.name: rule for rule in rules}}.values():
             step = fall_rules.fall_step(rule, episodes)
@@ -112,25 +112,20 @@ def rescore(
             key = (header.scenario, header.policy, rule_of_success.name)
             found.setdefault(key, []).append(outcome(episodes, rule_of_success))
     scores = [_score(*key, np.concatenate(times)) for key, times in steps.items()]
-    _check_belongs(scores, results / RESULTS)
+    _check_belong(scores, run, results / trace.FOLDER)
     wanted = {rule.name for rule in rules}
     successes = [_success(*key, np.concatenate(parts)) for key, parts in found.items()]
     return [score for score in scores if score.rule in wanted], successes
 
 
-def _check_belongs(scores: list[Score], path: Path) -> None:
-    """UsageError unless the results hold every traced cell, with as many falls as its trace under their own rule."""
-    try:
-        policies = json.loads(path.read_text())["policies"]
-    except (OSError, ValueError, KeyError) as error:
-        raise UsageError(f"cannot read {path}: {error}") from error
+def _check_belong(scores: list[Score], run: Run, folder: Path) -> None:
+    """UsageError unless the run has every traced cell, with as many falls as its trace under their own rule."""
+    there = {(cell.policy, cell.scenario.name): (cell.episodes, int(cell.measures.fell.sum())) for cell in run.cells}
     for score in scores:
-        cell = policies.get(score.policy, {}).get("scenarios", {}).get(score.scenario, {})
-        found = cell.get("episodes"), cell.get("falls")
-        if score.rule == FALL_RULE and found != (score.episodes, score.falls):
+        if score.rule == FALL_RULE and there.get((score.policy, score.scenario)) != (score.episodes, score.falls):
             raise UsageError(
                 f"the trace of {score.policy} on {score.scenario} is not of these results: "
-                f"delete {path.parent / trace.FOLDER} and run the evaluation again"
+                f"delete {folder} and run the evaluation again"
             )
 
 

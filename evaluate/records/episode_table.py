@@ -3,21 +3,20 @@
 The columns are the fields of `Measures` and who, where and from which seed; a table gives its cells back to the bit.
 """
 
-import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import RULES, SUCCESS_1, SUCCESS_RULE, from_success_1, outcomes
+from evaluate.records import parquet
 from evaluate.rollouts.experiment import Cell, failure_reasons
-from policies.files import write_atomically
 from quad_env.scenarios.named import Scenario
 
 MEASURES = tuple(field.name for field in fields(Measures))
@@ -27,6 +26,20 @@ RUN = b"run"
 """Key of the table's metadata: the fingerprint of the run that its rows belong to."""
 _WIDTH = b"width"
 """Key of a column's metadata: how long the vectors in its lists are."""
+
+_KINDS = {
+    **dict.fromkeys(("policy", "scenario", "outcome"), (pa.string(), False)),
+    **dict.fromkeys(("fall_reason", "failure"), (pa.string(), True)),
+    **dict.fromkeys(("episode", "seed"), (pa.int64(), False)),
+    **dict.fromkeys(("fell", "diverged"), (pa.bool_(), False)),
+    **dict.fromkeys(("velocity_error", "yaw_rate_error", "mean_velocity_error"), (pa.float64(), False)),
+}
+"""Type of each column's values, and whether one may be absent, where these are not figures that may."""
+_DEPTHS = {
+    **dict.fromkeys(("duty_factor", "push_time", "push_phase", "push_fell", "push_recovery"), 1),
+    **dict.fromkeys(("commands", "mean_velocities", "push_impulse"), 2),
+}
+"""Of columns of lists, and of lists of lists, which: all others hold a figure an episode."""
 
 
 def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
@@ -55,12 +68,16 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> Cell:
     needed = {"policy", "seed", "fall_reason", *MEASURES}
     if missing := sorted(needed - set(rows.column_names)):
         raise ValueError(f"it lacks the columns {', '.join(missing)}")
+    try:
+        measures = Measures(**{name: _values(rows, name) for name in MEASURES})
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"its lists are not all of one length ({error})") from error
     return Cell(
         policy=rows.column("policy")[0].as_py(),
         scenario=scenario,
         seeds=rows.column("seed").to_numpy(),
         fall_reason=np.array(rows.column("fall_reason").to_pylist(), dtype=object),
-        measures=Measures(**{name: _values(rows, name) for name in MEASURES}),
+        measures=measures,
         failure=np.array(rows.column("failure").to_pylist(), dtype=object) if "failure" in rows.column_names else None,
     )
 
@@ -72,22 +89,40 @@ def write_parquet(cells: Sequence[Cell], path: Path, run: str = "") -> None:
 
 def write_table(rows: pa.Table, path: Path, run: str) -> None:
     """Write rows into a file, whole or not at all."""
-    buffer = io.BytesIO()
-    pq.write_table(rows.replace_schema_metadata({RUN: run.encode()}), buffer, write_page_checksum=True)
-    write_atomically(path, buffer.getvalue())
+    parquet.write(rows, path, {RUN: run.encode()})
 
 
-def read_table(path: Path, run: str | None = None) -> pa.Table:
-    """A file's rows; ValueError if it is damaged or of another run than the given one, OSError if it is not there."""
-    try:
-        rows = pq.ParquetFile(pa.py_buffer(path.read_bytes()), page_checksum_verification=True).read()
-    except (pa.ArrowException, OSError) as error:
-        if isinstance(error, FileNotFoundError | PermissionError):
-            raise
-        raise ValueError(f"{path} is damaged ({str(error).splitlines()[0]})") from error
-    if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
-        raise ValueError(f"{path} is of another run")
+def read_table(path: Path, run: str | None = None, check: Callable[[pa.Table], object] = lambda _: None) -> pa.Table:
+    """A file's rows; ValueError if it is damaged, changed, or of another run than the given one, OSError if it cannot
+    be read. `check` as of `parquet.read`."""
+
+    def checked(rows: pa.Table) -> None:
+        if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
+            raise ValueError(f"{path} is of another run")
+        _check_columns(rows)
+        check(rows)
+
+    rows = parquet.read(path, checked)
     return rows if "outcome" in rows.column_names else _with_outcome(rows)
+
+
+def _check_columns(rows: pa.Table) -> None:
+    """Raise ValueError for the first column that does not hold what `table` writes there."""
+    if len(set(rows.column_names)) < rows.num_columns:
+        raise ValueError("two of its columns have one name")
+    for name in (name for name in rows.column_names if name in {"severity", *_KINDS, *MEASURES}):
+        column, depth = rows.column(name), _DEPTHS.get(name, 0)
+        kind, absent = _KINDS.get(name, (pa.float64(), not depth))
+        for _ in range(depth):
+            kind = pa.list_(kind)
+        if column.type != kind or (column.null_count and not absent):
+            raise ValueError(f"its column {name} holds {column.type}, or nothing, where it must hold {kind}")
+        if kind == pa.float64() and not pc.all(pc.is_finite(column.drop_null()), min_count=0).as_py():
+            raise ValueError(f"its column {name} holds a number that is not finite")
+    if {"fell", "fall_time"} <= set(rows.column_names):
+        fell, timed = (rows.column(name) for name in ("fell", "fall_time"))
+        if fell.to_pylist() != timed.is_valid().to_pylist():
+            raise ValueError("an episode fell at no time, or has the time of a fall and did not fall")
 
 
 def _with_outcome(rows: pa.Table) -> pa.Table:

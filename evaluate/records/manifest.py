@@ -15,8 +15,9 @@ from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
+from quad_env.files import parse_json, read_bytes
 from quad_env.scenarios.named import Scenario
-from quad_env.serialisation import from_plain, to_plain
+from quad_env.serialisation import check_types, from_plain, to_plain
 
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", "report.md", NAME)
@@ -26,6 +27,12 @@ JUNIT = "junit.xml"
 CHUNKS = "parts"
 """Folder of the chunks of cells, while a run is going on."""
 SCHEMA = 1
+LIMITS = {"seed": (0, 2**63 - 1), "episodes": (1, 1_000_000), "steps": (1, 1_000_000), "threads": (1, 65_536)}
+"""Smallest and largest value of each number of a run."""
+_SHA256 = "sha256"
+"""Key of the hash of all else in the file."""
+_OF_NO_FIGURE = ("options", "date", "fingerprint")
+"""What no figure depends on."""
 _NOT_COMPARED = {"git_revision"}
 """Versions that may change without a figure changing: the code's digest says whether one could."""
 
@@ -77,18 +84,17 @@ class Manifest:
 
     def begun(self) -> "Manifest":
         """With its fingerprint."""
-        known = {name: version for name, version in self.versions.items() if name not in _NOT_COMPARED}
-        decisive = {**self.provenance(), "versions": known, "threads": None}
-        return replace(self, fingerprint=hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest())
+        return replace(self, fingerprint=_fingerprint(self.provenance()))
 
     def as_json(self) -> dict[str, Any]:
         """The contents of the file."""
         begun = {"fingerprint": self.fingerprint, "date": self.date, "options": dict(self.options)}
-        return {"schema": SCHEMA, **begun, **self.provenance()}
+        contents = {"schema": SCHEMA, **begun, **self.provenance()}
+        return {**contents, _SHA256: _digest(contents)}
 
     def provenance(self) -> dict[str, Any]:
         """All but the options, the date and the fingerprint, as JSON values."""
-        kept = {name: value for name, value in vars(self).items() if name not in ("options", "date", "fingerprint")}
+        kept = {name: value for name, value in vars(self).items() if name not in _OF_NO_FIGURE}
         return kept | {"hardware": self.hardware.as_json(), "scenarios": to_plain(self.scenarios)}
 
     def write(self, folder: Path) -> None:
@@ -125,15 +131,17 @@ def manifest(
 
 
 def read(folder: Path) -> Manifest:
-    """The manifest of a folder. Raises UsageError, one line, if there is none or none of this version."""
+    """The manifest of a folder. Raises UsageError, one line, if there is none or none of this version, or if it is not
+    as it was written."""
     path = folder / NAME
     check_folder(folder)
     try:
-        found = json.loads(path.read_bytes())
-        if found.pop("schema") != SCHEMA:
+        found = parse_json(read_bytes(path))
+        if type(found["schema"]) is not int or found["schema"] != SCHEMA:
             raise ValueError("it is of another schema")
-        values = {"scenarios": from_plain(found["scenarios"]), "hardware": Hardware(**found["hardware"])}
-        manifest = Manifest(**(found | values))
+        if _is_changed(found):
+            raise UsageError(f"{path} has been changed since it was written: restore it, or run the evaluation again")
+        manifest = _decoded(found)
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no manifest of this version ({error})") from error
     hardware_of(manifest.hardware.robot, f"{path}: its robot")
@@ -141,6 +149,40 @@ def read(folder: Path) -> Manifest:
         known = f"this version knows {SUCCESS_RULE} and {SUCCESS_1}"
         raise UsageError(f"{path}: its success rule is {manifest.success_rule}; {known}")
     return manifest
+
+
+def _is_changed(found: dict[str, Any]) -> bool:
+    """Whether the contents of a file are other than those that its fingerprint and its hash, which older files lack,
+    are of."""
+    contents = {name: value for name, value in found.items() if name != _SHA256}
+    provenance = {name: value for name, value in contents.items() if name not in ("schema", *_OF_NO_FIGURE)}
+    digest = _digest(contents)
+    return bool(found["fingerprint"] != _fingerprint(provenance) or found.get(_SHA256, digest) != digest)
+
+
+def _decoded(found: dict[str, Any]) -> Manifest:
+    """The manifest of a file's contents. Raises ValueError and what the contents' absence raises."""
+    values = {name: value for name, value in found.items() if name not in ("schema", _SHA256)}
+    made = {"scenarios": from_plain(found["scenarios"]), "hardware": Hardware(**found["hardware"])}
+    manifest = Manifest(**(values | made))
+    check_types(manifest)
+    check_types(manifest.hardware)
+    for name, (low, high) in LIMITS.items():
+        if not low <= getattr(manifest, name) <= high:
+            raise ValueError(f"{name} must be from {low} to {high}, not {getattr(manifest, name)}")
+    if not manifest.cells or len({scenario.name for scenario in manifest.scenarios}) < len(manifest.scenarios):
+        raise ValueError("it has no policy with a scenario, or a scenario twice")
+    return manifest
+
+
+def _fingerprint(provenance: Mapping[str, Any]) -> str:
+    """SHA-256 of all that a figure depends on."""
+    known = {name: version for name, version in provenance["versions"].items() if name not in _NOT_COMPARED}
+    return _digest({**provenance, "versions": known, "threads": None})
+
+
+def _digest(values: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def check_folder(folder: Path) -> None:

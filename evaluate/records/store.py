@@ -1,8 +1,11 @@
 """A run's folder: its manifest, the episodes that are done, and the whole run read back from there."""
 
 import re
+import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +15,15 @@ import pyarrow.compute as pc
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
 from evaluate.records.manifest import CHUNKS, FILES, JUNIT, Manifest
+from evaluate.records.parquet import is_hashed
 from evaluate.rollouts.experiment import Cell, Chunk, evaluation_seeds, join
 from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.format import counted
 from quad_env.scenarios.named import Scenario
 
 EPISODES = "episodes.parquet"
-_CHUNK = re.compile(r"\d{5}-\d{7}\.parquet")
+_CHUNK = re.compile(r"\d{5}-\d{7}(-[0-9a-f]{8})?\.parquet")
+"""Numbers of the cell and of the first episode, and the beginning of the run's fingerprint."""
 _TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, (*FILES, JUNIT)))}|{_CHUNK.pattern})\..{{8}}")
 
 
@@ -28,6 +34,8 @@ class Run:
     manifest: Manifest
     cells: tuple[Cell, ...]
     """The finished ones, in the order of the run."""
+    stored: bool = False
+    """Whether they were read from the folder's episodes.parquet, and from there alone."""
 
     @property
     def complete(self) -> bool:
@@ -60,17 +68,15 @@ class ChunkStore:
 
     def save(self, chunk: Chunk) -> None:
         """Write a chunk; OSError if that fails."""
-        if not self.begun:
-            self._begin()
-        name = f"{self._number(chunk.cell.policy, chunk.cell.scenario):05d}-{chunk.numbers[0]:07d}.parquet"
-        write_table(table(chunk.cell, chunk.numbers), self.folder / CHUNKS / name, self.manifest.fingerprint)
-
-    def _begin(self) -> None:
-        # In this order: a manifest never stands beside chunks of another run.
-        remove_chunks(self.folder)
-        self.manifest.write(self.folder)
+        number = self._number(chunk.cell.policy, chunk.cell.scenario)
+        name = f"{number:05d}-{chunk.numbers[0]:07d}-{self.manifest.fingerprint[:8]}.parquet"
         (self.folder / CHUNKS).mkdir(exist_ok=True)
-        self.begun = True
+        write_table(table(chunk.cell, chunk.numbers), self.folder / CHUNKS / name, self.manifest.fingerprint)
+        if not self.begun:
+            # Only now, and at once: until here the folder is that of whatever was there before.
+            self.manifest.write(self.folder)
+            remove_chunks(self.folder, but=name)
+            self.begun = True
 
     def _number(self, policy: str, scenario: Scenario) -> int:
         """Number of the cell, in the order of the run."""
@@ -80,32 +86,78 @@ class ChunkStore:
         try:
             rows = read_table(path, self.manifest.fingerprint)
             chunk = Chunk(rows.column("episode").to_numpy(), cell_of(rows, scenario))
-        except (OSError, ValueError):
+            return chunk if np.array_equal(self._seeds[chunk.numbers], chunk.cell.seeds) else None
+        except (LookupError, OSError, ValueError):
             return None
-        return chunk if np.array_equal(self._seeds[chunk.numbers], chunk.cell.seeds) else None
 
 
 def read_run(folder: Path) -> Run:
     """The run in a folder, finished or not. Raises UsageError or OSError, one line, if there is none to be read."""
-    manifest, rows = read_rows(folder)
+    manifest, rows, stored = _read(folder)
     try:
-        return Run(manifest, tuple(_cells(manifest, rows)))
+        return Run(manifest, tuple(_cells(manifest, rows)), stored)
     except ValueError as error:
         raise _unreadable(folder, error) from error
 
 
 def read_rows(folder: Path) -> tuple[Manifest, pa.Table]:
     """The rows of the finished cells, with the columns that they were written with; errors as of `read_run`."""
-    manifest = manifests.read(folder)
-    if is_unfinished(folder):
-        store = ChunkStore(folder, manifest, resumed=True)
-        finished = [table(cell) for cell in _from_chunks(store)]
-        return manifest, pa.concat_tables(finished) if finished else pa.table({})
-    path = folder / EPISODES
+    return _read(folder)[:2]
+
+
+def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
+    """Manifest, rows, and whether these are those of episodes.parquet alone; errors as of `read_run`."""
+    manifest, parts = manifests.read(folder), is_unfinished(folder)
     try:
-        return manifest, read_table(path, manifest.fingerprint) if path.is_file() else pa.table({})
+        rows = _stored(folder / EPISODES, manifest)
+        if not parts or rows.num_rows == manifest.episodes * len(manifest.cells):
+            return manifest, rows, bool(rows.num_rows)
+        # A part and the table may each hold what the other has lost: their episodes are the same ones.
+        found = {(cell.scenario.name, cell.policy): cell for cell in _cells(manifest, rows)}
     except ValueError as error:
-        raise _unreadable(folder, error) from error
+        if not parts:
+            raise _unreadable(folder, error) from error
+        found = {}
+    found |= {(cell.scenario.name, cell.policy): cell for cell in _from_chunks(ChunkStore(folder, manifest, True))}
+    whole = [found[key] for scenario, policy in manifest.cells if (key := (scenario.name, policy)) in found]
+    return manifest, pa.concat_tables([table(cell) for cell in whole]) if whole else pa.table({}), False
+
+
+def _stored(path: Path, manifest: Manifest) -> pa.Table:
+    """The rows of episodes.parquet, none if there is no such file; ValueError unless they are whole cells of the run,
+    as they were written. What cannot be checked is said on stderr."""
+    if not path.exists():
+        return pa.table({})
+    rows = read_table(path, manifest.fingerprint, partial(_check_whole, manifest))
+    if not is_hashed(rows):
+        said = f"{path} is of a version that wrote no content hash: whether its rows have been changed is not known"
+        print(said, file=sys.stderr)
+    return rows
+
+
+def _check_whole(manifest: Manifest, rows: pa.Table) -> None:
+    """ValueError unless the rows are whole cells of the run in its order; an interrupted run has not come to all."""
+    if lacking := sorted({"policy", "scenario", "episode", "seed"} - set(rows.column_names)):
+        raise ValueError(f"it lacks the columns {', '.join(lacking)}")
+    found = list(zip(*(rows.column(name).to_pylist() for name in ("scenario", "policy", "episode")), strict=True))
+    there = {(scenario, policy) for scenario, policy, _ in found}
+    cells = [(scenario.name, policy) for scenario, policy in manifest.cells]
+    wanted = [(*cell, number) for cell in cells if cell in there for number in range(manifest.episodes)]
+    if found == wanted:
+        return
+    count, known = Counter(found), set(wanted)
+    faults = {
+        "missing": [each for each in wanted if not count[each]],
+        "there twice": [each for each in wanted if count[each] > 1],
+        "not of this run": [each for each in count if each not in known],
+    }
+    words = [
+        f"{counted(len(which), 'episode')} {'is' if len(which) == 1 else 'are'} {fault}: "
+        f"{which[0][2]} of {which[0][1]} on {which[0][0]}{', …' * (len(which) > 1)}"
+        for fault, which in faults.items()
+        if which
+    ]
+    raise ValueError("; ".join(words) or "its rows are not in the order in which they were written")
 
 
 def rows_of(rows: pa.Table, policy: str, scenario: str) -> pa.Table:
@@ -118,17 +170,19 @@ def is_unfinished(folder: Path) -> bool:
     return (folder / manifests.NAME).is_file() and any(_chunks(folder))
 
 
-def remove_chunks(folder: Path) -> None:
-    """Remove the chunks of a run, whose episodes stand elsewhere, and what a killed one left half written."""
+def remove_chunks(folder: Path, but: str = "") -> None:
+    """Remove the chunks of a run, whose episodes stand elsewhere, and what a killed one left half written; `but` stays,
+    and what else is kept there."""
     for path in _chunks(folder):
-        path.unlink(missing_ok=True)
+        if path.name != but:
+            path.unlink(missing_ok=True)
     for place in (folder / CHUNKS, folder):
         for path in place.glob(".*"):
             if _TEMPORARY.fullmatch(path.name):
                 path.unlink(missing_ok=True)
     try:
         (folder / CHUNKS).rmdir()
-    except OSError:  # not there, or somebody else keeps something in it
+    except OSError:  # not there, or something else is kept in it
         return
 
 
@@ -137,18 +191,27 @@ def _chunks(folder: Path) -> Iterator[Path]:
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
+    """The cells of which every part is there; how many parts cannot be used is said on stderr."""
+    there, used = len(list(_chunks(store.folder))), 0
     for scenario, policy in store.manifest.cells:
         chunks = store.load(policy, scenario)
+        used += len(chunks)
         if sum(len(chunk.numbers) for chunk in chunks) == store.manifest.episodes:
             yield join(chunks)
+    if used < there:
+        left_out = (
+            f"{there - used} of {counted(there, 'part')} in {store.folder / CHUNKS} left out, as damaged, changed"
+        )
+        print(f"{left_out} or of another run; --resume simulates what is missing", file=sys.stderr)
 
 
 def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[Cell]:
     for scenario, policy in manifest.cells if rows.num_rows else ():
         mine = rows_of(rows, policy, scenario.name)
-        if mine.num_rows == manifest.episodes:
+        if mine.num_rows:
             yield cell_of(mine, scenario)
 
 
 def _unreadable(folder: Path, error: ValueError) -> UsageError:
-    return UsageError(f"{folder / EPISODES} cannot be read as the run of {manifests.NAME}: {error}")
+    remedy = "restore it, or run the evaluation again"
+    return UsageError(f"{folder / EPISODES} cannot be read as the run of {manifests.NAME}: {error}; {remedy}")

@@ -4,7 +4,6 @@ A signal is one list a row, the steps of each component side by side: so laid ou
 neighbours share most bytes, which is what the compression lives on.
 """
 
-import io
 import json
 from collections.abc import Container
 from dataclasses import dataclass, fields
@@ -15,13 +14,12 @@ from urllib.parse import quote
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from evaluate.measures.episodes import OF_POLICY, TRUTHS, Episodes, blank, shapes
+from evaluate.records import parquet
 from evaluate.rollouts.experiment import TraceWriter
 from evaluate.rollouts.hardware import IDEAL, hardware_of
-from policies.files import write_atomically
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
@@ -96,15 +94,14 @@ def write(episodes: Episodes, header: Header, path: Path) -> None:
     about = {"schema": 1, "steps": episodes.steps, "header": vars(header), "numbers": numbers}
     if (robot := str(episodes.robot.source or episodes.robot.name)) != IDEAL.robot:
         about[ROBOT] = robot
-    buffer = io.BytesIO()
-    pq.write_table(
-        pa.table(table).replace_schema_metadata({KEY: json.dumps(about).encode()}),
-        buffer,
+    parquet.write(
+        pa.table(table),
+        path,
+        {KEY: json.dumps(about).encode()},
         compression="zstd",
         use_dictionary=False,
         use_byte_stream_split=[f"{name}.list.element" for name in signals if name not in TRUTHS],
     )
-    write_atomically(path, buffer.getvalue())
 
 
 def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
@@ -112,7 +109,7 @@ def read(path: Path, kind: Kind = "full") -> tuple[Header, Episodes]:
 
     ValueError for a file that is no trace, or a compact one where a full one is wanted.
     """
-    table = pq.read_table(path)
+    table = parquet.read(path)
     about = json.loads((table.schema.metadata or {}).get(KEY, b"null"))
     if about is None or about["schema"] != 1:
         raise ValueError(f"{path} is no trace of this version")

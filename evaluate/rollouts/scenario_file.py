@@ -4,6 +4,7 @@ import runpy
 from pathlib import Path
 from typing import Any
 
+from quad_env.files import TEXT, check_file
 from quad_env.scenarios.combination import is_combination
 from quad_env.scenarios.named import SCENARIOS, Scenario
 from quad_env.serialisation import from_plain, to_plain
@@ -29,6 +30,7 @@ def _run(file: Path) -> dict[str, Any]:
     if not file.is_file():
         raise ValueError(f"there is no file {file}")
     try:
+        check_file(file, TEXT)
         return runpy.run_path(str(file))
     except (Exception, SystemExit) as error:
         raise ValueError(f"{file} fails: {type(error).__name__}: {error}") from error

@@ -15,6 +15,7 @@ import numpy as np
 from evaluate.statistics import checks
 from evaluate.statistics.checks import Check
 from evaluate.terminal.command_line import UsageError, check_numbers
+from quad_env.files import LARGEST, read_bytes
 
 LIMITS = {"sets": (2, 10_000_000), "episodes": (2, 1_000_000), "fall_probabilities": (0.001, 0.999), "seed": (0, 2**31)}
 """Smallest and largest value of each number of the options."""
@@ -63,7 +64,8 @@ def _real(path: Path) -> Iterator[Check]:
     import pyarrow.parquet as pq
 
     try:
-        rows = pq.read_table(path, columns=["policy", "scenario", "fell", "velocity_error"]).to_pylist()
+        content = pa.py_buffer(read_bytes(path, LARGEST))
+        rows = pq.read_table(content, columns=["policy", "scenario", "fell", "velocity_error"]).to_pylist()
     except (OSError, pa.ArrowException) as error:
         raise UsageError(f"cannot read {path}: {error}") from error
     cells: dict[str, list[tuple[bool, float]]] = {}

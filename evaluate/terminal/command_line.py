@@ -3,13 +3,15 @@
 import contextlib
 import io
 import itertools
+import os
 import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 Options = TypeVar("Options")
+N = TypeVar("N", int, float)
 
 _RULE = re.compile(r"[─-]{3,}")
 
@@ -27,14 +29,45 @@ def parse(
     """
     import tyro
 
-    complaint = io.StringIO()
+    words = sys.argv[1:] if arguments is None else arguments
+    if "" in words or any(word.startswith("--") and word.endswith("=") for word in words):
+        raise UsageError(f"a value is empty, which names no file, folder or number; see `{program} --help`")
+    complaint, registry = io.StringIO(), tyro.constructors.ConstructorRegistry()
+    registry.primitive_rule(_number_rule)
+    settings: dict[str, Any] = {"args": words, "default": default, "registry": registry}
     try:
         with contextlib.redirect_stderr(complaint):
-            return cast(Options, tyro.cli(kind, prog=program, description=description, args=arguments, default=default))
+            return cast(Options, tyro.cli(kind, prog=program, description=description, **settings))
     except SystemExit as end:
         if not end.code:
             raise
         raise UsageError(f"{first_sentence(complaint.getvalue())}; see `{program} --help`") from None
+
+
+def _number_rule(asked: Any) -> Any:
+    """tyro's rule for numbers, but that these are written as people write them: 1_0 is none."""
+    import tyro
+
+    kind = asked.type
+    if kind not in (int, float):
+        return None
+    return tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=kind.__name__.upper(),
+        instance_from_str=lambda words: _number(words[0], kind),
+        is_instance=lambda value: isinstance(value, int | kind) and not isinstance(value, bool),
+        str_from_instance=lambda value: [str(value)],
+    )
+
+
+def _number(word: str, kind: type[N]) -> N:
+    from quad_env.text import number  # here, since the package takes long to load
+
+    number(word)
+    try:
+        return kind(word)
+    except ValueError:
+        raise ValueError(f"{word!r} is no whole number") from None
 
 
 def first_sentence(box: str) -> str:
@@ -74,7 +107,9 @@ def make_folder_of(file: Path, option: str) -> None:
 
 
 def survive_narrow_encodings() -> None:
-    """Print `?` for a sign that the terminal's encoding lacks, instead of failing on it."""
+    """Print `?` for a sign that the terminal's encoding lacks, instead of failing on it, and something at no width."""
+    if re.fullmatch("0+", os.environ.get("COLUMNS", "")):
+        del os.environ["COLUMNS"]
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -82,5 +117,7 @@ def survive_narrow_encodings() -> None:
 
 def fail(message: str) -> int:
     """Print a mistake as one line on stderr; the exit code for it."""
-    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+    from quad_env.text import one_line  # here, since the package takes long to load
+
+    print(f"error: {one_line(message)}", file=sys.stderr)
     return 2

@@ -9,8 +9,10 @@ from evaluate.rollouts.hardware import hardware_of
 from evaluate.terminal.format import counted
 from policies import bundle, shipped
 from policies.summaries import SUMMARIES
+from quad_env.files import read_bytes
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.text import one_line
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ def _lines(robot: Robot) -> Iterator[str]:
     folders = [found.parent for found in sorted(shipped.folder_of(robot).glob(f"*/{bundle.DESCRIPTION}"))]
     for folder in folders:
         own = policies.summary(folder.name) if robot == SIMPLE_QUAD else ""
-        first, *more = filter(None, (own, *_trained(folder)))
+        first, *more = filter(None, map(one_line, (own, *_trained(folder))))
         yield f"  {folder.name:{width}}{first}"
         yield from (f"  {'':{width}}{line}" for line in more)
     if not folders:
@@ -48,7 +50,7 @@ def _lines(robot: Robot) -> Iterator[str]:
 def _trained(folder: Path) -> Iterator[str]:
     """What a bundle corrects and how it was trained; what is wrong with it, if anything is."""
     try:
-        told = bundle.parsed(folder, (folder / bundle.DESCRIPTION).read_bytes())
+        told = bundle.parsed(folder, read_bytes(folder / bundle.DESCRIPTION))
         base, training = told["base"]["name"], told["training"]
         yield (
             f"base {base}, at most {max(told['authority']):.2g} rad a joint; {training['steps']:,} steps of training, "

@@ -153,7 +153,10 @@ class Server:
     def _refusal(self, request: Request, query: dict[str, list[str]]) -> str | None:
         """Why a request is refused, None where it is not."""
         host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-        if not self.token and urllib.parse.urlsplit(f"//{host}").hostname not in (*_THIS_MACHINE, self.host):
+        named = urllib.parse.urlsplit(f"//{host}")
+        if "@" in host or named.netloc != host:
+            return "a host is a name or an address, and perhaps a port"
+        if not self.token and named.hostname not in (*_THIS_MACHINE, self.host):
             return "this page is for browsers on its own machine: open it as localhost"
         if origin is not None and origin != f"http://{host}":
             return _FOREIGN

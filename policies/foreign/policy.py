@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, PolicyError, within_limits
+from policies.foreign.prints import limited
 from policies.foreign.reference import checked
 from policies.foreign.served import PATIENCE_AT_FIRST, ROBOT, Answer, serve
 from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
@@ -54,7 +55,7 @@ class Foreign(Policy):
         self._allocate(1)
 
     def _watched(self, make: Any) -> Watched:
-        return Watched(make, name=self.name, robot=self.robot, control_period=self.control_period)
+        return Watched(partial(limited, make), name=self.name, robot=self.robot, control_period=self.control_period)
 
     @property
     def phase(self) -> Floats | None:

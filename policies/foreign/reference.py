@@ -5,6 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from policies.base import PolicyError
+from quad_env.files import check_file
 
 KINDS = {".py": "Python", ".onnx": "ONNX", ".zip": "Stable-Baselines3"}
 """What a file holds, by how its name ends."""
@@ -46,6 +47,10 @@ def checked(text: str | Path, trust: bool) -> Reference:
     reference = _read(text)
     if not reference.file.is_file():
         raise PolicyError(f"there is no file {reference.file}")
+    try:
+        check_file(reference.file)
+    except OSError as error:
+        raise PolicyError(f"cannot read {reference.file} ({error.strerror})") from None
     if reference.suffix == ".py" and not reference.name:
         raise PolicyError(f"name the policy in {reference.file} after a colon, as in {reference.file}:MyPolicy")
     if reference.suffix == ".zip" and not trust:

@@ -15,6 +15,7 @@ from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
+from quad_env.text import one_line
 
 POLICY, ROBOT, BATCH = "policy", "robot", "batch"
 """Ways to ask: a `Policy`; a callable of one robot's observation; a callable of every robot's."""
@@ -179,7 +180,7 @@ class Served:
         except _Late:
             return None, f"gave no answer within {patience:g} s"
         except BaseException as error:
-            return None, " ".join(f"raised {type(error).__name__}: {error}".split())[:LONGEST_REASON]
+            return None, one_line(f"raised {type(error).__name__}: {error}")[:LONGEST_REASON]
         return result, None
 
 

@@ -1,6 +1,6 @@
 """Checks of what callers hand to the environment: each gives the value in its own type or a ValueError that helps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -27,10 +27,18 @@ def warn_of_no_render_mode(modes: Sequence[str]) -> None:
     gym.logger.warn(f"render() without a render_mode gives None; make the environment with one of {', '.join(modes)}")
 
 
-def held_commands(options: dict[str, Any], num_envs: int) -> Array | None:
+def reset_options(options: Any) -> Mapping[str, Any]:
+    """What reset is asked for; nothing of None."""
+    found = {} if options is None else options
+    if not isinstance(found, Mapping):
+        raise ValueError(f"options must be a dict with some of {', '.join(RESET_OPTIONS)}, got {options!r:.80}")
+    if unknown := set(found) - set(RESET_OPTIONS):
+        raise ValueError(f"unknown options {sorted(map(str, unknown))}; valid: {', '.join(RESET_OPTIONS)}")
+    return found
+
+
+def held_commands(options: Mapping[str, Any], num_envs: int) -> Array | None:
     """Commands that reset's options hold, (num_envs, 3), given as one for all or one each; None to draw them."""
-    if unknown := set(options) - set(RESET_OPTIONS):
-        raise ValueError(f"unknown options {sorted(unknown)}; valid: {', '.join(RESET_OPTIONS)}")
     if (command := options.get("command")) is None:
         return None
     return commands(command, num_envs, "options['command']")
@@ -46,7 +54,10 @@ def commands(command: Any, num_envs: int, name: str) -> Array:
 
 def rows(values: Any, shape: tuple[int, int], name: str) -> Array:
     """Finite numbers of that shape, given as one row for all or a row each."""
-    array = np.asarray(values, dtype=np.float64)
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be numbers of shape {shape[1:]} or {shape}, got {values!r:.80}") from None
     if array.shape not in (shape[1:], shape):
         raise ValueError(f"{name} has shape {array.shape}; wanted {shape[1:]} or {shape}")
     if not np.isfinite(array).all():

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from quad_env import columns
 from quad_env.actuation.models import Actuator
 from quad_env.config import TaskConfig
-from quad_env.envs.arguments import check_frame, held_commands, joint_targets, warn_of_no_render_mode
+from quad_env.envs.arguments import check_frame, held_commands, joint_targets, reset_options, warn_of_no_render_mode
 from quad_env.envs.base import QuadEnvBase
 from quad_env.envs.vector_env import Observation
 from quad_env.physics.state import QuadState
@@ -105,9 +105,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode; `options["command"]`, (3,), is held for its whole length."""
         super().reset(seed=seed)
-        options = options or {}
-        held = held_commands(options, 1)
-        if "reset_mask" in options:
+        asked = reset_options(options)
+        held = held_commands(asked, 1)
+        if "reset_mask" in asked:
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
         if seed is not None:
             (self._seed,), self._next_episode = seeds_of(seed, 1), 0

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.files import read_bytes
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
 from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot
@@ -94,7 +95,7 @@ def _told(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     try:
-        told = tomllib.loads(path.read_text())
+        told = tomllib.loads(read_bytes(path).decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ModelError(f"{path} is no TOML: {error}") from error
     if not isinstance(mjcf := told.pop("mjcf", None), str):

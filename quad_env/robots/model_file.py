@@ -10,6 +10,7 @@ import numpy as np
 
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
 from quad_env.robots.collisions import GROUND_BIT
+from quad_env.robots.named_files import check_named
 from quad_env.robots.shapes import SHAPES
 
 LARGEST_FILE = 50_000_000
@@ -45,6 +46,10 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
         raise FileNotFoundError(f"{path} is no file")
     if path.stat().st_size > LARGEST_FILE:
         raise ModelError(f"it is larger than {LARGEST_FILE // 1_000_000} MB")
+    try:
+        check_named(path)
+    except OSError as error:
+        raise ModelError(f"cannot read {error.filename} ({error.strerror})") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of attributes that are deprecated: they are read all the same

@@ -8,6 +8,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.scaling import scaled
 from quad_env.scenarios.scenario import Scenario
+from quad_env.text import number
 
 BETWEEN, EQUALS = "+", "="
 LARGEST = 1e6
@@ -51,17 +52,17 @@ def likewise(name: str, robot: Robot) -> str:
 
 def _part(text: str, name: str, axes: dict[str, Axis]) -> tuple[Axis, float]:
     """Axis and severity of `payload=15`."""
-    axis, equals, number = (word.strip() for word in text.partition(EQUALS))
+    axis, equals, written = (word.strip() for word in text.partition(EQUALS))
     if axis not in axes:
         raise ValueError(f"{name}: unknown axis {axis!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")
     try:
-        severity = float(number)
+        severity = number(written)
     except ValueError:
         nominal = f"{axis}{EQUALS}{axes[axis].nominal:g}"
-        what = f"{number!r} is no number" if equals else f"{axis} needs a severity"
+        what = f"{written!r} is no number" if equals else f"{axis} needs a severity"
         raise ValueError(f"{name}: {what}; write {nominal} for {axes[axis].quantity}") from None
     if not 0 <= severity <= LARGEST:
-        raise ValueError(f"{name}: {axes[axis].quantity} is a number from 0 to {LARGEST:g}, got {number}")
+        raise ValueError(f"{name}: {axes[axis].quantity} is a number from 0 to {LARGEST:g}, got {written}")
     return axes[axis], severity + 0.0  # of −0, 0
 
 

@@ -291,6 +291,9 @@ TROT = {"name": "trot"}
     ("change", "reason"),
     [
         ({"schema_version": 2}, "schema_version"),
+        ({"schema_version": True}, "schema_version"),
+        ({"schema_version": 1.0}, "schema_version"),
+        ({"name": "walk\x1b[31m"}, "printable"),
         ({"name": ""}, "name"),
         ({"env_id": "Ant-v5"}, "Ant-v5"),
         ({"observation": {"command": [0, 3]}}, "layout"),
@@ -359,6 +362,28 @@ def test_base_parameter_out_of_range_is_refused(folder, field, value):
     assert "the base's parameters" in damaged(folder, lambda f: rewrite(f, base=base))
 
 
+def test_a_field_that_is_given_twice_is_refused(folder):
+    twice = (folder / DESCRIPTION).read_text().replace('"name"', '"name": "another", "name"')
+    assert "'name' is given twice" in damaged(folder, lambda f: (f / DESCRIPTION).write_text(twice))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no such pipes")
+@pytest.mark.parametrize("file", [DESCRIPTION, WEIGHTS])
+@pytest.mark.parametrize("kind", ["pipe", "device", "huge"])
+def test_a_file_that_is_none_to_read_is_refused_at_once(folder, file, kind):
+    def change(folder):
+        (folder / file).unlink()
+        if kind == "pipe":
+            os.mkfifo(folder / file)
+        elif kind == "device":
+            (folder / file).symlink_to("/dev/zero")
+        else:
+            with (folder / file).open("wb") as content:
+                content.truncate(2**43)
+
+    assert f"{file} cannot be read (it is " in damaged(folder, change)
+
+
 @pytest.mark.parametrize("content", ["[]", "3", "{", "[" * 100_000, '{"schema_version": 1}'])
 def test_description_that_is_no_description_is_refused(folder, content):
     damaged(folder, lambda f: (f / DESCRIPTION).write_text(content))
@@ -379,13 +404,16 @@ def test_a_training_run_is_found_as_its_best_bundle(folder, tmp_path):
     assert trajectory(policies.resolve(str(run))) == trajectory(load(run / "best")) == trajectory(load(folder))
 
 
+NO_JSON = "policy.json is not JSON (Expecting value: line 1 column 1 (char 0)); train it anew"
+
+
 @pytest.mark.parametrize(
     ("files", "remedy"),
     [
         (("config.json", "tensorboard/events"), "its first validation"),
         (("notes.txt",), "name the folder of a trained policy, such as models/residual, or of a training run"),
-        (("policy.json",), "policy.json is not JSON; train it anew"),
-        (("config.json", "best/policy.json"), "best: policy.json is not JSON; train it anew"),
+        (("policy.json",), NO_JSON),
+        (("config.json", "best/policy.json"), f"best: {NO_JSON}"),
     ],
 )
 def test_a_folder_without_a_bundle_says_what_to_do(tmp_path, files, remedy):

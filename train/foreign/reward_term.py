@@ -11,6 +11,7 @@ from evaluate.terminal.command_line import UsageError
 from policies.foreign import python_file
 from policies.foreign.reference import Reference
 from quad_env.config import RewardTerm, TaskConfig
+from quad_env.files import read_bytes
 from quad_env.task.rewards import RewardTermError
 
 OPTION = "--reward-terms"
@@ -94,6 +95,6 @@ def _check_file(term: FileTerm) -> None:
 def _digest(file: str) -> str:
     """SHA-256. Raises RewardTermError where there is no such file."""
     try:
-        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        return hashlib.sha256(read_bytes(Path(file))).hexdigest()
     except OSError as error:
         raise RewardTermError(f"{file} cannot be read ({error.strerror})") from None

@@ -22,6 +22,7 @@ from stable_baselines3 import PPO
 
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
+from quad_env.files import LARGEST, read_bytes
 
 SCHEMA = 2
 KEPT = 2
@@ -116,8 +117,8 @@ def load(folder: Path) -> Checkpoint:
 
 def _read(record_path: Path) -> Checkpoint:
     try:
-        record = json.loads(record_path.read_bytes())
-        content = record_path.with_suffix(".safetensors").read_bytes()
+        record = json.loads(read_bytes(record_path))
+        content = read_bytes(record_path.with_suffix(".safetensors"), LARGEST)
     except (OSError, ValueError, RecursionError) as error:
         raise UsageError(f"{record_path.name} cannot be read: {error}") from None
     if not isinstance(record, dict) or record.pop("schema", None) != SCHEMA:

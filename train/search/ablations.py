@@ -19,6 +19,7 @@ from evaluate.terminal.launcher import raise_on_interrupt
 from policies.base import Floats
 from policies.files import write_atomically
 from policies.parameters import limits_of, number
+from quad_env.files import read_bytes
 from train.config import DEFAULTS, Count, TrainConfig, differences, load_config
 from train.run_folder import VALIDATIONS_FILE, has_checkpoint, steps_done
 from train.run_record import last_metrics
@@ -136,7 +137,7 @@ def finish(run: TrainConfig) -> None:
 
 def found(name: str, runs: Sequence[TrainConfig]) -> Found:
     """What finished runs came to."""
-    last = [json.loads((run.folder / VALIDATIONS_FILE).read_bytes())["validations"][-1] for run in runs]
+    last = [json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1] for run in runs]
     seconds = [last_metrics(run.folder)["time/seconds"] for run in runs]
     return Found(
         name,

@@ -10,6 +10,7 @@ import tyro
 
 from evaluate.terminal.command_line import UsageError
 from policies.files import write_atomically
+from quad_env.files import read_bytes
 from train.config import DEFAULTS, flat, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE
 from train.run_record import best_validation, last_metrics, words
@@ -60,7 +61,7 @@ def main(options: Options) -> int:
 def tried(folder: Path) -> Tried:
     """What a run's folder says. Raises UsageError where there is no run."""
     try:
-        settings = json.loads((folder / CONFIG_FILE).read_bytes())
+        settings = json.loads(read_bytes(folder / CONFIG_FILE))
         last = last_metrics(folder)
     except (OSError, ValueError, IndexError):
         raise UsageError(f"no run in {folder}: {CONFIG_FILE} and {METRICS_FILE} cannot be read") from None

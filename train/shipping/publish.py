@@ -20,6 +20,7 @@ from policies.bases import describe
 from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
 from policies.shipped import folder_of
+from quad_env.files import read_bytes
 from quad_env.scenarios.combination import likewise
 from train.config import differences, load_config
 from train.run_folder import BEST, CHECKPOINTS
@@ -137,7 +138,7 @@ def trained_run(folder: Path) -> TrainedRun:
         policies.load(folder / BEST, config.hardware.quadruped)
     except policies.PolicyError as error:
         raise UsageError(str(error)) from None
-    description = json.loads((folder / BEST / "policy.json").read_bytes())
+    description = json.loads(read_bytes(folder / BEST / "policy.json"))
     return TrainedRun(str(folder), config, minutes, description["git_revision"])
 
 

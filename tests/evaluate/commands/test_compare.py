@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 
 import quad_env
@@ -82,6 +83,33 @@ def test_other_seeds_are_compared_unpaired(run, tmp_path, capsys) -> None:
     assert {c["test"] for match in found["comparisons"] for c in match["contrasts"]} == {"Barnard", "permutation"}
 
 
+def test_of_runs_of_one_seed_the_common_episodes_are_paired(run, tmp_path, capsys) -> None:
+    """Three episodes of five: those of the same seeds, whatever came after them."""
+    b = other(run, tmp_path / "b", lambda rows: rows.filter(pc.less(rows.column("episode"), 3)), episodes=3)
+    code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
+    assert code == 0
+    assert "of A's 5 episodes and B's 3, the 3 of the same seeds are compared" in said
+    assert "unpaired" not in said
+    assert "6 of 6" in said
+    rows = read_table(run.folder / "episodes.parquet").to_pylist()
+    for match in json.loads((tmp_path / "found.json").read_text())["comparisons"]:
+        assert (match["episodes"], match["common"], match["paired"]) == ([5, 3], 3, True)
+        errors = [
+            row["velocity_error"]
+            for row in rows
+            if (row["policy"], row["scenario"]) == (match["a"], match["scenario"]) and row["episode"] < 3
+        ]
+        velocity = next(each for each in match["contrasts"] if each["metric"] == "velocity_error")
+        assert velocity["a"] == velocity["b"] == pytest.approx(np.mean(errors))
+
+
+def test_what_an_unfinished_run_lacks_is_said(run, tmp_path, capsys) -> None:
+    b = other(run, tmp_path / "b", lambda rows: rows.slice(5))
+    code, said = compare(capsys, run.folder, b)
+    assert code == 0
+    assert "B is not finished, and left out of it are: document on flat" in said
+
+
 def test_another_definition_of_a_scenario_is_compared_unpaired(run, tmp_path, capsys) -> None:
     softer = dataclasses.replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(impulse=5.0))
     b = other(run, tmp_path / "b", scenarios=(quad_env.SCENARIOS["flat"], softer))
@@ -124,7 +152,7 @@ def test_nothing_in_common_is_said(run, tmp_path, capsys) -> None:
     def renamed(rows: pa.Table) -> pa.Table:
         return column(rows, "policy", [f"old {policy}" for policy in rows.column("policy").to_pylist()])
 
-    b = other(run, tmp_path / "b", renamed, policies={"old trot": "", "old stand": ""})
+    b = other(run, tmp_path / "b", renamed, policies={f"old {policy}": "" for policy in ("document", "stand", "trot")})
     code, said = compare(capsys, run.folder, b)
     assert (code, "--policies ONE_OF_A ONE_OF_B" in said) == (2, True)
     code, said = compare(capsys, run.folder, tmp_path / "nothing")

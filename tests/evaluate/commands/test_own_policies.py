@@ -70,6 +70,29 @@ def test_it_is_judged_beside_ours_and_loses_its_own_episodes_alone(capsys, tmp_p
     assert f"because the policy {stops} has changed" in capsys.readouterr().out
 
 
+LOUD = """
+import numpy as np
+print("loaded")
+
+class Loud:
+    def __call__(self, observation):
+        print("\\x1b[2J" + 10_000 * "walk ")
+        return np.array([0.0, 0.5, -1.0] * 4)
+"""
+
+
+def test_what_it_prints_stays_out_of_the_table_and_is_cut(capfd, tmp_path) -> None:
+    (tmp_path / "loud.py").write_text(LOUD)
+    run = ["--policies", f"{tmp_path / 'loud.py'}:Loud", "--scenarios", "flat", "--episodes", "1", "--no-film"]
+    assert main([*run, "--threads", "1", "--out", str(tmp_path / "out")]) == 0
+    printed = capfd.readouterr()
+    assert "walk walk" not in printed.out
+    assert "loaded\n" in printed.err
+    assert "what else the policy prints is left out" in printed.err
+    assert "\x1b[2J" not in printed.err
+    assert 900 < 5 * printed.err.count("walk ") < 10 * 1000  # of each of its processes so much
+
+
 def test_a_worker_process_asks_it_as_this_one_does(tmp_path, file, monkeypatch) -> None:
     monkeypatch.setattr("evaluate.rollouts.workers.FEWEST_STEPS", 1)
     for threads in ("1", "2"):

@@ -40,6 +40,7 @@ def replace_seeds(cell, seeds):
     import dataclasses
 
     filled = {
+        "fall_time": np.where(cell.measures.fell, 5.0, np.nan),
         "duty_factor": np.full((len(seeds), 4), np.nan),
         "push_impulse": np.empty((len(seeds), 0, 2)),
         **dict.fromkeys(("push_time", "push_phase", "push_fell", "push_recovery"), np.empty((len(seeds), 0))),

@@ -1,6 +1,9 @@
 """Fall rules by hand, and `rescore`: the falls of a traced evaluation under any of them."""
 
 import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +13,8 @@ from evaluate.commands import rescore
 from evaluate.measures import fall_rules
 from evaluate.measures.episodes import blank, uneventful
 from evaluate.measures.outcomes import SUCCESS_RULE
-from evaluate.records import trace
+from evaluate.records.episode_table import write_parquet
+from evaluate.records.store import read_run
 from evaluate.statistics.intervals import wilson_interval
 from quad_env.config import FALL_RULE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -61,16 +65,9 @@ def test_unknown_rules_are_refused_with_the_valid_ones() -> None:
 @pytest.fixture(scope="module")
 def traced(tmp_path_factory):
     """A small evaluation with traces, as the command leaves it."""
-    import policies
-    import quad_env
-    from evaluate.analysis import results
-    from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
-
     folder = tmp_path_factory.mktemp("traced")
-    labelled = [LabelledPolicy(name, policies.make(name)) for name in ("document", "stand")]
-    write, seeds = trace.writer(folder / trace.FOLDER, "compact"), evaluation_seeds(0, 6)
-    done = list(run_cells(labelled, [quad_env.SCENARIOS["push"]], seeds, Settings(2, lambda *_: None, trace=write)))
-    results.write_json(results.analyse(done, seed=0, episodes=6, complete=True), folder / "results.json")
+    of_what = ("--policies", "document", "stand", "--scenarios", "push", "--episodes", "6")
+    assert main([*of_what, "--trace", "compact", "--no-film", "--out", str(folder)]) == 0
     return folder
 
 
@@ -107,13 +104,12 @@ def test_mistakes_are_one_line(traced, run, tmp_path, capsys) -> None:
     assert main(["rescore", str(traced), "--rules", "tilt-91"]) == 2
     assert main(["rescore", str(traced), "--success", "luck"]) == 2
     assert main(["rescore", str(run.folder)]) == 2
-    other = tmp_path / "other"
-    (other / trace.FOLDER).mkdir(parents=True)
-    for path in (traced / trace.FOLDER).iterdir():
-        (other / trace.FOLDER / path.name).write_bytes(path.read_bytes())
-    changed = json.loads((traced / "results.json").read_text())
-    changed["policies"]["document"]["scenarios"]["push"]["falls"] += 1
-    (other / "results.json").write_text(json.dumps(changed))
+    other = Path(shutil.copytree(traced, tmp_path / "other"))
+    there = read_run(other)
+    fell = ~there.cells[0].measures.fell
+    measures = replace(there.cells[0].measures, fell=fell, fall_time=np.where(fell, 1.0, np.nan))
+    cells = [replace(there.cells[0], measures=measures), *there.cells[1:]]
+    write_parquet(cells, other / "episodes.parquet", there.manifest.fingerprint)
     assert main(["rescore", str(other)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 4

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.program import Command, Program
@@ -21,6 +22,13 @@ class Options:
 
     count: int = 3
     """How many (count)."""
+    share: float = 1.0
+    """How much of it."""
+    out: Path = Path("results")
+    """Where."""
+
+
+EMPTY = "a value is empty, which names no file, folder or number; see `python -m thing publish --help`"
 
 
 def otherwise(words: list[str]) -> int:
@@ -57,6 +65,20 @@ def test_a_command_is_called_by_its_words_and_gets_the_rest(capsys) -> None:
         (["search", "gallop"], "there is no command search gallop; there are search trot"),
         (["publsh"], "no policy publsh; did you mean the command publish?"),
         (["galloping"], "no policy galloping"),
+        (
+            ["publish", "--count", "1_0"],
+            "Error parsing --count: '1_0' is no number; see `python -m thing publish --help`",
+        ),
+        (
+            ["publish", "--count", "2.5"],
+            "Error parsing --count: '2.5' is no whole number; see `python -m thing publish --help`",
+        ),
+        (
+            ["publish", "--share", "1_0.5"],
+            "Error parsing --share: '1_0.5' is no number; see `python -m thing publish --help`",
+        ),
+        (["publish", "--out", ""], EMPTY),
+        (["publish", "--out="], EMPTY),
         (["publish", "--cuont"], "Unrecognized options: --cuont; see `python -m thing publish --help`"),
     ],
 )
@@ -64,6 +86,21 @@ def test_a_command_is_called_by_its_words_and_gets_the_rest(capsys) -> None:
 def test_what_is_no_command_is_one_line(capsys, words, said) -> None:
     assert PROGRAM.main(words) == 2
     assert capsys.readouterr().err == f"error: {said}\n"
+
+
+@pytest.mark.usefixtures("command")
+def test_numbers_are_taken_as_they_are_written(command, capsys) -> None:
+    command.main = lambda options: print(options) or 0
+    assert PROGRAM.main(["publish", "--count", "-7", "--share", "1e-3"]) == 0
+    assert "count=-7, share=0.001" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("width", ["0", "000"])
+def test_a_terminal_of_no_width_is_printed_on(command, capsys, monkeypatch, width) -> None:
+    monkeypatch.setenv("COLUMNS", width)
+    command.main = lambda _: Console().print("what it found") or 0
+    assert PROGRAM.main(["publish"]) == 0
+    assert capsys.readouterr().out == "what it found\n"
 
 
 def test_help_of_several_commands_lists_them(capsys) -> None:
@@ -75,6 +112,7 @@ def test_help_of_several_commands_lists_them(capsys) -> None:
     ("error", "code", "said"),
     [
         (UsageError("two\nlines"), 2, "error: two lines"),
+        (UsageError("\x1b]0;title\x07\x1b[31mred\x9b0m"), 2, "error: ]0;title [31mred 0m"),
         (PolicyError("no such policy"), 2, "error: no such policy"),
         (PermissionError(errno.EACCES, "Permission denied", "a/b"), 2, "error: cannot use a/b (Permission denied)"),
         (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), 2, f"error: cannot go on ({os.strerror(errno.ENOSPC)})"),

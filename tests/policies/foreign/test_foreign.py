@@ -70,6 +70,10 @@ class Exits(Faulty):
     def fault(self):
         sys.exit(4)
 
+class Paints(Faulty):
+    def fault(self):
+        raise ValueError("\x1b[31m red\x07")
+
 class Hangs(Faulty):
     def fault(self):
         time.sleep(60.0)
@@ -182,6 +186,7 @@ def test_a_policy_of_ours_in_a_file_acts_as_it_does_here(file: Path) -> None:
     [
         ("Raises", "raised KeyError: 'two\\nlines'"),
         ("Exits", "raised SystemExit: 4"),
+        ("Paints", "raised ValueError: [31m red"),
         ("Short", "gave float64 of shape (3,), not numbers of shape (12,)"),
         ("Words", "gave <U4 of shape (12,), not numbers of shape (12,)"),
         ("Nan", "gave targets that are not finite"),

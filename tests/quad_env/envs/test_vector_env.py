@@ -175,6 +175,11 @@ def test_a_given_command_holds_for_the_episode_and_the_next_one_draws_again() ->
             env.reset(options={"command": command})
     with pytest.raises(ValueError, match="command, reset_mask"):
         env.reset(options={"comand": wanted})
+    for command in ({"forward": 1.0}, "fast", [[1.0, 2.0], [3.0]], {1.0, 2.0, 3.0}, object()):
+        with pytest.raises(ValueError, match=r"options\['command'\] (must be numbers of|has) shape"):
+            env.reset(options={"command": command})
+    with pytest.raises(ValueError, match="options must be a dict with some of command, reset_mask"):
+        env.reset(options=5)
 
 
 def test_a_batch_wants_a_reset_before_its_first_step() -> None:

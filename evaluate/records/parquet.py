@@ -1,0 +1,81 @@
+"""Parquet files with a hash of their content: written whole or not at all, and read only as they were written."""
+
+import hashlib
+import io
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from policies.files import write_atomically
+from quad_env.files import LARGEST, read_bytes
+
+SHA256 = b"sha256"
+"""Key of a table's metadata: the hash of its content."""
+_LISTS = pa.ListArray | pa.FixedSizeListArray
+
+
+def write(rows: pa.Table, path: Path, about: Mapping[bytes, bytes], **settings: Any) -> None:
+    """Write rows with metadata; `settings` are those of `pyarrow.parquet.write_table`."""
+    described = rows.replace_schema_metadata(dict(about))
+    buffer = io.BytesIO()
+    hashed = described.replace_schema_metadata({**about, SHA256: content_hash(described).encode()})
+    pq.write_table(hashed, buffer, write_page_checksum=True, **settings)
+    write_atomically(path, buffer.getvalue())
+
+
+def read(path: Path, check: Callable[[pa.Table], object] = lambda _: None) -> pa.Table:
+    """A file's rows; ValueError if it is damaged or has been changed, OSError if it cannot be read.
+
+    `check` may say more exactly, by a ValueError, what has been changed. Files that were written before there were
+    hashes are read as they are: see `is_hashed`.
+    """
+    content = read_bytes(path, LARGEST)
+    try:
+        rows = pq.ParquetFile(pa.py_buffer(content), page_checksum_verification=True).read()
+        rows.validate(full=True)
+        stored = (rows.schema.metadata or {}).get(SHA256)
+        changed = stored is not None and stored.decode() != content_hash(rows)
+    except (pa.ArrowException, LookupError, MemoryError, OSError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is damaged ({(str(error).splitlines() or [type(error).__name__])[0]})") from error
+    check(rows)
+    if changed:
+        raise ValueError(f"{path} has been changed since it was written (its content hash differs)")
+    return rows
+
+
+def is_hashed(rows: pa.Table) -> bool:
+    """Whether rows were read with the hash of their content."""
+    return SHA256 in (rows.schema.metadata or {})
+
+
+def content_hash(rows: pa.Table) -> str:
+    """SHA-256 of a table's metadata, names, types and values, however the file lays them out."""
+    digest = hashlib.sha256(repr(_about(rows.schema.metadata)).encode())
+    for field, column in zip(rows.schema, rows.columns, strict=True):
+        digest.update(repr((field.name, _about(field.metadata))).encode())
+        _add(digest, column.combine_chunks())
+    return digest.hexdigest()
+
+
+def _about(metadata: Mapping[bytes, bytes] | None) -> list[tuple[bytes, bytes]]:
+    """Metadata that is not of the file's format, nor the hash."""
+    return sorted(pair for pair in (metadata or {}).items() if pair[0] != SHA256 and not pair[0].startswith(b"PARQUET"))
+
+
+def _add(digest: Any, values: pa.Array) -> None:
+    """Which values there are, and then their bytes; of lists their lengths, and then what they hold."""
+    values = values.combine_chunks() if isinstance(values, pa.ChunkedArray) else values
+    digest.update(np.packbits(values.is_valid().to_numpy(zero_copy_only=False)).tobytes())
+    if isinstance(values, _LISTS):
+        lengths = values.value_lengths().drop_null()
+        digest.update(f"lists {len(values)}".encode() + np.asarray(lengths, np.int64).tobytes())
+        _add(digest, values.flatten())
+    elif pa.types.is_string(values.type):
+        digest.update(repr(values.to_pylist()).encode())
+    else:
+        digest.update(f"{values.type} {len(values)}".encode())
+        digest.update(np.ascontiguousarray(values.drop_null().to_numpy(zero_copy_only=False)).tobytes())
