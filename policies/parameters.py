@@ -91,7 +91,7 @@ def is_number(value: Any) -> bool:
 def read(path: Path, search: str, decode: Callable[[Any], T]) -> T:
     """What a search has left in a JSON file, decoded. Raises PolicyError where it is missing or damaged."""
     try:
-        return decode(json.loads(path.read_text()))
+        return decode(json.loads(path.read_text(encoding="utf-8")))
     except (AttributeError, KeyError, OSError, RecursionError, TypeError, ValueError) as error:
         raise PolicyError(
             f"cannot read {path} ({error}); `python -m train search {search}` writes such a file"

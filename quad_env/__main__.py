@@ -5,6 +5,7 @@ that need policies are in the package `live`, which is not in it either: they ar
 """
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Callable
@@ -35,6 +36,9 @@ class _Parser(argparse.ArgumentParser):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; the exit code: 0, 2 after a mistake, 130 after Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal may lack a sign such as ±
     try:
         code = _run(arguments)
         if sys.stdout is not None:
@@ -86,8 +90,6 @@ def _run(arguments: list[str] | None) -> int:
         options = parser.parse_args(words)
     except SystemExit as end:  # after --help or a mistake
         return end.code if isinstance(end.code, int) else 0
-    if hasattr(sys.stdout, "reconfigure"):
-        sys.stdout.reconfigure(errors="replace")  # a terminal may lack a sign such as ±
     run: Callable[[argparse.Namespace], int | None] = options.run
     return run(options) or 0
 

@@ -27,7 +27,7 @@ class Page(HTMLParser):
         self.ids: set[str] = set()
         self.links: list[str] = []
         self.loaded: list[str] = []
-        self.feed(path.read_text())
+        self.feed(path.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         found = {name: value for name, value in attrs if value}
@@ -90,7 +90,7 @@ def test_the_site_tells_nothing_of_the_machine_that_built_it(site: Path) -> None
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_is_shown_with_what_it_gives(site: Path, notebook: Path) -> None:
     text = (site / notebook.relative_to(REPOSITORY).with_suffix(".html")).read_text()
-    assert '"outputs": []' in notebook.read_text()
+    assert '"outputs": []' in notebook.read_text(encoding="utf-8")
     assert text.count("cell_output") >= 3
     assert "<img" in text
 

@@ -70,7 +70,7 @@ def main(options: Options) -> int:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text()
+        return path.read_text(encoding="utf-8")
     except UnicodeError as error:
         raise UsageError(f"{path} is no text ({error})") from error
 

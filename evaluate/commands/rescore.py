@@ -120,7 +120,7 @@ def rescore(
 def _check_belongs(scores: list[Score], path: Path) -> None:
     """UsageError unless the results hold every traced cell, with as many falls as its trace under their own rule."""
     try:
-        policies = json.loads(path.read_text())["policies"]
+        policies = json.loads(path.read_text(encoding="utf-8"))["policies"]
     except (OSError, ValueError, KeyError) as error:
         raise UsageError(f"cannot read {path}: {error}") from error
     for score in scores:

@@ -125,7 +125,8 @@ def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -
         ir_version=_IR_VERSION,
         producer_name="simple-quad",
     )
-    onnx.helper.set_model_props(model, {DESCRIPTION: bundle.folder_of(folder).joinpath(bundle.DESCRIPTION).read_text()})
+    description = bundle.folder_of(folder).joinpath(bundle.DESCRIPTION).read_text(encoding="utf-8")
+    onnx.helper.set_model_props(model, {DESCRIPTION: description})
     onnx.checker.check_model(model)
     file.write_bytes(model.SerializeToString())
     found = _difference(_opened(Reference(file)), network, checked)

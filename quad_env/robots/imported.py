@@ -89,7 +89,7 @@ def _told(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     try:
-        told = tomllib.loads(path.read_text())
+        told = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ModelError(f"{path} is no TOML: {error}") from error
     if not isinstance(mjcf := told.pop("mjcf", None), str):

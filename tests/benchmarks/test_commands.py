@@ -31,7 +31,7 @@ def figures(name: str, path: Path, printed: str) -> dict:
     table_lines = [line for line in printed.splitlines() if line.startswith(("│", "┃"))]
     assert table_lines
     assert max(map(len, table_lines)) <= WIDTH
-    record = json.loads(path.read_text())
+    record = json.loads(path.read_text(encoding="utf-8"))
     assert record["benchmark"].endswith(name)
     assert record["machine"]["mujoco"] in printed
     return record["figures"]

@@ -418,7 +418,7 @@ for entry in examine({checks}, Subject()):
 
 def looked(script: Path, checks: str, *path: Path, before: str = "") -> str:
     """What those checks complain of in a process that has these folders on its path and runs that code before."""
-    script.write_text(before + LOOK.format(checks=checks))
+    script.write_text(before + LOOK.format(checks=checks), encoding="utf-8")
     changed = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, path))}
     run = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, env=changed)
     assert run.stderr == ""

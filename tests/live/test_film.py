@@ -59,7 +59,7 @@ def test_a_mistake_is_a_line_and_nothing_is_written(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("file").write_text("")
+    Path("file").write_text("", encoding="utf-8")
     assert main(["film", *words]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1

@@ -278,7 +278,7 @@ def test_a_reader_that_leaves_early_loses_no_file(repository, tmp_path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_output_that_cannot_be_written_is_one_line(repository, tmp_path) -> None:
-    with Path("/dev/full").open("w") as full:
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
         options = {"cwd": repository, "stdout": full, "stderr": subprocess.PIPE, "text": True, "check": False}
         shown = subprocess.run([*PYTHON, "-m", "evaluate", "--help"], **options)
         run = subprocess.run([*PYTHON, "-m", "evaluate", *QUICK, "--out", str(tmp_path)], **options)
