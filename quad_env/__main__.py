@@ -147,8 +147,12 @@ def _doctor(options: argparse.Namespace) -> int:
 
 def _launched() -> int:
     """As `main`; the commands of a clone hear Ctrl-C as those of `python -m evaluate` do, also while they load."""
-    if _is_a_clone() and sys.argv[1:2] and sys.argv[1] not in COMMANDS:
-        launcher: Any = import_module("evaluate.terminal.launcher")
+    if not _is_a_clone():
+        return main()
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a user's `evaluate.py` is not ours
+    launcher: Any = import_module("evaluate.terminal.launcher")
+    launcher.check_packages("quad_env", "live")
+    if sys.argv[1:2] and sys.argv[1] not in COMMANDS:
         launcher.leave_on_interrupt()
         return int(launcher.launch(main))
     return main()

@@ -3,14 +3,20 @@
 Other commands, each with its own --help, as in `python -m train search trot --help`:
 """
 
+import sys
+from pathlib import Path
+
+if __name__ == "__main__":  # so that no `evaluate.py` of the user's is imported
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 from evaluate.terminal import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
+    launcher.check_packages("train", "train")
 
 import argparse
 import dataclasses
-from pathlib import Path
 
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.terminal.command_line import UsageError
