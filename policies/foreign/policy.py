@@ -46,7 +46,7 @@ class Foreign(Policy):
         super().__init__(robot=robot, control_period=control_period)
         found = checked(reference, trust)
         self.name = str(reference)
-        self.sha256 = hashlib.sha256(found.file.read_bytes()).hexdigest()
+        self.sha256 = hashlib.sha256(found.content).hexdigest()
         self._deadline = DEADLINE if deadline is None else deadline
         served = partial(serve, found, robot=robot, control_period=control_period, deadline=self._deadline)
         self._way = _found_way(self._watched(partial(served, "")))
