@@ -10,8 +10,8 @@ KINDS = {".py": "Python", ".onnx": "ONNX", ".zip": "Stable-Baselines3"}
 """What a file holds, by how its name ends."""
 UNSUPPORTED = ".pt", ".pth", ".jit", ".ckpt", ".h5", ".pkl", ".safetensors"
 """Files of networks that are not read."""
-_NEEDS = {".onnx": ("onnxruntime", "onnx"), ".zip": ("stable_baselines3", "train")}
-"""Package that reads a file, and the extra that installs it."""
+_NEEDS = {".onnx": (("onnxruntime",), "onnx"), ".zip": (("stable_baselines3", "torch"), "train")}
+"""Packages that read a file, and the extra that installs them."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,9 @@ def checked(text: str | Path, trust: bool) -> Reference:
         raise PolicyError(
             f"loading {reference.file} can run code that is hidden in it: give --trust if you know where it comes from"
         )
-    package, extra = _NEEDS.get(reference.suffix, ("", ""))
-    if package and find_spec(package) is None:
-        raise PolicyError(f'{reference.file} needs {package}, which is not here: pip install -e ".[{extra}]"')
+    packages, extra = _NEEDS.get(reference.suffix, ((), ""))
+    if missing := [package for package in packages if find_spec(package) is None]:
+        raise PolicyError(f'{reference.file} needs {missing[0]}, which is not here: pip install -e ".[{extra}]"')
     found = replace(reference, file=reference.file.absolute())
     return replace(found, normaliser=_normaliser(found.file)) if found.suffix == ".zip" else found
 
