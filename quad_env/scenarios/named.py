@@ -5,6 +5,7 @@ A scenario is never tuned to a policy. Write one with `dataclasses.replace` or t
 
 from functools import lru_cache
 
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import Axis, axes_of
@@ -27,7 +28,7 @@ def scenarios_of(robot: Robot) -> dict[str, Scenario]:
 SCENARIOS = scenarios_of(SIMPLE_QUAD)
 
 
-def scenario(which: str | Scenario, robot: Robot = SIMPLE_QUAD) -> Scenario:
+def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenario:
     """The scenario of a name such as `push`, of a level such as `push:3`, of severities in physical units such as
     `push=42` or `payload=15+slope=10`, or the scenario itself; ValueError lists the valid names.
 
@@ -35,7 +36,7 @@ def scenario(which: str | Scenario, robot: Robot = SIMPLE_QUAD) -> Scenario:
     """
     if isinstance(which, Scenario):
         return which
-    found = find(which, robot) if isinstance(which, str) else None
+    found = find(which, robot_of(robot)) if isinstance(which, str) else None
     if found is None:
         raise ValueError(
             f"unknown scenario {which!r}; valid: {', '.join(SCENARIOS)}, {WRITTEN}, or a quad_env.Scenario"
