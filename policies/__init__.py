@@ -154,4 +154,5 @@ __all__ = [
     "names",
     "resolve",
     "summary",
+    "unsupported",
 ]

@@ -82,7 +82,7 @@ def _run(arguments: list[str] | None) -> int:
     describe.add_argument("--toml", type=Path, metavar="TOML", help="file of its figures to write, for changes by hand")
     describe.set_defaults(run=_describe)
     doctor.add_argument("--robot", default="simple_quad", help="its name, .xml or .toml (default: simple_quad)")
-    doctor.add_argument("--policy", help="a policy to examine too: its name, folder or file")
+    doctor.add_argument("--policy", "--policies", help="a policy to examine too: its name, folder or file")
     doctor.add_argument("--json", action="store_true", help="print JSON instead of lines")
     doctor.set_defaults(run=_doctor)
     parser.set_defaults(run=lambda _: parser.print_help())

@@ -31,7 +31,7 @@ PAGES = {
     str(path.relative_to(ROOT)): path.read_text()
     for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 }
-LANGUAGES = {"bash", "python", "mermaid"}
+LANGUAGES = {"bash", "python", "mermaid", "bibtex"}
 EVERY_PAGE = pytest.mark.parametrize("page", PAGES)
 
 

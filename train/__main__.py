@@ -19,7 +19,7 @@ import argparse
 import dataclasses
 
 from evaluate.rollouts.hardware import Hardware, hardware_of
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, as_spelled
 from evaluate.terminal.command_line import parse as parse_options
 from evaluate.terminal.program import HELP, Command, Program
 from policies.parameters import limits_of
@@ -67,6 +67,7 @@ def parse(words: list[str]) -> TrainConfig:
     The defaults shown and used are those of the chosen --policy and --robot, or with --resume those of the run that is
     carried on.
     """
+    words = as_spelled(TrainConfig, words)
     defaults = _defaults(words)
     description = f"{__doc__}{PROGRAM.listing()}"
     config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)

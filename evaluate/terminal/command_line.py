@@ -6,11 +6,13 @@ import itertools
 import re
 import sys
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TypeVar, cast
 
 Options = TypeVar("Options")
 
+_PAIRS = ("policy", "policies"), ("scenario", "scenarios")
 _RULE = re.compile(r"[─-]{3,}")
 
 
@@ -27,6 +29,7 @@ def parse(
     """
     import tyro
 
+    arguments = as_spelled(kind, sys.argv[1:] if arguments is None else arguments)
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
@@ -35,6 +38,20 @@ def parse(
         if not end.code:
             raise
         raise UsageError(f"{first_sentence(complaint.getvalue())}; see `{program} --help`") from None
+
+
+def as_spelled(kind: type, words: list[str]) -> list[str]:
+    """The words with `--policies` for `--policy` and `--scenarios` for `--scenario`, or the reverse, as the command of
+    these options has it."""
+    known = {field.name for field in fields(kind)}
+    renamed = {
+        f"--{other}": f"--{name}"
+        for one, all_ in _PAIRS
+        for name, other in ((one, all_), (all_, one))
+        if name in known and other not in known
+    }
+    split = [word.partition("=") for word in words]
+    return [renamed.get(option, option) + equals + value for option, equals, value in split]
 
 
 def first_sentence(box: str) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import policies
+from live.doctor.checks import checks
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.foreign import Foreign, is_reference
 from policies.foreign import reference as references
@@ -369,6 +370,8 @@ def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
 def test_files_that_are_not_read_are_told_from_unknown_names(name: str) -> None:
     with pytest.raises(PolicyError, match=r"not supported yet; export the network as \.onnx .*my_file\.py:MyPolicy"):
         policies.resolve(name)
+    with pytest.raises(ValueError, match="not supported yet"):
+        checks(name)
 
 
 @pytest.mark.parametrize("batch", [False, True], ids=["one robot", "native batch"])
