@@ -270,10 +270,10 @@ def test_a_bag_keeps_topics_of_one_message_for_nodes_that_start_later(tmp_path: 
 
 def test_what_exists_is_left_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = tmp_path / "walk.mcap"
-    kept.write_text("mine")
+    kept.write_text("mine", encoding="utf-8")
     assert main(["record", str(kept)]) == 2
     assert "exists already" in capsys.readouterr().err
-    assert kept.read_text() == "mine"
+    assert kept.read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.parametrize(
@@ -354,7 +354,7 @@ if __name__ == "__main__":
 def test_every_step_before_the_end_is_recorded(step: int, ending: str, tmp_path: Path) -> None:
     """Whether or not the writer had been told of them, and had started."""
     script, path = tmp_path / "ended.py", tmp_path / "walk.mcap"
-    script.write_text(ENDED)
+    script.write_text(ENDED, encoding="utf-8")
     ended = subprocess.run(
         [sys.executable, str(script), str(path), str(step), ending],
         stderr=subprocess.PIPE,

@@ -112,7 +112,7 @@ def test_in_the_run_all_that_is_restored_counts(runs):
     """Several validations, the best not the last; a rate that moved; a last segment that the end cut short."""
     config = load_config(runs / "whole")
     assert segment_steps(config) == SEGMENT * config.ppo.envs
-    state = json.loads((runs / "whole" / "checkpoints" / "000000000640.json").read_text())["remembered"]
+    state = json.loads((runs / "whole" / "checkpoints" / "000000000640.json").read_text(encoding="utf-8"))["remembered"]
     scores = [each["score"] for each in state["validations"]]
     assert [each["steps"] for each in state["validations"]] == [256, 512, 640]
     assert state["best"] == [0.5, min(scores)]
@@ -120,7 +120,7 @@ def test_in_the_run_all_that_is_restored_counts(runs):
     assert state["segments"] == 3
     assert state["shares"] != [0.4, 0.4, 0.4]
     assert state["rate"] != config.ppo.learning_rate
-    metrics = [json.loads(line) for line in (runs / "whole" / METRICS_FILE).read_text().splitlines()]
+    metrics = [json.loads(line) for line in (runs / "whole" / METRICS_FILE).read_text(encoding="utf-8").splitlines()]
     assert all(
         any(each[f"reward/{term}"] for each in metrics) for term in ("foot_slip", "foot_air_time", "foot_impact")
     )

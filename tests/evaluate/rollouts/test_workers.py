@@ -133,7 +133,7 @@ def children(process: int) -> set[int]:
     found = set()
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
-            if int(stat.read_text().rpartition(")")[2].split()[1]) == process:
+            if int(stat.read_text(encoding="utf-8").rpartition(")")[2].split()[1]) == process:
                 found.add(int(stat.parent.name))
         except OSError:
             continue

@@ -57,7 +57,7 @@ class Robot:
         others = {name: value for name, value in os.environ.items() if not name.startswith("ROS_")}
         self.environment = others | home | variables
         self._said = folder / "said"
-        with self._said.open("w") as said:
+        with self._said.open("w", encoding="utf-8") as said:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "quad_env", "ros", "--version", version, *options],
                 stdout=said,
@@ -70,7 +70,7 @@ class Robot:
     @property
     def said(self) -> str:
         """What it has printed."""
-        return self._said.read_text()
+        return self._said.read_text(encoding="utf-8")
 
     def wait_for(self, text: str, count: int = 1) -> None:
         """Wait until it has said that so often."""

@@ -133,7 +133,7 @@ def _same_path(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "my_file.py"
-    path.write_text(FILE)
+    path.write_text(FILE, encoding="utf-8")
     return path
 
 
@@ -232,13 +232,13 @@ def test_what_is_no_policy_is_refused_in_words(file: Path, name: str, words: lis
 
 
 def test_a_file_that_fails_is_refused_in_words(tmp_path: Path) -> None:
-    (tmp_path / "broken.py").write_text("import sys; sys.exit(2)")
+    (tmp_path / "broken.py").write_text("import sys; sys.exit(2)", encoding="utf-8")
     with pytest.raises(PolicyError, match=r"broken\.py fails: SystemExit: 2"):
         served(tmp_path / "broken.py", "x")
 
 
 def test_a_policy_made_for_another_control_period_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "slow.py").write_text("import policies\nslow = policies.Trot(control_period=0.02)\n")
+    (tmp_path / "slow.py").write_text("import policies\nslow = policies.Trot(control_period=0.02)\n", encoding="utf-8")
     with pytest.raises(PolicyError, match=r"0\.02 s, not for simple_quad with one of 0\.01 s"):
         served(tmp_path / "slow.py", "slow")
 

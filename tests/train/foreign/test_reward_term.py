@@ -49,7 +49,7 @@ number = 3
 @pytest.fixture
 def file(tmp_path: Path) -> str:
     path = tmp_path / "my_file.py"
-    path.write_text(FILE)
+    path.write_text(FILE, encoding="utf-8")
     return str(path)
 
 
@@ -60,7 +60,7 @@ def _no_validation_to_wait_for(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def metrics(folder: Path) -> list[dict[str, float]]:
-    return [json.loads(line) for line in (folder / METRICS_FILE).read_text().splitlines()]
+    return [json.loads(line) for line in (folder / METRICS_FILE).read_text(encoding="utf-8").splitlines()]
 
 
 def test_a_run_is_paid_by_it_and_counts_it_and_its_command_repeats_it(file, tmp_path):
@@ -71,9 +71,9 @@ def test_a_run_is_paid_by_it_and_counts_it_and_its_command_repeats_it(file, tmp_
     assert figures["reward/drag"] < 0.0
     settings = load_config(run)
     assert [str(term) for term in settings.reward_terms] == [f"{file}:always=-0.5", f"{file}:drag=-0.0001"]
-    words = json.loads((run / RECORD_FILE).read_text())["command"].split()
+    words = json.loads((run / RECORD_FILE).read_text(encoding="utf-8"))["command"].split()
     assert to_dict(parse(words[3:])) == to_dict(settings)
-    assert json.loads((run / "best" / "policy.json").read_text())["training"] == to_dict(settings)
+    assert json.loads((run / "best" / "policy.json").read_text(encoding="utf-8"))["training"] == to_dict(settings)
 
 
 def test_a_run_goes_on_with_the_file_that_it_was_begun_with_alone(file, tmp_path, capsys):
