@@ -140,7 +140,7 @@ def _memory(process: int, page: Any) -> tuple[float, float]:
     session.send("Performance.enable")
     metrics = {each["name"]: each["value"] for each in session.send("Performance.getMetrics")["metrics"]}
     status = Path(f"/proc/{process}/status")
-    found = re.search(r"VmRSS:\s+(\d+) kB", status.read_text()) if status.is_file() else None
+    found = re.search(r"VmRSS:\s+(\d+) kB", status.read_text(encoding="utf-8")) if status.is_file() else None
     return int(found.group(1)) / 1024.0 if found else float("nan"), metrics["JSHeapUsedSize"] / 2**20
 
 

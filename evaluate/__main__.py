@@ -3,10 +3,15 @@
 Other commands, each with its own --help, as in `python -m evaluate axes --help`:
 """
 
+import sys
+from pathlib import Path
+
 from evaluate.terminal import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    launcher.check_packages("evaluate")
 
 from functools import partial
 from typing import TYPE_CHECKING

@@ -1,9 +1,16 @@
 """`python -m quad_env COMMAND` for the commands that need more than the environment; `python -m live` is the same."""
 
+import sys
+from pathlib import Path
+
+if __name__ == "__main__":  # so that no `evaluate.py` of the user's is imported
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 from evaluate.terminal import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
+    launcher.check_packages("quad_env", "live")
 
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.program import Command, Program

@@ -16,7 +16,7 @@ from policies.base import CONTROL_PERIOD, Policy, PolicyError
 from policies.bases import BASES
 from policies.behaviour import Behaviour
 from policies.bundle import DESCRIPTION, load
-from policies.foreign import Foreign, is_reference
+from policies.foreign import Foreign, is_reference, unsupported
 from policies.mpc.parameters import OTHER_GAITS
 from policies.mpc.policy import MpcWbc
 from policies.mpc.sighted import SightedMpcWbc
@@ -130,6 +130,8 @@ def resolve(
         return make(text, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors)
     if Path(name_or_path).is_dir():
         return _loaded(name_or_path, robot, control_period)
+    if (remedy := unsupported(inner)) is not None:
+        raise PolicyError(remedy)
     raise PolicyError(
         f"no policy {text!r}: name one of {', '.join(names())}, the folder of a trained policy, or a policy of yours: "
         "my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3"
@@ -152,4 +154,5 @@ __all__ = [
     "names",
     "resolve",
     "summary",
+    "unsupported",
 ]

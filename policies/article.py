@@ -15,6 +15,7 @@ from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to
 from policies.gait import TROT_OFFSETS, Floats, leg_phases
 from policies.legs.kinematics import joint_angles, shortest_leg
 from policies.parameters import Parameters, number
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -85,9 +86,10 @@ class Document(GaitedPolicy):
         self,
         parameters: PrintedGait | None = None,
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
+        robot = robot_of(robot)
         self.parameters = parameters if parameters is not None else PrintedGait()
         self.frequency = self.parameters.frequency
         self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)

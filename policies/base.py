@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from policies.gait import Floats as Floats
 from policies.gait import advance, smoothstep
 from quad_env.config import TaskConfig
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan, table_with
@@ -30,7 +31,7 @@ class Policy(ABC):
     One row's actions depend on that row's observations and resets alone: the same bits in any batch.
 
     Args:
-        robot: whose joints it moves.
+        robot: whose joints it moves; a `quad_env.Robot`, or what `policies.make` takes for one, such as "go1".
         control_period: time between two calls of `act`, s: an environment's `dt`.
     """
 
@@ -41,10 +42,10 @@ class Policy(ABC):
     height_scan: HeightScan | None = None
     """The scan that its environment is to have; None: it is shown none."""
 
-    def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
+    def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         if not 0.0 < control_period < math.inf:
             raise ValueError(f"control_period must be a time above 0 s, not {control_period}")
-        self.robot = robot
+        self.robot = robot_of(robot)
         self.control_period = control_period
         self.num_envs = 1
 
@@ -118,7 +119,7 @@ class GaitedPolicy(Policy):
     leg_offsets: tuple[float, ...]
     """Phase of each leg ahead of the clock in the gait that it starts with, rad."""
 
-    def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
+    def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         super().__init__(robot=robot, control_period=control_period)
         self._allocate(1)
 

@@ -38,7 +38,7 @@ from policies.residual import (
 )
 from quad_env import ENV_ID
 from quad_env.files import LARGEST, TEXT, parse_json, read_bytes
-from quad_env.robots.named import ROBOTS
+from quad_env.robots.named import ROBOTS, robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task.observations import observation_table
@@ -132,7 +132,7 @@ def copy(folder: Path, to: Path) -> None:
         write_atomically(to / name, (folder / name).read_bytes())
 
 
-def load(path: str | Path, robot: Robot | None = None) -> ResidualPolicy:
+def load(path: str | Path, robot: str | Robot | None = None) -> ResidualPolicy:
     """The policy of a bundle's folder, or of a training run's, which is that of its best validation; for its `robot`,
     which has to be given where it is none of `quad_env.ROBOTS`.
 
@@ -147,7 +147,7 @@ def load(path: str | Path, robot: Robot | None = None) -> ResidualPolicy:
             _fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
         return network_of(folder, description["network"], _parse_weights(folder, weights), inputs, outputs)
 
-    return assembled(folder, description, network, robot)
+    return assembled(folder, description, network, None if robot is None else robot_of(robot))
 
 
 def assembled(

@@ -92,7 +92,7 @@ def read(path: Path, search: str, decode: Callable[[Any], T]) -> T:
     """What a search has left in a JSON file, decoded. Raises PolicyError where it is missing or damaged."""
     try:
         return decode(parse_json(read_bytes(path)))
-    except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, OSError, RecursionError, TypeError, ValueError) as error:
         raise PolicyError(
             f"cannot read {path} ({error}); `python -m train search {search}` writes such a file"
         ) from None

@@ -5,6 +5,7 @@ that need policies are in the package `live`, which is not in it either: they ar
 """
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Callable
@@ -37,6 +38,9 @@ class _Parser(argparse.ArgumentParser):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; the exit code: 0, 2 after a mistake, 130 after Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal may lack a sign such as ±
     try:
         code = _run(arguments)
         if sys.stdout is not None:
@@ -80,7 +84,7 @@ def _run(arguments: list[str] | None) -> int:
     describe.add_argument("--toml", type=Path, metavar="TOML", help="file of its figures to write, for changes by hand")
     describe.set_defaults(run=_describe)
     doctor.add_argument("--robot", default="simple_quad", help="its name, .xml or .toml (default: simple_quad)")
-    doctor.add_argument("--policy", help="a policy to examine too: its name, folder or file")
+    doctor.add_argument("--policy", "--policies", help="a policy to examine too: its name, folder or file")
     doctor.add_argument("--json", action="store_true", help="print JSON instead of lines")
     doctor.set_defaults(run=_doctor)
     parser.set_defaults(run=lambda _: parser.print_help())
@@ -88,8 +92,6 @@ def _run(arguments: list[str] | None) -> int:
         options = parser.parse_args(words)
     except SystemExit as end:  # after --help or a mistake
         return end.code if isinstance(end.code, int) else 0
-    if hasattr(sys.stdout, "reconfigure"):
-        sys.stdout.reconfigure(errors="replace")  # a terminal may lack a sign such as ±
     run: Callable[[argparse.Namespace], int | None] = options.run
     return run(options) or 0
 
@@ -147,8 +149,12 @@ def _doctor(options: argparse.Namespace) -> int:
 
 def _launched() -> int:
     """As `main`; the commands of a clone hear Ctrl-C as those of `python -m evaluate` do, also while they load."""
-    if _is_a_clone() and sys.argv[1:2] and sys.argv[1] not in COMMANDS:
-        launcher: Any = import_module("evaluate.terminal.launcher")
+    if not _is_a_clone():
+        return main()
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a user's `evaluate.py` is not ours
+    launcher: Any = import_module("evaluate.terminal.launcher")
+    launcher.check_packages("quad_env", "live")
+    if sys.argv[1:2] and sys.argv[1] not in COMMANDS:
         launcher.leave_on_interrupt()
         return int(launcher.launch(main))
     return main()

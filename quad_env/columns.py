@@ -73,7 +73,8 @@ def share_above(x: Vector[Column], bound: float) -> Column:
     """Share of the |xᵢ| above a bound."""
     if isinstance(x, np.ndarray):
         return cast("Column", np.count_nonzero(np.abs(x) > bound, axis=0) / len(x))
-    return sum([value > bound or value < -bound for value in x]) / len(x)  # type: ignore[return-value]
+    # A list takes less time than a generator.
+    return sum([value > bound or value < -bound for value in x]) / len(x)  # type: ignore[return-value]  # noqa: C419
 
 
 def sqrt(x: Column) -> Column:

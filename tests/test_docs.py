@@ -26,12 +26,12 @@ from quad_env.doctor.checks import OF_THE_INSTALLATION, OF_THE_ROBOT
 from quad_env.task.observations import observation_table
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text()
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = {
-    str(path.relative_to(ROOT)): path.read_text()
+    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
     for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 }
-LANGUAGES = {"bash", "python", "mermaid"}
+LANGUAGES = {"bash", "python", "mermaid", "bibtex"}
 EVERY_PAGE = pytest.mark.parametrize("page", PAGES)
 
 
@@ -143,7 +143,7 @@ def test_the_readme_is_short() -> None:
 
 
 def test_set_up_is_two_commands_that_each_stand_alone() -> None:
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     environment = "python3 -m venv .venv && . .venv/bin/activate && pip install -e"
     first, second = (block.strip() for block in blocks("bash", README)[:2])
     assert first == f"{environment} . && python -m evaluate"

@@ -28,7 +28,7 @@ def python(code: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess
 def imported(package: Path) -> Iterator[str]:
     """Top-level names of everything that a package's modules import, wherever in them."""
     for module in package.rglob("*.py"):
-        for node in ast.walk(ast.parse(module.read_text())):
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 yield from (alias.name.partition(".")[0] for alias in node.names)
             elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
@@ -44,7 +44,7 @@ def third_party(repository: Path, packages: tuple[str, ...]) -> dict[str, set[st
 
 
 def requirements(repository: Path, extra: str | None = None) -> set[str]:
-    project = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     listed = project["optional-dependencies"][extra] if extra else project["dependencies"]
     return {canonicalize_name(Requirement(line).name) for line in listed}
 

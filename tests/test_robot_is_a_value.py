@@ -61,7 +61,7 @@ def texts(tree: ast.Module) -> Iterator[str]:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_module_has_constants_of_a_robot(package: str) -> None:
     for path in modules(package):
-        tree, name = ast.parse(path.read_text()), path.relative_to(REPOSITORY).as_posix()
+        tree, name = ast.parse(path.read_text(encoding="utf-8")), path.relative_to(REPOSITORY).as_posix()
         assert not constants(tree), f"{name} imports {constants(tree)}: take a Robot instead"
         assert not chosen(tree) or name in OF_SIMPLE_QUAD, f"{name} names SIMPLE_QUAD: take a Robot instead"
 
@@ -69,14 +69,18 @@ def test_no_module_has_constants_of_a_robot(package: str) -> None:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_module_writes_the_name_of_a_leg(package: str) -> None:
     for path in modules(package):
-        named = [text for text in texts(ast.parse(path.read_text())) if LEG.search(text)]
+        named = [text for text in texts(ast.parse(path.read_text(encoding="utf-8"))) if LEG.search(text)]
         assert not named, f"{path.relative_to(REPOSITORY)} names legs: {named}; take them from a Robot's leg_names"
 
 
 @pytest.mark.parametrize("folder", ["quad_env", "evaluate/measures", "evaluate/records", "evaluate/rollouts"])
 def test_no_module_writes_how_many_joints_a_robot_has(folder: str) -> None:
     for path in modules(folder):
-        numbers = [node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant)]
+        numbers = [
+            node.value
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(node, ast.Constant)
+        ]
         assert not any(type(number) is int and number == SIMPLE_QUAD.num_joints for number in numbers), path
 
 
@@ -85,4 +89,6 @@ def test_what_is_looked_for_would_be_found() -> None:
     assert constants(planted) == ["HOME_POSE"]
     assert [text for text in texts(planted) if LEG.search(text)] == ["fl_", "FL"]
     assert chosen(ast.parse("def f(robot=SIMPLE_QUAD, *, other=SIMPLE_QUAD): return SIMPLE_QUAD.mass")) == 1
-    assert {name for name in OF_SIMPLE_QUAD if not chosen(ast.parse((REPOSITORY / name).read_text()))} == set()
+    assert {
+        name for name in OF_SIMPLE_QUAD if not chosen(ast.parse((REPOSITORY / name).read_text(encoding="utf-8")))
+    } == set()

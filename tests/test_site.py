@@ -27,7 +27,7 @@ class Page(HTMLParser):
         self.ids: set[str] = set()
         self.links: list[str] = []
         self.loaded: list[str] = []
-        self.feed(path.read_text())
+        self.feed(path.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         found = {name: value for name, value in attrs if value}
@@ -64,7 +64,9 @@ def loaded_from_elsewhere(folder: Path) -> list[str]:
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built by the command in CONTRIBUTING.md but elsewhere; a warning or a notebook that raises ends it."""
     folder = tmp_path_factory.mktemp("site")
-    (command,) = re.findall(r"^ *python (-m sphinx -W .+)$", (REPOSITORY / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+    (command,) = re.findall(
+        r"^ *python (-m sphinx -W .+)$", (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     build = [sys.executable, *command.replace("build/site", str(folder)).split()]
     run = subprocess.run(build, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
@@ -83,14 +85,14 @@ def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
 
 @pytest.mark.rendering
 def test_the_site_tells_nothing_of_the_machine_that_built_it(site: Path) -> None:
-    assert [page for page in site.rglob("*.html") if str(REPOSITORY) in page.read_text()] == []
+    assert [page for page in site.rglob("*.html") if str(REPOSITORY) in page.read_text(encoding="utf-8")] == []
 
 
 @pytest.mark.rendering
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_is_shown_with_what_it_gives(site: Path, notebook: Path) -> None:
-    text = (site / notebook.relative_to(REPOSITORY).with_suffix(".html")).read_text()
-    assert '"outputs": []' in notebook.read_text()
+    text = (site / notebook.relative_to(REPOSITORY).with_suffix(".html")).read_text(encoding="utf-8")
+    assert '"outputs": []' in notebook.read_text(encoding="utf-8")
     assert text.count("cell_output") >= 3
     assert "<img" in text
 
@@ -106,16 +108,18 @@ def test_every_public_name_has_its_entry(site: Path) -> None:
 
 @pytest.mark.rendering
 def test_code_in_a_docstring_is_shown_line_by_line(site: Path) -> None:
-    text = (site / "docs" / "api" / "policies.html").read_text()
+    text = (site / "docs" / "api" / "policies.html").read_text(encoding="utf-8")
     shown = [re.sub(r"<.*?>", "", block) for block in re.findall(r"<pre>.*?</pre>", text, re.DOTALL)]
     assert any(re.search(r"^policy\.reset\(num_envs=n\)$", block, re.MULTILINE) for block in shown)
 
 
 @pytest.mark.rendering
 def test_every_formula_is_drawn(site: Path) -> None:
-    source = re.sub(r"```.*?```", "", (REPOSITORY / "docs" / "mathematics.md").read_text(), flags=re.DOTALL)
+    source = re.sub(
+        r"```.*?```", "", (REPOSITORY / "docs" / "mathematics.md").read_text(encoding="utf-8"), flags=re.DOTALL
+    )
     formulas = re.findall(r"\$\$.+?\$\$|\$[^$]+\$", source)
-    text = (site / "docs" / "mathematics.html").read_text()
+    text = (site / "docs" / "mathematics.html").read_text(encoding="utf-8")
     assert len(formulas) > 50
     assert text.count("<math ") == len(formulas)
     assert "$" not in re.sub(r"<(script|pre).*?</\1>", "", text, flags=re.DOTALL)
@@ -123,7 +127,7 @@ def test_every_formula_is_drawn(site: Path) -> None:
 
 @pytest.mark.rendering
 def test_every_example_is_shown(site: Path) -> None:
-    text = (site / "docs" / "examples.html").read_text()
+    text = (site / "docs" / "examples.html").read_text(encoding="utf-8")
     files = [path for path in (REPOSITORY / "examples").rglob("*.py") if not path.name.startswith("_")]
     assert files
     for path in files:
@@ -131,13 +135,13 @@ def test_every_example_is_shown(site: Path) -> None:
 
 
 def test_the_check_of_links_sees_a_missing_file_a_missing_place_and_a_foreign_script(tmp_path: Path) -> None:
-    (tmp_path / "there.html").write_text('<h1 id="here">There</h1>')
+    (tmp_path / "there.html").write_text('<h1 id="here">There</h1>', encoding="utf-8")
     good = '<a href="there.html#here">1</a><a href="#top" id="top">2</a><a href="https://example.org/x">3</a>'
-    (tmp_path / "page.html").write_text(good)
+    (tmp_path / "page.html").write_text(good, encoding="utf-8")
     assert list(broken_links(tmp_path)) == []
     assert loaded_from_elsewhere(tmp_path) == []
     bad = '<a href="gone.html">1</a><a href="there.html#gone">2</a><img src="gone.png"><script src="//a.org/x.js">'
-    (tmp_path / "page.html").write_text(bad)
+    (tmp_path / "page.html").write_text(bad, encoding="utf-8")
     found = ["gone.html", "there.html#gone", "gone.png"]
     assert list(broken_links(tmp_path)) == [f"page.html: {link}" for link in found]
     assert loaded_from_elsewhere(tmp_path) == ["//a.org/x.js"]

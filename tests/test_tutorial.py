@@ -32,7 +32,9 @@ place of a film."""
 
 
 def blocks(page: str, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", (DOCS / page).read_text(), re.DOTALL | re.MULTILINE)
+    return re.findall(
+        rf"^```{language}\n(.*?)^```$", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    )
 
 
 @pytest.mark.rendering
@@ -53,7 +55,7 @@ def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeyp
 def test_a_controller_of_ones_own_is_trained_on_and_what_was_learned_walks(tmp_path: Path) -> None:
     for block in blocks("your-controller.md", "python"):
         name = block.partition("\n")[0].removeprefix("# ")
-        (tmp_path / name).write_text(block)
+        (tmp_path / name).write_text(block, encoding="utf-8")
         done = subprocess.run([sys.executable, name], cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
     names = ("my_controller.py:MyTrot", "corrected.py:Corrected")

@@ -3,17 +3,23 @@
 Other commands, each with its own --help, as in `python -m train search trot --help`:
 """
 
+import sys
+from pathlib import Path
+
+if __name__ == "__main__":  # so that no `evaluate.py` of the user's is imported
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 from evaluate.terminal import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
+    launcher.check_packages("train", "train")
 
 import argparse
 import dataclasses
-from pathlib import Path
 
 from evaluate.rollouts.hardware import Hardware, hardware_of
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, as_spelled
 from evaluate.terminal.command_line import parse as parse_options
 from evaluate.terminal.program import HELP, Command, Program
 from policies.parameters import limits_of
@@ -61,6 +67,7 @@ def parse(words: list[str]) -> TrainConfig:
     The defaults shown and used are those of the chosen --policy and --robot, or with --resume those of the run that is
     carried on.
     """
+    words = as_spelled(TrainConfig, words)
     defaults = _defaults(words)
     description = f"{__doc__}{PROGRAM.listing()}"
     config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)

@@ -16,7 +16,7 @@ from train.config import TrainConfig
 from train.display import Display
 from train.foreign.reward_term import reported
 from train.interrupt import Interrupt
-from train.residual_env import ResidualVectorEnv
+from train.residual_env import FloatArray, ResidualVectorEnv
 from train.robots import TrainingRobots, make_robots, training_seeds
 from train.run_folder import CHECKPOINTS, begun, refuse_folder_in_use, writing
 from train.run_record import write_settings
@@ -60,12 +60,18 @@ def _carry_on(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
             notices = [f"passed over a checkpoint: {damage}" for damage in found.damaged]
             notices += [f"the end may not be that of a run in one go; {change}" for change in changed]
             notices.append(f"carrying on at {done:,} steps")
-            _learn(config, env, model, state, notices)
+            _learn(config, env, model, state, notices, found.actions)
 
 
 def _learn(
-    config: TrainConfig, env: TrainingVecEnv, model: OverlappedPPO, state: CallbackState, notices: Sequence[str] = ()
+    config: TrainConfig,
+    env: TrainingVecEnv,
+    model: OverlappedPPO,
+    state: CallbackState,
+    notices: Sequence[str] = (),
+    actions: Sequence[FloatArray] = (),
 ) -> None:
+    """Learn to the last step; robots that had done something in their segment do it again first."""
     done = model.num_timesteps
     robots = cast(TrainingRobots, env.env.unwrapped)
     with (
@@ -76,7 +82,7 @@ def _learn(
         for notice in notices:
             display.note(notice)
         model.set_logger(logger)
-        segments = Segments(config, state)
+        segments = Segments(config, state, actions)
         callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
         callbacks.append(Curriculum(config, state, segments, robots))
         callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]

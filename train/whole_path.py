@@ -7,6 +7,7 @@ goes on where it was.
 
 import dataclasses
 import json
+import os
 import shlex
 import subprocess
 import sys
@@ -187,7 +188,12 @@ def _describe(options: Options) -> None:
     written, told = options.folder / "inferred.toml", options.toml.is_file()
     if written.is_file():
         raise UsageError(f"{written} waits for what is missing: give it instead of {options.robot}, or remove it")
-    said = subprocess.run([*command, *([] if told else ["--toml", str(written)])], stdout=subprocess.PIPE, text=True)
+    said = subprocess.run(
+        [*command, *([] if told else ["--toml", str(written)])],
+        stdout=subprocess.PIPE,
+        encoding="utf-8",
+        env=os.environ | {"PYTHONIOENCODING": "utf-8"},
+    )
     print(said.stdout, end="")
     if said.returncode:
         kept = f"; tell what is missing in {written}, and give that instead" if written.is_file() else ""

@@ -54,7 +54,7 @@ def peak_bytes() -> int:
     Linux counts in `ru_maxrss` what the parent held when it forked, so there the kernel's own peak of this program.
     """
     try:
-        lines = Path("/proc/self/status").read_text().splitlines()
+        lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     except OSError:
         unit = 1 if sys.platform == "darwin" else 1024
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

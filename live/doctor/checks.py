@@ -30,5 +30,7 @@ def _find(name_or_path: str) -> None:
         return
     name = name_or_path.removeprefix(policies.SAFE)
     file = Path(name.partition(".py:")[0] + ".py") if ".py:" in name else Path(name)
+    if (remedy := policies.unsupported(name)) is not None:
+        raise ValueError(remedy)
     if name not in policies.names() and not file.exists():
         raise ValueError(f"no policy {name_or_path!r}: name one of {', '.join(policies.names())}, a folder or a file")

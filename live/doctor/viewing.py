@@ -25,6 +25,7 @@ def viewer(_: Subject) -> Finding:
 
 def _named(name: str) -> set[str]:
     """A file of the page, and those that it, and they, name."""
-    text = (PAGE / name).read_text() if name.endswith((".html", ".js")) and (PAGE / name).is_file() else ""
+    is_text = name.endswith((".html", ".js")) and (PAGE / name).is_file()
+    text = (PAGE / name).read_text(encoding="utf-8") if is_text else ""
     others = re.findall(r'(?:src=|href=|from )"(?:\./)?([\w.]+)"', text)
     return {name}.union(*map(_named, others))

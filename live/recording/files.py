@@ -1,6 +1,6 @@
 """Files of messages: an MCAP file, which Foxglove opens, and the folder of a ROS 2 bag."""
 
-import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from mcap.writer import CompressionType
@@ -10,8 +10,8 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 
 from live.recording.cdr import TYPES
-from live.recording.messages import SCHEMAS, Message
-from live.recording.standard import LATCHED, STANDARD
+from live.recording.messages import Message
+from live.recording.standard import LATCHED
 
 _NEVER = QosTime(9223372036, 854775807)
 """No deadline, no lifespan, no lease: how ROS 2 writes infinity."""
@@ -30,21 +30,18 @@ _KEPT = Qos(
 
 
 class McapFile:
-    """Messages of ROS 2 and JSON in one file; what is in its finished chunks outlives whoever writes it."""
+    """Messages of ROS 2 in one file; what is in its finished chunks is kept however the process that writes ends."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, topics: Mapping[str, str]) -> None:
         self._file = path.open("xb")
         self._writer = McapWriter(self._file, chunk_size=1 << 18, compression=CompressionType.LZ4)
         self._writer.start(profile="ros2", library="simple-quad")
         self._channels, schemas = {}, {}
-        for topic, name in STANDARD.items():
+        for topic, name in topics.items():
             if name not in schemas:
                 told, _hash = TYPES.generate_msgdef(name, ros_version=2)
                 schemas[name] = self._writer.register_schema(name, "ros2msg", told.encode())
             self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name])
-        for topic, properties in SCHEMAS.items():
-            schema = self._writer.register_schema(topic[1:], "jsonschema", json.dumps(properties).encode())
-            self._channels[topic] = self._writer.register_channel(topic, "json", schema)
 
     def write(self, message: Message) -> None:
         """Add a message. Raises OSError."""
@@ -59,22 +56,21 @@ class McapFile:
 
 
 class BagFolder:
-    """The standard messages in a ROS 2 bag, stored as MCAP, in chunks like the file above."""
+    """The same messages in a ROS 2 bag, stored as MCAP, in chunks like the file above."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, topics: Mapping[str, str]) -> None:
         self._writer = BagWriter(path, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
         self._connections = {
             topic: self._writer.add_connection(
                 topic, name, typestore=TYPES, offered_qos_profiles=[_KEPT] if topic in LATCHED else []
             )
-            for topic, name in STANDARD.items()
+            for topic, name in topics.items()
         }
 
     def write(self, message: Message) -> None:
-        """Add a message of a standard type; others are left out. Raises OSError."""
-        if message.topic in self._connections:
-            self._writer.write(self._connections[message.topic], message.time, message.data)
+        """Add a message. Raises OSError."""
+        self._writer.write(self._connections[message.topic], message.time, message.data)
 
     def close(self) -> None:
         """Write the metadata and close."""

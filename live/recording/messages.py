@@ -1,7 +1,7 @@
-"""Messages of control steps: the standard ones of ROS 2, in CDR, and JSON where ROS has no standard one."""
+"""Messages of control steps: standard ones of ROS 2, in CDR."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,6 @@ from live.recording.events import Events
 from live.recording.skeleton import rotations
 from live.recording.source import Rows, Source
 from quad_env.task.rewards import REWARD
-
-_NUMBERS = {"type": "object", "additionalProperties": {"type": "number"}}
-_FLAGS = {"type": "object", "additionalProperties": {"type": "boolean"}}
-_FLAG = {"type": "boolean"}
-SCHEMAS: dict[str, dict[str, Any]] = {
-    "/contacts": {
-        "type": "object",
-        "properties": {"feet": _FLAGS, "legs": _FLAG, "trunk": _FLAG},
-        "required": ["feet", "legs", "trunk"],
-    },
-    "/rewards": _NUMBERS,
-    "/correction": _NUMBERS,
-}
-"""JSON schema of each further topic of an MCAP file."""
 
 
 class Message(NamedTuple):
@@ -46,10 +32,8 @@ class Messages:
         self._templates = standard.templates(source.joints, self._moving)
         self._period = round(source.dt * 1e9)
         self._imu, self._events = Imu(source.dt), Events(source)
-        rewards = [name.removeprefix(REWARD) for name in source.widths if name.startswith(REWARD)]
-        self._rewards = _format(["total", *rewards])
-        self._correction = _format(source.joints)
-        self._contacts = f'{{"feet": {_format(source.legs, "%s")}, "legs": %s, "trunk": %s}}'
+        self._number, self._flags = standard.number(), standard.flags()
+        self._contacts, self._rewards = standard.contacts(source.legs), standard.rewards(source.rewards)
 
     def of_beginning(self) -> Iterator[Message]:
         """Messages for those who listen later, too."""
@@ -65,7 +49,10 @@ class Messages:
         starts = told["start"][:, 0] > 0.0
         events = self._events.of_rows(told, starts)
         begun, ended = self._begun(ends - self._period, told), self._ended(ends, told, starts)
-        corrected = ~np.isnan(told["correction"][:, 0])
+        corrected, corrections = (
+            ~np.isnan(told["correction"][:, 0]),
+            self._filled("/correction", ends, told["correction"]),
+        )
         for row in range(len(rows)):
             yield from (self._event(event.text) for event in events[row] if event.early)
             if not starts[row]:
@@ -74,8 +61,7 @@ class Messages:
             yield from (self._event(event.text) for event in events[row] if not event.early)
             yield from (stream[row] for stream in ended)
             if corrected[row]:
-                shares = self._correction % tuple(told["correction"][row].tolist())
-                yield Message("/correction", int(ends[row]), shares.encode())
+                yield corrections[row]
 
     def of_event(self, text: str) -> Message:
         """An event that happened just now, after the last row."""
@@ -98,30 +84,32 @@ class Messages:
             "/joint_states": np.column_stack(joints),
             "/imu": self._imu.felt(told, starts),
         }
-        terms = np.column_stack([values for name, values in told.items() if name.startswith(REWARD)])
-        rewards = np.column_stack((terms.sum(axis=1), terms)).tolist()
-        touching = np.column_stack((told["foot_contact"], told["leg_contact"], told["trunk_contact"])) > 0.0
-        contacts = np.where(touching, "true", "false").tolist()
         return [
             *(self._filled(topic, times, numbers) for topic, numbers in topics.items()),
-            _written("/contacts", times, self._contacts, contacts),
-            _written("/rewards", times, self._rewards, rewards),
+            *self._contact(times, told),
+            *self._reward(times, told),
         ]
 
+    def _contact(self, times: NDArray[np.int64], told: dict[str, Rows]) -> list[list[Message]]:
+        touching = np.column_stack((told["foot_contact"], told["leg_contact"], told["trunk_contact"])) > 0.0
+        return [
+            [Message(topic, time, self._flags[touches]) for time, touches in zip(times.tolist(), column, strict=True)]
+            for topic, column in zip(self._contacts, touching.T.tolist(), strict=True)
+        ]
+
+    def _reward(self, times: NDArray[np.int64], told: dict[str, Rows]) -> list[list[Message]]:
+        terms = np.column_stack([values for name, values in told.items() if name.startswith(REWARD)])
+        columns = np.column_stack((terms.sum(axis=1), terms)).T[:, :, None]
+        numbers = (self._number.filled(times, column) for column in columns)
+        return [_messages(topic, times, data) for topic, data in zip(self._rewards, numbers, strict=True)]
+
     def _filled(self, topic: str, times: NDArray[np.int64], numbers: Rows) -> list[Message]:
-        data = self._templates[topic].filled(times, numbers)
-        return [Message(topic, time, each) for time, each in zip(times.tolist(), data, strict=True)]
+        return _messages(topic, times, self._templates[topic].filled(times, numbers))
 
     def _event(self, text: str) -> Message:
         time = (self._done - 1) * self._period
         return Message("/events", time, standard.event(time, text, text.startswith(("fell", "diverged"))))
 
 
-def _format(names: Sequence[str], value: str = "%r") -> str:
-    """A JSON object of those names, to be filled in: what `json.dumps` writes, in a tenth of its time."""
-    return "{" + ", ".join(f'"{name}": {value}' for name in names) + "}"
-
-
-def _written(topic: str, times: NDArray[np.int64], form: str, values: list[list[Any]]) -> list[Message]:
-    pairs = zip(times.tolist(), values, strict=True)
-    return [Message(topic, time, (form % tuple(row)).encode()) for time, row in pairs]
+def _messages(topic: str, times: NDArray[np.int64], data: Sequence[bytes]) -> list[Message]:
+    return [Message(topic, time, each) for time, each in zip(times.tolist(), data, strict=True)]

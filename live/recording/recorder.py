@@ -113,7 +113,7 @@ class Recorder:
             joints=robot.joint_names,
             legs=robot.leg_names,
             links=links_of(env.simulation.model, robot),
-            description="" if robot.urdf is None else robot.urdf.read_text(),
+            description="" if robot.urdf is None else robot.urdf.read_text(encoding="utf-8"),
             dt=env.dt,
             command_steps=round(env.scenario.commands.interval / env.dt),
         )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from live.recording.skeleton import Link
+from quad_env.task.rewards import REWARD
 
 Rows = NDArray[np.float64]
 """A row a control step, or start of an episode, of the columns that `Source` names, (n, width)."""
@@ -27,6 +28,11 @@ class Source:
     """Control period, s."""
     command_steps: int
     """Control steps that a drawn command lasts."""
+
+    @property
+    def rewards(self) -> tuple[str, ...]:
+        """Names of the terms of the reward."""
+        return tuple(name.removeprefix(REWARD) for name in self.widths if name.startswith(REWARD))
 
     @property
     def width(self) -> int:

@@ -1,5 +1,6 @@
 """The standard messages of ROS 2 on their topics: which there are, and templates of those that come every step."""
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from live.recording.cdr import TYPES, Template
 from live.recording.skeleton import TRUNK, Link
+from live.recording.source import Source
 
 Floats = NDArray[np.floating[Any]]
 STANDARD = {
@@ -19,15 +21,38 @@ STANDARD = {
     "/imu": "sensor_msgs/msg/Imu",
     "/cmd_vel": "geometry_msgs/msg/Twist",
     "/position_controller/command": "std_msgs/msg/Float64MultiArray",
+    "/correction": "std_msgs/msg/Float64MultiArray",
     "/events": "rcl_interfaces/msg/Log",
 }
-"""Type of each topic."""
+"""Type of each topic that every robot has; `topics` has those that are named after its legs and rewards too."""
 LATCHED = ("/robot_description", "/tf_static")
 """Topics of one message, at the beginning, which ROS keeps for those who listen later."""
 IMU_LINK = "imu_link"
 _T = TYPES.types
 _NOT_KNOWN = np.zeros(9)
 """A covariance that says nothing."""
+
+
+def topics(source: Source) -> dict[str, str]:
+    """Type of each topic of a recording."""
+    flags = dict.fromkeys(contacts(source.legs), "std_msgs/msg/Bool")
+    return STANDARD | flags | dict.fromkeys(rewards(source.rewards), "std_msgs/msg/Float64")
+
+
+def contacts(legs: Sequence[str]) -> list[str]:
+    """Topics of what touches the ground: each foot, any thigh or calf, the trunk."""
+    return [_topic("contacts", name) for name in (*legs, "legs", "trunk")]
+
+
+def rewards(terms: Sequence[str]) -> list[str]:
+    """Topics of the reward and of each of its terms."""
+    return [_topic("rewards", name) for name in ("total", *terms)]
+
+
+def _topic(family: str, name: str) -> str:
+    """A topic as ROS may name it: letters, digits and underscores, and no digit first."""
+    part = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"/{family}/{'_' * part[:1].isdigit()}{part}"
 
 
 def templates(joints: Sequence[str], links: Sequence[Link]) -> dict[str, Template]:
@@ -51,7 +76,8 @@ def templates(joints: Sequence[str], links: Sequence[Link]) -> dict[str, Templat
         "/joint_states": (3 * len(joints), joint_states),
         "/imu": (10, _imu),
         "/cmd_vel": (3, _twist),
-        "/position_controller/command": (len(joints), _targets),
+        "/position_controller/command": (len(joints), _numbers),
+        "/correction": (len(joints), _numbers),
     }
     return {topic: Template(STANDARD[topic], count, make) for topic, (count, make) in made.items()}
 
@@ -77,7 +103,18 @@ def event(time: int, text: str, grave: bool) -> bytes:
     return _serialised("/events", told)
 
 
-def _clock(stamp: Any, _numbers: Floats) -> Any:
+def number() -> Template:
+    """A number alone."""
+    return Template("std_msgs/msg/Float64", 1, lambda _stamp, numbers: _T["std_msgs/msg/Float64"](data=numbers[0]))
+
+
+def flags() -> tuple[bytes, bytes]:
+    """What says no, and what says yes."""
+    no, yes = (TYPES.serialize_cdr(_T["std_msgs/msg/Bool"](data=value), "std_msgs/msg/Bool") for value in (False, True))
+    return bytes(no), bytes(yes)
+
+
+def _clock(stamp: Any, _none: Floats) -> Any:
     return _T["rosgraph_msgs/msg/Clock"](clock=stamp)
 
 
@@ -100,7 +137,7 @@ def _twist(_stamp: Any, numbers: Floats) -> Any:
     return _T["geometry_msgs/msg/Twist"](linear=_vector((forward, left, 0.0)), angular=_vector((0.0, 0.0, turning)))
 
 
-def _targets(_stamp: Any, numbers: Floats) -> Any:
+def _numbers(_stamp: Any, numbers: Floats) -> Any:
     layout = _T["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
     return _T["std_msgs/msg/Float64MultiArray"](layout=layout, data=numbers)
 

@@ -1,4 +1,4 @@
-"""The process that writes a recording: rows of control steps in, messages of ROS 2 and JSON out."""
+"""The process that writes a recording: rows of control steps in, messages of ROS 2 out."""
 
 import contextlib
 import os
@@ -34,10 +34,11 @@ def write(pipe: Connection, shared: Memory, path: Path, source: Source) -> None:
 def _write(pipe: Connection, ring: Ring, path: Path, source: Source) -> None:
     from live.recording.files import BagFolder, McapFile  # here: the process that simulates needs none of it
     from live.recording.messages import Messages
+    from live.recording.standard import topics
 
     kind = McapFile if path.suffix == ".mcap" else BagFolder
     messages, written = Messages(source), 0
-    with closing(kind(path)) as file:
+    with closing(kind(path, topics(source))) as file:
         for message in messages.of_beginning():
             file.write(message)
         while True:

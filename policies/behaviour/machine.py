@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from policies.base import CONTROL_PERIOD, Mask, chosen
 from policies.behaviour.guards import conditions
 from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, valid_requests
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -62,9 +63,10 @@ class BehaviourMachine:
         start: State = State.PASSIVE,
         capacity: int = LOG_CAPACITY,
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
+        robot = robot_of(robot)
         self._robot, self._period = robot, control_period
         self._start = start
         self._capacity = capacity

@@ -43,8 +43,16 @@ def load(reference: Reference, robot: Robot) -> Policy | Maker:
     return lambda: model.one
 
 
+def _package(name: str) -> Any:
+    """The package of that name; PolicyError where it is missing."""
+    try:
+        return import_module(name)
+    except ModuleNotFoundError:
+        raise PolicyError(f'ONNX files need {name}, which is not here: pip install -e ".[onnx]"') from None
+
+
 def _opened(reference: Reference) -> "_Model":
-    runtime: Any = import_module("onnxruntime")
+    runtime = _package("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
@@ -86,7 +94,7 @@ def _input(session: Any, reference: Reference) -> tuple[str, int, type[np.floati
 
 
 def _residual(file: Path, description: str, model: _Model, robot: Robot) -> ResidualPolicy:
-    onnx: Any = import_module("onnx")
+    onnx = _package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
     found = bundle.parsed(file, description.encode())
 
@@ -114,10 +122,7 @@ def _difference(model: _Model, network: Network, count: int) -> float:
 def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -> float:
     """Write the residual of a bundle's folder, for a robot as in `policies.load`, as ONNX; the largest difference of
     the file's corrections from the bundle's, over so many features. Raises PolicyError and OSError."""
-    try:
-        onnx: Any = import_module("onnx")
-    except ModuleNotFoundError:
-        raise PolicyError('ONNX files need onnx, which is not here: pip install -e ".[onnx]"') from None
+    onnx, _ = _package("onnx"), _package("onnxruntime")
     network = bundle.load(folder, robot).network
     model = onnx.helper.make_model(
         _graph(onnx, network),
@@ -125,7 +130,8 @@ def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -
         ir_version=_IR_VERSION,
         producer_name="simple-quad",
     )
-    onnx.helper.set_model_props(model, {DESCRIPTION: bundle.folder_of(folder).joinpath(bundle.DESCRIPTION).read_text()})
+    description = bundle.folder_of(folder).joinpath(bundle.DESCRIPTION).read_text(encoding="utf-8")
+    onnx.helper.set_model_props(model, {DESCRIPTION: description})
     onnx.checker.check_model(model)
     file.write_bytes(model.SerializeToString())
     found = _difference(_opened(Reference(file)), network, checked)

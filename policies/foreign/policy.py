@@ -13,6 +13,7 @@ from policies.foreign.prints import limited
 from policies.foreign.reference import checked
 from policies.foreign.served import PATIENCE_AT_FIRST, ROBOT, Answer, serve
 from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -39,15 +40,16 @@ class Foreign(Policy):
         self,
         reference: str | Path,
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         trust: bool = False,
         deadline: float | None = None,
     ) -> None:
+        robot = robot_of(robot)
         super().__init__(robot=robot, control_period=control_period)
         found = checked(reference, trust)
         self.name = str(reference)
-        self.sha256 = hashlib.sha256(found.file.read_bytes()).hexdigest()
+        self.sha256 = hashlib.sha256(found.content).hexdigest()
         self._deadline = DEADLINE if deadline is None else deadline
         served = partial(serve, found, robot=robot, control_period=control_period, deadline=self._deadline)
         self._way = _found_way(self._watched(partial(served, "")))

@@ -1,9 +1,11 @@
 """A model of Stable-Baselines3, of any algorithm with an actor. Loading one can run code that is hidden in it."""
 
+import pickle
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
+import numpy as np
 from gymnasium.spaces import Box
 
 from policies.base import PolicyError
@@ -34,11 +36,28 @@ def load(reference: Reference, robot: Robot) -> Maker:
         raise PolicyError(f"{reference} is no model of Stable-Baselines3 ({type(error).__name__}: {error})") from error
     policy.set_training_mode(False)
     targets = _meaning(data["action_space"], reference, robot)
+    normalised = _normaliser(reference, data["observation_space"])
 
     def act(observation: Any) -> object:
-        return targets(policy.predict(observation, deterministic=True)[0])
+        return targets(policy.predict(normalised(observation), deterministic=True)[0])
 
     return lambda: act
+
+
+def _normaliser(reference: Reference, space: Any) -> Callable[[Any], Any]:
+    """From observations to those that the model was trained on; raises PolicyError."""
+    if reference.normaliser is None:
+        return _as_they_are
+    try:
+        found = pickle.loads(reference.normaliser.read_bytes())
+        normalised: Callable[[Any], Any] = found.normalize_obs
+        shape = normalised(np.zeros(space.shape, np.float32)).shape
+    except Exception as error:
+        told = f"{type(error).__name__}: {error}"
+        raise PolicyError(f"{reference.normaliser} is no VecNormalize of {reference.file.name} ({told})") from error
+    if shape != space.shape:
+        raise PolicyError(f"{reference.normaliser} is of observations {shape}, and {reference.file} of {space.shape}")
+    return normalised
 
 
 def _meaning(space: Any, reference: Reference, robot: Robot) -> Callable[[Any], Any]:
@@ -55,5 +74,5 @@ def _meaning(space: Any, reference: Reference, robot: Robot) -> Callable[[Any], 
     return _as_they_are
 
 
-def _as_they_are(actions: Any) -> Any:
-    return actions
+def _as_they_are(values: Any) -> Any:
+    return values

@@ -33,6 +33,7 @@ from policies.legs.foot_path import SWING_PATHS, hip_height, load, swing_path
 from policies.legs.kinematics import held_up, leg_angles
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -98,9 +99,10 @@ class Gaits(GaitedPolicy):
         parameters: Mapping[str, GaitParameters] | None = None,
         path: str = "cycloid",
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
+        robot = robot_of(robot)
         _known(gait)
         if path not in SWING_PATHS:
             raise ValueError(f"unknown foot path {path!r}; there are {', '.join(SWING_PATHS)}")

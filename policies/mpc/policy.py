@@ -33,6 +33,7 @@ from quad_env import OBSERVATION
 from quad_env.columns import Mask, Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, table_with
@@ -84,11 +85,12 @@ class Mpc(ShiftableFootholds):
         parameters: MpcParameters | None = None,
         gait: str = TROT,
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         solver: Solver = solve,
         late: int = 0,
     ) -> None:
+        robot = robot_of(robot)
         in_force = parameters_of(gait, robot)
         if gait != TROT:
             self.name = f"{self.name}_{gait}"

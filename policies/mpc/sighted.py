@@ -15,6 +15,7 @@ from policies.mpc.policy import STEEPEST, MpcWbc
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.reading_noise import ReadingNoise
 from quad_env.columns import Mask
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
@@ -124,12 +125,13 @@ class SightedMpcWbc(MpcWbc):
         self,
         parameters: MpcParameters | None = None,
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
         solver: Solver = solve,
         late: int = 0,
         height_scan: HeightScan = SCAN,
     ) -> None:
+        robot = robot_of(robot)
         self.height_scan = self._scan = height_scan
         self._mean_plane = mean_plane(height_scan)
         self._shown = table_with(robot, height_scan).slices["height_scan"]

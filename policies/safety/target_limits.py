@@ -7,6 +7,7 @@ import numpy as np
 
 from policies.base import Floats
 from quad_env.actuation.models import Actuator, actuator
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 
 
@@ -32,10 +33,10 @@ class SafetyLimits:
             raise ValueError(f"delay must be a time of at least 0 s, not {self.delay}")
 
     @classmethod
-    def of(cls, robot: Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
+    def of(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
         """The limits of a robot with an actuator, or that of a name; its bandwidth only makes torques smaller, and how
         hot its windings are a policy does not know."""
-        servo = actuator(which)
+        robot, servo = robot_of(robot), actuator(which)
         if servo.curve is None:
             return cls(robot.rated_torque, delay=servo.delay)
         line = servo.curve.on(robot)

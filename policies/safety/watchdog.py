@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, Policy
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -49,9 +50,10 @@ class Watched(Policy):
         deadline: float | None = None,
         name: str = "watched",
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
+        robot = robot_of(robot)
         super().__init__(robot=robot, control_period=control_period)
         if deadline is not None and not deadline > 0.0:
             raise ValueError(f"deadline must be positive, not {deadline}")

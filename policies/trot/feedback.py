@@ -21,6 +21,7 @@ from policies.legs.memory import Memory, taken_in
 from policies.legs.proprioception import Senses, hips, length, sense
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
 from quad_env import OBSERVATION, OBSERVATION_SIZE
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -65,9 +66,10 @@ class TrotFeedback(ShiftableGait):
         self,
         parameters: FeedbackParameters | None = None,
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
+        robot = robot_of(robot)
         self.parameters = p = parameters if parameters is not None else searched_parameters(robot)
         self.frequency = p.frequency
         self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)

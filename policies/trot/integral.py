@@ -18,6 +18,7 @@ from policies.shipped import folder_of
 from policies.trot.open_loop import PARAMETERS_FILE as TROT_FILE
 from policies.trot.open_loop import Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import likewise
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -81,9 +82,10 @@ class TrotIntegral(Trot):
         self,
         parameters: IntegralParameters | None = None,
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
+        robot = robot_of(robot)
         own = parameters if parameters is not None else integral_parameters(robot)
         # The same number is of m/s and of rad/s, which are not alike on other robots than SimpleQuad.
         self._each = np.array([1.0, 1.0, likewise(robot, 1.0, "rad/s") / likewise(robot, 1.0, "m/s")])

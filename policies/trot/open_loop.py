@@ -16,6 +16,7 @@ from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import held_up, leg_angles
 from policies.parameters import Parameters, from_json, in_force, number, read, search_ranges_of
 from quad_env import OBSERVATION
+from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -86,9 +87,10 @@ class Trot(ShiftableGait):
         self,
         parameters: TrotParameters | None = None,
         *,
-        robot: Robot = SIMPLE_QUAD,
+        robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
+        robot = robot_of(robot)
         self.parameters = parameters if parameters is not None else searched_parameters(robot)
         self.frequency = self.parameters.frequency
         self.leg_offsets = robot.in_leg_order(TROT_OFFSETS)

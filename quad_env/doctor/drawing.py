@@ -21,7 +21,8 @@ def opengl(_: Subject) -> Finding:
         run = subprocess.run(
             command,
             capture_output=True,
-            text=True,
+            encoding="utf-8",
+            errors="replace",
             check=False,
             timeout=PATIENCE,
             env={**os.environ, "PYTHONPATH": path},

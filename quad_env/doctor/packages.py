@@ -38,7 +38,8 @@ class Asked:
 
 def asked() -> Asked:
     """What the clone asks for, else what the installed package does. Raises PackageNotFoundError."""
-    if SOURCE.is_file() and (project := tomllib.loads(SOURCE.read_text())["project"])["name"] == PROJECT:
+    project = tomllib.loads(SOURCE.read_text(encoding="utf-8"))["project"] if SOURCE.is_file() else {}
+    if project.get("name") == PROJECT:
         extras = {name: _parsed(lines) for name, lines in project["optional-dependencies"].items()}
         return Asked(SpecifierSet(project["requires-python"]), _parsed(project["dependencies"]), extras, clone=True)
     told = metadata.metadata(PROJECT)

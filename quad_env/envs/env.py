@@ -39,7 +39,8 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     number or an array of numbers. The time limit (1000 steps, 10 s) is the `TimeLimit` wrapper that `gym.make` adds.
 
     Args:
-        scenario: a name from `quad_env.SCENARIOS` or a `quad_env.Scenario`.
+        scenario: a name from `quad_env.SCENARIOS`, a level or severity such as `push:3`, `push=42` or
+            `payload=15+slope=10`, or a `quad_env.Scenario`.
         terminate_on_fall: False keeps a fallen robot going.
         render_mode: None, "rgb_array", "depth_array" (m from the camera) or "human".
         width, height: of rendered frames, pixels.

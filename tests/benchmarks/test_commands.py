@@ -31,7 +31,7 @@ def figures(name: str, path: Path, printed: str) -> dict:
     table_lines = [line for line in printed.splitlines() if line.startswith(("│", "┃"))]
     assert table_lines
     assert max(map(len, table_lines)) <= WIDTH
-    record = json.loads(path.read_text())
+    record = json.loads(path.read_text(encoding="utf-8"))
     assert record["benchmark"].endswith(name)
     assert record["machine"]["mujoco"] in printed
     return record["figures"]
@@ -132,7 +132,7 @@ def test_growth_draws_a_plot(tmp_path: Path, capsys) -> None:
     found = figures("growth", tmp_path / "kept.json", capsys.readouterr().out)
     assert set(found["envs"]["peak_bytes"]) == {"1", "2"}
     assert (tmp_path / "growth.png").read_bytes().startswith(b"\x89PNG")
-    assert "<svg" in (tmp_path / "growth.svg").read_text()
+    assert "<svg" in (tmp_path / "growth.svg").read_text(encoding="utf-8")
 
 
 def test_training_repeats_a_finished_seed_for_other_code_alone(tmp_path: Path, capsys, monkeypatch) -> None:
@@ -240,10 +240,10 @@ def test_a_mistake_is_one_line_and_exit_code_2(name: str, arguments: list[str], 
 
 
 def test_a_record_that_is_none_is_refused_and_left_alone(tmp_path: Path, capsys) -> None:
-    (tmp_path / "training.json").write_text('{"runs": [{}]}')
+    (tmp_path / "training.json").write_text('{"runs": [{}]}', encoding="utf-8")
     assert run("training", "--quick", "--out", tmp_path) == 2
     assert "--out" in capsys.readouterr().err
-    assert (tmp_path / "training.json").read_text() == '{"runs": [{}]}'
+    assert (tmp_path / "training.json").read_text(encoding="utf-8") == '{"runs": [{}]}'
 
 
 @pytest.mark.rendering
@@ -257,6 +257,8 @@ def test_view_is_watched_by_a_browser(tmp_path: Path, capsys) -> None:
 
 
 def test_readme_lists_every_command(repository: Path) -> None:
-    listed = re.findall(r"`python -m benchmarks(?:\.(\w+))?`", (repository / "benchmarks" / "README.md").read_text())
+    listed = re.findall(
+        r"`python -m benchmarks(?:\.(\w+))?`", (repository / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    )
     assert {name for name in listed if name} == set(COMMANDS)
     assert "" in listed

@@ -46,7 +46,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
         arguments = ["--policies", *POLICIES, "--scenarios", *SCENARIOS, "--episodes", str(EPISODES)]
         code = main([*arguments, "--seed", "3", "--no-film", "--out", str(folder)])
     assert code == 0, stderr.getvalue()
-    results = json.loads(folder.joinpath("results.json").read_text())
+    results = json.loads(folder.joinpath("results.json").read_text(encoding="utf-8"))
     return Run(folder, results, stdout.getvalue(), stderr.getvalue())
 
 

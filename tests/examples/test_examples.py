@@ -56,13 +56,17 @@ def test_it_runs_as_its_first_lines_say_and_prints_what_came(
 
 def test_every_file_is_run_and_listed() -> None:
     assert set(FILES) == set(EXAMPLES) == {*PRINTS, "residual_ppo"}
-    rows = re.findall(r"^\| \[(?:clients/)?(\w+)\.py\]\(([^)]+)\) \|", (FOLDER / "README.md").read_text(), re.MULTILINE)
+    rows = re.findall(
+        r"^\| \[(?:clients/)?(\w+)\.py\]\(([^)]+)\) \|",
+        (FOLDER / "README.md").read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
     assert {name: FOLDER / link for name, link in rows} == FILES
 
 
 @pytest.mark.parametrize("name", SHORT)
 def test_it_is_short_and_begins_with_what_it_shows_and_how_it_is_run(name: str) -> None:
-    text = FILES[name].read_text()
+    text = FILES[name].read_text(encoding="utf-8")
     said = ast.get_docstring(ast.parse(text)) or ""
     assert f"python {FILES[name].relative_to(FOLDER.parent).as_posix()}" in said
     assert len([line for line in said.splitlines() if line]) <= 3
@@ -81,7 +85,7 @@ def test_only_those_that_are_named_run_and_the_one_before_whose_files_they_read(
 
 def test_one_that_fails_or_lacks_a_package_is_named_and_the_others_run(monkeypatch, capsys, tmp_path) -> None:
     for name, code in (("good", "print(1)"), ("bad", "raise ValueError('of mine')"), ("poor", "")):
-        (tmp_path / f"{name}.py").write_text(code)
+        (tmp_path / f"{name}.py").write_text(code, encoding="utf-8")
     listed = {"bad": Example("a"), "poor": Example("b", ("no-such-package", "numpy")), "good": Example("c", ("numpy",))}
     monkeypatch.setattr(command, "FOLDER", tmp_path)
     monkeypatch.setattr(command, "EXAMPLES", listed)
@@ -100,7 +104,7 @@ def test_one_that_fails_or_lacks_a_package_is_named_and_the_others_run(monkeypat
 
 
 def test_one_that_does_not_end_is_ended(monkeypatch, capsys, tmp_path) -> None:
-    (tmp_path / "slow.py").write_text("import time; time.sleep(60)")
+    (tmp_path / "slow.py").write_text("import time; time.sleep(60)", encoding="utf-8")
     monkeypatch.setattr(command, "FOLDER", tmp_path)
     monkeypatch.setattr(command, "EXAMPLES", {"slow": Example("a")})
     monkeypatch.setattr(command, "LONGEST", 0.5)

@@ -25,7 +25,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import Made
 
 OF_THE_BODY = (*OF_THE_ROBOT, *CHECKS)
-XML = SIMPLE_QUAD.mjcf.read_text()
+XML = SIMPLE_QUAD.mjcf.read_text(encoding="utf-8")
 
 
 def complaints(subject: Subject, checks: tuple[Check, ...] = OF_THE_BODY) -> dict[str, Finding]:
@@ -45,7 +45,7 @@ def edited(folder: Path, *changes: tuple[str, str], count: int | None = 1) -> Pa
         assert old in text
         text = text.replace(old, new, -1 if count is None else count)
     path = folder / "mine.xml"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     return path
 
 
@@ -57,7 +57,7 @@ def shipped_as(path: Path) -> Robot:
 def figures(folder: Path, told: str) -> Subject:
     """SimpleQuad's MJCF as a user's, with a TOML that tells these figures."""
     toml = folder / "mine.toml"
-    toml.write_text(f'mjcf = "{edited(folder).name}"\n{told}\n')
+    toml.write_text(f'mjcf = "{edited(folder).name}"\n{told}\n', encoding="utf-8")
     return Subject(str(toml))
 
 
@@ -87,14 +87,19 @@ def gains_thirty_times_too_high(folder: Path) -> Subject:
 @plant("servos", "mass of the bodies")
 def masses_in_grams(folder: Path) -> Subject:
     path = edited(folder)
-    path.write_text(re.sub(r'mass="([\d.]+)"', lambda found: f'mass="{1000 * float(found[1]):g}"', XML))
+    path.write_text(
+        re.sub(r'mass="([\d.]+)"', lambda found: f'mass="{1000 * float(found[1]):g}"', XML), encoding="utf-8"
+    )
     return Subject(str(path))
 
 
 @plant("servos", "mass of the bodies")
 def masses_ten_times_too_large_for_weaker_motors(folder: Path) -> Subject:
     path = edited(folder, ('forcerange="-100 100"', 'forcerange="-25 25"'))
-    path.write_text(re.sub(r'mass="([\d.]+)"', lambda found: f'mass="{10 * float(found[1]):g}"', path.read_text()))
+    path.write_text(
+        re.sub(r'mass="([\d.]+)"', lambda found: f'mass="{10 * float(found[1]):g}"', path.read_text(encoding="utf-8")),
+        encoding="utf-8",
+    )
     return Subject(str(path))
 
 
@@ -132,7 +137,8 @@ def two_servos_swapped_in_order(folder: Path) -> Subject:
 def two_joints_with_each_others_names(folder: Path) -> Subject:
     path = edited(folder)
     path.write_text(
-        XML.replace("fl_thigh_joint", "@").replace("fl_calf_joint", "fl_thigh_joint").replace("@", "fl_calf_joint")
+        XML.replace("fl_thigh_joint", "@").replace("fl_calf_joint", "fl_thigh_joint").replace("@", "fl_calf_joint"),
+        encoding="utf-8",
     )
     return Subject(str(path))
 
@@ -140,7 +146,7 @@ def two_joints_with_each_others_names(folder: Path) -> Subject:
 @plant("joints", "exchange them")
 def two_legs_with_each_others_names(folder: Path) -> Subject:
     path = edited(folder)
-    path.write_text(XML.replace("fl_", "@").replace("fr_", "fl_").replace("@", "fr_"))
+    path.write_text(XML.replace("fl_", "@").replace("fr_", "fl_").replace("@", "fr_"), encoding="utf-8")
     return Subject(str(path))
 
 
@@ -209,7 +215,7 @@ def a_mesh_that_is_not_there(folder: Path) -> Subject:
 
 @plant("model", "put the file there")
 def a_toml_of_a_model_that_is_not_there(folder: Path) -> Subject:
-    (folder / "mine.toml").write_text('mjcf = "yours.xml"\n')
+    (folder / "mine.toml").write_text('mjcf = "yours.xml"\n', encoding="utf-8")
     return Subject(str(folder / "mine.toml"))
 
 
@@ -264,7 +270,7 @@ def bundle(folder: Path) -> Path:
 def told(folder: Path, **changes: object) -> Path:
     """A copy of the shipped residual whose description says something else."""
     path = bundle(folder) / "policy.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | changes), encoding="utf-8")
     return path.parent
 
 
@@ -324,7 +330,8 @@ def test_a_policy_of_ones_own_that_raises_is_told_by_its_own_words(tmp_path: Pat
     file = tmp_path / "mine.py"
     file.write_text(
         "class Late:\n    n = 0\n    def __call__(self, observation):\n        self.n += 1\n"
-        "        return [0.0, 0.5, -1.0] * 4 if self.n < 50 else 1 / 0\n"
+        "        return [0.0, 0.5, -1.0] * 4 if self.n < 50 else 1 / 0\n",
+        encoding="utf-8",
     )
     found = complaints(Subject(policy=f"{file}:Late"), OF_THE_BODY[:3])
     assert list(found) == ["policy"], found
@@ -382,7 +389,7 @@ def test_a_healthy_installation_raises_no_complaint(tmp_path: Path) -> None:
 
 def test_nothing_is_left_in_the_folder_even_where_mujoco_warns(repository: Path, tmp_path: Path) -> None:
     shipped_model = copied(repository, tmp_path) / "robots" / "simple_quad" / "simple_quad.xml"
-    shipped_model.write_text(XML.replace('armature="0.02"', 'armature="nan"'))
+    shipped_model.write_text(XML.replace('armature="0.02"', 'armature="nan"'), encoding="utf-8")
     (work := tmp_path / "work").mkdir()
     code, found = examined(cwd=work, PYTHONPATH=str(tmp_path))
     assert (code, "model" in found) == (1, True)
@@ -418,7 +425,7 @@ for entry in examine({checks}, Subject()):
 
 def looked(script: Path, checks: str, *path: Path, before: str = "") -> str:
     """What those checks complain of in a process that has these folders on its path and runs that code before."""
-    script.write_text(before + LOOK.format(checks=checks))
+    script.write_text(before + LOOK.format(checks=checks), encoding="utf-8")
     changed = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, path))}
     run = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, env=changed)
     assert run.stderr == ""
@@ -429,7 +436,7 @@ def distribution(folder: Path, name: str, version: str) -> None:
     """A package of that version, as its metadata on the path has it."""
     place = folder / f"{name}-{version}.dist-info"
     place.mkdir()
-    (place / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    (place / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n", encoding="utf-8")
 
 
 def test_an_old_package_is_found_with_the_command_that_renews_it(
@@ -456,9 +463,9 @@ def test_an_old_package_of_an_extra_is_a_warning_that_names_the_extra(
 @pytest.mark.rendering
 def test_another_control_rate_is_found(repository: Path, tmp_path: Path) -> None:
     config = copied(repository, tmp_path) / "config.py"
-    text = config.read_text()
+    text = config.read_text(encoding="utf-8")
     assert text.count("control_rate: float = 100.0") == 1
-    config.write_text(text.replace("control_rate: float = 100.0", "control_rate: float = 50.0"))
+    config.write_text(text.replace("control_rate: float = 100.0", "control_rate: float = 50.0"), encoding="utf-8")
     code, found = examined(cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert (code, list(found)) == (1, ["period"])
     assert "control_rate = 100.0" in found["period"].remedy
@@ -476,9 +483,9 @@ def test_what_is_asked_for_since_the_last_pull_is_found(
     old: str, new: str, check: str, seen: str, repository: Path, tmp_path: Path
 ) -> None:
     copied(repository, tmp_path)
-    text = (repository / "pyproject.toml").read_text()
+    text = (repository / "pyproject.toml").read_text(encoding="utf-8")
     assert old in text
-    (tmp_path / "pyproject.toml").write_text(text.replace(old, new, 1))
+    (tmp_path / "pyproject.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
     (line,) = looked(tmp_path / "look.py", "OF_THE_INSTALLATION[:4]", tmp_path, repository).splitlines()
     assert line.startswith(f"{check} ")
     assert seen in line

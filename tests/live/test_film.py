@@ -59,7 +59,7 @@ def test_a_mistake_is_a_line_and_nothing_is_written(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("file").write_text("")
+    Path("file").write_text("", encoding="utf-8")
     assert main(["film", *words]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
@@ -81,7 +81,7 @@ def test_where_nothing_can_be_drawn_a_line_says_so(tmp_path: Path) -> None:
 def test_ctrl_c_leaves_what_was_there(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     film = tmp_path / "walk.mp4"
-    film.write_text("of before")
+    film.write_text("of before", encoding="utf-8")
     command = [sys.executable, "-m", "quad_env", "film", str(film), "--policies", "trot", "--size", "64", "64"]
     filming = subprocess.Popen(
         [*command, "--seconds", "300"],
@@ -98,4 +98,4 @@ def test_ctrl_c_leaves_what_was_there(tmp_path: Path) -> None:
     out, error = filming.communicate(timeout=30)
     assert (filming.returncode, out) == (130, "")
     assert error == "interrupted: no further file was written\n"
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["of before"]
+    assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["of before"]

@@ -23,7 +23,7 @@ def test_every_policy_is_listed_once_with_its_line(capsys: pytest.CaptureFixture
 
 
 def test_the_trained_ones_tell_base_steps_and_seed(capsys: pytest.CaptureFixture[str]) -> None:
-    training = json.loads((shipped.MODELS / "residual" / "policy.json").read_text())["training"]
+    training = json.loads((shipped.MODELS / "residual" / "policy.json").read_text(encoding="utf-8"))["training"]
     said = listed(capsys)
     assert f"base {training['base']}, at most 0.3 rad a joint; {training['steps']:,} steps of training, seed 0" in said
 
@@ -42,5 +42,5 @@ def test_a_damaged_bundle_is_listed_as_such(tmp_path: Path, capsys: pytest.Captu
     mine, folder = tmp_path / "mine.xml", tmp_path / "simple_quad" / "walker"
     shutil.copy(policies.Stand().robot.mjcf, mine)
     folder.mkdir(parents=True)
-    (folder / "policy.json").write_text("{")
+    (folder / "policy.json").write_text("{", encoding="utf-8")
     assert "policy.json is not JSON" in listed(capsys, "--robot", str(mine))

@@ -1,6 +1,5 @@
 """Recordings, read back by a decoder that is not the library which wrote them, are what the simulation did."""
 
-import json
 import signal
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
 
 import policies
 import quad_env
@@ -25,7 +25,7 @@ from evaluate.rollouts.rollout import roll_out, run
 from live.__main__ import PROGRAM
 from live.recording.recorder import recorder_for
 from live.recording.ring import LENGTH
-from live.recording.standard import STANDARD
+from live.recording.standard import STANDARD, rewards
 from quad_env.__main__ import main
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -47,14 +47,22 @@ def walked(path: Path, policy: str = "residual", scenario: str = "push=42", **op
 
 
 def read_mcap(path: Path) -> Decoded:
+    """Every message of a file, by topic."""
+    told: Decoded = {}
     with path.open("rb") as file:
-        reader, decoders = make_reader(file), DecoderFactory()
-        told: Decoded = {}
-        for schema, channel, message in reader.iter_messages():
-            content = json.loads(message.data) if channel.message_encoding == "json" else None
-            if content is None:
-                content = decoders.decoder_for("cdr", schema)(message.data)
+        messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        for _schema, channel, message, content in messages:
             told.setdefault(channel.topic, []).append((message.log_time, content))
+    return told
+
+
+def read_rosbags(path: Path) -> Decoded:
+    """The same of a file or a bag by another library, which knows the standard types alone."""
+    told: Decoded = {}
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    with Reader(path) as reader:
+        for connection, time_ns, data in reader.messages():
+            told.setdefault(connection.topic, []).append((time_ns, types.deserialize_cdr(data, connection.msgtype)))
     return told
 
 
@@ -143,16 +151,26 @@ def test_a_robot_that_stands_on_a_slope_feels_where_down_is(tmp_path: Path) -> N
     np.testing.assert_allclose(felt, -9.81 * down, atol=0.3)
 
 
-def test_an_mcap_file_tells_contacts_rewards_correction_and_events_by_name(tmp_path: Path) -> None:
-    steps = walked(tmp_path / "walk.mcap")
-    told = read_mcap(tmp_path / "walk.mcap")
-    for step, (_, contacts), (_, rewards) in zip(steps, told["/contacts"], told["/rewards"], strict=True):
-        assert list(contacts["feet"].values()) == step.infos["foot_contact"][0].tolist()
-        assert rewards["total"] == pytest.approx(sum(v for name, v in rewards.items() if name != "total"))
-        assert rewards["linear_velocity_tracking"] == step.infos["reward_linear_velocity_tracking"][0]
-        assert rewards["torque"] == step.infos["reward_torque"][0]
-    shares = np.array([list(correction.values()) for _, correction in told["/correction"]])
-    assert list(told["/correction"][0][1]) == list(SIMPLE_QUAD.joint_names)
+def values(told: Decoded, topic: str) -> list[Any]:
+    return [message.data for _, message in told[topic]]
+
+
+def test_contacts_rewards_and_corrections_are_those_of_every_step(recording: tuple[list[Step], Decoded]) -> None:
+    steps, told = recording
+    feet = np.column_stack([values(told, f"/contacts/{leg}") for leg in SIMPLE_QUAD.leg_names])
+    assert feet.tolist() == [step.infos["foot_contact"][0].tolist() for step in steps]
+    assert feet.any(axis=0).all()
+    assert not feet.all()
+    for part, name in (("trunk", "trunk_contact"), ("legs", "leg_contact")):
+        assert values(told, f"/contacts/{part}") == [step.infos[name][0] for step in steps]
+    terms = [name.removeprefix("reward_") for name in steps[0].infos if name.startswith("reward_")]
+    for term in terms:
+        assert values(told, f"/rewards/{term}") == [step.infos[f"reward_{term}"][0] for step in steps]
+    summed = np.sum([values(told, f"/rewards/{term}") for term in terms], axis=0)
+    np.testing.assert_allclose(values(told, "/rewards/total"), summed)
+    assert [stamp for stamp, _ in told["/rewards/total"]] == [stamp for stamp, _ in told["/joint_states"]]
+    shares = np.array([list(message.data) for _, message in told["/correction"]])
+    assert shares.shape[1] == SIMPLE_QUAD.num_joints
     assert np.abs(shares).max() <= 1.0
     assert np.abs(shares).max() > 0.0
 
@@ -212,23 +230,50 @@ def test_an_episode_after_a_reset_goes_on_in_time_and_tells_its_start_and_what_t
     assert told["/imu"][31][1].linear_acceleration.z == pytest.approx(9.81, abs=0.5)  # no jump from one to the other
 
 
-def test_rosbags_and_mcap_read_the_same_bag(tmp_path: Path) -> None:
-    walked(tmp_path / "bag")
+@pytest.mark.parametrize("name", ["walk.mcap", "walk"])
+def test_two_libraries_read_the_whole_of_a_recording_alike(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    walked(path)
+    first, second = read_mcap(path if path.suffix else next(path.glob("*.mcap"))), read_rosbags(path)
+    assert first.keys() == second.keys() >= STANDARD.keys()
+    for topic, messages in first.items():
+        assert [stamp for stamp, _ in messages] == [stamp for stamp, _ in second[topic]]
+    for topic in ("/contacts/fl", "/rewards/total", "/rewards/torque"):
+        assert values(first, topic) == values(second, topic)
+    for (_, one), (_, other) in zip(first["/correction"], second["/correction"], strict=True):
+        assert list(one.data) == other.data.tolist()
+
+
+def test_a_recording_has_one_encoding(tmp_path: Path) -> None:
+    walked(tmp_path / "walk.mcap", steps=3)
+    with (tmp_path / "walk.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
+    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+
+
+def test_topics_are_named_as_ros_allows() -> None:
+    assert rewards(["two feet!", "3rd"]) == ["/rewards/total", "/rewards/two_feet_", "/rewards/_3rd"]
+
+
+def test_a_bag_keeps_topics_of_one_message_for_nodes_that_start_later(tmp_path: Path) -> None:
+    walked(tmp_path / "bag", steps=20)
     with Reader(tmp_path / "bag") as bag:
-        assert {connection.topic: connection.msgtype for connection in bag.connections} == STANDARD
+        types = {connection.topic: connection.msgtype for connection in bag.connections}
         count = {connection.topic: connection.msgcount for connection in bag.connections}
         kept = {c.topic for c in bag.connections if [q.durability for q in c.ext.offered_qos_profiles] == [LATCH]}
+    assert types.items() >= STANDARD.items()
     assert kept == {"/robot_description", "/tf_static"}
-    assert count["/joint_states"] == STEPS + 1
-    assert count["/cmd_vel"] == STEPS
+    assert count["/joint_states"] == 20 + 1
+    assert count["/cmd_vel"] == 20
 
 
 def test_what_exists_is_left_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = tmp_path / "walk.mcap"
-    kept.write_text("mine")
+    kept.write_text("mine", encoding="utf-8")
     assert main(["record", str(kept)]) == 2
     assert "exists already" in capsys.readouterr().err
-    assert kept.read_text() == "mine"
+    assert kept.read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.parametrize(
@@ -309,7 +354,7 @@ if __name__ == "__main__":
 def test_every_step_before_the_end_is_recorded(step: int, ending: str, tmp_path: Path) -> None:
     """Whether or not the writer had been told of them, and had started."""
     script, path = tmp_path / "ended.py", tmp_path / "walk.mcap"
-    script.write_text(ENDED)
+    script.write_text(ENDED, encoding="utf-8")
     ended = subprocess.run(
         [sys.executable, str(script), str(path), str(step), ending],
         stderr=subprocess.PIPE,

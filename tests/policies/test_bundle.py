@@ -42,8 +42,10 @@ def folder(tmp_path):
 
 def rewrite(folder, **changes):
     """Change top-level fields of the description; None removes one."""
-    description = json.loads((folder / DESCRIPTION).read_text()) | changes
-    (folder / DESCRIPTION).write_text(json.dumps({k: v for k, v in description.items() if v is not None}))
+    description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8")) | changes
+    (folder / DESCRIPTION).write_text(
+        json.dumps({k: v for k, v in description.items() if v is not None}), encoding="utf-8"
+    )
 
 
 def replace_weights(folder, content):
@@ -94,7 +96,7 @@ def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_sin
     loaded = load(tmp_path)
     assert (loaded.base.name, type(loaded.base)) == (name, type(base))
     assert trajectory(loaded) == trajectory(policy)
-    assert "policies." not in (tmp_path / DESCRIPTION).read_text()
+    assert "policies." not in (tmp_path / DESCRIPTION).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", ["behaviour", "residual", "safe:trot"])
@@ -106,13 +108,13 @@ def test_what_is_more_than_a_name_and_numbers_is_no_base(tmp_path, name):
 
 
 def test_a_base_with_other_parameters_than_were_trained_on_is_refused(folder):
-    base = json.loads((folder / DESCRIPTION).read_text())["base"]
+    base = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))["base"]
     base["parameters"]["duty"] += 0.01
     assert "trained on (SHA-256 differs)" in damaged(folder, lambda f: rewrite(f, base=base))
 
 
 def test_bundles_of_before_had_no_digest_of_their_base(folder):
-    base = json.loads((folder / DESCRIPTION).read_text())["base"]
+    base = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))["base"]
     expected = trajectory(load(folder))
     del base["sha256"]
     rewrite(folder, base=base)
@@ -120,7 +122,7 @@ def test_bundles_of_before_had_no_digest_of_their_base(folder):
 
 
 def test_everything_but_the_weights_is_readable_in_the_description(folder):
-    description = json.loads((folder / DESCRIPTION).read_text())
+    description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
     assert description["env_id"] == "SimpleQuad-v0"
     assert description["observation"]["command"] == [45, 48]
     assert len(description["observation_scale"]) == OBSERVATION_SIZE
@@ -357,7 +359,7 @@ def test_field_that_does_not_fit_is_refused(folder, change, reason):
     ],
 )
 def test_base_parameter_out_of_range_is_refused(folder, field, value):
-    base = json.loads((folder / DESCRIPTION).read_text())["base"]
+    base = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))["base"]
     base["parameters"][field] = value
     assert "the base's parameters" in damaged(folder, lambda f: rewrite(f, base=base))
 
@@ -386,7 +388,7 @@ def test_a_file_that_is_none_to_read_is_refused_at_once(folder, file, kind):
 
 @pytest.mark.parametrize("content", ["[]", "3", "{", "[" * 100_000, '{"schema_version": 1}'])
 def test_description_that_is_no_description_is_refused(folder, content):
-    damaged(folder, lambda f: (f / DESCRIPTION).write_text(content))
+    damaged(folder, lambda f: (f / DESCRIPTION).write_text(content, encoding="utf-8"))
 
 
 def test_path_without_a_bundle_is_answered_with_the_names(tmp_path):
@@ -400,7 +402,7 @@ def test_a_training_run_is_found_as_its_best_bundle(folder, tmp_path):
     """As `evaluate runs/mine` calls it: bundles lie in best/ and last/ there."""
     run = tmp_path / "runs" / "mine"
     shutil.copytree(folder, run / "best")
-    (run / "config.json").write_text("{}")
+    (run / "config.json").write_text("{}", encoding="utf-8")
     assert trajectory(policies.resolve(str(run))) == trajectory(load(run / "best")) == trajectory(load(folder))
 
 
@@ -419,7 +421,7 @@ NO_JSON = "policy.json is not JSON (Expecting value: line 1 column 1 (char 0)); 
 def test_a_folder_without_a_bundle_says_what_to_do(tmp_path, files, remedy):
     for name in files:
         (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text("")
+        (tmp_path / name).write_text("", encoding="utf-8")
     with pytest.raises(policies.PolicyError) as refused:
         policies.load(tmp_path)
     assert remedy in str(refused.value)
@@ -460,7 +462,7 @@ def test_what_was_found_for_a_users_robot_lies_beside_its_file(tmp_path):
     save(own / "residual", ResidualPolicy(Trot(robot=robot), network(62, 12)), training={}, git_revision="")
     assert policies.make("residual", robot=robot).robot == robot
     searched = replace(Trot(robot=robot).parameters, body_height=0.1)
-    (own / "trot.json").write_text(json.dumps(asdict(searched)))
+    (own / "trot.json").write_text(json.dumps(asdict(searched)), encoding="utf-8")
     assert policies.make("trot", robot=robot).parameters == searched
     integral = policies.make("trot_integral", robot=robot).parameters
     assert integral.body_height == 0.1

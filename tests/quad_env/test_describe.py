@@ -36,16 +36,18 @@ def test_what_is_missing_is_asked_for_and_can_be_told(tmp_path: Path, capsys: py
         "made.xml: neither limits nor a keyframe tell which way all knees bend: give knee_direction"
         in capsys.readouterr().err
     )
-    told.write_text(told.read_text().replace("# knee_direction =", "knee_direction = -1"))
+    told.write_text(
+        told.read_text(encoding="utf-8").replace("# knee_direction =", "knee_direction = -1"), encoding="utf-8"
+    )
     assert main(["describe", str(told)]) == 0
-    kept = told.read_text()
+    kept = told.read_text(encoding="utf-8")
     assert main(["describe", str(path), "--toml", str(told)]) == 2
-    assert told.read_text() == kept  # what somebody has told is not written over by what is not known
+    assert told.read_text(encoding="utf-8") == kept  # what somebody has told is not written over by what is not known
 
 
 def test_a_robot_that_does_not_stand_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = tmp_path / "mine.toml"
-    told.write_text(f'mjcf = "{Made().write(tmp_path).name}"\nservo_stiffness = 2.0\n')
+    told.write_text(f'mjcf = "{Made().write(tmp_path).name}"\nservo_stiffness = 2.0\n', encoding="utf-8")
     assert main(["describe", str(told)]) == 2
     assert "error: the robot does not stand in its home pose" in capsys.readouterr().err
 

@@ -108,7 +108,7 @@ def test_a_closed_pipe_is_no_failure_and_a_full_disk_one_line(repository, argume
     closed = subprocess.run([*COMMAND, *arguments], stdout=writing, **options)
     os.close(writing)
     assert (closed.returncode, closed.stderr) == (0, "")
-    with Path("/dev/full").open("w") as full:
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
         filled = subprocess.run([*COMMAND, *arguments], stdout=full, **options)
     assert (filled.returncode, filled.stderr.count("\n")) == (2, 1)
     assert filled.stderr.startswith("error: cannot print")

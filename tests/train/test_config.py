@@ -57,7 +57,7 @@ def test_settings_from_before_there_were_rewards_of_the_feet_give_them_no_weight
     settings = to_dict(dataclasses.replace(TrainConfig(), steps=777))
     for name in ("foot_air_time", "foot_clearance", "foot_slip", "foot_impact"):
         assert settings["rewards"].pop(name) == 0.0
-    (tmp_path / CONFIG_FILE).write_text(json.dumps(settings))
+    (tmp_path / CONFIG_FILE).write_text(json.dumps(settings), encoding="utf-8")
     assert parse(["--resume", "--out", str(tmp_path)]).rewards == TrainConfig().rewards
 
 
@@ -152,7 +152,7 @@ def test_the_residual_keeps_to_the_authority_of_the_contract():
 
 def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):
     begun = dataclasses.replace(TrainConfig(), steps=777, sensors="typical", ppo=PpoConfig(gamma=0.5))
-    (tmp_path / CONFIG_FILE).write_text(json.dumps(to_dict(begun)))
+    (tmp_path / CONFIG_FILE).write_text(json.dumps(to_dict(begun)), encoding="utf-8")
     resumed = parse(["--resume", "--out", str(tmp_path)])
     assert to_dict(resumed) == to_dict(begun)
     assert resumed.folder == tmp_path
@@ -163,7 +163,7 @@ def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):
 
 def test_resume_with_more_steps_extends_the_run(tmp_path):
     begun = dataclasses.replace(TrainConfig(), steps=777)
-    (tmp_path / CONFIG_FILE).write_text(json.dumps(to_dict(begun)))
+    (tmp_path / CONFIG_FILE).write_text(json.dumps(to_dict(begun)), encoding="utf-8")
     assert parse(["--resume", "--out", str(tmp_path), "--steps", "778"]).steps == 778
 
 
@@ -175,7 +175,7 @@ def test_large_numbers_may_be_written_as_people_do(words):
 
 
 def test_resume_of_a_damaged_configuration_is_refused(tmp_path):
-    (tmp_path / CONFIG_FILE).write_text('{"steps": 7')
+    (tmp_path / CONFIG_FILE).write_text('{"steps": 7', encoding="utf-8")
     with pytest.raises(UsageError, match="not JSON"):
         parse(["--resume", "--out", str(tmp_path)])
 

@@ -2,8 +2,10 @@
 
 import contextlib
 import json
+import os
 import random
 import shutil
+import signal
 from functools import partial
 from pathlib import Path
 
@@ -12,13 +14,14 @@ import pytest
 import torch
 from gymnasium.error import ResetNeeded
 
+import policies
 from benchmarks.resume import bits
 from policies.network import Network
 from quad_env.physics.footsteps import Footsteps
 from train.__main__ import main
 from train.config import load_config
 from train.robots import segment_steps
-from train.run_folder import METRICS_FILE
+from train.run_folder import METRICS_FILE, steps_done
 from train.sb3 import callbacks, checkpoint
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -109,7 +112,7 @@ def test_in_the_run_all_that_is_restored_counts(runs):
     """Several validations, the best not the last; a rate that moved; a last segment that the end cut short."""
     config = load_config(runs / "whole")
     assert segment_steps(config) == SEGMENT * config.ppo.envs
-    state = json.loads((runs / "whole" / "checkpoints" / "000000000640.json").read_text())["remembered"]
+    state = json.loads((runs / "whole" / "checkpoints" / "000000000640.json").read_text(encoding="utf-8"))["remembered"]
     scores = [each["score"] for each in state["validations"]]
     assert [each["steps"] for each in state["validations"]] == [256, 512, 640]
     assert state["best"] == [0.5, min(scores)]
@@ -117,7 +120,7 @@ def test_in_the_run_all_that_is_restored_counts(runs):
     assert state["segments"] == 3
     assert state["shares"] != [0.4, 0.4, 0.4]
     assert state["rate"] != config.ppo.learning_rate
-    metrics = [json.loads(line) for line in (runs / "whole" / METRICS_FILE).read_text().splitlines()]
+    metrics = [json.loads(line) for line in (runs / "whole" / METRICS_FILE).read_text(encoding="utf-8").splitlines()]
     assert all(
         any(each[f"reward/{term}"] for each in metrics) for term in ("foot_slip", "foot_air_time", "foot_impact")
     )
@@ -161,6 +164,69 @@ def test_a_run_that_is_stopped_between_its_final_files_ends_with_the_same_bits(
     if not (done and module is checkpoint):
         resume(killed)
     assert bits(killed) == bits(runs / "whole")
+
+
+PLAIN = OPTIONS.replace("--ppo.overlap ", "").replace("--steps 640", "--steps 768")
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """A run in one go whose updates are not done beside the rollouts: it can stop between any two."""
+    folder = tmp_path_factory.mktemp("runs") / "plain"
+    with pytest.MonkeyPatch.context() as patch:
+        quicken(patch)
+        assert main([*PLAIN.split(), "--out", str(folder)]) == 0
+    return folder
+
+
+def interrupted_after(steps, words):
+    """Ctrl-C after so many steps of each robot; what the command says then."""
+    step_wait, taken = TrainingVecEnv.step_wait, 0
+
+    def stepping(env):
+        nonlocal taken
+        taken += 1
+        if taken == steps:
+            os.kill(os.getpid(), signal.SIGINT)
+        return step_wait(env)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(TrainingVecEnv, "step_wait", stepping)
+        assert main(words) == 130
+
+
+@pytest.mark.parametrize("steps", [3, 9, 21, 35])  # the second at the end of a segment, the last within the last
+def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_same_bits(
+    steps, plain, tmp_path, capsys
+):
+    folder = tmp_path / "run"
+    interrupted_after(steps, [*PLAIN.split(), "--out", str(folder)])
+    done = -(-steps // ROLLOUT) * ROLLOUT * 16
+    assert (
+        f"--out {folder}; {done:,} steps are kept; the policy until now is {folder / 'last'}" in capsys.readouterr().err
+    )
+    assert steps_done(folder) == done
+    assert policies.load(folder / "last").network
+    resume(folder)
+    assert f"carrying on at {done:,} steps" in capsys.readouterr().out
+    assert bits(folder) == bits(plain)
+
+
+def test_ctrl_c_again_and_again_loses_nothing(plain, tmp_path):
+    folder = tmp_path / "run"
+    interrupted_after(3, [*PLAIN.split(), "--out", str(folder)])
+    for steps in (2, ROLLOUT + 1, 1):  # in what is repeated; after it; from the beginning of a segment
+        interrupted_after(steps, ["--resume", "--threads", "1", "--out", str(folder)])
+    assert steps_done(folder) == 3 * ROLLOUT * 16
+    resume(folder)
+    assert bits(folder) == bits(plain)
+
+
+def test_a_run_whose_updates_are_done_beside_the_rollouts_goes_back_to_its_checkpoint(runs, tmp_path, capsys):
+    interrupted_after(3, [*OPTIONS.split(), "--out", str(tmp_path / "run")])
+    assert "128 steps since its checkpoint will be done again" in capsys.readouterr().err
+    resume(tmp_path / "run")
+    assert bits(tmp_path / "run") == bits(runs / "whole")
 
 
 def test_checkpoints_stand_where_segments_begin_and_at_the_end_and_nowhere_else(tmp_path, monkeypatch):

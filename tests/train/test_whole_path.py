@@ -55,10 +55,12 @@ def test_every_stage_leaves_its_outcome(walked: tuple[Path, list[str], int]) -> 
     robot = robot_of(str(out / "alike.toml"))
     assert robot.sha256 == robot_of(str(out.parent / "alike.xml")).sha256
     own = out / "alike"
-    assert json.loads((own / "trot.json").read_text()) == vars(policies.make("trot", robot=robot).parameters)
-    assert f"--robot {out / 'alike.toml'}" in (own / "TROT.md").read_text()
+    assert json.loads((own / "trot.json").read_text(encoding="utf-8")) == vars(
+        policies.make("trot", robot=robot).parameters
+    )
+    assert f"--robot {out / 'alike.toml'}" in (own / "TROT.md").read_text(encoding="utf-8")
     assert policies.make("residual", robot=robot).base.parameters == policies.make("trot", robot=robot).parameters
-    results = json.loads((out / "evaluation" / "results.json").read_text())
+    results = json.loads((out / "evaluation" / "results.json").read_text(encoding="utf-8"))
     assert results["provenance"]["hardware"]["robot"] == str(out / "alike.toml")
     assert results["policies"]["residual"]["scenarios"]["push"]["severity"] == pytest.approx(35.0 * 0.1 * 0.4**0.5)
 
@@ -114,8 +116,8 @@ def test_a_robot_that_cannot_be_used_ends_it_before_anything_is_searched(
         whole_path.main(options)
     assert len(capfd.readouterr().err.splitlines()) == 2  # why, and where to tell what is missing
     assert (tmp_path / "out" / "inferred.toml").is_file() == told
-    (tmp_path / "out" / "inferred.toml").write_text("# mine")
+    (tmp_path / "out" / "inferred.toml").write_text("# mine", encoding="utf-8")
     with pytest.raises(UsageError, match="waits for what is missing"):
         whole_path.main(options)
-    assert (tmp_path / "out" / "inferred.toml").read_text() == "# mine"
+    assert (tmp_path / "out" / "inferred.toml").read_text(encoding="utf-8") == "# mine"
     assert not (tmp_path / "out" / "made.toml").exists()

@@ -2,12 +2,13 @@
 
 SB3 calls `_on_rollout_start` once the update of the last rollout is done, which makes it the one place where learner
 and random generators can be written down together. The robots are not: a run is a chain of segments, each of which all
-robots begin with new episodes, and checkpoints stand between them. So a run that was killed, wherever, and is carried
-on from its last checkpoint is the uninterrupted one, bit for bit, on the same machine with the same packages.
+robots begin with new episodes, and checkpoints stand between them; that of a Ctrl-C may stand within one. So a run that
+was stopped, wherever, and is carried on from its last checkpoint is the uninterrupted one, bit for bit, on the same
+machine with the same packages.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -25,7 +26,7 @@ from train.config import TrainConfig, decode, to_dict
 from train.curriculum import next_shares
 from train.display import Display
 from train.interrupt import Interrupt
-from train.residual_env import ResidualVectorEnv
+from train.residual_env import FloatArray, ResidualVectorEnv
 from train.robots import TrainingRobots, make_batch, segment_steps, training_seeds
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
@@ -136,18 +137,29 @@ def corrected_by(network: Network, config: TrainConfig, robots: TrainingVecEnv) 
 class Segments(BetweenRollouts):
     """Has all robots begin new episodes where a segment does: the first rollout, and each as long as a segment later.
 
-    The last of the callbacks, so that the others find the state between two segments.
+    The last of the callbacks, so that the others find the state between two segments. A segment that Ctrl-C cut short
+    is carried on: the robots first repeat its actions.
     """
 
-    def __init__(self, config: TrainConfig, state: CallbackState) -> None:
+    def __init__(self, config: TrainConfig, state: CallbackState, actions: Sequence[FloatArray] = ()) -> None:
         super().__init__()
         self._config = config
         self._state = state
+        self._actions = actions
         self._end = 0
 
     def _on_training_start(self) -> None:
         if self._config.ppo.overlap:
             cast(OverlappedPPO, self.model).drains = lambda: self.over
+        if self._actions:
+            self._repeat(self._actions)
+
+    def _repeat(self, actions: Sequence[FloatArray]) -> None:
+        env, learner = cast(TrainingVecEnv, self.model.get_env()), self._learner
+        self._end = self.num_timesteps - len(actions) * env.num_envs + segment_steps(self._config)
+        seeds = training_seeds(self._config, self._state.segments - 1)
+        learner._last_obs, learner._last_episode_starts = env.repeat(seeds, actions)
+        cast(TrainingRobots, env.env.unwrapped).take_statistics()  # of rollouts that are told already
 
     @property
     def over(self) -> bool:
@@ -216,9 +228,16 @@ class ValidateAndSave(BetweenRollouts):
         if self._segments.over:
             self._keep()
         if self._interrupt.asked:
-            self._save(current_policy(self._config, self._learner), LAST)
-            again = self.num_timesteps - self._kept
-            raise KeyboardInterrupt(f"{again:,} steps since its checkpoint will be done again")
+            self._end()
+
+    def _end(self) -> None:
+        """Keep all that was done, and end."""
+        self._save(current_policy(self._config, self._learner), LAST)
+        if not self._segments.over and not self._config.ppo.overlap:  # else an update is under way
+            self._keep(cast(TrainingVecEnv, self.model.get_env()).taken)
+        again = self.num_timesteps - self._kept
+        kept = f"{again:,} steps since its checkpoint will be done again" if again else f"{self._kept:,} steps are kept"
+        raise KeyboardInterrupt(f"{kept}; the policy until now is {self._config.folder / LAST}")
 
     def _on_training_end(self) -> None:
         if self._state.validated < self.num_timesteps:
@@ -256,12 +275,12 @@ class ValidateAndSave(BetweenRollouts):
     def _seconds(self) -> float:
         return self._earlier_seconds + time.monotonic() - self._began
 
-    def _keep(self) -> None:
+    def _keep(self, actions: Sequence[FloatArray] = ()) -> None:
         self._state.seconds = self._seconds
         if self.num_timesteps:  # no bundle before the first checkpoint: a folder without one holds nothing to lose
             self._save(current_policy(self._config, self._learner), LAST)
         # The checkpoint last: what a killed run lacks is made again only by what comes after its checkpoint.
-        state = checkpoint.capture(self._learner, vars(self._state))
+        state = checkpoint.capture(self._learner, vars(self._state), actions)
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
         self._kept = self.num_timesteps
 

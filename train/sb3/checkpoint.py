@@ -1,7 +1,8 @@
 """Checkpoints of a run at a rollout boundary: safetensors for arrays, JSON for the rest, no pickle anywhere.
 
 Learner, schedules and random generators are restored exactly; the robots begin new episodes wherever a checkpoint is
-written, carried on from it or not. A checkpoint is two files, STEPS.safetensors and then STEPS.json with the hash of
+written, carried on from it or not. Only that of a Ctrl-C stands anywhere: it holds what the robots have done since they
+began, which they do again. A checkpoint is two files, STEPS.safetensors and then STEPS.json with the hash of
 the first: it exists once the second does, so that a run killed at any moment leaves the one before whole. The last two
 are kept.
 """
@@ -9,12 +10,14 @@ are kept.
 import hashlib
 import json
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
@@ -28,6 +31,8 @@ SCHEMA = 2
 KEPT = 2
 _POLICY = "policy."
 _OPTIMISER = "optimiser."
+_ACTIONS = "robots.actions"
+_UNDER_WAY = "under_way"
 
 
 @dataclass(frozen=True)
@@ -41,22 +46,29 @@ class Checkpoint:
     damaged: tuple[str, ...] = ()
     """Newer checkpoints that could not be read, one line each."""
 
+    @property
+    def actions(self) -> list[NDArray[np.float32]]:
+        """What the robots have done since they began, each (n, k); nothing where they begin."""
+        return list(self.tensors[_ACTIONS].numpy()) if _ACTIONS in self.tensors else []
 
-def capture(model: PPO, remembered: dict[str, Any]) -> Checkpoint:
-    """The run's state now; call it between an update and the next rollout."""
+
+def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np.float32]] = ()) -> Checkpoint:
+    """The run's state now, with the robots' actions since they began; call it between an update and a rollout."""
     tensors = {_POLICY + name: value for name, value in model.policy.state_dict().items()}
     for index, moments in model.policy.optimizer.state_dict()["state"].items():
         tensors |= {f"{_OPTIMISER}{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
     tensors["random.torch"] = torch.get_rng_state()
     numpy_state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - SB3 shuffles with the global generator
     tensors["random.numpy"] = torch.from_numpy(numpy_state["key"].astype(np.int64))
-    progress = {
+    progress: dict[str, Any] = {
         "steps": model.num_timesteps,
         "updates": model._n_updates,
         "python_random": random.getstate(),
         "numpy_random_position": int(numpy_state["pos"]),
         "remembered": remembered,
     }
+    if actions:
+        tensors[_ACTIONS], progress[_UNDER_WAY] = torch.from_numpy(np.stack(actions)), True
     return Checkpoint({name: value.detach().clone().contiguous() for name, value in tensors.items()}, progress)
 
 
@@ -90,16 +102,26 @@ def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torc
 
 
 def save(folder: Path, checkpoint: Checkpoint) -> None:
-    """Add a checkpoint to `folder` and forget all but the last two."""
+    """Add a checkpoint to `folder` and forget all but the last two, and earlier ones that a Ctrl-C made."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{checkpoint.progress['steps']:012d}"
     tensors = save_tensors(checkpoint.tensors)
     write_atomically(folder / f"{stem}.safetensors", tensors)
     record = {"schema": SCHEMA, "sha256": hashlib.sha256(tensors).hexdigest(), **checkpoint.progress}
     write_atomically(folder / f"{stem}.json", json.dumps(record).encode())
-    for record_path in sorted(folder.glob("*.json"))[:-KEPT]:
-        record_path.unlink()
-        record_path.with_suffix(".safetensors").unlink(missing_ok=True)
+    records = sorted(folder.glob("*.json"))
+    kept = [path for path in records if path.stem == stem or not _is_under_way(path)][-KEPT:]
+    for record_path in records:
+        if record_path not in kept:
+            record_path.unlink()
+            record_path.with_suffix(".safetensors").unlink(missing_ok=True)
+
+
+def _is_under_way(record_path: Path) -> bool:
+    try:
+        return bool(json.loads(record_path.read_bytes()).get(_UNDER_WAY))
+    except (OSError, ValueError, AttributeError):
+        return False
 
 
 def load(folder: Path) -> Checkpoint:

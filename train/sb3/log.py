@@ -28,7 +28,7 @@ class _Metrics(KVWriter):
 
     def __init__(self, folder: Path, steps: int) -> None:
         cut_metrics(folder, steps)
-        self._file = (folder / METRICS_FILE).open("a")
+        self._file = (folder / METRICS_FILE).open("a", encoding="utf-8")
 
     def write(self, key_values: dict[str, Any], key_excluded: Mapping[str, tuple[str, ...]], step: int = 0) -> None:
         """Add a line, unless there is nothing to say."""

@@ -46,7 +46,7 @@ def cell_rows(rows, policy, scenario):
 
 
 def test_results_json_has_the_contracts_shape(run) -> None:
-    results = json.loads((run.folder / "results.json").read_text(), parse_constant=no_constant)
+    results = json.loads((run.folder / "results.json").read_text(encoding="utf-8"), parse_constant=no_constant)
     assert results["schema"] == 1
     assert results["seed"] == 3
     assert results["episodes"] == 5

@@ -37,7 +37,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     seeds = [str(place / f"seed-{seed}") for seed in (0, 1)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("evaluate.rollouts.rollout.STEPS", 150)
-        patch.setattr("evaluate.commands.outputs.write_report", lambda _, path, **_options: path.write_text("report"))
+        patch.setattr(
+            "evaluate.commands.outputs.write_report",
+            lambda _, path, **_options: path.write_text("report", encoding="utf-8"),
+        )
         arguments = ["--policies", "document", *seeds, "--episodes", "2", "--out", str(place / "out")]
         assert main(["axes", "push", *arguments]) == 0
     return place
@@ -78,7 +81,7 @@ def test_an_axis_that_is_none_lists_them(capsys, tmp_path) -> None:
 
 
 def test_training_seeds_are_reported_apart(folder) -> None:
-    results = json.loads((folder / "out" / "results.json").read_text())
+    results = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))
     assert list(results["training_seeds"]) == [str(folder)]
     group = results["training_seeds"][str(folder)]
     assert group["policies"] == [str(folder / "seed-0"), str(folder / "seed-1")]

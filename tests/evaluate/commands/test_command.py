@@ -90,7 +90,7 @@ def test_a_mistake_is_one_line_that_names_the_remedy(capsys, tmp_path, arguments
 
 @pytest.mark.usefixtures("no_simulation")
 def test_an_out_folder_that_cannot_be_written_is_refused(capsys, tmp_path) -> None:
-    tmp_path.joinpath("file").write_text("not a folder")
+    tmp_path.joinpath("file").write_text("not a folder", encoding="utf-8")
     line = refused(capsys, "--policies", "trot", "--out", tmp_path / "file")
     assert "--out" in line
     assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path / "file" / "below")
@@ -134,7 +134,7 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
 def test_one_episode_is_called_one(capsys, tmp_path) -> None:
     assert main([*QUICK, "--out", str(tmp_path)]) == 0
     assert "1 episode each" in capsys.readouterr().out
-    assert "1 episode of each policy" in (tmp_path / "report.html").read_text()
+    assert "1 episode of each policy" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
@@ -147,7 +147,7 @@ def test_a_gate_that_does_not_hold_sets_the_exit_code(capsys, tmp_path) -> None:
     said = capsys.readouterr().out
     assert said.count("does not hold") == 1
     assert "gate 'document falls < 50 %' does not hold on flat" in said
-    junit = (tmp_path / "junit.xml").read_text()
+    junit = (tmp_path / "junit.xml").read_text(encoding="utf-8")
     assert 'tests="2" failures="1"' in junit
     assert main(["report", str(tmp_path), "--no-film", "--gate", "stand falls <= document"]) == 0
     assert "every gate holds, on 1 scenario" in capsys.readouterr().out
@@ -214,7 +214,7 @@ def test_a_bundle_is_compared_under_the_path_it_was_called_by(tmp_path, bundle_f
     out = tmp_path / "out"
     arguments = ["--policies", "trot", f"{bundle_folder}/", "--scenarios", "flat", "--episodes", "2", "--no-film"]
     assert main([*arguments, "--out", str(out)]) == 0
-    results = json.loads((out / "results.json").read_text())
+    results = json.loads((out / "results.json").read_text(encoding="utf-8"))
     assert list(results["policies"]) == ["trot", str(bundle_folder)]
     # A network of zeros corrects nothing: the same episodes to the last bit.
     assert {c["difference"] for c in results["comparisons"]} == {0.0}
@@ -224,7 +224,9 @@ def test_a_bundle_is_compared_under_the_path_it_was_called_by(tmp_path, bundle_f
 def test_a_single_episode_has_means_but_no_intervals(tmp_path) -> None:
     arguments = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "1", "--no-film")
     assert main([*arguments, "--out", str(tmp_path)]) == 0
-    cell = json.loads((tmp_path / "results.json").read_text())["policies"]["document"]["scenarios"]["flat"]
+    cell = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["policies"]["document"]["scenarios"][
+        "flat"
+    ]
     assert cell["velocity_error"] == 2.0
     assert cell["velocity_error_ci"] == [None, None]
     assert cell["time_to_fall"] > 0.0
@@ -278,7 +280,7 @@ def test_a_reader_that_leaves_early_loses_no_file(repository, tmp_path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_output_that_cannot_be_written_is_one_line(repository, tmp_path) -> None:
-    with Path("/dev/full").open("w") as full:
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
         options = {"cwd": repository, "stdout": full, "stderr": subprocess.PIPE, "text": True, "check": False}
         shown = subprocess.run([*PYTHON, "-m", "evaluate", "--help"], **options)
         run = subprocess.run([*PYTHON, "-m", "evaluate", *QUICK, "--out", str(tmp_path)], **options)
@@ -328,11 +330,11 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path) -> None:
     assert "Traceback" not in error
     assert "interrupted" in error.splitlines()[-1]
     assert error.splitlines()[-1].endswith(f"python -m evaluate --resume --out {tmp_path}")
-    results = json.loads((tmp_path / "results.json").read_text())
+    results = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert results["complete"] is False
     assert list(results["policies"]) == ["document"]
     assert results["policies"]["document"]["scenarios"]["flat"]["episodes"] == 512
-    assert "Interrupted" in (tmp_path / "report.html").read_text()
+    assert "Interrupted" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert {path.name for path in tmp_path.iterdir()} == {*FILES, "parts"}
 
 
@@ -376,11 +378,11 @@ def test_ctrl_c_before_anything_is_done_leaves_an_earlier_outcome_alone(tmp_path
     def interrupted(*_args, **_options):
         raise KeyboardInterrupt
 
-    tmp_path.joinpath("results.json").write_text("earlier")
+    tmp_path.joinpath("results.json").write_text("earlier", encoding="utf-8")
     monkeypatch.setattr("evaluate.rollouts.rollout.run", interrupted)
     assert main(["--policies", "trot", "--threads", "1", "--out", str(tmp_path)]) == 130
     assert "no further file was written" in capsys.readouterr().err
-    assert tmp_path.joinpath("results.json").read_text() == "earlier"
+    assert tmp_path.joinpath("results.json").read_text(encoding="utf-8") == "earlier"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")

@@ -56,7 +56,7 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
     assert "4 of 6" in said
     assert "mujoco was" in said
     assert "an abacus" in said
-    found = json.loads((tmp_path / "found.json").read_text())
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     for match in found["comparisons"]:
         success, falls, velocity = match["contrasts"][:3]
         assert (match["paired"], match["identical"]) == (True, match["a"] != "trot")
@@ -79,7 +79,7 @@ def test_other_seeds_are_compared_unpaired(run, tmp_path, capsys) -> None:
     assert code == 0
     assert "unpaired, since their episodes have different seeds" in said
     assert "(=)" not in said
-    found = json.loads((tmp_path / "found.json").read_text())
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     assert {c["test"] for match in found["comparisons"] for c in match["contrasts"]} == {"Barnard", "permutation"}
 
 

@@ -72,7 +72,7 @@ READERS = pytest.mark.parametrize(
 )
 def test_a_folder_without_results_is_one_line_that_says_what_to_name(capsys, tmp_path, arguments, folder, said) -> None:
     (tmp_path / "empty").mkdir()
-    (tmp_path / "thesis.tex").write_text("")
+    (tmp_path / "thesis.tex").write_text("", encoding="utf-8")
     name, *more = (word.format(tmp_path / folder) for word in arguments)
     assert main([name, str(tmp_path / folder), *more]) == 2
     assert capsys.readouterr() == ("", f"error: {said.format(tmp_path / folder)}\n")
@@ -80,7 +80,7 @@ def test_a_folder_without_results_is_one_line_that_says_what_to_name(capsys, tmp
 
 def test_a_readme_table_of_no_results_says_how_to_make_them(capsys, tmp_path) -> None:
     files = ["--readme", str(tmp_path / "README.md"), "--page", str(tmp_path / "README.md")]
-    (tmp_path / "README.md").write_text("")
+    (tmp_path / "README.md").write_text("", encoding="utf-8")
     assert main(["readme", str(tmp_path / "results.json"), *files]) == 2
     assert capsys.readouterr().err == (
         f"error: there is no {tmp_path / 'results.json'}; `python -m evaluate --out {tmp_path}` makes it\n"
@@ -116,7 +116,7 @@ def test_a_baseline_that_takes_no_part_is_refused(capsys, tmp_path, run, words) 
 )
 def test_values_that_nothing_can_be_done_with_are_one_line(capsys, tmp_path, monkeypatch, words, said) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     assert main(words) == 2
     printed = capsys.readouterr()
     assert (printed.out, printed.err.count("\n")) == ("", 1)

@@ -39,7 +39,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def cells(folder: Path) -> dict[str, list[str]]:
-    results = json.loads((folder / "results.json").read_text())
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     assert results["complete"] is True
     return {policy: list(each["scenarios"]) for policy, each in results["policies"].items()}
 
@@ -47,7 +47,7 @@ def cells(folder: Path) -> dict[str, list[str]]:
 def test_it_runs_on_its_scenarios_alone_and_the_run_is_complete(whole) -> None:
     assert cells(whole) == CELLS
     assert read_run(whole).complete
-    assert "Interrupted" not in (whole / "report.html").read_text()
+    assert "Interrupted" not in (whole / "report.html").read_text(encoding="utf-8")
     assert {path.name for path in whole.iterdir()} == {*FILES}
 
 
@@ -91,10 +91,10 @@ def test_a_gate_that_names_a_scenario_still_fails_where_the_policy_did_not_run(w
 
 def test_the_readme_names_the_command_and_shows_the_policy_where_it_ran(whole, tmp_path) -> None:
     for name in ("README.md", "page.md"):
-        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n")
+        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
     files = ["--readme", str(tmp_path / "README.md"), "--page", str(tmp_path / "page.md")]
     assert main(["readme", str(whole / "results.json"), *files]) == 0
-    page = (tmp_path / "page.md").read_text()
+    page = (tmp_path / "page.md").read_text(encoding="utf-8")
     assert "`python -m evaluate --policies trot stand document@flat --scenarios push flat --episodes 2`" in page
     assert "\n| flat | `document` |" in page
     assert "\n| push | `document` |" not in page

@@ -34,7 +34,7 @@ class Stops:
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "my_file.py"
-    path.write_text(FILE.replace("FORWARD", "-9.0").replace("FAULT", "time.sleep(60.0)"))
+    path.write_text(FILE.replace("FORWARD", "-9.0").replace("FAULT", "time.sleep(60.0)"), encoding="utf-8")
     return path
 
 
@@ -64,7 +64,7 @@ def test_it_is_judged_beside_ours_and_loses_its_own_episodes_alone(capsys, tmp_p
         assert mine | {"policy": "trot"} == theirs
     assert main(["replay", str(tmp_path / "out"), "2"]) == 0
     assert "identical to the bit" in capsys.readouterr().out
-    file.write_text(file.read_text() + "\n# changed\n")
+    file.write_text(file.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
     monkeypatch.setattr(foreign, "DEADLINE", 0.2)
     assert main(["replay", str(tmp_path / "out"), "2"]) == 1
     assert f"because the policy {stops} has changed" in capsys.readouterr().out

@@ -32,7 +32,10 @@ def simulated(monkeypatch, made_up_cell) -> list[tuple[str, float]]:
 
     monkeypatch.setattr(experiment, "simulate", simulate)
     monkeypatch.setattr("evaluate.commands.execution.process_pool", lambda _: None)
-    monkeypatch.setattr("evaluate.commands.outputs.write_report", lambda _, path, **_options: path.write_text("report"))
+    monkeypatch.setattr(
+        "evaluate.commands.outputs.write_report",
+        lambda _, path, **_options: path.write_text("report", encoding="utf-8"),
+    )
     return seen
 
 
@@ -77,7 +80,7 @@ def test_each_policy_runs_levels_where_it_breaks(simulated, tmp_path, capsys) ->
         assert high / low < 1.25
     printed = capsys.readouterr().out.replace("\u00a0", " ")
     assert "half of the episodes no longer" in printed
-    options = json.loads((tmp_path / "manifest.json").read_text())["options"]
+    options = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))["options"]
     assert {"push:1", "push:8"} < set(options["scenarios"])
     assert options["policies"][0].startswith("stand@push:1,")
 

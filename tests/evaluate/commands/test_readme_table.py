@@ -64,11 +64,11 @@ def written(tmp_path, found, more=None) -> tuple[str, str]:
     places = "<!-- results -->\n<!-- /results -->\n<!-- more -->\n<!-- /more -->\n"
     files = [tmp_path / name for name in ("README.md", "page.md", "results.json", "more.json")]
     for file, text in zip(files, (places, places, json.dumps(found), json.dumps(more)), strict=True):
-        file.write_text(text)
+        file.write_text(text, encoding="utf-8")
     readme, page, results, others = map(str, files)
     arguments = ["readme", results, "--readme", readme, "--page", page, *(["--more", others] if more else [])]
     assert main(arguments) == 0
-    return files[0].read_text(), files[1].read_text()
+    return files[0].read_text(encoding="utf-8"), files[1].read_text(encoding="utf-8")
 
 
 def test_figures_by_the_older_rule_of_success_say_so(tmp_path) -> None:
@@ -80,11 +80,11 @@ def test_figures_by_the_older_rule_of_success_say_so(tmp_path) -> None:
 def test_a_page_alone_leaves_the_readme_and_its_picture_as_they_are(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("README.md", "page.md"):
-        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n")
-    (tmp_path / "results.json").write_text(json.dumps(FOUND))
+        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
+    (tmp_path / "results.json").write_text(json.dumps(FOUND), encoding="utf-8")
     assert main(["readme", "results.json", "--readme", "None", "--page", "page.md"]) == 0
-    assert "| flat | `trot` |" in (tmp_path / "page.md").read_text()
-    assert (tmp_path / "README.md").read_text() == "<!-- results -->\n<!-- /results -->\n"
+    assert "| flat | `trot` |" in (tmp_path / "page.md").read_text(encoding="utf-8")
+    assert (tmp_path / "README.md").read_text(encoding="utf-8") == "<!-- results -->\n<!-- /results -->\n"
     assert not list(tmp_path.glob("*.png"))
 
 
@@ -184,14 +184,16 @@ def test_a_score_has_a_picture_in_the_readme_and_a_row_on_the_page(tmp_path) -> 
     other = score | {"policy": "stand", "score": 0.1, "difference": -0.4, "difference_ci": [-0.5, None]}
     (tmp_path / "docs").mkdir()
     for name in ("README.md", "docs/page.md"):
-        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n")
-    (tmp_path / "results.json").write_text(json.dumps(FOUND | {"scores": [score, other], "baseline": "trot"}))
+        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
+    (tmp_path / "results.json").write_text(
+        json.dumps(FOUND | {"scores": [score, other], "baseline": "trot"}), encoding="utf-8"
+    )
     files = {"readme": "README.md", "page": "docs/page.md", "picture": "docs/success.png"}
     words = [word for option, name in files.items() for word in (f"--{option}", str(tmp_path / name))]
     assert main(["readme", str(tmp_path / "results.json"), *words]) == 0
-    assert "](docs/success.png)" in (tmp_path / "README.md").read_text()
+    assert "](docs/success.png)" in (tmp_path / "README.md").read_text(encoding="utf-8")
     assert (tmp_path / "docs/success.png").read_bytes().startswith(b"\x89PNG")
-    page = (tmp_path / "docs/page.md").read_text().replace("\u00a0", " ")
+    page = (tmp_path / "docs/page.md").read_text(encoding="utf-8").replace("\u00a0", " ")
     assert "| `trot` | 50.0 [40.0 … 60.0 %] | – |" in page
     assert "| `stand` | 10.0 [40.0 … 60.0 %] | −40.0 [–], p = 1.00 |" in page
 
@@ -208,10 +210,14 @@ def refused(capsys, tmp_path, content: str) -> str:
     """The one line about a results.json of that content; neither file must have changed."""
     readme, page, results = tmp_path / "README.md", tmp_path / "page.md", tmp_path / "results.json"
     for file in (readme, page):
-        file.write_text("<!-- results -->\n<!-- /results -->\n")
-    results.write_text(content)
+        file.write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
+    results.write_text(content, encoding="utf-8")
     assert main(["readme", str(results), "--readme", str(readme), "--page", str(page)]) == 2
-    assert readme.read_text() == page.read_text() == "<!-- results -->\n<!-- /results -->\n"
+    assert (
+        readme.read_text(encoding="utf-8")
+        == page.read_text(encoding="utf-8")
+        == "<!-- results -->\n<!-- /results -->\n"
+    )
     error = capsys.readouterr().err
     assert error.startswith("error: ")
     assert error.count("\n") == 1
@@ -250,9 +256,9 @@ def of_robot(robot: str, *policies: str) -> dict:
 
 def test_other_robots_have_a_row_each(tmp_path) -> None:
     path = tmp_path / "README.md"
-    path.write_text("<!-- results -->\n<!-- /results -->\n<!-- robots -->\n<!-- /robots -->\n")
+    path.write_text("<!-- results -->\n<!-- /results -->\n<!-- robots -->\n<!-- /robots -->\n", encoding="utf-8")
     page = tmp_path / "page.md"
-    page.write_text("<!-- results -->\n<!-- /results -->\n")
+    page.write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
     alike(tmp_path)
     files = {}
     for name, found in (
@@ -261,10 +267,10 @@ def test_other_robots_have_a_row_each(tmp_path) -> None:
         ("other", of_robot(str(tmp_path / "alike.xml"), "residual", "mpc_wbc")),
     ):
         files[name] = tmp_path / f"{name}.json"
-        files[name].write_text(json.dumps(found))
+        files[name].write_text(json.dumps(found), encoding="utf-8")
     words = ["readme", str(files["here"]), "--readme", str(path), "--page", str(page), "--robots"]
     assert main([*words, str(files["one"]), str(files["other"])]) == 0
-    table = path.read_text().split("<!-- robots -->\n")[1].splitlines()
+    table = path.read_text(encoding="utf-8").split("<!-- robots -->\n")[1].splitlines()
     assert table[0] == "| robot | `residual` |"  # what all of them have
     assert table[2] == "| simple_quad, 14.2 kg on legs of 0.60 m | 47\N{NO-BREAK SPACE}% [43,\N{NO-BREAK SPACE}53] |"
     assert table[3].startswith("| alike, 1.4 kg on legs of 0.24 m | ")

@@ -128,7 +128,7 @@ def test_an_mp4_without_an_encoder_names_the_remedy(monkeypatch: pytest.MonkeyPa
 
 
 def test_what_cannot_be_written_to_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     (tmp_path / "film.gif").mkdir()
     for path in (tmp_path / "file" / "film.gif", tmp_path / "film.gif"):
         with pytest.raises(UsageError, match="--video"):

@@ -73,7 +73,7 @@ def traced(tmp_path_factory):
 
 def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys) -> None:
     assert main(["rescore", str(traced)]) == 0
-    run, again = (json.loads((traced / name).read_text()) for name in ("results.json", rescore.FILE))
+    run, again = (json.loads((traced / name).read_text(encoding="utf-8")) for name in ("results.json", rescore.FILE))
     for policy, contents in run["policies"].items():
         cell, scores = contents["scenarios"]["push"], again["policies"][policy]["scenarios"]["push"]
         for name in ("episodes", "falls", "fall_rate", "fall_rate_ci", "time_to_fall"):
@@ -94,9 +94,9 @@ def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys
 
 def test_rules_can_be_chosen(traced, capsys) -> None:
     assert main(["rescore", str(traced), "--rules", "tilt-90"]) == 0
-    assert list(json.loads((traced / rescore.FILE).read_text())["rules"]) == ["tilt-90"]
+    assert list(json.loads((traced / rescore.FILE).read_text(encoding="utf-8"))["rules"]) == ["tilt-90"]
     assert main(["rescore", str(traced), "--rules", "tilt-90", "--success", "survival"]) == 0
-    assert list(json.loads((traced / rescore.FILE).read_text())["success"]["rules"]) == ["survival"]
+    assert list(json.loads((traced / rescore.FILE).read_text(encoding="utf-8"))["success"]["rules"]) == ["survival"]
     assert "height" not in capsys.readouterr().out
 
 

@@ -39,10 +39,10 @@ def test_they_are_read_with_their_scenarios() -> None:
 
 
 def test_their_report_has_the_figures_that_it_had(folder, capsys) -> None:
-    then = json.loads((OLD / "results.json").read_text())["policies"]
+    then = json.loads((OLD / "results.json").read_text(encoding="utf-8"))["policies"]
     assert main(["report", str(folder), "--no-film"]) == 0
     assert "slope:6" in capsys.readouterr().out
-    now = json.loads((folder / "results.json").read_text())["policies"]
+    now = json.loads((folder / "results.json").read_text(encoding="utf-8"))["policies"]
     for policy, scenario, name in (("trot", "slope:6", "falls"), ("document_repaired", "push", "velocity_error")):
         assert now[policy]["scenarios"][scenario][name] == then[policy]["scenarios"][scenario][name]
 
@@ -115,7 +115,7 @@ def test_digests_of_one_kind_tell_a_policy_that_has_changed(then, now, said) -> 
 
 def test_their_traces_are_scored_again(folder, capsys) -> None:
     assert main(["rescore", str(folder)]) == 0
-    scored = json.loads((folder / "rescored.json").read_text())["policies"]
+    scored = json.loads((folder / "rescored.json").read_text(encoding="utf-8"))["policies"]
     assert list(scored) == ["document_repaired"]
     assert scored["document_repaired"]["scenarios"]["push"]["simple-quad/1"]["episodes"] == 3
     by_rule = json.loads((folder / "rescored.json").read_text())["success"]["policies"]["document_repaired"]

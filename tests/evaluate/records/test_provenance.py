@@ -74,7 +74,7 @@ def test_the_codes_digest_is_of_names_and_contents(tmp_path, monkeypatch) -> Non
     found = [digest()]
     for name, content in (("a.py", "1"), ("a.py", "2"), ("b.json", "2"), ("c.txt", "no code")):
         (tmp_path / "policies").mkdir(exist_ok=True)
-        (tmp_path / "policies" / name).write_text(content)
+        (tmp_path / "policies" / name).write_text(content, encoding="utf-8")
         found.append(digest())
     code_digest.cache_clear()
     assert len(set(found)) == 4

@@ -227,7 +227,7 @@ def test_the_report_is_made_again_without_simulating(tmp_path, whole, monkeypatc
 
 def test_a_report_of_an_unfinished_run_shows_its_finished_cells(tmp_path, whole) -> None:
     assert evaluate("report", unfinished(whole, tmp_path))[0] == 0
-    results = json.loads((tmp_path / "results.json").read_text())
+    results = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert results["complete"] is False
     assert {p: list(entry["scenarios"]) for p, entry in results["policies"].items()} == {"stand": ["flat"]}
     assert evaluate("--resume", "--out", tmp_path)[0] == 0
@@ -311,21 +311,21 @@ def test_a_new_run_in_the_folder_of_an_unfinished_one_replaces_it_and_says_so(tm
 
 def test_a_foreign_file_among_the_parts_stays(tmp_path, whole) -> None:
     note = unfinished(whole, tmp_path) / "parts" / "note.txt"
-    note.write_text("mine")
+    note.write_text("mine", encoding="utf-8")
     assert evaluate(*RUN, "--out", tmp_path)[0] == 0
-    assert note.read_text() == "mine"
+    assert note.read_text(encoding="utf-8") == "mine"
     assert [path.name for path in note.parent.iterdir()] == ["note.txt"]
 
 
 def test_a_file_in_the_place_of_the_parts_is_refused(tmp_path) -> None:
-    (tmp_path / "parts").write_text("not a folder")
+    (tmp_path / "parts").write_text("not a folder", encoding="utf-8")
     code, error = evaluate(*RUN, "--out", tmp_path)
     assert (code, error.count("\n"), "--out" in error) == (2, 1, True)
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "null", '{"schema": 1}', '{"schema": 9}'])
 def test_a_manifest_that_is_none_is_refused(tmp_path, content) -> None:
-    (tmp_path / "manifest.json").write_text(content)
+    (tmp_path / "manifest.json").write_text(content, encoding="utf-8")
     for arguments in (("--resume", "--out", tmp_path), ("report", tmp_path)):
         code, error = evaluate(*arguments)
         assert (code, error.count("\n")) == (2, 1)
@@ -335,7 +335,7 @@ def test_a_manifest_that_is_none_is_refused(tmp_path, content) -> None:
 def test_a_manifest_that_was_edited_is_refused(tmp_path, whole) -> None:
     unfinished(whole, tmp_path)
     path = tmp_path / "manifest.json"
-    path.write_text(path.read_text().replace('"severity": 65.0', '"severity": 66.0'))
+    path.write_text(path.read_text(encoding="utf-8").replace('"severity": 65.0', '"severity": 66.0'), encoding="utf-8")
     code, error = evaluate("--resume", "--out", tmp_path)
     assert (code, error.count("\n")) == (2, 1)
     assert "manifest.json has been changed since it was written" in error

@@ -73,7 +73,7 @@ def test_the_contents_lead_to_every_section(page) -> None:
 
 
 def test_the_page_names_its_command_and_day(run, page) -> None:
-    begun = json.loads((run.folder / "manifest.json").read_text())["date"]
+    begun = json.loads((run.folder / "manifest.json").read_text(encoding="utf-8"))["date"]
     assert date.fromisoformat(begun) <= datetime.now(UTC).date()
     words = "python -m evaluate --policies document stand trot --scenarios flat push --episodes 5 --seed 3"
     assert f"Made by <code>{words}</code>, begun on {begun}." in page

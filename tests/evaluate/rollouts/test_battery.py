@@ -29,7 +29,7 @@ ICY = quad_env.Scenario("icy", terrain=Ice())
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "my_file.py"
-    path.write_text(WRITTEN)
+    path.write_text(WRITTEN, encoding="utf-8")
     return path
 
 
@@ -134,7 +134,7 @@ def test_what_is_no_scenario_in_a_file_is_said(file, name, words) -> None:
 )
 def test_a_file_that_fails_is_one_line(tmp_path, capsys, content, words) -> None:
     file = tmp_path / "my_file.py"
-    file.write_text(content)
+    file.write_text(content, encoding="utf-8")
     assert main(["--policies", "trot", "--scenarios", f"{file}:GUST", "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1

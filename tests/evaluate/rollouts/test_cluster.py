@@ -85,7 +85,7 @@ class Fails:
 def test_a_users_policies_are_judged_as_here_and_progress_is_told(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(POLICIES)
+    (tmp_path / "mine.py").write_text(POLICIES, encoding="utf-8")
     run = ["--policies", "mine.py:Walk", "mine.py:Fails", "--scenarios", "flat", "--episodes", "2", "--no-film"]
     shares = []
     report = experiment._PendingCell.report

@@ -36,7 +36,7 @@ def test_the_count_sees_loops() -> None:
 def test_exactly_one_loop_steps_a_batch_outside_the_environment_and_the_learner(repository: Path) -> None:
     others = {repository / name for name in OTHERS}
     packages = (repository / package for package in ("policies", "evaluate", "train", "live", "benchmarks"))
-    code = {path: path.read_text() for package in packages for path in package.rglob("*.py")}
+    code = {path: path.read_text(encoding="utf-8") for package in packages for path in package.rglob("*.py")}
     assert others <= set(code)
     judged = {str(path.relative_to(repository)): text for path, text in code.items() if path not in others}
     found = {name: stepping_loops(text) for name, text in judged.items() if ".step(" in text}

@@ -133,7 +133,7 @@ def children(process: int) -> set[int]:
     found = set()
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
-            if int(stat.read_text().rpartition(")")[2].split()[1]) == process:
+            if int(stat.read_text(encoding="utf-8").rpartition(")")[2].split()[1]) == process:
                 found.add(int(stat.parent.name))
         except OSError:
             continue
@@ -143,7 +143,7 @@ def children(process: int) -> set[int]:
 def runs(process: int) -> bool:
     """Whether it is there, and no zombie that waits to be looked after."""
     try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+        return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] not in "ZX"
     except OSError:
         return False
 

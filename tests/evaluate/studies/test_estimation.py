@@ -25,16 +25,19 @@ def brief(monkeypatch) -> None:
 
 def test_each_table_goes_to_its_own_place(brief, tmp_path: Path, capsys) -> None:
     page = tmp_path / "page.md"
-    page.write_text("a\n<!-- results -->\nold\n<!-- /results -->\nb\n<!-- success -->\nold\n<!-- /success -->\nc\n")
+    page.write_text(
+        "a\n<!-- results -->\nold\n<!-- /results -->\nb\n<!-- success -->\nold\n<!-- /success -->\nc\n",
+        encoding="utf-8",
+    )
     chosen = {"policies": ("stand",), "scenarios": ("flat",), "episodes": 2, "page": page}
     assert estimation.main(estimation.Options(**chosen)) == 0
-    text, printed = page.read_text(), capsys.readouterr().out
+    text, printed = page.read_text(encoding="utf-8"), capsys.readouterr().out
     assert "old" not in text
     assert text.index("| walk |") < text.index("<!-- /results -->") < text.index("| scenario |")
     assert all(line in printed for line in text.splitlines() if line.startswith("|"))
     kept = text[: text.index("<!-- success -->")]
     assert estimation.main(estimation.Options(**chosen, tables=("success",))) == 0
-    assert page.read_text().startswith(kept)
+    assert page.read_text(encoding="utf-8").startswith(kept)
     assert "| walk |" not in capsys.readouterr().out
 
 
@@ -119,6 +122,6 @@ def test_what_cannot_be_measured_is_said(options, words) -> None:
 
 def test_a_page_without_the_places_is_refused_before_any_walk(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("<!-- results -->\n<!-- /results -->\n")
+    page.write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
     with pytest.raises(UsageError, match="<!-- success -->"):
         estimation.main(estimation.Options(page=page))

@@ -117,11 +117,11 @@ def test_forecasts_of_another_moment_or_in_another_frame_err_more(
 def test_the_command_draws_a_stride_and_writes_its_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prediction, "GROUNDS", ("flat",))
     page = tmp_path / "page.md"
-    page.write_text("before\n<!-- prediction -->\n<!-- /prediction -->\nafter\n")
+    page.write_text("before\n<!-- prediction -->\n<!-- /prediction -->\nafter\n", encoding="utf-8")
     words = ["--episodes", "1", "--start", "100", "--out", str(tmp_path / "p.png"), "--page", str(page)]
     assert main(["prediction", *words]) == 0
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
-    text = page.read_text()
+    text = page.read_text(encoding="utf-8")
     assert "| flat | 0.40 |" in text
     assert text.startswith("before")
     assert text.endswith("after\n")

@@ -25,10 +25,10 @@ def test_everybody_is_told_to_walk_straight_ahead_at_one_speed(tmp_path) -> None
 
 def test_the_table_has_a_row_for_each_and_goes_to_its_page(tmp_path, capsys) -> None:
     page = tmp_path / "page.md"
-    page.write_text("<!-- results -->\n<!-- /results -->\n")
+    page.write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
     words = ["straight-walking", "--robot", "simple_quad", "--policies", "stand", "trot", "--speeds", "0.5"]
     assert main([*words, "--episodes", "2", "--threads", "1", "--page", str(page)]) == 0
-    rows = [line.split(" | ") for line in page.read_text().splitlines() if line.startswith("| level")]
+    rows = [line.split(" | ") for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| level")]
     assert [row[1] for row in rows] == ["`stand`", "`trot`"]
     assert rows[0][2].startswith("0\N{NO-BREAK SPACE}%")
     assert rows[1][2].startswith("100\N{NO-BREAK SPACE}%")

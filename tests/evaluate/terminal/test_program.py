@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.command_line import UsageError, parse
 from evaluate.terminal.program import Command, Program
 from policies.base import PolicyError
 
@@ -101,6 +101,43 @@ def test_a_terminal_of_no_width_is_printed_on(command, capsys, monkeypatch, widt
     command.main = lambda _: Console().print("what it found") or 0
     assert PROGRAM.main(["publish"]) == 0
     assert capsys.readouterr().out == "what it found\n"
+
+
+@dataclass(frozen=True)
+class OfSeveral:
+    """Options of a command that takes several policies and one scenario."""
+
+    policies: tuple[str, ...] = ()
+    """Policies."""
+    scenario: str = "flat"
+    """Scenario."""
+
+
+@dataclass(frozen=True)
+class OfBoth(OfSeveral):
+    """Options of a command that has both."""
+
+    policy: str = "trot"
+    """Policy."""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--policies", "trot", "stand", "--scenario", "push"],
+        ["--policy", "trot", "stand", "--scenarios", "push"],
+        ["--scenarios=push", "--policy", "trot", "stand"],
+    ],
+)
+def test_policies_and_scenarios_are_named_alike_whether_a_command_takes_one_or_several(words: list[str]) -> None:
+    found = parse(OfSeveral, words, program="python -m thing", description="What it does.")
+    assert found == OfSeveral(("trot", "stand"), "push")
+
+
+def test_a_command_that_has_both_takes_each_as_it_is() -> None:
+    words = ["--policy", "stand", "--policies", "trot"]
+    found = parse(OfBoth, words, program="python -m thing", description="What it does.")
+    assert (found.policy, found.policies) == ("stand", ("trot",))
 
 
 def test_help_of_several_commands_lists_them(capsys) -> None:

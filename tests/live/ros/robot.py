@@ -57,7 +57,7 @@ class Robot:
         others = {name: value for name, value in os.environ.items() if not name.startswith("ROS_")}
         self.environment = others | home | variables
         self._said = folder / "said"
-        with self._said.open("w") as said:
+        with self._said.open("w", encoding="utf-8") as said:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "quad_env", "ros", "--version", version, *options],
                 stdout=said,
@@ -70,7 +70,7 @@ class Robot:
     @property
     def said(self) -> str:
         """What it has printed."""
-        return self._said.read_text()
+        return self._said.read_text(encoding="utf-8")
 
     def wait_for(self, text: str, count: int = 1) -> None:
         """Wait until it has said that so often."""
@@ -89,9 +89,10 @@ class Robot:
 
     def ports(self) -> list[int]:
         """Ports that the process which speaks ROS listens on."""
-        (child,) = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()[:1]
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        (child,) = children.read_text(encoding="utf-8").split()[:1]
         inodes = {os.readlink(entry) for entry in Path(f"/proc/{child}/fd").iterdir()}
-        rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        rows = [line.split() for line in Path("/proc/net/tcp").read_text(encoding="utf-8").splitlines()[1:]]
         return [int(row[1].partition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in inodes]
 
     def end(self) -> int:
@@ -144,4 +145,4 @@ def recorded(path: Path) -> Walk:
 
 def heard(path: Path, topic: str) -> list[dict[str, list[float]]]:
     """What `nodes/listen.py` wrote of a topic."""
-    return [fields for name, _, fields in json.loads(path.read_text()) if name == topic]
+    return [fields for name, _, fields in json.loads(path.read_text(encoding="utf-8")) if name == topic]

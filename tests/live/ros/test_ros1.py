@@ -55,7 +55,7 @@ def in_our_own_loop(steps: int) -> Walk:
 def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     folder = tmp_path_factory.mktemp("story")
     own = in_our_own_loop(2 * MARCH)
-    (folder / "table").write_text(json.dumps(own.targets.tolist()))
+    (folder / "table").write_text(json.dumps(own.targets.tolist()), encoding="utf-8")
     # Slower than the wall's clock, for machines whose cores have others to serve: 0.2 s of silence are 0.33 s there.
     robot = Robot(folder, "--record", str(folder / "walk.mcap"), "--real-time-factor", "0.6")
     try:

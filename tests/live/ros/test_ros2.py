@@ -28,7 +28,7 @@ def table(tmp_path: Path) -> str:
     policy = policies.make("document_repaired")
     policy.reset()
     shown = np.zeros(48, np.float32)
-    (tmp_path / "table").write_text(json.dumps([policy.act(shown).tolist() for _ in range(1000)]))
+    (tmp_path / "table").write_text(json.dumps([policy.act(shown).tolist() for _ in range(1000)]), encoding="utf-8")
     return str(tmp_path / "table")
 
 
@@ -83,7 +83,7 @@ def stranger() -> Iterator[tuple[str, ...]]:
 def test_another_machine_reaches_it_if_it_is_let_onto_the_network_alone(
     network: bool, table: str, stranger: tuple[str, ...], tmp_path: Path
 ) -> None:
-    (tmp_path / "udp").write_text(PLAIN_UDP)
+    (tmp_path / "udp").write_text(PLAIN_UDP, encoding="utf-8")
     robot = Robot(tmp_path, *(["--network"] if network else []), version="2")
     try:
         robot.wait_for("Ctrl-C ends it")

@@ -214,7 +214,7 @@ def test_what_is_not_there_changes_nothing(
     driver: Driver, what: str, values: dict[str, Any], error: type[Exception], tmp_path: Path
 ) -> None:
     ran, file = tmp_path / "ran", tmp_path / "mine.py"
-    file.write_text(f"open({str(ran)!r}, 'w')")
+    file.write_text(f"open({str(ran)!r}, 'w')", encoding="utf-8")
     values = values | {"name": values["name"].replace("FILE.py", str(file))}
     before = walk(driver, 3)
     with pytest.raises(error):
@@ -290,7 +290,7 @@ def test_one_that_was_asked_for_at_the_start_ends_the_view(driver: Driver, tmp_p
 
 def test_a_policy_that_fails_is_said_and_stands(driver: Driver, tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
-    file.write_text(FAILING)
+    file.write_text(FAILING, encoding="utf-8")
     with closing(Driver(Start((f"{file}:Failing",), "flat", Hardware(), tmp_path))) as own:
         assert walk(own, 5)["robots"][0]["failure"] == ""
         assert "not today" in walk(own, 20)["robots"][0]["failure"]
@@ -309,7 +309,7 @@ def test_a_policy_that_sees_the_ground_begins_anew_with_it(driver: Driver) -> No
 
 
 def test_a_recording_that_cannot_be_written_is_refused_and_the_robots_walk_on(driver: Driver, tmp_path: Path) -> None:
-    (tmp_path / "recordings").write_text("a file where the folder should be")
+    (tmp_path / "recordings").write_text("a file where the folder should be", encoding="utf-8")
     with pytest.raises((UsageError, OSError)):
         driver.do(Request("record", {"on": True}))
     assert walk(driver, 2)["recording"] == ""

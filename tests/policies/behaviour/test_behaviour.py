@@ -256,7 +256,7 @@ def test_every_guard_of_the_table_is_a_condition():
 
 
 def test_committed_diagram_is_the_generated_one():
-    assert behaviour_diagram.FILE.read_text() == behaviour_diagram.diagram()
+    assert behaviour_diagram.FILE.read_text(encoding="utf-8") == behaviour_diagram.diagram()
 
 
 def test_diagram_shows_every_state_and_every_reason():

@@ -1,14 +1,17 @@
 """Policies from outside: each loader, how a policy is asked, and that what it does wrong costs its own robots alone."""
 
 import pickle
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import policies
+from live.doctor.checks import checks
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.foreign import Foreign, is_reference
 from policies.foreign import reference as references
@@ -134,7 +137,7 @@ def _same_path(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "my_file.py"
-    path.write_text(FILE)
+    path.write_text(FILE, encoding="utf-8")
     return path
 
 
@@ -234,13 +237,13 @@ def test_what_is_no_policy_is_refused_in_words(file: Path, name: str, words: lis
 
 
 def test_a_file_that_fails_is_refused_in_words(tmp_path: Path) -> None:
-    (tmp_path / "broken.py").write_text("import sys; sys.exit(2)")
+    (tmp_path / "broken.py").write_text("import sys; sys.exit(2)", encoding="utf-8")
     with pytest.raises(PolicyError, match=r"broken\.py fails: SystemExit: 2"):
         served(tmp_path / "broken.py", "x")
 
 
 def test_a_policy_made_for_another_control_period_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "slow.py").write_text("import policies\nslow = policies.Trot(control_period=0.02)\n")
+    (tmp_path / "slow.py").write_text("import policies\nslow = policies.Trot(control_period=0.02)\n", encoding="utf-8")
     with pytest.raises(PolicyError, match=r"0\.02 s, not for simple_quad with one of 0\.01 s"):
         served(tmp_path / "slow.py", "slow")
 
@@ -303,6 +306,77 @@ def test_a_model_of_stable_baselines3_acts_as_it_does_there(tmp_path: Path) -> N
     (tmp_path / "model.zip").write_bytes(b"nothing")
     with pytest.raises(PolicyError, match="no model of Stable-Baselines3"):
         served(tmp_path / "model.zip")
+
+
+@pytest.fixture(scope="module")
+def normalised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    """A model that was trained on normalised observations, `model.zip`, and its joint targets."""
+    import gymnasium as gym
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    folder = tmp_path_factory.mktemp("normalised")
+    env = VecNormalize(DummyVecEnv([lambda: HomePoseActions(gym.make("quad_env:SimpleQuad-v0"), 0.3)]))
+    arguments = {"seed": 0, "device": "cpu", "policy_kwargs": {"net_arch": [8]}, "n_steps": 64, "batch_size": 64}
+    model = PPO("MlpPolicy", env, **arguments).learn(128)
+    model.save(folder / "model.zip")
+    env.save(str(folder / "vecnormalize.pkl"))
+
+    def targets(observations: np.ndarray) -> np.ndarray:
+        offsets = model.predict(env.normalize_obs(observations), deterministic=True)[0]
+        raw = model.predict(observations, deterministic=True)[0]
+        assert np.abs(offsets - raw).max() > 1e-3
+        return SIMPLE_QUAD.home_pose + 0.3 * np.clip(offsets, -1.0, 1.0)
+
+    return folder, targets
+
+
+@pytest.mark.parametrize(
+    ("model", "statistics"),
+    [
+        ("model.zip", "vecnormalize.pkl"),
+        ("model.zip", "vec_normalize.pkl"),
+        ("model.zip", "model_vecnormalize.pkl"),
+        ("model.zip", "model/vecnormalize.pkl"),
+        ("walk_v2_128_steps.zip", "walk_v2_vecnormalize_128_steps.pkl"),
+    ],
+)
+def test_a_model_of_normalised_observations_is_given_such(
+    model: str, statistics: str, normalised: tuple[Path, Any], tmp_path: Path
+) -> None:
+    folder, targets = normalised
+    (tmp_path / statistics).parent.mkdir(exist_ok=True)
+    shutil.copy(folder / "model.zip", tmp_path / model)
+    shutil.copy(folder / "vecnormalize.pkl", tmp_path / statistics)
+    of = serve(checked(tmp_path / model, trust=True), "", SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+    of.reset(3, 0)
+    np.testing.assert_allclose(of.step(OBSERVATIONS).actions, targets(OBSERVATIONS), atol=1e-6)
+
+
+def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
+    normalised: tuple[Path, Any], tmp_path: Path
+) -> None:
+    folder, _ = normalised
+    shutil.copy(folder / "model.zip", tmp_path)
+    before = Foreign(tmp_path / "model.zip", trust=True)
+    shutil.copy(folder / "vecnormalize.pkl", tmp_path / "final_VecNormalize.pkl")
+    with pytest.raises(PolicyError, match=r"final_VecNormalize\.pkl; rename .* to model_vecnormalize\.pkl"):
+        checked(tmp_path / "model.zip", trust=True)
+    with pytest.raises(PolicyError, match="--trust"):
+        checked(tmp_path / "model.zip", trust=False)
+    (tmp_path / "final_VecNormalize.pkl").rename(tmp_path / "vecnormalize.pkl")
+    assert Foreign(tmp_path / "model.zip", trust=True).sha256 != before.sha256
+    (tmp_path / "vecnormalize.pkl").write_bytes(b"nothing")
+    with pytest.raises(PolicyError, match=r"vecnormalize\.pkl is no VecNormalize of model\.zip"):
+        serve(checked(tmp_path / "model.zip", trust=True), "", SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
+
+
+@pytest.mark.parametrize("name", ["walk.pt", "walk.pth", "policy.safetensors", "safe:walk.pt"])
+def test_files_that_are_not_read_are_told_from_unknown_names(name: str) -> None:
+    with pytest.raises(PolicyError, match=r"not supported yet; export the network as \.onnx .*my_file\.py:MyPolicy"):
+        policies.resolve(name)
+    with pytest.raises(ValueError, match="not supported yet"):
+        checks(name)
 
 
 @pytest.mark.parametrize("batch", [False, True], ids=["one robot", "native batch"])

@@ -233,7 +233,7 @@ def test_a_request_for_an_impossible_duty_is_refused_and_changes_nothing():
 def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatch, content):
     file = tmp_path / "gaits.json"
     if content is not None:
-        file.write_text(content)
+        file.write_text(content, encoding="utf-8")
     monkeypatch.setattr("policies.gaits.parameters.PARAMETERS_FILE", file)
     with pytest.raises(policies.PolicyError, match=r"python -m train search gait"):
         policies.make("walk")

@@ -26,6 +26,6 @@ def test_the_trot_has_those_of_the_file(name: str) -> None:
 def test_missing_or_damaged_parameter_file_names_the_search(tmp_path: Path, content: str | None) -> None:
     file = tmp_path / "mpc_wbc.json"
     if content is not None:
-        file.write_text(content)
+        file.write_text(content, encoding="utf-8")
     with pytest.raises(policies.PolicyError, match="train search feedback --policy mpc_wbc"):
         read_parameters(file)

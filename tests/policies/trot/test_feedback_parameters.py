@@ -45,7 +45,7 @@ def test_impossible_parameters_are_refused(change):
 def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, content):
     file = tmp_path / "trot_feedback.json"
     if content is not None:
-        file.write_text(content)
+        file.write_text(content, encoding="utf-8")
     with pytest.raises(policies.PolicyError, match="train search feedback"):
         read_parameters(file)
 

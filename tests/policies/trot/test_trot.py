@@ -224,7 +224,7 @@ def test_impossible_parameters_are_refused(change):
 def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatch, content):
     file = tmp_path / "trot.json"
     if content is not None:
-        file.write_text(content)
+        file.write_text(content, encoding="utf-8")
     monkeypatch.setattr("policies.trot.open_loop.PARAMETERS_FILE", file)
     with pytest.raises(policies.PolicyError, match=r"train search trot"):
         policies.make("trot")

@@ -29,5 +29,5 @@ def alike(folder: Path, longer: float = 0.4, heavier: float = 0.1) -> Robot:
         actuator.forcerange = heavier * longer * actuator.forcerange
     spec.keys[0].qpos = [longer * value if place < 3 else value for place, value in enumerate(spec.keys[0].qpos)]
     path = folder / "alike.xml"
-    path.write_text(spec.to_xml())
+    path.write_text(spec.to_xml(), encoding="utf-8")
     return Robot.from_mjcf(path)

@@ -48,7 +48,7 @@ class Made:
     def write(self, folder: Path, name: str = "made.xml") -> Path:
         """A file with it."""
         path = folder / name
-        path.write_text(self.xml())
+        path.write_text(self.xml(), encoding="utf-8")
         return path
 
     def _joint(self, leg: str, number: int) -> str:

@@ -17,11 +17,11 @@ SOFT = replace(SCENARIOS["surprise"], name="soft surprise", ground=Ground(sink_d
 
 def rewritten(folder: Path, changes: dict[str, str], **figures: object) -> Robot:
     """SimpleQuad with those changes of its MJCF."""
-    text, mjcf = SIMPLE_QUAD.mjcf.read_text(), folder / "robot.xml"
+    text, mjcf = SIMPLE_QUAD.mjcf.read_text(encoding="utf-8"), folder / "robot.xml"
     for old, new in changes.items():
         assert old in text
         text = text.replace(old, new)
-    mjcf.write_text(text)
+    mjcf.write_text(text, encoding="utf-8")
     return replace(SIMPLE_QUAD, name="another", mjcf=mjcf, **figures)
 
 

@@ -217,7 +217,7 @@ BROKEN = {
 @pytest.mark.parametrize("said", BROKEN)
 def test_a_broken_model_gives_one_clear_line(said: str, tmp_path: Path) -> None:
     path = tmp_path / "broken.xml"
-    path.write_text(BROKEN[said])
+    path.write_text(BROKEN[said], encoding="utf-8")
     with pytest.raises(ModelError) as caught:
         Robot.from_mjcf(path)
     assert said in str(caught.value)
@@ -237,7 +237,7 @@ def test_robots_by_name_are_told_and_an_unknown_one_lists_them(tmp_path: Path) -
 def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> None:
     Made(limits=()).write(tmp_path)
     told = tmp_path / "mine.toml"
-    told.write_text('mjcf = "made.xml"\nknee_direction = 1\nrated_torque = 12.5\n')
+    told.write_text('mjcf = "made.xml"\nknee_direction = 1\nrated_torque = 12.5\n', encoding="utf-8")
     robot = robot_of(str(told))
     assert (robot.name, robot.knee_direction.tolist(), robot.rated_torque) == ("mine", 4 * [1.0], 12.5)
     assert robot.home_pose[2] > 0.0
@@ -251,7 +251,7 @@ def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> Non
         "home_pose = [1, 2]": "home_pose is three angles",
         'mjcf = "x.xml"\nmjcf = 1': "is no TOML",
     }.items():
-        told.write_text(f'mjcf = "made.xml"\n{line}\n')
+        told.write_text(f'mjcf = "made.xml"\n{line}\n', encoding="utf-8")
         with pytest.raises(ModelError, match=said):
             robot_of(str(told))
 

@@ -105,6 +105,8 @@ def test_simple_quads_scenarios_are_the_very_ones_that_they_were(small: Robot) -
     assert scenario("push") is SCENARIOS["push"]
     assert scenario("push").pushes.impulse == 35.0
     assert scenario("push", small) != SCENARIOS["push"]
+    assert scenario("push:3") == AXES["push"].level(3)
+    assert scenario("push:3", small) == axes_of(small)["push"].level(3)
 
 
 def test_what_a_user_writes_in_physical_units_stays_as_it_is(small: Robot) -> None:

@@ -49,7 +49,7 @@ number = 3
 @pytest.fixture
 def file(tmp_path: Path) -> str:
     path = tmp_path / "my_file.py"
-    path.write_text(FILE)
+    path.write_text(FILE, encoding="utf-8")
     return str(path)
 
 
@@ -60,7 +60,7 @@ def _no_validation_to_wait_for(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def metrics(folder: Path) -> list[dict[str, float]]:
-    return [json.loads(line) for line in (folder / METRICS_FILE).read_text().splitlines()]
+    return [json.loads(line) for line in (folder / METRICS_FILE).read_text(encoding="utf-8").splitlines()]
 
 
 def test_a_run_is_paid_by_it_and_counts_it_and_its_command_repeats_it(file, tmp_path):
@@ -71,21 +71,21 @@ def test_a_run_is_paid_by_it_and_counts_it_and_its_command_repeats_it(file, tmp_
     assert figures["reward/drag"] < 0.0
     settings = load_config(run)
     assert [str(term) for term in settings.reward_terms] == [f"{file}:always=-0.5", f"{file}:drag=-0.0001"]
-    words = json.loads((run / RECORD_FILE).read_text())["command"].split()
+    words = json.loads((run / RECORD_FILE).read_text(encoding="utf-8"))["command"].split()
     assert to_dict(parse(words[3:])) == to_dict(settings)
-    assert json.loads((run / "best" / "policy.json").read_text())["training"] == to_dict(settings)
+    assert json.loads((run / "best" / "policy.json").read_text(encoding="utf-8"))["training"] == to_dict(settings)
 
 
 def test_a_run_goes_on_with_the_file_that_it_was_begun_with_alone(file, tmp_path, capsys):
     run, given = tmp_path / "run", ["--reward-terms", f"{file}:always=-0.5"]
     assert main([*TINY, *given, "--out", str(run)]) == 0
     more = ["--resume", "--out", str(run), "--steps", "64"]
-    Path(file).write_text(FILE.replace("ones_like", "zeros_like"))
+    Path(file).write_text(FILE.replace("ones_like", "zeros_like"), encoding="utf-8")
     capsys.readouterr()
     for words in (more, [*more, *given]):
         assert main(words) == 2
         assert f"{file} is not the file that the run was begun with" in one_line(capsys)
-    Path(file).write_text(FILE)
+    Path(file).write_text(FILE, encoding="utf-8")
     assert main([*more, "--reward-terms", f"{file}:power=-0.5"]) == 2
     assert "--resume carries a run on as it was begun" in one_line(capsys)
     assert main(more) == 0

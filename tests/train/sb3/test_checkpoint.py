@@ -101,10 +101,12 @@ def test_a_damaged_checkpoint_is_passed_over_and_said_so(tmp_path, damage):
     elif damage == "gone":
         weights.unlink()
     elif damage == "no json":
-        record.write_text(record.read_text()[:-5])
+        record.write_text(record.read_text(encoding="utf-8")[:-5], encoding="utf-8")
     else:
         missing = {"other schema": {"schema": 99}, "no memory": {"remembered": None}, "no steps": {"steps": "20"}}
-        record.write_text(json.dumps(json.loads(record.read_text()) | missing[damage]))
+        record.write_text(
+            json.dumps(json.loads(record.read_text(encoding="utf-8")) | missing[damage]), encoding="utf-8"
+        )
     found = checkpoint.load(tmp_path)
     assert found.progress["steps"] == 10
     assert "000000000020" in found.damaged[0]
@@ -123,7 +125,7 @@ def test_no_checkpoint_and_no_whole_one_are_one_line_with_a_way_out(tmp_path):
         checkpoint.load(tmp_path)
     assert "\n" not in str(caught.value)
     fill(tmp_path, 10)
-    (tmp_path / "000000000010.json").write_text("{oops")
+    (tmp_path / "000000000010.json").write_text("{oops", encoding="utf-8")
     with pytest.raises(UsageError, match=r"no whole checkpoint .*another --out") as caught:
         checkpoint.load(tmp_path)
     assert "\n" not in str(caught.value)

@@ -50,13 +50,13 @@ def test_a_study_trains_what_is_missing_and_writes_its_page(tmp_path, monkeypatc
     words = ["ablations", *options, "--out", str(tmp_path / "runs"), "--page", str(tmp_path / "page.md")]
     monkeypatch.setattr(ablations, "judged_scenarios", lambda: ("flat",))
     assert main(words) == 0
-    text = (tmp_path / "page.md").read_text()
+    text = (tmp_path / "page.md").read_text(encoding="utf-8")
     assert "| no memory |" in text
     trained = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("policy.safetensors")}
     assert len(trained) >= 4
     capsys.readouterr()
     assert main(words) == 0
-    assert (tmp_path / "page.md").read_text() == text
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == text
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("policy.safetensors")} == trained
     assert main([*words, "--steps", "128"]) == 2
     assert "holds a run of other settings" in capsys.readouterr().err

@@ -142,7 +142,7 @@ def test_the_parameters_in_force_are_those_that_the_account_says(name):
     account = subject.file.with_name(subject.account)
     said = kind()
     if account.exists():
-        before, after = told(text := account.read_text(), kind)
+        before, after = told(text := account.read_text(encoding="utf-8"), kind)
         said = after if ADOPTED in text else before
     assert subject.read(subject.file) == said == policies.make(name).parameters
 
@@ -163,7 +163,7 @@ def searched(folder, name, seed=0):
     folder.mkdir()
     out = folder / "found.json"
     assert main(["search", "feedback", *TINY.split(), "--policy", name, "--seed", str(seed), "--out", str(out)]) == 0
-    return json.loads(out.read_text()), (folder / SUBJECTS[name].account).read_text()
+    return json.loads(out.read_text(encoding="utf-8")), (folder / SUBJECTS[name].account).read_text(encoding="utf-8")
 
 
 @each_subject
@@ -203,10 +203,10 @@ def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_for
         lambda *walk, **options: seen.append(walk[2:4]) or real(*walk, **options),
     )
     out, start = tmp_path / "found.json", tmp_path / "start.json"
-    start.write_text(json.dumps(dataclasses.asdict(worse)))
+    start.write_text(json.dumps(dataclasses.asdict(worse)), encoding="utf-8")
     assert main(["search", "feedback", *TINY.split(), "--start", str(start), "--out", str(out)]) == 0
-    assert json.loads(out.read_text()) == dataclasses.asdict(in_force)
-    assert KEPT in (tmp_path / "TROT_FEEDBACK.md").read_text()
+    assert json.loads(out.read_text(encoding="utf-8")) == dataclasses.asdict(in_force)
+    assert KEPT in (tmp_path / "TROT_FEEDBACK.md").read_text(encoding="utf-8")
     for seeds, ground in seen:
         np.testing.assert_array_equal(seeds, episode_seeds("validation", 0, 2))
         assert ground == "validation"
@@ -216,7 +216,7 @@ def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_for
 def test_every_trial_is_kept_with_what_it_cost_and_where_each_generation_led(tmp_path):
     options = [*TINY.split(), "--generations", "2", "--policy", "mpc_wbc", "--out", str(tmp_path / "found.json")]
     assert main(["search", "feedback", *options]) == 0
-    lines = [json.loads(line) for line in (tmp_path / "found.trials.jsonl").read_text().splitlines()]
+    lines = [json.loads(line) for line in (tmp_path / "found.trials.jsonl").read_text(encoding="utf-8").splitlines()]
     subject = SUBJECTS["mpc_wbc"]
     assert [line["generation"] for line in lines] == [1, 2]
     for line, seed in zip(lines, episode_seeds("search", 0, 2), strict=True):
@@ -226,7 +226,7 @@ def test_every_trial_is_kept_with_what_it_cost_and_where_each_generation_led(tmp
         np.testing.assert_allclose(judge(again, ["flat=1.5"], np.array([seed]), 101, 1), costs)
         assert len(costs) == 4
         assert np.ptp(costs) > 0.0
-    _, outcome = told((tmp_path / subject.account).read_text(), MpcParameters)
+    _, outcome = told((tmp_path / subject.account).read_text(encoding="utf-8"), MpcParameters)
     assert outcome == MpcParameters(**lines[-1]["mean"])
 
 
@@ -256,7 +256,7 @@ def test_ctrl_c_keeps_what_was_found_so_far(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(search_feedback, "search", search)
     out = tmp_path / "found.json"
     assert main(["search", "feedback", "--out", str(out)]) == 130
-    assert json.loads((tmp_path / "found.unjudged.json").read_text()) == dataclasses.asdict(better)
+    assert json.loads((tmp_path / "found.unjudged.json").read_text(encoding="utf-8")) == dataclasses.asdict(better)
     assert [path.name for path in tmp_path.iterdir()] == ["found.unjudged.json"]
     assert "kept what was found after 1 generations" in capsys.readouterr().err
 

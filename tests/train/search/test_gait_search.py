@@ -72,7 +72,7 @@ def test_it_replaces_its_gait_alone(tmp_path, monkeypatch):
     monkeypatch.setattr("train.search.gait.MAP_EPISODES", 8)
     out = tmp_path / "gaits.json"
     assert main(["search", "gait", "--gait", "walk", "--generations", "0", "--steps", "250", "--out", str(out)]) == 0
-    written, shipped = json.loads(out.read_text()), searched_parameters()
+    written, shipped = json.loads(out.read_text(encoding="utf-8")), searched_parameters()
     assert {name: GaitParameters(**written[name]) for name in OFFSETS if name != "walk"} == {
         name: shipped[name] for name in OFFSETS if name != "walk"
     }

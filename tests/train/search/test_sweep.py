@@ -30,14 +30,16 @@ class Training:
         self.runs.append(config)
         number = len(self.runs) - 1
         (config.folder / "checkpoints").mkdir(parents=True, exist_ok=True)
-        (config.folder / "checkpoints" / "000000000000.json").write_text("{}")
+        (config.folder / "checkpoints" / "000000000000.json").write_text("{}", encoding="utf-8")
         if number == self.interrupted:
             raise KeyboardInterrupt
         if number == self.broken:
             raise ValueError("weights are nan\nand so on")
         early = {"steps": 50, "success": 0.1, "score": 0.1}
         late = {"steps": 100, "success": round(config.ppo.learning_rate, 3), "score": config.hardness}
-        (config.folder / VALIDATIONS_FILE).write_text(json.dumps({"best": 100, "validations": [early, late]}))
+        (config.folder / VALIDATIONS_FILE).write_text(
+            json.dumps({"best": 100, "validations": [early, late]}), encoding="utf-8"
+        )
 
 
 @pytest.fixture
@@ -78,7 +80,7 @@ def test_a_trial_is_a_run_and_success_decides_before_the_error(training, tmp_pat
     assert [each.folder.name for each in stub.runs] == [f"trial-000{n}" for n in range(4)]
     assert {(each.steps, each.seed) for each in stub.runs} == {(100, 0)}
     assert len(set(settings(stub.runs))) == 4
-    text = (tmp_path / "sweep" / TABLE).read_text()
+    text = (tmp_path / "sweep" / TABLE).read_text(encoding="utf-8")
     assert text in capsys.readouterr().out
     named = [line.split(" | ")[0].removeprefix("| ") for line in text.splitlines()[2:]]
     by_rank = sorted(stub.runs, key=lambda each: (-round(each.ppo.learning_rate, 3), each.hardness))
@@ -97,14 +99,18 @@ def test_a_sweep_that_is_stopped_and_carried_on_makes_the_trials_of_one_in_one_g
     assert run(tmp_path / "sweep", 13, "--resume") == 0
     assert second.runs[0].resume
     assert settings(first.runs[:11] + second.runs) == settings(whole.runs)
-    assert (tmp_path / "sweep" / TABLE).read_text() == (tmp_path / "whole" / TABLE).read_text()
+    assert (tmp_path / "sweep" / TABLE).read_text(encoding="utf-8") == (tmp_path / "whole" / TABLE).read_text(
+        encoding="utf-8"
+    )
 
 
 def test_a_trial_that_cannot_be_trained_has_failed_and_the_next_one_goes_on(training, tmp_path, capsys):
     training(broken=1)
     assert run(tmp_path / "sweep", 3) == 0
     assert "trial 1 failed: weights are nan\n" in capsys.readouterr().out
-    assert (tmp_path / "sweep" / TABLE).read_text().splitlines()[-1].startswith("| trial-0001 | failed |")
+    assert (
+        (tmp_path / "sweep" / TABLE).read_text(encoding="utf-8").splitlines()[-1].startswith("| trial-0001 | failed |")
+    )
 
 
 def test_a_sweep_is_not_begun_twice_nor_carried_on_with_other_options(training, tmp_path, capsys):

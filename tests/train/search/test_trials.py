@@ -20,13 +20,13 @@ def runs(tmp_path_factory):
     settings = json.loads((folder / "whole" / CONFIG_FILE).read_bytes())
     settings["ppo"] |= {"gamma": 0.9, "burn_in": 7}
     del settings["timestep"]
-    (folder / "old" / CONFIG_FILE).write_text(json.dumps(settings))
-    (folder / "old" / METRICS_FILE).write_text('{"steps": 32, "time/seconds": 90.0}\n')
+    (folder / "old" / CONFIG_FILE).write_text(json.dumps(settings), encoding="utf-8")
+    (folder / "old" / METRICS_FILE).write_text('{"steps": 32, "time/seconds": 90.0}\n', encoding="utf-8")
     return folder
 
 
 def rows(page):
-    lines = [line for line in page.read_text().splitlines() if line.startswith("| ")]
+    lines = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
     return {cells[0]: cells[1:] for line in lines for cells in [[cell.strip() for cell in line.split("|")[1:-1]]]}
 
 
@@ -61,7 +61,7 @@ def test_the_best_validation_counts_not_the_last(runs, tmp_path):
         (folder / name).write_bytes((runs / "whole" / name).read_bytes())
     means = {"success_rate": 0.5, "velocity_error": 0.1}
     both = [{"steps": n, "success": share, "scenarios": {"flat": means}} for n, share in ((32, 0.75), (64, 0.25))]
-    (folder / VALIDATIONS_FILE).write_text(json.dumps({"best": 32, "validations": both}))
+    (folder / VALIDATIONS_FILE).write_text(json.dumps({"best": 32, "validations": both}), encoding="utf-8")
     assert main(["trials", str(folder), "--page", str(tmp_path / "page.md")]) == 0
     assert rows(tmp_path / "page.md")["two"][4:] == ["75.0", "50", "0.100"]
 

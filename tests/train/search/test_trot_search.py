@@ -168,9 +168,9 @@ TINY = "--generations 1 --candidates 4 --episodes 8 --steps 101 --check-episodes
 def test_a_search_writes_parameters_that_walk_and_its_account(tmp_path):
     out = tmp_path / "trot.json"
     assert main(["search", "trot", *TINY.split(), "--out", str(out)]) == 0
-    found = TrotParameters(**json.loads(out.read_text()))
+    found = TrotParameters(**json.loads(out.read_text(encoding="utf-8")))
     assert Trot(found).act(np.zeros(OBSERVATION_SIZE, np.float32)).shape == (12,)
-    account = (tmp_path / "TROT.md").read_text()
+    account = (tmp_path / "TROT.md").read_text(encoding="utf-8")
     assert f"| duty | 0.45 … 0.65 | 0.48 | {found.duty:g} |" in account
     assert len([line for line in account.splitlines() if "| after |" in line]) == 1 + 3
 
@@ -211,9 +211,9 @@ def test_a_robots_search_goes_to_its_own_folder_and_begins_with_its_own_size(tmp
     path = tmp_path / "alike.xml"
     assert main(["search", "trot", *TINY.split(), "--robot", str(path)]) == 0
     own = tmp_path / "alike"
-    told = (own / "TROT.md").read_text()
+    told = (own / "TROT.md").read_text(encoding="utf-8")
     assert f"search trot --seed 0 --robot {path}" in told
-    start, found = likewise(searched_parameters(), robot), json.loads((own / "trot.json").read_text())
+    start, found = likewise(searched_parameters(), robot), json.loads((own / "trot.json").read_text(encoding="utf-8"))
     assert f"| blend_time | fixed | {start.blend_time:.9g} | {found['blend_time']:.9g} |" in told
     low, high = (robot.leg_length / 0.6 * end for end in SEARCH_RANGES["body_height"])
     assert low <= found["body_height"] <= high < 0.22

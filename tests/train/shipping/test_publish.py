@@ -115,7 +115,7 @@ def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, caps
     assert sorted(path.name for path in to.iterdir()) == ["MODEL.md", "policy.json", "policy.safetensors"]
     assert (to / "policy.safetensors").read_bytes() == (runs / "0" / "best" / "policy.safetensors").read_bytes()
     assert policies.load(to).name == "residual"
-    card = (to / "MODEL.md").read_text()
+    card = (to / "MODEL.md").read_text(encoding="utf-8")
     (row,) = [line for line in card.splitlines() if line.startswith("| flat |")]
     assert card.startswith("# walker\n")
     assert "| success, walker 0 (shipped) | seeds 1 | median |" in card
@@ -146,7 +146,9 @@ def test_a_stopped_publishing_goes_on_where_it_was(runs, tmp_path, monkeypatch):
     assert len(saved) == 4
     again = ["--to", str(tmp_path / "again" / "model"), "--out", str(tmp_path / "new")]
     assert publish([*words, *again]) == 0
-    assert (to / "MODEL.md").read_text() == (tmp_path / "again" / "model" / "MODEL.md").read_text()
+    assert (to / "MODEL.md").read_text(encoding="utf-8") == (tmp_path / "again" / "model" / "MODEL.md").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path, monkeypatch, capsys):
@@ -161,8 +163,8 @@ def test_a_run_over_other_parameters_of_its_base_is_not_published(runs, tmp_path
 def test_an_unfinished_run_is_not_published(runs, tmp_path, capsys):
     folder = tmp_path / "run"
     shutil.copytree(runs / "0", folder)
-    settings = (folder / "config.json").read_text().replace('"steps": 64', '"steps": 6400')
-    (folder / "config.json").write_text(settings)
+    settings = (folder / "config.json").read_text(encoding="utf-8").replace('"steps": 64', '"steps": 6400')
+    (folder / "config.json").write_text(settings, encoding="utf-8")
     assert publish([str(folder), "--to", str(tmp_path / "model")]) == 2
     assert "unfinished" in capsys.readouterr().err
     assert not Path(tmp_path / "model").exists()
@@ -184,7 +186,7 @@ def test_a_damaged_run_is_one_line_before_anything_is_judged(file, change, compl
     shutil.copytree(runs / "0", folder)
     (folder / "checkpoints" / "000000000000.json").unlink()  # or the run would go on from there
     before = (folder / file).read_bytes()
-    (folder / file).write_text(change(before.decode(errors="replace")))
+    (folder / file).write_text(change(before.decode(errors="replace")), encoding="utf-8")
     assert (folder / file).read_bytes() != before
     capsys.readouterr()
     assert publish([str(folder), "--to", str(tmp_path / "model")]) == 2

@@ -15,6 +15,6 @@ publisher = rospy.Publisher("/position_controller/command", Float64MultiArray, q
 rate = rospy.Rate(100)
 while publisher.get_num_connections() == 0:
     rospy.rostime.wallsleep(0.01)
-for targets in json.loads(Path(sys.argv[1]).read_text()):
+for targets in json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")):
     publisher.publish(Float64MultiArray(data=targets))
     rate.sleep()

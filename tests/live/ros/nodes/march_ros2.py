@@ -17,7 +17,7 @@ from std_msgs.msg import Empty, Float64MultiArray
 rclpy.init()
 node = rclpy.create_node("march")
 heard = []
-targets = iter(json.loads(Path(sys.argv[1]).read_text()))
+targets = iter(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")))
 
 
 def stamp(time: object) -> int:
@@ -53,7 +53,7 @@ while not heard and time.monotonic() < end:
 end = time.monotonic() + seconds * bool(heard)
 while time.monotonic() < end:
     rclpy.spin_once(node, timeout_sec=0.1)
-Path(sys.argv[3]).write_text(json.dumps(heard))
+Path(sys.argv[3]).write_text(json.dumps(heard), encoding="utf-8")
 for _ in range(20):
     velocity.publish(Twist())
     publisher.publish(Float64MultiArray(data=[0.0] * 11))

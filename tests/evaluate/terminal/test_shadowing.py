@@ -1,0 +1,62 @@
+"""Files of the user's that have the name of a package of ours: said in one line, and never run."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+THEIRS = "from pathlib import Path\nPath('ran').write_text('', encoding='utf-8')\n"
+
+
+def run(words: str, folder: Path, *flags: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, *flags, "-m", *words.split()]
+    # Without the tests' own ways to ours: `python -m` begins with the working folder.
+    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONSAFEPATH")}
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+HIDING = {
+    "evaluate --help": ("policies.py", "policies/__init__.py", "quad_env.py"),
+    "train --help": ("policies.py", "evaluate.py", "quad_env/__init__.py"),
+    "quad_env view --help": ("policies.py", "evaluate.py", "live.py"),
+    "quad_env info": ("policies/__init__.py", "evaluate.py"),
+}
+
+
+@pytest.mark.parametrize(("words", "theirs"), [(words, file) for words, files in HIDING.items() for file in files])
+def test_a_users_file_in_place_of_a_package_is_one_line_and_is_not_run(words: str, theirs: str, tmp_path: Path) -> None:
+    program = words.split()[0]
+    file = tmp_path / theirs
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(THEIRS, encoding="utf-8")
+    done = run(words, tmp_path)
+    (line,) = done.stderr.splitlines()
+    named = file.parent if file.name == "__init__.py" else file
+    assert line.startswith(f"error: {named} hides SimpleQuad's package {named.stem}: call `python -P -m {program}`")
+    assert (done.returncode, done.stdout) == (2, "")
+    safe = run(words, tmp_path, "-P")
+    assert (safe.returncode, safe.stderr) == (0, "")
+    assert not (tmp_path / "ran").exists()
+
+
+def test_files_with_names_that_a_command_does_not_need_are_no_matter(tmp_path: Path) -> None:
+    for name in ("train.py", "live.py", "examples.py"):
+        (tmp_path / name).write_text(THEIRS, encoding="utf-8")
+    (tmp_path / "policies").mkdir()  # a folder of bundles, not a package
+    done = run("evaluate --help", tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not (tmp_path / "ran").exists()
+
+
+def test_python_p_trains_and_evaluates_next_to_a_users_programs(tmp_path: Path) -> None:
+    """Also in the processes that the command starts, such as the one that makes the film."""
+    for name in ("train.py", "policies.py", "evaluate.py", "live.py"):
+        (tmp_path / name).write_text(THEIRS, encoding="utf-8")
+    assert run("train --help", tmp_path, "-P").returncode == 0
+    words = "evaluate stand --scenarios flat --episodes 2 --threads 2 --out out"
+    done = run(words, tmp_path, "-P")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "report.html").is_file()
+    assert not (tmp_path / "ran").exists()

@@ -1,0 +1,62 @@
+"""Whatever takes a robot takes its name too."""
+
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import policies
+import quad_env
+from policies.article import Document
+from policies.behaviour.machine import BehaviourMachine
+from policies.gaits.policy import Gaits
+from policies.mpc.policy import Mpc, MpcWbc
+from policies.mpc.sighted import SightedMpcWbc
+from policies.safety import SafetyLimits
+from policies.trot.feedback import TrotFeedback
+from policies.trot.integral import TrotIntegral
+from quad_env.robots.named import EXTRA, WHEEL
+
+OWN_POLICY = "class Walk:\n    def __call__(self, observation):\n        return [0.0, 0.5, -1.0] * 4\n"
+MAKERS: dict[str, Callable[..., object]] = {
+    kind.__name__: kind
+    for kind in (
+        *(policies.Trot, policies.Stand, policies.Behaviour, Document, TrotIntegral, TrotFeedback, Gaits),
+        *(Mpc, MpcWbc, SightedMpcWbc, BehaviourMachine, quad_env.HomePoseSpace, SafetyLimits.of),
+    )
+} | {
+    "make": partial(policies.make, "trot"),
+    "resolve": partial(policies.resolve, "trot"),
+    "scenario": partial(quad_env.scenario, "push:3"),
+}
+
+
+@pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+def test_an_unknown_name_is_said_with_those_that_there_are(make: Callable[..., object]) -> None:
+    with pytest.raises(ValueError, match="unknown robot 'nobody'; there are simple_quad, "):
+        make(robot="nobody")
+    make(robot="simple_quad")
+
+
+@pytest.mark.skipif(find_spec(WHEEL) is None, reason=EXTRA)
+@pytest.mark.parametrize("make", [policies.Trot, policies.Stand, TrotFeedback, MpcWbc], ids=lambda kind: kind.__name__)
+def test_a_policy_is_made_for_the_robot_of_a_name(make: Callable[..., policies.Policy]) -> None:
+    assert make(robot="go1").robot == quad_env.ROBOTS["go1"]
+
+
+def test_a_policy_is_loaded_for_the_robot_of_a_name(repository: Path, tmp_path: Path) -> None:
+    folder = repository / "models" / "residual"
+    assert policies.load(folder, robot="simple_quad").robot == quad_env.SIMPLE_QUAD
+    with pytest.raises(ValueError, match="unknown robot 'nobody'"):
+        policies.load(folder, robot="nobody")
+    (tmp_path / "mine.py").write_text(OWN_POLICY, encoding="utf-8")
+    own = policies.Foreign(f"{tmp_path / 'mine.py'}:Walk", robot="simple_quad")
+    assert own.robot == quad_env.SIMPLE_QUAD
+
+
+@pytest.mark.skipif(find_spec(WHEEL) is None, reason=EXTRA)
+def test_the_bundle_of_another_robot_is_loaded_by_its_name(repository: Path) -> None:
+    folder = repository / "models" / "go1" / "residual"
+    assert policies.load(folder, robot="go1").robot == quad_env.ROBOTS["go1"]

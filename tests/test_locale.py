@@ -1,0 +1,74 @@
+"""Nothing depends on the locale: files are UTF-8 everywhere, and a terminal of ASCII gets `?` for what it lacks."""
+
+import ast
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "COLUMNS": "100"}
+PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "benchmarks", "examples", "docs"
+TINY = (
+    "--steps 128 --threads 1 --mixture flat 1 --validation.episodes 1 --validation.scenarios flat --ppo.envs 16 "
+    "--ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 1 --ppo.actor 8 --ppo.critic 8"
+)
+
+
+def run(words: str, folder: Path, repository: Path) -> str:
+    """What a command prints to a terminal of ASCII; it must not fail."""
+    command = [sys.executable, "-m", *words.format(folder).split()]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONIOENCODING"} | ASCII
+    done = subprocess.run(command, cwd=repository, env=environment, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode(errors="replace")
+    return done.stdout.decode("ascii")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "quad_env --help",
+        "quad_env info",
+        "quad_env describe simple_quad --toml {}/mine.toml",
+        "quad_env doctor",
+        "quad_env record {}/walk.mcap --seconds 0.1",
+        f"train {TINY} --out {{}}/run",
+    ],
+)
+def test_commands_work_where_text_is_ascii(words: str, tmp_path: Path, repository: Path) -> None:
+    assert run(words, tmp_path, repository) or words.startswith("train")
+
+
+def test_reports_are_the_same_where_text_is_ascii(tmp_path: Path, repository: Path) -> None:
+    run("evaluate trot --scenarios flat --episodes 1 --no-film --threads 1 --out {}", tmp_path, repository)
+    written = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "\xa0" in written
+    printed = run("evaluate report {}", tmp_path, repository)
+    assert "trot" in printed
+    assert (tmp_path / "report.md").read_text(encoding="utf-8") == written
+
+
+def calls_without_encoding(path: Path) -> Iterator[str]:
+    """`file:line` of each call that reads or writes text in whatever encoding the locale has."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and not any(keyword.arg == "encoding" for keyword in node.keywords):
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if name in ("read_text", "write_text") or (name == "open" and opens_text(node)):
+                yield f"{path}:{node.lineno}"
+
+
+def opens_text(call: ast.Call) -> bool:
+    """Whether it is `open(path)`, or has a mode of text such as "a": `open` of images and writers has none."""
+    values = [*call.args, *(keyword.value for keyword in call.keywords)]
+    texts = [value.value for value in values if isinstance(value, ast.Constant) and isinstance(value.value, str)]
+    modes = [text for text in texts if text and set(text) <= set("rwxabt+")]
+    return not any("b" in mode for mode in modes) and (bool(modes) or isinstance(call.func, ast.Name))
+
+
+def test_every_text_file_is_read_and_written_as_utf_8(repository: Path) -> None:
+    """What the linter's rule PLW1514 sees only where it can follow the type of a path."""
+    files = [path for package in PACKAGES for path in (repository / package).rglob("*.py")]
+    assert len(files) > 300
+    assert [call for path in files for call in calls_without_encoding(path)] == []
