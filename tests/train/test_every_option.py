@@ -5,7 +5,6 @@
 
 import contextlib
 import dataclasses
-import inspect
 import json
 import threading
 from collections.abc import Callable, Iterator
@@ -21,7 +20,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from policies.residual import SHIFTED
 from quad_env.config import RewardWeights
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.seeding import PURPOSES, episode_seeds
+from quad_env.seeding import episode_seeds
+from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
 from train import run as training_run
 from train import seeds, validation
@@ -43,47 +43,6 @@ BRIEF = 120
 """Control steps of an episode of the validation."""
 STEPS, DT = 8, 0.01
 """Steps of a run, unless it is told others: one update. Control period, s."""
-
-
-@dataclass(frozen=True)
-class Batch:
-    """A batch of robots, as it was made and begun."""
-
-    env: SimpleQuadVectorEnv
-    threads: int
-    seeds: tuple[int, ...]
-    sensed: bool
-    """Whether what the sensors read is in the infos."""
-
-    @property
-    def purpose(self) -> str:
-        """What its first seed is for."""
-        return PURPOSES[self.seeds[0] >> 48]
-
-
-@contextlib.contextmanager
-def begun() -> Iterator[list[Batch]]:
-    """Every batch that is reset with seeds while this lasts."""
-    found: list[Batch] = []
-    true_reset, true_init, threads = SimpleQuadVectorEnv.reset, SimpleQuadVectorEnv.__init__, dict[int, int]()
-
-    def init(self: SimpleQuadVectorEnv, *args: Any, **kwargs: Any) -> None:
-        given = inspect.signature(true_init).bind(self, *args, **kwargs)
-        given.apply_defaults()
-        threads[id(self)] = given.arguments["nthread"]
-        true_init(self, *args, **kwargs)
-
-    def reset(self: SimpleQuadVectorEnv, *, seed: Any = None, options: Any = None) -> Any:
-        observation, infos = true_reset(self, seed=seed, options=options)
-        if seed is not None:
-            given = tuple(map(int, np.atleast_1d(seed)))
-            found.append(Batch(self, threads[id(self)], given, "sensor_gyro" in infos))
-        return observation, infos
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SimpleQuadVectorEnv, "__init__", init)
-        patch.setattr(SimpleQuadVectorEnv, "reset", reset)
-        yield found
 
 
 class Made:
@@ -406,7 +365,7 @@ EFFECTS = {
     ),
     "actuator": Effect(
         "--actuator motor",
-        kinds_of_robots(lambda each: each.env.simulation.winding_temperature is not None),
+        kinds_of_robots(lambda each: each.warms),
         alike_everywhere(True),
     ),
     "sensors": Effect("--sensors typical", kinds_of_robots(lambda each: each.sensed), alike_everywhere(True)),
