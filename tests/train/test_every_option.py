@@ -27,6 +27,7 @@ from train import run as training_run
 from train import seeds, validation
 from train.__main__ import main, parse
 from train.config import TrainConfig
+from train.robots import training_seeds
 from train.run import make_env
 from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE, steps_done
 from train.sb3.callbacks import CallbackState, Segments, current_policy
@@ -531,16 +532,25 @@ def test_another_robot_is_trained_on_what_is_as_hard_for_it(tmp_path: Path) -> N
     )
 
 
-def test_episodes_and_advantages_begin_where_a_segment_does(tmp_path: Path) -> None:
-    """Two rollouts of two steps a segment: none but its first row is the begin of all robots' episodes."""
-    made, begins = Made("--max-episode-steps 4", tmp_path), []
+def test_the_same_name_is_another_scenario_for_another_robot(tmp_path: Path) -> None:
+    alike(tmp_path)
+    (pushed,) = Made(f"--robot {tmp_path / 'alike.xml'} --mixture push 1", tmp_path).robots
+    assert pushed.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)
+
+
+def test_all_episodes_and_no_advantage_begin_anew_where_a_segment_does(tmp_path: Path) -> None:
+    """Segments of two rollouts: each begins with the observations of its own seeds, as the begin of an episode."""
+    made, twin, begins = Made("--max-episode-steps 4", tmp_path), Made("--max-episode-steps 4", tmp_path), []
 
     class Watch(BaseCallback):
         def _on_step(self) -> bool:
             return True
 
         def _on_rollout_end(self) -> None:
-            begins.append(self.locals["rollout_buffer"].episode_starts[0].all())
+            buffer = self.locals["rollout_buffer"]
+            begins.append((buffer.episode_starts[0].all(), buffer.observations[0].copy()))
 
     made.learner.learn(6 * 8, [Segments(made.config, CallbackState()), Watch()])
-    assert begins == [True, False] * 3
+    assert [start for start, _ in begins] == [True, False] * 3
+    for segment, (_, seen) in enumerate(begins[::2]):
+        np.testing.assert_array_equal(seen, twin.env.begin(training_seeds(made.config, segment)))
