@@ -1,18 +1,22 @@
 """The whole way with a robot of somebody's own: every stage leaves its outcome, and none is done twice."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
 
 import policies
+from evaluate.rollouts.experiment import evaluation_seeds
 from evaluate.terminal.command_line import UsageError
 from quad_env.robots.named import robot_of
+from quad_env.seeding import episode_seeds
+from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 from train import whole_path
 from train.__main__ import main
+from train.config import load_config
 
 BRIEF = replace(whole_path.SEARCH, generations=1, candidates=4, episodes=8, steps=101, check_episodes=4)
 TRAINING = (
@@ -31,6 +35,8 @@ def words(robot: Path, out: Path) -> list[str]:
         *brief,
         "--episodes",
         "2",
+        "--seed",
+        "3",
         "--threads",
         "1",
         f"--training={TRAINING}",
@@ -38,14 +44,21 @@ def words(robot: Path, out: Path) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str], int]:
+def walked(tmp_path_factory: pytest.TempPathFactory, simulated: list[Batch]) -> tuple[Path, list[str], int]:
     folder = tmp_path_factory.mktemp("mine")
     robot, found = alike(folder), words(folder / "alike.xml", folder / "out")
     assert robot.source == folder / "alike.xml"
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, begun() as batches:
         patch.setattr(whole_path, "SEARCH", BRIEF)
         code = main(found)
+    simulated += batches
     return folder / "out", found, code
+
+
+@pytest.fixture(scope="module")
+def simulated() -> list[Batch]:
+    """The robots of the whole way."""
+    return []
 
 
 def test_every_stage_leaves_its_outcome(walked: tuple[Path, list[str], int]) -> None:
@@ -63,6 +76,28 @@ def test_every_stage_leaves_its_outcome(walked: tuple[Path, list[str], int]) -> 
     results = json.loads((out / "evaluation" / "results.json").read_text(encoding="utf-8"))
     assert results["provenance"]["hardware"]["robot"] == str(out / "alike.toml")
     assert results["policies"]["residual"]["scenarios"]["push"]["severity"] == pytest.approx(35.0 * 0.1 * 0.4**0.5)
+
+
+def test_every_option_reaches_its_stage(walked: tuple[Path, list[str], int], simulated: list[Batch]) -> None:
+    out, found, _ = walked
+    given = {word.partition("=")[0].removeprefix("--") for word in found if word.startswith("--")} | {"robot"}
+    assert given == {field.name for field in fields(whole_path.Options)}, "an option that nothing here looks at"
+    by_purpose = {each.purpose: each for each in reversed(simulated)}
+    assert by_purpose.keys() == {"search", "training", "validation", "evaluation"}
+    for purpose, seeds in {
+        "search": episode_seeds("search", 3, BRIEF.episodes).tolist() * BRIEF.candidates,
+        "training": episode_seeds("training", 3, 8).tolist(),
+        "evaluation": evaluation_seeds(3, 2).tolist(),
+    }.items():
+        assert list(by_purpose[purpose].seeds) == seeds
+    assert {(each.env.robot.name, each.threads) for each in simulated} == {("alike", 1)}
+    settings = load_config(out / "training")
+    assert (settings.base, settings.steps, settings.seed) == ("trot", 64, 3)
+    assert (settings.max_episode_steps, settings.ppo.envs) == (16, 8)  # as --training says
+    results = json.loads((out / "evaluation" / "results.json").read_text())
+    assert (results["seed"], results["episodes"]) == (3, 2)
+    cells = {name: list(each["scenarios"]) for name, each in results["policies"].items()}
+    assert cells == {"trot": ["flat", "push"], "residual": ["flat", "push"]}
 
 
 def test_what_is_done_is_not_done_again(

@@ -1,0 +1,59 @@
+"""Every batch of robots that a command begins, however deep below it: what it was really made with."""
+
+import contextlib
+import inspect
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.seeding import PURPOSES
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A batch of robots as it was made, and begun with seeds."""
+
+    env: SimpleQuadVectorEnv
+    threads: int
+    seeds: tuple[int, ...]
+    sensed: bool
+    """Whether what the sensors read is in the infos."""
+
+    @property
+    def purpose(self) -> str:
+        """What its first seed is for."""
+        return PURPOSES[self.seeds[0] >> 48]
+
+    @property
+    def warms(self) -> bool:
+        """Whether its motors become warm."""
+        return self.env.simulation.winding_temperature is not None
+
+
+@contextlib.contextmanager
+def begun() -> Iterator[list[Batch]]:
+    """Every batch that is made, and reset with seeds, while this lasts."""
+    found: list[Batch] = []
+    true_init, true_reset, threads = SimpleQuadVectorEnv.__init__, SimpleQuadVectorEnv.reset, dict[int, int]()
+
+    def init(self: SimpleQuadVectorEnv, *args: Any, **kwargs: Any) -> None:
+        given = inspect.signature(true_init).bind(self, *args, **kwargs)
+        given.apply_defaults()
+        threads[id(self)] = given.arguments["nthread"]
+        true_init(self, *args, **kwargs)
+
+    def reset(self: SimpleQuadVectorEnv, *, seed: Any = None, options: Any = None) -> Any:
+        observation, infos = true_reset(self, seed=seed, options=options)
+        if seed is not None:
+            given = tuple(map(int, np.atleast_1d(seed)))
+            found.append(Batch(self, threads[id(self)], given, "sensor_gyro" in infos))
+        return observation, infos
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SimpleQuadVectorEnv, "__init__", init)
+        patch.setattr(SimpleQuadVectorEnv, "reset", reset)
+        yield found

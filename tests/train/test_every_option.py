@@ -1,0 +1,556 @@
+"""Every option of `python -m train` reaches what it governs: given as words, seen on the robots, the learner, the run.
+
+`EFFECTS` has an entry for each option; an option without one fails. Terms of the reward have a test of their own.
+"""
+
+import contextlib
+import dataclasses
+import json
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from stable_baselines3.common.callbacks import BaseCallback
+
+from policies.residual import SHIFTED
+from quad_env.config import RewardWeights
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.seeding import episode_seeds
+from tests.batches import Batch, begun
+from tests.quad_env.robots.alike import alike
+from train import run as training_run
+from train import seeds, validation
+from train.__main__ import main, parse
+from train.config import TrainConfig
+from train.robots import training_seeds
+from train.run import make_env
+from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE, steps_done
+from train.sb3.callbacks import CallbackState, Segments, current_policy
+from train.sb3.ppo import build
+from train.scenarios import TERRAIN_SEEDS
+
+MIXTURE = "--mixture flat 0.5 push=60 0.25 rough=0.2 0.25"
+USUAL = (
+    "--threads 1 --seed 7 --curriculum 1 --inputs.lags --inputs.averages --validation.episodes 1 "
+    "--validation.scenarios flat --ppo.envs 4 --ppo.rollout-steps 2 --ppo.minibatch 4 --ppo.epochs 1 --ppo.hold 1 "
+    "--ppo.actor 4 --ppo.critic 4"
+)
+BRIEF = 120
+"""Control steps of an episode of the validation."""
+STEPS, DT = 8, 0.01
+"""Steps of a run, unless it is told others: one update. Control period, s."""
+
+
+class Made:
+    """What `python -m train` with these words makes, each part once it is asked for."""
+
+    def __init__(self, words: str, folder: Path) -> None:
+        given = words.replace("FOLDER", str(folder)).split()
+        fixed = [] if "--mixture" in given or "--robot" in given else MIXTURE.split()
+        fixed += [] if "--steps" in given else ["--steps", str(STEPS)]
+        self.folder = folder
+        self.words = [*USUAL.split(), *fixed, *given]
+        if not {"--out", "--resume"} & set(given):
+            self.words += ["--out", str(folder / "run")]
+
+    @cached_property
+    def config(self) -> TrainConfig:
+        return parse(self.words)
+
+    @cached_property
+    def env(self) -> Any:
+        """The robots as the learner sees them."""
+        return make_env(self.config)
+
+    @property
+    def residual(self) -> Any:
+        return self.env.env
+
+    @property
+    def robots(self) -> list[SimpleQuadVectorEnv]:
+        """The batches."""
+        return list(self.residual.unwrapped.batches)
+
+    @cached_property
+    def learner(self) -> Any:
+        return build(self.config, self.env)
+
+    @cached_property
+    def shipped(self) -> Any:
+        """The policy that a bundle of the run would hold."""
+        return current_policy(self.config, self.learner)
+
+    @cached_property
+    def started(self) -> list[Batch]:
+        """The batches that train, begun."""
+        with begun() as found, contextlib.closing(make_env(self.config)) as env:
+            env.reset()
+        return found
+
+    @cached_property
+    def ran(self) -> "Ran":
+        """A whole run."""
+        learners, pools = [], set[str]()
+        true_build, true_validate = training_run.build, validation.run
+
+        def watched(*args: Any) -> Any:
+            learners.append(true_build(*args))
+            return learners[-1]
+
+        def brief(*args: Any, **kwargs: Any) -> Any:
+            pools.update(each.name for each in threading.enumerate() if each.name.startswith("robots"))
+            return true_validate(*args, **kwargs | {"steps": BRIEF})
+
+        with begun() as found, pytest.MonkeyPatch.context() as patch:
+            patch.setattr(training_run, "build", watched)
+            patch.setattr(validation, "run", brief)
+            assert main(self.words) == 0
+        return Ran(self.folder / "run", found, learners, len(pools))
+
+    def steps(self, count: int, action: float = 0.0) -> Iterator[Any]:
+        """What the environment of the learner's actions gives, at each of so many steps."""
+        self.residual.reset(seed=episode_seeds("training", 0, self.env.num_envs).tolist())
+        for _ in range(count):
+            yield self.residual.step(np.full(self.residual.action_space.shape, action, np.float32))
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A run that came to its end."""
+
+    folder: Path
+    batches: list[Batch]
+    learners: list[Any]
+    pool: int
+    """Threads that stepped batches side by side."""
+
+    @property
+    def validations(self) -> list[dict[str, Any]]:
+        return list(json.loads((self.folder / VALIDATIONS_FILE).read_bytes())["validations"])
+
+    def judged(self) -> list[Batch]:
+        """The batches of the validations."""
+        return [each for each in self.batches if each.purpose == "validation"]
+
+
+Reading = Callable[[Made], Any]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What an option is for: these words turn a reading, whatever it was, into what is expected."""
+
+    words: str
+    reading: Reading
+    expected: Any
+    """Or a function from what the reading is without the words."""
+    given: str = ""
+    """Words without which the option means nothing."""
+
+
+def of_both(read: Callable[[Any], Any]) -> Reading:
+    """A reading of the environment that the learner moves, and of the policy that it leaves."""
+    return lambda made: (read(made.residual), read(made.shipped))
+
+
+def authority(each: Any) -> list[float]:
+    """Of hip, thigh and calf."""
+    return [round(float(value), 6) for value in each.authority[:3]]
+
+
+def shifted(*names: str) -> Reading:
+    """Largest shifts of the base."""
+    return of_both(lambda each: [round(float(each.shift_authority[SHIFTED.index(name)]), 6) for name in names])
+
+
+def both(value: Any) -> tuple[Any, Any]:
+    return value, value
+
+
+def severities(made: Made) -> dict[str, float]:
+    """Of scenarios, by axis."""
+    return {each.scenario.axis: each.scenario.severity for each in made.robots}
+
+
+def hardest(made: Made) -> tuple[float, float]:
+    """Impulse of the pushes, N·s, and height of the rough ground, m."""
+    pushed, rough = made.robots[1].scenario.pushes, made.robots[2].scenario.terrain
+    return round(pushed.impulse, 6), round(rough.peak_to_valley, 6)  # type: ignore[union-attr]
+
+
+def features(made: Made, count: int) -> np.ndarray:
+    """What the learner saw of the first robot, a row a step."""
+    return np.array([seen[0] for seen, *_ in made.steps(count)])
+
+
+def remembered(made: Made) -> tuple[np.ndarray, np.ndarray]:
+    """The scaled observation of each step, and what is remembered of those before."""
+    seen = features(made, 12)
+    width = made.robots[0].observation_table.size
+    return seen[:, :width], seen[:, -width:]
+
+
+def lag(made: Made) -> float | None:
+    """Age of the observation that is remembered, s."""
+    now, then = remembered(made)
+    ages = [age for age in range(1, 8) if np.array_equal(then[age + 1 :], now[1:-age])]
+    return ages[0] * DT if len(ages) == 1 else None
+
+
+def averaging_time(made: Made) -> float:
+    """Time constant of the average that is remembered, s."""
+    now, then = remembered(made)
+    missing = now[1:] - then[:-1]
+    rates = (then[1:] - then[:-1])[missing != 0.0] / missing[missing != 0.0]
+    return round(float(-DT / np.log1p(-np.median(rates))), 2)
+
+
+def clock(made: Made) -> float:
+    """Frequency of the clock that is seen last, Hz."""
+    sine, cosine = features(made, 3)[:, -2:].T
+    return round(float(np.diff(np.unwrap(np.arctan2(sine, cosine)))[0] / (2 * np.pi * DT)), 2)
+
+
+def longest_episode(made: Made) -> int:
+    """Control steps of the longest of some that ended."""
+    lengths = [infos["final_info"]["episode"]["l"][ended].max() for *_, ended, infos in made.steps(8) if ended.any()]
+    return int(max(lengths, default=0))
+
+
+def step_size(made: Made) -> float:
+    """Of the physics, s; one of all robots."""
+    (size,) = {each.simulation.model.opt.timestep for each in made.robots}
+    return float(size)
+
+
+def kinds_of_robots(read: Callable[[Batch], Any]) -> Reading:
+    """What all robots of a run have, by what they are for."""
+    return lambda made: {(each.purpose, read(each)) for each in made.ran.batches}
+
+
+def alike_everywhere(value: Any) -> set[tuple[str, Any]]:
+    return {("training", value), ("validation", value)}
+
+
+def rewards(made: Made) -> list[float]:
+    """Of each robot in a step."""
+    made.env.reset()
+    made.env.step_async(np.zeros(made.env.action_space.shape and (made.env.num_envs, *made.env.action_space.shape)))
+    return list(made.env.step_wait()[1].astype(float))
+
+
+def own_term(made: Made) -> Any:
+    """What a term of the user's pays in a step."""
+    *_, infos = next(made.steps(1))
+    return infos.get("reward_always", np.zeros(1))[0]
+
+
+def learner(read: Callable[[Any], Any]) -> Reading:
+    return lambda made: read(made.learner)
+
+
+def widths(which: str) -> Reading:
+    """Of the layers of a network."""
+
+    def read(made: Made) -> list[int]:
+        layers = getattr(made.learner.policy.mlp_extractor, which)
+        return [layer.out_features for layer in layers if hasattr(layer, "out_features")]
+
+    return read
+
+
+def activations(made: Made) -> tuple[set[str], str]:
+    """Of the learner's networks and of the one that is shipped."""
+    extractor = made.learner.policy.mlp_extractor
+    kinds = {type(layer).__name__ for net in (extractor.policy_net, extractor.value_net) for layer in net}
+    return kinds - {"Linear", "FirstOf"}, made.shipped.network.activation
+
+
+def seeded(made: Made) -> tuple[Any, ...]:
+    """Seeds of the learner, of the robots' episodes and of their rough ground."""
+    episodes = [seed for each in made.started for seed in each.seeds]
+    return made.learner.seed, episodes, made.robots[2].scenario.terrain.seed  # type: ignore[union-attr]
+
+
+def refusal(made: Made, capsys: pytest.CaptureFixture[str]) -> str:
+    """What is said of the same run begun once more."""
+    assert main([*made.words, "--out", str(made.folder / "run")]) == 2
+    return capsys.readouterr().err
+
+
+def noise_at_the_end(made: Made) -> float:
+    """Logarithm of the exploration noise after the run, whose last rollout began in the middle."""
+    return round(made.ran.learners[-1].policy.log_std.tolist()[0], 3)
+
+
+def threads(made: Made) -> tuple[set[tuple[str, int]], int]:
+    """Of the batches by what they are for, and those that step batches side by side."""
+    return {(each.purpose, each.threads) for each in made.ran.batches}, made.ran.pool
+
+
+def cluster_asked_for(made: Made) -> list[Any]:
+    """Cores and address of the cluster that is asked to train."""
+    asked: list[Any] = []
+
+    @contextlib.contextmanager
+    def noted(*given: Any) -> Iterator[Any]:
+        asked.append(given[1])
+        yield lambda *_: iter(())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(seeds, "cluster", noted)
+        patch.setattr(seeds, "train", lambda _: None)
+        assert main([*made.words, "--out", str(made.folder / "apart")]) == 0
+    return asked
+
+
+def folders(made: Made) -> list[str]:
+    """Of all runs, below the test's own."""
+    assert made.ran
+    return sorted(str(path.parent.relative_to(made.folder)) for path in made.folder.rglob(CONFIG_FILE))
+
+
+ADAPTIVE = "--ppo.learning-rate-schedule adaptive"
+EFFECTS = {
+    "policy": Effect("--policy end-to-end", of_both(lambda each: each.base.name), both("crouch")),
+    "base": Effect("--base trot_feedback", of_both(lambda each: each.base.name), both("trot_feedback")),
+    "steps": Effect("--steps 24", lambda made: steps_done(made.ran.folder), 24),
+    "seed": Effect("--seed 8", seeded, (8, episode_seeds("training", 8, 4).tolist(), TERRAIN_SEEDS["training"] + 8)),
+    "seeds": Effect("--seeds 2", folders, ["run/seed-7", "run/seed-8"]),
+    "engine": Effect("--engine ray", cluster_asked_for, [None]),
+    "address": Effect("--address here:1", cluster_asked_for, ["here:1"], given="--engine ray"),
+    "out": Effect("--out FOLDER/elsewhere", folders, ["elsewhere"]),
+    "threads": Effect("--threads 2", threads, ({("training", 1), ("validation", 2)}, 2)),
+    "joint_authority": Effect("--joint-authority 0.2", of_both(authority), both([0.15, 0.2, 0.2])),
+    "hip_authority": Effect("--hip-authority 0.1", of_both(authority), both([0.1, 0.3, 0.3])),
+    "foot_authority": Effect("--foot-authority 0.03", of_both(authority), both([0.03] * 3), given="--space feet"),
+    "space": Effect("--space feet", of_both(lambda each: (each.space, authority(each))), both(("feet", [0.08] * 3))),
+    "command_authority": Effect("--command-authority 0.4", shifted(*SHIFTED[:3]), both([0.4] * 3)),
+    "gait_authority.frequency": Effect("--gait-authority.frequency 0.7", shifted(*SHIFTED[3:6]), both([0.7, 0, 0])),
+    "gait_authority.step_height": Effect(
+        "--gait-authority.step-height 0.03", shifted(*SHIFTED[3:6]), both([0, 0.03, 0])
+    ),
+    "gait_authority.body_height": Effect(
+        "--gait-authority.body-height 0.02", shifted(*SHIFTED[3:6]), both([0, 0, 0.02])
+    ),
+    "foothold_authority": Effect(
+        "--foothold-authority 0.05", shifted(*SHIFTED[6:]), both([0.05] * 2), given="--base mpc"
+    ),
+    "shift_time": Effect("--shift-time 0.6", of_both(lambda each: each.shift_time), both(0.6)),
+    "inputs.lags": Effect("--inputs.lags 0.03", lag, 0.03),
+    "inputs.averages": Effect("--inputs.averages 0.2", averaging_time, 0.2),
+    "inputs.clock": Effect("--inputs.clock 4", clock, 4.0),
+    "mixture": Effect(
+        "--mixture push=60 1 slope=20 3",
+        lambda made: {each.scenario.name: each.num_envs for each in made.robots},
+        {"push=60": 1, "slope=20": 3},
+    ),
+    "curriculum": Effect(
+        "--curriculum 0.5",  # of the way from 1 m/s, 20 N·s and 0.06 m, on a scale of their logarithms
+        severities,
+        pytest.approx({"flat": 1.5**0.5, "push": (20 * 60) ** 0.5, "rough": (0.06 * 0.2) ** 0.5}),
+    ),
+    "pushes": Effect("--pushes 2", lambda made: [len(each.env.pushes.force[0]) for each in made.started], [0, 2, 0]),
+    "hardness": Effect("--hardness 1.5", hardest, (90.0, 0.3)),
+    "max_episode_steps": Effect("--max-episode-steps 3", longest_episode, 3),
+    "timestep": Effect("--timestep 0.0025", step_size, 0.0025),
+    "robot": Effect(
+        "--robot FOLDER/alike.xml",
+        lambda made: (*of_both(lambda each: each.base.robot.name)(made), *{each.robot.name for each in made.robots}),
+        ("alike",) * 3,
+    ),
+    "actuator": Effect(
+        "--actuator motor",
+        kinds_of_robots(lambda each: each.warms),
+        alike_everywhere(True),
+    ),
+    "sensors": Effect("--sensors typical", kinds_of_robots(lambda each: each.sensed), alike_everywhere(True)),
+    "estimator": Effect(
+        "--estimator kalman",
+        kinds_of_robots(lambda each: type(each.env.estimator).__name__),
+        alike_everywhere("KalmanFilter"),
+        given="--sensors typical",
+    ),
+    "reward_terms": Effect("--reward-terms FOLDER/own.py:always=5", own_term, pytest.approx(5 * DT)),
+    "ppo.envs": Effect("--ppo.envs 8", learner(lambda each: (each.n_envs, each.get_env().num_envs)), both(8)),
+    "ppo.rollout_steps": Effect("--ppo.rollout-steps 6", learner(lambda each: each.n_steps), 6),
+    "ppo.minibatch": Effect("--ppo.minibatch 2", learner(lambda each: each.batch_size), 2),
+    "ppo.epochs": Effect("--ppo.epochs 3", learner(lambda each: each.n_epochs), 3),
+    "ppo.learning_rate": Effect("--ppo.learning-rate 3e-4", learner(lambda each: each.lr_schedule(1.0)), 3e-4),
+    "ppo.learning_rate_schedule": Effect(
+        "--ppo.learning-rate-schedule constant", learner(lambda each: each.lr_schedule(0.25)), 1e-3
+    ),
+    "ppo.target_kl": Effect(
+        "--ppo.target-kl 0.02", learner(lambda each: each.learning_rate.target_kl), 0.02, given=ADAPTIVE
+    ),
+    "ppo.hold": Effect(
+        "--ppo.hold 3", lambda made: (int(next(made.steps(1))[4]["episode"]["l"][0]), made.shipped.hold), both(3)
+    ),
+    "ppo.gamma": Effect("--ppo.gamma 0.9", learner(lambda each: (each.gamma, each.rollout_buffer.gamma)), both(0.9)),
+    "ppo.gae_lambda": Effect(
+        "--ppo.gae-lambda 0.8", learner(lambda each: (each.gae_lambda, each.rollout_buffer.gae_lambda)), both(0.8)
+    ),
+    "ppo.overlap": Effect(
+        "--ppo.overlap --max-episode-steps 8 --steps 32",
+        lambda made: made.ran.learners[0].drains is not type(made.ran.learners[0]).drains,
+        True,
+    ),
+    "ppo.clip_range": Effect("--ppo.clip-range 0.17", learner(lambda each: each.clip_range(1.0)), 0.17),
+    "ppo.reward_scale": Effect(
+        "--ppo.reward-scale 40", rewards, lambda usual: pytest.approx([4.0 * each for each in usual])
+    ),
+    "ppo.entropy": Effect("--ppo.entropy 0.01", learner(lambda each: each.ent_coef), 0.01),
+    "ppo.value_weight": Effect("--ppo.value-weight 0.4", learner(lambda each: each.vf_coef), 0.4),
+    "ppo.max_gradient": Effect("--ppo.max-gradient 0.7", learner(lambda each: each.max_grad_norm), 0.7),
+    "ppo.log_std_init": Effect(
+        "--ppo.log-std-init -1.5", learner(lambda each: each.policy.log_std.tolist()[0]), pytest.approx(-1.5)
+    ),
+    "ppo.log_std_final": Effect("--ppo.log-std-final -3.2 --steps 16", noise_at_the_end, -2.2),
+    "ppo.privileged": Effect("--ppo.no-privileged", lambda made: made.env.privileged, 0),
+    "ppo.standardise": Effect(
+        "--ppo.standardise", learner(lambda each: type(each.policy.features_extractor).__name__), "Standardised"
+    ),
+    "ppo.symmetry": Effect(
+        "--ppo.symmetry", learner(lambda each: type(each.rollout_buffer).__name__), "MirroredRolloutBuffer"
+    ),
+    "ppo.actor": Effect("--ppo.actor 6 5", widths("policy_net"), [6, 5]),
+    "ppo.critic": Effect("--ppo.critic 7", widths("value_net"), [7]),
+    "ppo.activation": Effect("--ppo.activation tanh", activations, ({"Tanh"}, "tanh")),
+    "validation.interval": Effect(
+        "--validation.interval 8",
+        lambda made: [each["steps"] for each in made.ran.validations],
+        [8, 16, 24],
+        given="--steps 24",
+    ),
+    "validation.episodes": Effect(
+        "--validation.episodes 3", lambda made: [len(each.seeds) for each in made.ran.judged()], [3]
+    ),
+    "validation.scenarios": Effect(
+        "--validation.scenarios push rough=0.1",
+        lambda made: [each.env.scenario.name for each in made.ran.judged()],
+        ["push", "rough=0.1"],
+    ),
+}
+OF_ITS_OWN = {"resume"}
+"""Options with a test of their own below."""
+
+
+def options(config: Any, prefix: str = "") -> Iterator[str]:
+    """Names of all options, those of groups with the group's."""
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        if dataclasses.is_dataclass(value):
+            yield from options(value, f"{prefix}{field.name}.")
+        else:
+            yield prefix + field.name
+
+
+def test_every_option_has_an_effect_that_is_tested() -> None:
+    terms = {f"rewards.{field.name}" for field in dataclasses.fields(RewardWeights)}
+    assert set(options(TrainConfig())) == EFFECTS.keys() | OF_ITS_OWN | terms
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("usual")
+
+
+@pytest.fixture(scope="module")
+def usual(folder: Path) -> Callable[[str], Made]:
+    """What is made with nothing but what an option needs."""
+    made: dict[str, Made] = {}
+
+    def of(given: str) -> Made:
+        place = folder / str(len(made))
+        return made.setdefault(given, Made(given, place))
+
+    return of
+
+
+@pytest.mark.parametrize("option", EFFECTS)
+def test_an_option_reaches_what_it_governs(option: str, usual: Callable[[str], Made], tmp_path: Path) -> None:
+    effect = EFFECTS[option]
+    (tmp_path / "own.py").write_text("def always(state):\n    return state.height * 0 + 1\n")
+    if option == "robot":
+        alike(tmp_path)
+    before = effect.reading(usual(effect.given))
+    after = effect.reading(Made(f"{effect.given} {effect.words}", tmp_path))
+    expected = effect.expected(before) if callable(effect.expected) else effect.expected
+    assert after == expected
+    assert before != expected
+
+
+TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
+
+
+@pytest.fixture(scope="module")
+def earned(folder: Path) -> list[dict[str, float]]:
+    """What each term came to over the same falls: all of weight 1, then each of twice the weight of the one before."""
+    found = []
+    for number, weights in enumerate(((1.0,) * len(TERMS), 2.0 ** np.arange(len(TERMS)))):
+        words = [f"--rewards.{name.replace('_', '-')} {weight}" for name, weight in zip(TERMS, weights, strict=True)]
+        robots = Made(" ".join(words), folder / f"weights-{number}").residual.unwrapped
+        robots.reset(seed=episode_seeds("training", 0, robots.num_envs).tolist())
+        sums = dict.fromkeys(TERMS, 0.0)
+        for step in range(100):
+            wild = np.random.default_rng(step // 10).uniform(robots.action_space.low, robots.action_space.high)
+            *_, infos = robots.step(wild.astype(np.float32))
+            for name in TERMS:
+                sums[name] += float(infos[f"reward_{name}"].sum())
+        found.append(sums)
+    return found
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_the_weight_of_a_reward_term_is_what_robots_earn_by(term: str, earned: list[dict[str, float]]) -> None:
+    ones, others = earned
+    assert ones[term] != 0.0, "or this shows nothing"
+    assert others[term] == pytest.approx(ones[term] * 2.0 ** TERMS.index(term))
+
+
+def test_resume_carries_the_run_on_that_is_in_the_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert steps_done(Made("", tmp_path).ran.folder) == STEPS
+    again = Made(f"--resume --steps 16 --out {tmp_path / 'run'}", tmp_path)
+    assert steps_done(again.ran.folder) == 16
+    assert f"carrying on at {STEPS} steps" in capsys.readouterr().out
+
+
+def test_another_robot_is_trained_on_what_is_as_hard_for_it(tmp_path: Path) -> None:
+    """At a length of 0.4 and a tenth of the mass impulses go by 0.1 · √0.4, heights by 0.4; from the mildest level."""
+    alike(tmp_path)
+    made = Made(f"--robot {tmp_path / 'alike.xml'} --curriculum 0.5 --ppo.envs 64 --ppo.minibatch 128", tmp_path)
+    found = severities(made)
+    assert found["push"] == pytest.approx((20 * 55) ** 0.5 * 0.1 * 0.4**0.5, rel=0.01)
+    assert found["rough"] == pytest.approx((0.06 * 0.2) ** 0.5 * 0.4, rel=0.01)
+    assert found["payload"] == pytest.approx(
+        0.1 * severities(Made("--mixture payload=20 1 --curriculum 0.5", tmp_path))["payload"], rel=0.01
+    )
+
+
+def test_the_same_name_is_another_scenario_for_another_robot(tmp_path: Path) -> None:
+    alike(tmp_path)
+    (pushed,) = Made(f"--robot {tmp_path / 'alike.xml'} --mixture push 1", tmp_path).robots
+    assert pushed.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)
+
+
+def test_all_episodes_and_no_advantage_begin_anew_where_a_segment_does(tmp_path: Path) -> None:
+    """Segments of two rollouts: each begins with the observations of its own seeds, as the begin of an episode."""
+    made, twin, begins = Made("--max-episode-steps 4", tmp_path), Made("--max-episode-steps 4", tmp_path), []
+
+    class Watch(BaseCallback):
+        def _on_step(self) -> bool:
+            return True
+
+        def _on_rollout_end(self) -> None:
+            buffer = self.locals["rollout_buffer"]
+            begins.append((buffer.episode_starts[0].all(), buffer.observations[0].copy()))
+
+    made.learner.learn(6 * 8, [Segments(made.config, CallbackState()), Watch()])
+    assert [start for start, _ in begins] == [True, False] * 3
+    for segment, (_, seen) in enumerate(begins[::2]):
+        np.testing.assert_array_equal(seen, twin.env.begin(training_seeds(made.config, segment)))
