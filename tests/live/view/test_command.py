@@ -19,11 +19,11 @@ from quad_env.__main__ import main
 
 BEGUN_DEAF = """
 import multiprocessing
-from policies.safety.watchdog import deaf_to_ctrl_c
+from policies.child_process import without_ctrl_c
 
 tell = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
 process = multiprocessing.get_context("spawn").Process(target=exec, args=(tell,))
-with deaf_to_ctrl_c():
+with without_ctrl_c():
     process.start()
 process.join()
 """
@@ -53,7 +53,7 @@ def test_ctrl_c_while_it_loads_ends_in_one_line(delay: float) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no masks of signals there")
-def test_the_first_process_that_is_begun_deaf_to_ctrl_c_is_so_before_it_loads() -> None:
+def test_the_first_process_that_is_begun_without_ctrl_c_is_so_before_it_loads() -> None:
     told = subprocess.run([sys.executable, "-c", BEGUN_DEAF], capture_output=True, text=True, check=True)
     assert told.stdout == "True\n"
 
