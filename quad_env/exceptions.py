@@ -1,6 +1,6 @@
 """What an exception says, whatever code it comes from: one line, even where the exception's own text cannot be had."""
 
-LONGEST = 200
+LONGEST = 1000
 """Characters of a text that are kept."""
 
 
@@ -11,7 +11,9 @@ def described(error: BaseException) -> str:
     """
     try:
         text = f"{type(error).__name__}: {error}"
-    except Exception:
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
         text = f"{type(error).__name__}, whose text cannot be had"
     line = " ".join(text.split())
     return "".join(sign if sign.isprintable() else "?" for sign in line)[:LONGEST]

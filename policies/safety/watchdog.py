@@ -19,6 +19,9 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 START_TIMEOUT = 60.0
 """For the process to start and make its policy, s."""
 
+_asking: Connection | None = None
+"""In a policy's process: the connection to the process that asks it."""
+
 
 class DeadlineMissed(RuntimeError):
     """The policy gave no answer in time; its process has been ended."""
@@ -104,19 +107,22 @@ class Watched(Policy):
     def ask(self, question: tuple[object, ...], patience: float) -> Any:
         """What a method of the policy, named first, gives for the arguments after it, in a process begun if need be.
 
-        The process is ended unless the answer comes within `patience` s.
+        The process is ended unless the answer comes within `patience` s, or within as much of the last `still_at_work`.
         """
         if self._process is None:
             self._launch()
         connection, process = self._connection, self._process
         assert connection is not None
-        began = time.perf_counter()
         # From a thread of its own, since a large question to a process that does not listen blocks as well.
-        watchdog = threading.Timer(patience, process.kill)
+        watchdog, began = threading.Timer(patience, process.kill), time.perf_counter()
         watchdog.start()
         try:
             connection.send(question)
-            failure, answer = connection.recv()
+            while (reply := connection.recv()) is None:  # still at work
+                watchdog.cancel()
+                watchdog.join()
+                watchdog, began = threading.Timer(patience, process.kill), time.perf_counter()
+                watchdog.start()
         except (EOFError, OSError) as error:
             late = time.perf_counter() - began >= patience
             self.close()
@@ -126,9 +132,16 @@ class Watched(Policy):
         finally:
             watchdog.cancel()
             watchdog.join()
+        failure, answer = reply
         if failure is not None:
             raise PolicyProcessError(failure)
         return answer
+
+
+def still_at_work() -> None:
+    """Have the process that waits for a policy's answer wait on; nothing where no process does."""
+    if _asking is not None:
+        _asking.send(None)
 
 
 def _serve(connection: Connection, make: Callable[[], Policy]) -> None:
@@ -136,10 +149,12 @@ def _serve(connection: Connection, make: Callable[[], Policy]) -> None:
 
     It ends with the process that began it, even while its policy hangs.
     """
+    global _asking
     serve_parent()
     try:
         try:
             policy = make()
+            _asking = connection
         except Exception as error:
             connection.recv()
             connection.send((described(error), None))

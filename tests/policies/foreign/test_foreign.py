@@ -2,6 +2,8 @@
 
 import pickle
 import sys
+import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from policies.foreign.served import Served, serve
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions, VectorHomePoseActions
 
 FILE = """
-import os, sys, time
+import os, signal, sys, time
 import numpy as np
 import policies
 
@@ -73,6 +75,29 @@ class Exits(Faulty):
 class Hangs(Faulty):
     def fault(self):
         time.sleep(60.0)
+
+class Mute(Exception):
+    def __str__(self):
+        raise KeyError("no text")
+
+class RaisesMute(Faulty):
+    def fault(self):
+        raise Mute
+
+class Stops(Faulty):
+    def fault(self):
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+class AllHang(Counts):
+    def __call__(self, observation):
+        action = super().__call__(observation)
+        time.sleep(60.0 * (self.calls == 3))
+        return action
+
+class Slow(Counts):
+    def __call__(self, observation):
+        time.sleep(0.02)
+        return super().__call__(observation)
 
 class Short(Faulty):
     def fault(self):
@@ -181,6 +206,7 @@ def test_a_policy_of_ours_in_a_file_acts_as_it_does_here(file: Path) -> None:
     ("name", "reason"),
     [
         ("Raises", "raised KeyError: 'two\\nlines'"),
+        ("RaisesMute", "raised Mute, whose text cannot be had"),
         ("Exits", "raised SystemExit: 4"),
         ("Short", "gave float64 of shape (3,), not numbers of shape (12,)"),
         ("Words", "gave <U4 of shape (12,), not numbers of shape (12,)"),
@@ -197,6 +223,43 @@ def test_a_failure_is_that_of_one_robot(file: Path, name: str, reason: str) -> N
     again = of.step(OBSERVATIONS)
     assert again.failures == {}
     np.testing.assert_allclose(again.actions[OTHERS], 0.04)
+
+
+def test_calls_that_give_no_answer_take_two_deadlines_however_many_they_are(file: Path) -> None:
+    answered = third_step(served(file, "AllHang", deadline=0.2))[1]
+    assert [answered[robot] for robot in range(3)] == [
+        f"gave no answer within {0.2 / 2**late:g} s" for late in range(3)
+    ]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="stops a process by a signal")
+@pytest.mark.parametrize("robots", [3, 256])
+def test_a_process_that_stops_is_ended_within_a_deadline_whatever_the_number_of_robots(
+    file: Path, robots: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("policies.foreign.policy.GRACE", 0.5)
+    observations = np.resize(OBSERVATIONS, (robots, OBSERVATION_SIZE))
+    with closing(Foreign(f"{file}:Stops", deadline=1.0)) as policy:
+        policy.reset(robots)
+        for _ in range(2):
+            policy.act(observations)
+        began = time.monotonic()
+        policy.act(observations)
+        assert policy.failure.tolist() == ["gave no answer: no answer within 1500 ms"] * robots
+        assert time.monotonic() - began < 20.0  # a bound for a busy machine
+
+
+def test_many_robots_that_are_each_answered_for_in_time_may_take_longer_together(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("policies.foreign.policy.GRACE", 0.2)
+    robots = 100
+    with closing(Foreign(f"{file}:Slow", deadline=1.0)) as policy:
+        policy.reset(robots)
+        for step in (1, 2):
+            action = policy.act(np.zeros((robots, OBSERVATION_SIZE), np.float32))
+            np.testing.assert_allclose(action[:, 0], 0.01 * step, rtol=1e-6)
+        assert policy.failure.tolist() == [None] * robots
 
 
 def test_a_batch_that_raises_fails_every_robot_from_then_on(file: Path) -> None:
