@@ -189,14 +189,13 @@ class Served:
 
     def _tried(self, call: Any, *arguments: Any) -> tuple[Any, str | None]:
         """What a call gives, or why it gave nothing."""
-        patience = self._deadline * (1 if self._called else PATIENCE_AT_FIRST)
-        patience = max(patience * 0.5**self._late, LEAST_PATIENCE)
+        deadline = self._deadline * (1 if self._called else PATIENCE_AT_FIRST)
         try:
-            with _within(patience):
+            with _within(max(deadline * 0.5**self._late, LEAST_PATIENCE)):
                 return _result(call, arguments)
         except _Late:
             self._late += 1
-            return None, f"gave no answer within {patience:g} s"
+            return None, f"gave no answer within {deadline:g} s"
         finally:
             if (now := time.monotonic()) - self._reported > min(REPORT_PERIOD, 0.2 * self._deadline):
                 self._reported = now

@@ -232,17 +232,15 @@ def runs(process: int) -> bool:
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
-def test_workers_leave_when_the_evaluation_is_killed(repository, tmp_path) -> None:
+def test_workers_leave_when_the_evaluation_is_killed(repository, tmp_path, running) -> None:
     command = [sys.executable, "-m", "evaluate", "--policies", "trot", "stand", "--scenarios", "flat", "push"]
     command += ["--episodes", "256", "--threads", "2", "--out", str(tmp_path)]
-    process = subprocess.Popen(command, cwd=repository, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    while len(workforce := children(process.pid)) < 3:  # two workers and Python's resource tracker
-        assert process.poll() is None
-        time.sleep(0.01)
-    time.sleep(0.5)
-    process.kill()
-    process.wait()
-    patience = time.monotonic() + 10.0
+    with running(command, cwd=repository, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        while len(workforce := children(process.pid)) < 3:  # two workers and Python's resource tracker
+            assert process.poll() is None
+            time.sleep(0.01)
+        time.sleep(0.5)
+    patience = time.monotonic() + 60.0
     while any(map(runs, workforce)):
         assert time.monotonic() < patience, "orphans are left"
         time.sleep(0.05)

@@ -212,11 +212,11 @@ def test_a_policy_of_ours_in_a_file_acts_as_it_does_here(file: Path) -> None:
         ("Words", "gave <U4 of shape (12,), not numbers of shape (12,)"),
         ("Nan", "gave targets that are not finite"),
         ("Huge", "gave targets that are not finite"),
-        ("Hangs", "gave no answer within 0.1 s"),
+        ("Hangs", "gave no answer within 0.5 s"),
     ],
 )
 def test_a_failure_is_that_of_one_robot(file: Path, name: str, reason: str) -> None:
-    of = served(file, name, deadline=0.1)
+    of = served(file, name, deadline=0.5)
     actions, failures = third_step(of)
     assert failures == {1: reason}
     np.testing.assert_allclose(actions[OTHERS], 0.03)
@@ -226,10 +226,13 @@ def test_a_failure_is_that_of_one_robot(file: Path, name: str, reason: str) -> N
 
 
 def test_calls_that_give_no_answer_take_two_deadlines_however_many_they_are(file: Path) -> None:
-    answered = third_step(served(file, "AllHang", deadline=0.2))[1]
-    assert [answered[robot] for robot in range(3)] == [
-        f"gave no answer within {0.2 / 2**late:g} s" for late in range(3)
-    ]
+    of, observations = served(file, "AllHang", deadline=1.0), np.zeros((30, OBSERVATION_SIZE), np.float32)
+    of.reset(30, 0)
+    for _ in range(2):
+        assert of.step(observations).failures == {}
+    began = time.monotonic()
+    assert of.step(observations).failures == dict.fromkeys(range(30), "gave no answer within 1 s")
+    assert time.monotonic() - began < 15.0  # 2 s, with room for a busy machine
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="stops a process by a signal")
