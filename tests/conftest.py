@@ -1,10 +1,15 @@
 """What all tests share: headless rendering, and property tests that draw the same examples every time."""
 
+import contextlib
 import ctypes.util
 import os
+import signal
 import subprocess
 import sys
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -17,6 +22,8 @@ settings.load_profile("simple_quad")
 if "MUJOCO_GL" not in os.environ and sys.platform == "linux":
     os.environ["MUJOCO_GL"] = "egl" if ctypes.util.find_library("EGL") else "osmesa"
 
+LONGEST = 240.0
+"""For a command that a test runs, s, on a busy machine: who waits for what it never does is not left waiting."""
 RENDER_ONE_PIXEL = """
 import mujoco
 model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
@@ -48,3 +55,33 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def repository() -> Path:
     """The root of the clone."""
     return Path(__file__).parents[1]
+
+
+@contextlib.contextmanager
+def _running(command: list[str], longest: float = LONGEST, **options: Any) -> Iterator[subprocess.Popen[str]]:
+    """The process of a command, its outputs in pipes as text; see `running`."""
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    if sys.platform != "win32":
+        pipes["preexec_fn"] = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
+    process: subprocess.Popen[str] = subprocess.Popen(command, **pipes | options)
+    limit = threading.Timer(longest, process.kill)
+    limit.start()
+    try:
+        yield process
+    finally:
+        limit.cancel()
+        process.kill()
+        process.wait()
+        for pipe in (process.stdout, process.stderr):
+            if pipe is not None:
+                pipe.close()
+
+
+@pytest.fixture(scope="session")
+def running() -> Callable[..., contextlib.AbstractContextManager[subprocess.Popen[str]]]:
+    """Context with the process of a command, as a user runs it: Ctrl-C reaches it even where the tests are a background
+    job of a shell, which ignores it; it is ended after `longest`, and however a test ends nothing is left of it.
+
+    What is left would be a failure of another test, whichever runs when its pipes are collected.
+    """
+    return _running

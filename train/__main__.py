@@ -24,7 +24,7 @@ from evaluate.terminal.command_line import parse as parse_options
 from evaluate.terminal.program import HELP, Command, Program
 from policies.parameters import limits_of
 from train.config import DEFAULTS, TrainConfig, differences, likewise, load_config
-from train.run_folder import has_checkpoint
+from train.run_folder import has_checkpoint, steps_done
 from train.setting_ranges import check
 
 NAME = "python -m train"
@@ -53,7 +53,8 @@ def run(words: list[str]) -> int:
     try:
         train_seeds(config)
     except KeyboardInterrupt as interrupt:
-        if any(has_checkpoint(each.folder) for each in config.runs):
+        unfinished = any(steps_done(each.folder) < each.steps for each in config.runs)
+        if unfinished and any(has_checkpoint(each.folder) for each in config.runs):
             several = f"--seed {config.seed} --seeds {config.seeds} " if config.seeds > 1 else ""
             said = [f"carry the run on with --resume {several}--out {config.folder}", *map(str, interrupt.args)]
             raise KeyboardInterrupt("; ".join(said)) from None

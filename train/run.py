@@ -10,12 +10,12 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
 from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.interrupt import Interrupt
 from policies.files import sole_use
 from policies.residual import authority_of
 from train.config import TrainConfig
 from train.display import Display
 from train.foreign.reward_term import reported
-from train.interrupt import Interrupt
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.robots import TrainingRobots, make_robots, training_seeds
 from train.run_folder import CHECKPOINTS, begun, refuse_folder_in_use, writing

@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 # Everything that is needed to the end, so that no interrupt can come in the middle of an import.
@@ -13,11 +14,13 @@ from evaluate.records import trace
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
 from evaluate.rollouts.cluster import ray_cluster
-from evaluate.rollouts.experiment import Cell, Executor, Settings, TraceWriter, evaluation_seeds, run_cells
+from evaluate.rollouts.experiment import Cell, Executor, NotKept, Settings, TraceWriter, evaluation_seeds, run_cells
 from evaluate.rollouts.progress import show_progress
 from evaluate.rollouts.workers import WorkerLost, process_pool
-from evaluate.terminal import launcher
+from evaluate.terminal import launcher, memory
 from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.interrupt import Interrupt
+from evaluate.terminal.program import words_of
 from policies.files import sole_use
 
 
@@ -42,7 +45,12 @@ def _execute(plan: Plan, show: Show) -> int:
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
     done, interrupted = simulate(plan, store)
-    code = conclude(Run(manifest, tuple(done)), out, ending) if done else 0
+    try:
+        code = conclude(Run(manifest, tuple(done)), out, ending) if done else 0
+    except Exception as error:
+        if not memory.is_short(error):
+            raise
+        raise UsageError(f"{memory.SHORT}; {_then(store)}") from error
     if not interrupted:
         remove_chunks(out)
         return code
@@ -52,42 +60,64 @@ def _execute(plan: Plan, show: Show) -> int:
 
 
 def simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
-    """The cells that were finished, in the order of the run, and whether the user interrupted."""
+    """The cells that were finished, in the order of the run, and whether the user interrupted. Raises UsageError."""
     done: list[Cell] = []
     interrupted = False
-    seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
     try:
         launcher.raise_on_interrupt()
-        with show_progress([policy for _, policy in plan.manifest.cells]) as progress:
-            settings = Settings(
-                plan.options.threads,
-                progress,
-                _chunk_size(plan),
-                store,
-                _trace_writer(plan, store),
-                plan.manifest.steps,
-                _engine(plan),
-                plan.manifest.hardware,
-            )
-            done.extend(run_cells(plan.policies, plan.scenarios, seeds, settings))
+        memory.hold_where_limited()
+        with Interrupt() as interrupt:
+            _simulate(plan, store, interrupt, done)
     except KeyboardInterrupt:
         if not store.begun:
             raise
         interrupted = True
-    except WorkerLost as error:
-        raise UsageError(f"{error}; {_then(store)}") from error
-    except OSError as error:
-        reason = error.strerror or error
-        raise UsageError(f"cannot write to {store.folder} ({reason}); make room, then {_then(store)}") from error
+    except Exception as error:
+        if (words := _why(error, store)) is None:
+            raise
+        raise UsageError(words) from error
     done.sort(key=lambda cell: plan.manifest.cells.index((cell.scenario, cell.policy)))
     return done, interrupted
 
 
-def _engine(plan: Plan) -> Executor:
-    """What simulates the chunks."""
+def _simulate(plan: Plan, store: ChunkStore, interrupt: Interrupt, done: list[Cell]) -> None:
+    """Add the cells to those done, as they are finished."""
+    with show_progress([policy for _, policy in plan.manifest.cells]) as progress:
+
+        def report(policy: str, scenario: str, share: float) -> None:
+            interrupt.check()
+            progress(policy, scenario, share)
+
+        settings = Settings(
+            plan.options.threads,
+            report,
+            _chunk_size(plan),
+            store,
+            _trace_writer(plan, store),
+            plan.manifest.steps,
+            _engine(plan, interrupt.check),
+            plan.manifest.hardware,
+        )
+        seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
+        done.extend(run_cells(plan.policies, plan.scenarios, seeds, settings))
+
+
+def _why(error: Exception, store: ChunkStore) -> str | None:
+    """A line for a user: why not everything was simulated, and what may be done; None for a fault of the program."""
+    if memory.is_short(error):
+        return f"{memory.SHORT}; {_then(store)}"
+    if isinstance(error, NotKept):
+        return f"cannot write to {store.folder} ({error.strerror}); make room, then {_then(store)}"
+    if isinstance(error, WorkerLost | OSError):
+        return f"{words_of(error)}; {_then(store)}"
+    return None
+
+
+def _engine(plan: Plan, check: Callable[[], None]) -> Executor:
+    """What simulates the chunks; `check` is called while it waits, and may raise."""
     if plan.options.engine == "ray":
-        return ray_cluster(plan.options.threads, plan.options.address)
-    return process_pool(plan.options.threads)
+        return ray_cluster(plan.options.threads, plan.options.address, check)
+    return process_pool(plan.options.threads, check)
 
 
 def _chunk_size(plan: Plan) -> int:

@@ -50,11 +50,14 @@ class Cluster(Protocol):
 
 
 @contextlib.contextmanager
-def cluster(count: int, address: str | None = None) -> Iterator[Cluster]:
-    """Context with the cluster at `address`, else with one of `count` cores that is embedded in this process."""
+def cluster(count: int, address: str | None = None, check: Callable[[], None] = lambda: None) -> Iterator[Cluster]:
+    """Context with the cluster at `address`, else with one of `count` cores that is embedded in this process.
+
+    `check` is called while it waits, and may raise.
+    """
     ray = _connected(count, address)
     try:
-        yield partial(_spread, ray)
+        yield partial(_spread, ray, check)
     except ray.exceptions.RayTaskError as error:
         raise error.as_instanceof_cause() from None
     except (ray.exceptions.RayError, ConnectionError) as error:
@@ -63,11 +66,14 @@ def cluster(count: int, address: str | None = None) -> Iterator[Cluster]:
         ray.shutdown()
 
 
-def ray_cluster(count: int, address: str | None = None) -> Executor:
-    """Executor of the cluster at `address`, else of one of `count` workers that is embedded in this process."""
+def ray_cluster(count: int, address: str | None = None, check: Callable[[], None] = lambda: None) -> Executor:
+    """Executor of the cluster at `address`, else of one of `count` workers that is embedded in this process.
+
+    `check` is called while it waits, and may raise.
+    """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
-        with cluster(count, address) as spread:
+        with cluster(count, address, check) as spread:
             yield from executor(spread)(tasks, progress)
 
     return execute
@@ -84,6 +90,7 @@ def _run_task(task: Task, report: Report) -> Chunk:
 
 def _spread(
     ray: Any,
+    check: Callable[[], None],
     work: Callable[[A, Report], R],
     arguments: Sequence[A],
     told: Callable[[int, Any], None] | None = None,
@@ -95,6 +102,7 @@ def _spread(
     run = ray.remote(num_cpus=cores, max_retries=TRIES)(work)
     waiting = {run.remote(each, partial(_report, queue, place)): place for place, each in enumerate(arguments)}
     while waiting:
+        check()
         done, _ = ray.wait(list(waiting), num_returns=1, timeout=POLL_PERIOD)
         if queue is not None and told is not None:
             for place, news in queue.get_nowait_batch(queue.qsize()):

@@ -1,5 +1,6 @@
 """The comparison as a sequence of cells, one policy on one scenario each; the seeds are the same for every policy."""
 
+import contextlib
 import dataclasses
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
@@ -17,6 +18,10 @@ from evaluate.rollouts.hardware import IDEAL, Hardware
 from policies.base import Policy
 from quad_env.scenarios.named import Scenario
 from quad_env.seeding import episode_seeds
+
+
+class NotKept(OSError):
+    """What was simulated could not be written: to the store, or as a trace."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +127,7 @@ def run_cells(
     """Every policy on one of its scenarios, then on the next: what is done when a user interrupts is comparable.
 
     Simulates and measures what is not in the store. Cells come as they are finished, which depends on the executor.
+    Raises NotKept where the store cannot keep them.
     """
     pending = [
         _PendingCell(policy, scenario, seeds, settings)
@@ -142,7 +148,8 @@ def run_cells(
     with closing(execute([task for _, task in owned], progress)) as outcomes:
         for place, chunk in outcomes:
             if settings.store is not None:
-                settings.store.save(chunk)
+                with _keeping():
+                    settings.store.save(chunk)
             cell = owned[place][0]
             cell.add(chunk)
             if cell.done:
@@ -165,7 +172,7 @@ def sequential(nthread: int) -> Executor:
 
 
 def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chunk:
-    """Outcome of a task; `progress` is told the share of it that is done, below 1."""
+    """Outcome of a task; `progress` is told the share of it that is done, below 1. Raises NotKept of its trace."""
     label = task.policy.label
     episodes = rollout.run(
         task.policy.policy,
@@ -178,9 +185,19 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
         hardware=task.hardware,
     )
     if task.trace is not None:
-        task.trace(label, task.scenario, int(task.numbers[0]), episodes)
+        with _keeping():
+            task.trace(label, task.scenario, int(task.numbers[0]), episodes)
     measured = episodes.fall_reason, measure(episodes), episodes.failure
     return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, *measured))
+
+
+@contextlib.contextmanager
+def _keeping() -> Iterator[None]:
+    """Context in which a failure of the system is NotKept."""
+    try:
+        yield
+    except OSError as error:
+        raise NotKept(error.errno, error.strerror or str(error), error.filename) from error
 
 
 class _PendingCell:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from evaluate.terminal.interrupt import Interrupt
+
 if TYPE_CHECKING:
     from evaluate.rollouts.experiment import CellProgress
 
@@ -104,11 +106,20 @@ def _lines(total: int, forecast: Forecast) -> "CellProgress":
 
 @contextmanager
 def bar(what: str) -> "Iterator[Callable[[float], None]]":
-    """Takes the share of the work that is done, 0 … 1: a bar on a terminal, nothing elsewhere."""
+    """Takes the share of the work that is done, 0 … 1: a bar on a terminal, nothing elsewhere.
+
+    It raises KeyboardInterrupt if Ctrl-C was pressed: the work stops between two reports.
+    """
     from rich.console import Console
     from rich.progress import Progress
 
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+    shown = Progress(console=console, transient=True, disable=not console.is_terminal)
+    with Interrupt() as interrupt, shown as progress:
         task = progress.add_task(what, total=1.0)
-        yield lambda share: progress.update(task, completed=share)
+
+        def report(share: float) -> None:
+            interrupt.check()
+            progress.update(task, completed=share)
+
+        yield report

@@ -4,6 +4,7 @@ import runpy
 from pathlib import Path
 from typing import Any
 
+from quad_env.exceptions import described
 from quad_env.files import TEXT, check_file
 from quad_env.scenarios.combination import is_combination
 from quad_env.scenarios.named import SCENARIOS, Scenario
@@ -33,7 +34,7 @@ def _run(file: Path) -> dict[str, Any]:
         check_file(file, TEXT)
         return runpy.run_path(str(file))
     except (Exception, SystemExit) as error:
-        raise ValueError(f"{file} fails: {type(error).__name__}: {error}") from error
+        raise ValueError(f"{file} fails: {described(error)}") from error
 
 
 def _scenarios(value: Any) -> tuple[Scenario, ...]:

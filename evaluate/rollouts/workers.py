@@ -3,88 +3,146 @@
 import contextlib
 import multiprocessing
 import os
+import pickle
 import signal
-import threading
-from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+import time
+import traceback
+from collections.abc import Callable, Generator, Iterator, Sequence
 from multiprocessing import connection
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnContext
 from typing import Any
 
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, sequential, simulate
 from evaluate.terminal.command_line import UsageError
-from policies.safety.watchdog import deaf_to_ctrl_c
+from policies.child_process import serve_parent, without_ctrl_c
+from quad_env.exceptions import described
 
 POLL_PERIOD = 0.1
-"""s between two looks at what the workers report."""
+"""s between two looks at whether the user has interrupted."""
+ENDING_TIME = 2.0
+"""For all workers together to end by themselves, before they are killed, s."""
 FEWEST_STEPS = 100_000
 """Control steps, of all robots together, below which the workers' start takes longer than they save."""
-ENVIRONMENT = {
-    "OPENBLAS_NUM_THREADS": "1",
-    "PYTHONWARNINGS": ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"))),
-}
-"""Environment variables of the workers: their matrices are small, and the other cores have workers of their own;
-semaphores that a killed evaluation leaves are removed without a word."""
-_reports: Any = None
-_stop: Any = None
+ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1"}
+"""Environment variables of the workers: their matrices are small, and the other cores have workers of their own."""
 
 
 class WorkerLost(UsageError):
     """A worker process has died, or could not be begun."""
 
 
-class _Stopped(Exception):
-    """Raised in a worker whose outcome is no longer wanted."""
-
-
-def process_pool(count: int) -> Executor:
+def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Executor:
     """Executor of at most so many processes; no outcome depends on how many.
 
-    Workers end with the process that began them, however it ends; an exception in it stops them first.
+    `check` is called while it waits, and may raise. Workers end with the process that began them, however it ends; an
+    exception in it ends them too. It has no thread and no lock: whichever process dies, nothing waits for it.
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, Chunk]]:
         if min(count, len(tasks)) < 2 or sum(len(task.numbers) * task.steps for task in tasks) < FEWEST_STEPS:
             yield from sequential(count)(tasks, progress)
             return
-        context = multiprocessing.get_context("spawn")
-        with worker_environment():
-            reports, stop = context.SimpleQueue(), context.RawValue("b", 0)  # no lock that a killed worker could hold
-            pool = ProcessPoolExecutor(min(count, len(tasks)), context, _initialise, (reports, stop))
-        try:
-            places = _submitted(pool, tasks)
-            waiting = set(places)
-            while waiting:
-                done, waiting = wait(waiting, POLL_PERIOD, FIRST_COMPLETED)
-                while not reports.empty():
-                    progress(*reports.get())
-                for future in done:
-                    yield places[future], future.result()
-        except BrokenProcessPool:
-            raise WorkerLost("a worker process was killed, for want of memory perhaps") from None
-        finally:
-            stop.value = 1
-            pool.shutdown(cancel_futures=True)
+        todo = iter(enumerate(tasks))
+        with _workers(min(count, len(tasks))) as working:
+            while working:
+                check()
+                for worker in _heard_from(working):
+                    place, news = worker.place, worker.received()
+                    if isinstance(news, float):
+                        progress(place, news)
+                        continue
+                    if isinstance(news, BaseException):
+                        raise news
+                    if (following := next(todo, None)) is None:
+                        working.remove(worker)
+                    else:
+                        worker.give(*following)
+                    if isinstance(news, Chunk):
+                        yield place, news
 
     return execute
 
 
-def _submitted(pool: ProcessPoolExecutor, tasks: Sequence[Task]) -> "dict[Future[Chunk], int]":
-    """Future of each task -> the task's place in the list."""
+class _Worker:
+    """A worker process, seen from the one that began it."""
+
+    def __init__(self, context: SpawnContext) -> None:
+        self.place = -1
+        """Of the task that it works on."""
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_work, args=(theirs,), daemon=False)
+        with contextlib.closing(theirs):
+            self.process.start()
+
+    def give(self, place: int, task: Task) -> None:
+        """Have it do a task, which it waits for. Raises WorkerLost."""
+        self.place = place
+        try:
+            self.pipe.send(task)
+        except OSError:
+            raise self._lost() from None
+
+    def received(self) -> Any:
+        """What it has sent: None at first, then shares of its task, and its outcome. Raises WorkerLost."""
+        try:
+            if self.pipe.poll():
+                return self.pipe.recv()
+        except (EOFError, OSError):
+            pass
+        raise self._lost()
+
+    def _lost(self) -> WorkerLost:
+        self.process.join(ENDING_TIME)
+        code = self.process.exitcode
+        how = f"was killed ({signal.Signals(-code).name})" if code and code < 0 else f"has ended (exit code {code})"
+        return WorkerLost(f"a worker process {how}, for want of memory perhaps")
+
+
+def _heard_from(workers: Sequence[_Worker]) -> list[_Worker]:
+    """Those that have sent something, or have died; none where nothing happens for POLL_PERIOD."""
+    found = connection.wait(
+        [each for worker in workers for each in (worker.pipe, worker.process.sentinel)], POLL_PERIOD
+    )
+    return [worker for worker in workers if worker.pipe in found or worker.process.sentinel in found]
+
+
+@contextlib.contextmanager
+def _workers(count: int) -> Iterator[list[_Worker]]:
+    """Context with so many workers, which are gone after it. Raises WorkerLost where they cannot be started."""
+    context, begun = multiprocessing.get_context("spawn"), list[_Worker]()
     try:
-        with worker_environment():
-            return {pool.submit(_run_task, place, task): place for place, task in enumerate(tasks)}
-    except OSError as error:
-        raise WorkerLost(f"a worker process cannot be started ({error.strerror or error})") from error
+        try:
+            with worker_environment():
+                for _ in range(count):
+                    begun.append(_Worker(context))
+        except OSError as error:
+            raise WorkerLost(f"a worker process cannot be started ({error.strerror or error})") from error
+        yield list(begun)
+    finally:
+        _end(begun)
+
+
+def _end(workers: Sequence[_Worker]) -> None:
+    """Have workers end: they do once their pipe is closed; one that does not is killed."""
+    for worker in workers:
+        worker.pipe.close()
+    latest = time.monotonic() + ENDING_TIME
+    for worker in workers:
+        worker.process.join(max(0.0, latest - time.monotonic()))
+        if worker.process.exitcode is None:
+            worker.process.kill()
+            worker.process.join()
+        worker.process.close()
 
 
 @contextlib.contextmanager
 def worker_environment() -> Iterator[None]:
-    """Processes begun now have this ENVIRONMENT and never hear Ctrl-C, which is for the one that began them."""
+    """Processes begun now have this ENVIRONMENT and never receive Ctrl-C, which is for the one that began them."""
     before = {name: os.environ.get(name) for name in ENVIRONMENT}
     os.environ.update(ENVIRONMENT)
     try:
-        with deaf_to_ctrl_c():
+        with without_ctrl_c():
             yield
     finally:
         for name, value in before.items():
@@ -94,25 +152,46 @@ def worker_environment() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _initialise(reports: Any, stop: Any) -> None:
-    """Make a fresh worker deaf to Ctrl-C, and its end that of the process that began it."""
-    global _reports, _stop
-    _reports, _stop = reports, stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_exit_with_parent, daemon=True).start()
+class _Stopped(Exception):
+    """Raised in a worker whose outcome is no longer wanted."""
 
 
-def _exit_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    connection.wait([parent.sentinel])
-    os._exit(1)
+def _work(pipe: Connection) -> None:
+    """Ask for tasks, and send the outcome of each, or the exception that ended it, until the pipe is closed."""
+    serve_parent()
+    with contextlib.suppress(EOFError, OSError, MemoryError, _Stopped):
+        pipe.send(None)
+        while True:
+            pipe.send(_outcome(pipe.recv(), pipe))
 
 
-def _run_task(place: int, task: Task) -> Chunk:
+def _outcome(task: Task, pipe: Connection) -> Chunk | BaseException:
+    """A task's outcome, or why there is none; meanwhile the share that is done is sent every POLL_PERIOD."""
+    due = 0.0
+
     def report(share: float) -> None:
-        if _stop.value:
-            raise _Stopped
-        _reports.put((place, share))
+        nonlocal due
+        if (now := time.monotonic()) < due:
+            return
+        due = now + POLL_PERIOD
+        try:
+            pipe.send(float(share))
+        except OSError:
+            raise _Stopped from None
 
-    return simulate(task, 1, report)
+    try:
+        return simulate(task, 1, report)
+    except _Stopped:
+        raise
+    except BaseException as error:
+        return _sendable(error)
+
+
+def _sendable(error: BaseException) -> BaseException:
+    """The error, with its traceback as a note; only its words where it cannot be pickled."""
+    try:
+        error.add_note(f"in a worker process:\n{''.join(traceback.format_exception(error))}")
+        copy: BaseException = pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(described(error))
+    return copy

@@ -11,7 +11,10 @@ import sys
 from collections.abc import Callable
 from importlib.machinery import PathFinder
 from pathlib import Path
-from types import FrameType
+from types import FrameType, TracebackType
+from typing import NoReturn
+
+from evaluate.terminal import memory
 
 INTERRUPTED = 130
 FAILED = 2
@@ -22,10 +25,12 @@ PACKAGES = "quad_env", "policies", "evaluate"
 
 
 def leave_on_interrupt() -> None:
-    """From now on Ctrl-C ends the process at once.
+    """From now on Ctrl-C ends the process at once, and too little memory with one line.
 
     A KeyboardInterrupt out of an import can turn into an ImportError, or get lost in a callback, so none is raised.
     """
+    sys.excepthook = _end_by
+    memory.save_where_limited()
     # A shell starts background jobs deaf to Ctrl-C; that stays.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
@@ -94,7 +99,22 @@ def _run(main: Callable[[], int]) -> int:
         return end.code if isinstance(end.code, int) else 0
 
 
-def _leave(number: int, frame: FrameType | None) -> None:
+def leave(text: str) -> NoReturn:
+    """End the process at once after Ctrl-C, with a line on stderr."""
     # Without buffers and exit handlers: the interrupt may have come in the middle of anything.
-    os.write(2, f"{NOTHING_KEPT}\n".encode())
+    shown_again = "\r\x1b[?25h" if os.isatty(2) else ""  # the cursor, which a progress bar hides
+    os.write(2, f"{shown_again}{text}\n".encode())
     os._exit(INTERRUPTED)
+
+
+def _end_by(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """End by an error that nothing else has taken, such as of an import."""
+    if not memory.is_short(error):
+        sys.__excepthook__(kind, error, trace)
+        return
+    os.write(2, f"error: {memory.SHORT}\n".encode())
+    os._exit(FAILED)
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    leave(NOTHING_KEPT)

@@ -14,6 +14,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
+from evaluate.terminal import memory
 from evaluate.terminal.command_line import UsageError, fail, parse, survive_narrow_encodings
 from evaluate.terminal.launcher import INTERRUPTED, NOTHING_KEPT
 
@@ -94,29 +95,38 @@ def exit_code(run: Callable[[], int]) -> int:
         return run()
     except BrokenPipeError:  # the reader has seen enough: `launch` ends quietly
         raise
-    except (UsageError, OSError, ValueError) as error:
-        if not _is_mistake(error):
-            raise
-        return fail(_words(error))
-    except (RuntimeError, AttributeError, ImportError) as error:
-        if isinstance(error, ModuleNotFoundError) and (package := (error.name or "").partition(".")[0]) in EXTRAS:
-            return fail(f'this needs {package}, which is not installed: pip install -e ".[{EXTRAS[package]}]"')
-        if (chosen := os.environ.get("MUJOCO_GL")) is None or "mujoco" in sys.modules:
-            raise
-        return fail(f"MuJoCo cannot be loaded with MUJOCO_GL={chosen}: unset it; see `python -m quad_env doctor`")
+    except Exception as error:
+        return fail(_line_for(error))
     except KeyboardInterrupt as interrupt:
         print(f"interrupted: {interrupt}" if interrupt.args else NOTHING_KEPT, file=sys.stderr)
         return INTERRUPTED
 
 
+def _line_for(error: Exception) -> str:
+    """What a user is told of an error that is none of the program; any other is raised again."""
+    if isinstance(error, UsageError):
+        return str(error)
+    if memory.is_short(error):
+        return memory.SHORT
+    if _is_mistake(error):
+        return words_of(error)
+    if isinstance(error, ModuleNotFoundError) and (package := (error.name or "").partition(".")[0]) in EXTRAS:
+        return f'this needs {package}, which is not installed: pip install -e ".[{EXTRAS[package]}]"'
+    if isinstance(error, RuntimeError | AttributeError | ImportError):
+        chosen = os.environ.get("MUJOCO_GL")
+        if chosen is not None and "mujoco" not in sys.modules:
+            return f"MuJoCo cannot be loaded with MUJOCO_GL={chosen}: unset it; see `python -m quad_env doctor`"
+    raise error
+
+
 def _is_mistake(error: Exception) -> bool:
-    """Whether a user can mend it: every UsageError, PolicyError and failure of the system."""
+    """Whether a user can mend it: every PolicyError and failure of the system."""
     from policies.base import PolicyError  # here, since it takes long to load
 
-    return isinstance(error, UsageError | OSError | PolicyError)
+    return isinstance(error, OSError | PolicyError)
 
 
-def _words(error: Exception) -> str:
+def words_of(error: Exception) -> str:
     """`cannot use FILE (No such file or directory)` of a failure of the system, which does not say so by itself."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)

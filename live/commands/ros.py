@@ -9,6 +9,7 @@ from typing import Literal
 from evaluate.commands.options import Flag
 from evaluate.rollouts.hardware import hardware_of
 from evaluate.terminal.command_line import check_numbers
+from evaluate.terminal.interrupt import Interrupt
 from evaluate.terminal.launcher import raise_on_interrupt
 from live.commands.episode import one_scenario
 from live.pace import Pace
@@ -88,14 +89,16 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
     session.listeners.append(say)
     slow = False
     try:
-        while True:
-            for packet in link.received():
-                bridge.take(packet["topic"], packet["values"], packet["size"])
-            link.send(bridge.step())
-            if not slow and 0.0 < pace.measured < SLOW * speed:
-                slow = True
-                say(f"slower than asked: {pace.measured:.2f} simulated s a second")
-            pace.wait()
+        with Interrupt() as interrupt:
+            while True:
+                interrupt.check()
+                for packet in link.received():
+                    bridge.take(packet["topic"], packet["values"], packet["size"])
+                link.send(bridge.step())
+                if not slow and 0.0 < pace.measured < SLOW * speed:
+                    slow = True
+                    say(f"slower than asked: {pace.measured:.2f} simulated s a second")
+                pace.wait()
     except KeyboardInterrupt:
         kept = "" if record is None else f", all of it in {record}"
         raise KeyboardInterrupt(f"{bridge.time:.1f} s simulated{kept}") from None

@@ -19,7 +19,7 @@ from live.recording.skeleton import links_of
 from live.recording.source import Source
 from live.recording.writer import write
 from policies.base import Policy
-from policies.safety.watchdog import deaf_to_ctrl_c
+from policies.child_process import without_ctrl_c
 from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")
@@ -122,7 +122,7 @@ class Recorder:
         self._ring = Ring(shared)
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=write, args=(theirs, shared, self._path, source))
-        with closing(theirs), deaf_to_ctrl_c():  # also where Ctrl-C comes meanwhile, else `close` waits for ever
+        with closing(theirs), without_ctrl_c():  # also where Ctrl-C comes meanwhile, else `close` waits for ever
             self._process.start()
 
     def _free_row(self) -> Floats | None:

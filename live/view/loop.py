@@ -8,6 +8,7 @@ from contextlib import ExitStack, closing, suppress
 from typing import Any
 
 from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.interrupt import Interrupt
 from live.view.driver import Driver
 from live.view.keys import request_of
 from live.view.native import NativeWindow
@@ -63,22 +64,27 @@ class LiveView:
 
     def run(self, seconds: float = float("inf")) -> None:
         """Go on for so many s of wall time, or until the native window is closed. OSError where a recording cannot be
-        written."""
+        written; KeyboardInterrupt after Ctrl-C."""
         end = time.perf_counter() + seconds
-        while time.perf_counter() < end and (self._window is None or self._window.is_open):
-            self._obey()
-            if not self._driver.move():
-                time.sleep(IDLE)
-            now = time.perf_counter()
-            if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
-                self._painter.hand(self._driver.picture())
-                self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
-            if self._window is not None and self._window.idle and now >= self._window_due:
-                self._window.show(self._driver.picture(), self._driver.words())
-                self._window_due = now + 1.0 / FRAMES_A_SECOND
-            if now >= self._telling_due and self.server.watched:
-                self.server.tell(json.dumps(self._state(now)))
-                self._telling_due = now + 1.0 / TELLINGS_A_SECOND
+        with Interrupt() as interrupt:
+            while time.perf_counter() < end and (self._window is None or self._window.is_open):
+                interrupt.check()
+                self._obey()
+                if not self._driver.move():
+                    time.sleep(IDLE)
+                self._show(time.perf_counter())
+
+    def _show(self, now: float) -> None:
+        """Draw and report what is due."""
+        if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
+            self._painter.hand(self._driver.picture())
+            self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
+        if self._window is not None and self._window.idle and now >= self._window_due:
+            self._window.show(self._driver.picture(), self._driver.words())
+            self._window_due = now + 1.0 / FRAMES_A_SECOND
+        if now >= self._telling_due and self.server.watched:
+            self.server.tell(json.dumps(self._state(now)))
+            self._telling_due = now + 1.0 / TELLINGS_A_SECOND
 
     def close(self) -> None:
         """Take leave of the pages, and of the thread that draws."""

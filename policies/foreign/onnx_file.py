@@ -19,6 +19,7 @@ from policies.foreign.python_file import Maker
 from policies.foreign.reference import Reference
 from policies.network import Network, Weights
 from policies.residual import ResidualPolicy
+from quad_env.exceptions import described
 from quad_env.robots.robot import Robot
 
 DESCRIPTION = "simple_quad_policy"
@@ -59,7 +60,7 @@ def _opened(reference: Reference) -> "_Model":
     try:
         session = runtime.InferenceSession(str(reference.file), options, providers=["CPUExecutionProvider"])
     except Exception as error:
-        raise PolicyError(f"{reference} cannot be read as ONNX: {str(error).splitlines()[0]}") from error
+        raise PolicyError(f"{reference} cannot be read as ONNX: {described(error)}") from error
     return _Model(session, *_input(session, reference))
 
 
@@ -103,7 +104,7 @@ def _residual(file: Path, description: str, model: _Model, robot: Robot) -> Resi
         try:
             off = _difference(model, network, PROBES)
         except Exception as error:
-            raise PolicyError(f"the network in {file} fails: {str(error).splitlines()[0]}") from error
+            raise PolicyError(f"the network in {file} fails: {described(error)}") from error
         if not off <= TOLERANCE:
             raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
         return network

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, PolicyError, within_limits
 from policies.foreign.prints import limited
 from policies.foreign.reference import checked
-from policies.foreign.served import PATIENCE_AT_FIRST, ROBOT, Answer, serve
+from policies.foreign.served import PATIENCE_AT_FIRST, Answer, serve
 from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
@@ -19,6 +19,8 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 DEADLINE = 5.0
 """Longest time that one call may take, s; six times as long for the first."""
+GRACE = 2.0
+"""How much later a process is ended that does not answer even then, whatever the number of robots, s."""
 
 
 class Foreign(Policy):
@@ -53,8 +55,12 @@ class Foreign(Policy):
         self._deadline = DEADLINE if deadline is None else deadline
         served = partial(serve, found, robot=robot, control_period=control_period, deadline=self._deadline)
         self._way = _found_way(self._watched(partial(served, "")))
-        self._process = self._watched(partial(served, self._way))
+        self._process, self._stepped = self._watched(partial(served, self._way)), False
         self._allocate(1)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy, such as one for another process, has no process yet."""
+        return vars(self) | {"_stepped": False}
 
     def _watched(self, make: Any) -> Watched:
         return Watched(partial(limited, make), name=self.name, robot=self.robot, control_period=self.control_period)
@@ -82,6 +88,7 @@ class Foreign(Policy):
     def close(self) -> None:
         """End its process; `reset` begins another."""
         self._process.close()
+        self._stepped = False
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
         """Start `num_envs` robots anew."""
@@ -111,10 +118,13 @@ class Foreign(Policy):
 
     def _asked(self, call: str, *arguments: object) -> Any:
         """What its process answers; None, and no robot has a policy any more, if the process is gone."""
-        calls = self.num_envs if self._way == ROBOT else 1
+        patience = self._deadline * (1 if self._stepped else PATIENCE_AT_FIRST)
         try:
-            return self._process.ask((call, *arguments), START_TIMEOUT + (calls + PATIENCE_AT_FIRST) * self._deadline)
+            answer = self._process.ask((call, *arguments), patience + GRACE)
+            self._stepped |= call == "step"
+            return answer
         except (DeadlineMissed, PolicyProcessError) as error:
+            self._stepped = False
             self._note(dict.fromkeys(range(self.num_envs), f"gave no answer: {error}"))
             return None
 

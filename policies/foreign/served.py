@@ -1,6 +1,7 @@
 """A policy from outside as its process serves it: asked robot by robot or all at once, its failures noted."""
 
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,9 +14,10 @@ from policies.base import Actions, Mask, Policy, PolicyError
 from policies.foreign import onnx_file, python_file, sb3_file
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
+from policies.safety.watchdog import still_at_work
+from quad_env.exceptions import described
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
-from quad_env.text import one_line
 
 POLICY, ROBOT, BATCH = "policy", "robot", "batch"
 """Ways to ask: a `Policy`; a callable of one robot's observation; a callable of every robot's."""
@@ -24,6 +26,10 @@ SIGNALS = ("phase", "correction", "base_action", "stopped")
 PATIENCE_AT_FIRST = 6
 """How many deadlines the first call may last, in which some compile themselves."""
 LONGEST_REASON = 200
+LEAST_PATIENCE = 1e-3
+"""s"""
+REPORT_PERIOD = 1.0
+"""At most, between two signs of life while many robots are asked, s."""
 
 
 class _Late(BaseException):
@@ -67,6 +73,9 @@ class Served:
         self.way = way
         self._loaded, self._robot = loaded, robot
         self._deadline, self._called = deadline, False
+        self._late = 0
+        """Calls without an answer, of those that the present question takes."""
+        self._reported = time.monotonic()
         self._acts: list[Act] = []
         self._failed = np.zeros(0, np.bool_)
         if hasattr(signal, "SIGALRM"):
@@ -99,12 +108,14 @@ class Served:
 
     def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
         """Start so many robots anew; why it failed, robot by robot."""
+        self._late = 0
         self._failed = np.zeros(num_envs, np.bool_)
         self._acts = [_nothing] * (num_envs if self.way == ROBOT else 1)
         return self._begin(np.ones(num_envs, np.bool_), seed)
 
     def reset_where(self, mask: Mask) -> dict[int, str]:
         """Start those robots anew; a callable of a batch goes on as it is."""
+        self._late = 0
         self._failed[mask] = False
         if self.way == BATCH:
             return {}
@@ -127,7 +138,12 @@ class Served:
         return failures
 
     def step(self, observation: NDArray[np.float32]) -> Answer:
-        """Actions for the observations (n, k) of all robots."""
+        """Actions for the observations (n, k) of all robots.
+
+        Calls that give no answer take 2 deadlines together, however many there are: each halves the patience with those
+        after it.
+        """
+        self._late = 0
         count, joints = len(observation), self._robot.num_joints
         actions, failures = np.zeros((count, joints), np.float32), dict[int, str]()
         if self.way == ROBOT:
@@ -173,15 +189,27 @@ class Served:
 
     def _tried(self, call: Any, *arguments: Any) -> tuple[Any, str | None]:
         """What a call gives, or why it gave nothing."""
-        patience = self._deadline * (1 if self._called else PATIENCE_AT_FIRST)
+        deadline = self._deadline * (1 if self._called else PATIENCE_AT_FIRST)
         try:
-            with _within(patience):
-                result = call(*arguments)
+            with _within(max(deadline * 0.5**self._late, LEAST_PATIENCE)):
+                return _result(call, arguments)
         except _Late:
-            return None, f"gave no answer within {patience:g} s"
-        except BaseException as error:
-            return None, one_line(f"raised {type(error).__name__}: {error}")[:LONGEST_REASON]
-        return result, None
+            self._late += 1
+            return None, f"gave no answer within {deadline:g} s"
+        finally:
+            if (now := time.monotonic()) - self._reported > min(REPORT_PERIOD, 0.2 * self._deadline):
+                self._reported = now
+                still_at_work()
+
+
+def _result(call: Any, arguments: tuple[Any, ...]) -> tuple[Any, str | None]:
+    """What a call gives, or what it raised."""
+    try:
+        return call(*arguments), None
+    except _Late:
+        raise
+    except BaseException as error:
+        return None, f"raised {described(error)}"[:LONGEST_REASON]
 
 
 def _nothing(_: Any) -> object:

@@ -15,6 +15,7 @@ from policies.safety.fall_prediction import fitted_threshold, next_recent, next_
 from policies.safety.stop import Stop
 from policies.safety.target_limits import SafetyLimits, limited
 from quad_env import OBSERVATION
+from quad_env.exceptions import described
 
 
 class Mode(IntEnum):
@@ -185,7 +186,7 @@ class Safe(Policy):
             try:
                 answer = self.policy.act(self._slowed(observation))
             except Exception as error:
-                self._failures.append(f"step {self._step}: {type(error).__name__}: {error}")
+                self._failures.append(f"step {self._step}: {described(error)}")
                 self._enter(following, self._after_failure, RAISED)
             else:
                 self._accept(answer, following, targets)

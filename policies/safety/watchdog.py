@@ -1,14 +1,9 @@
 """A policy in a process of its own, watched from outside: whatever it does, an answer is there in time."""
 
-import contextlib
 import multiprocessing
-import os
-import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
-from multiprocessing import connection as connections
-from multiprocessing import resource_tracker
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -16,12 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, Policy
+from policies.child_process import serve_parent, without_ctrl_c
+from quad_env.exceptions import described
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 START_TIMEOUT = 60.0
 """For the process to start and make its policy, s."""
+
+_asking: Connection | None = None
+"""In a policy's process: the connection to the process that asks it."""
 
 
 class DeadlineMissed(RuntimeError):
@@ -88,7 +88,7 @@ class Watched(Policy):
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, self._make), daemon=True)
-        with deaf_to_ctrl_c():
+        with without_ctrl_c():
             self._process.start()
         theirs.close()
         self.ask(("check_fits", self.robot, self.control_period), START_TIMEOUT)
@@ -109,19 +109,22 @@ class Watched(Policy):
     def ask(self, question: tuple[object, ...], patience: float) -> Any:
         """What a method of the policy, named first, gives for the arguments after it, in a process begun if need be.
 
-        The process is ended unless the answer comes within `patience` s.
+        The process is ended unless the answer comes within `patience` s, or within as much of the last `still_at_work`.
         """
         if self._process is None:
             self._launch()
         connection, process = self._connection, self._process
         assert connection is not None
-        began = time.perf_counter()
         # From a thread of its own, since a large question to a process that does not listen blocks as well.
-        watchdog = threading.Timer(patience, process.kill)
+        watchdog, began = threading.Timer(patience, process.kill), time.perf_counter()
         watchdog.start()
         try:
             connection.send(question)
-            failure, answer = connection.recv()
+            while (reply := connection.recv()) is None:  # still at work
+                watchdog.cancel()
+                watchdog.join()
+                watchdog, began = threading.Timer(patience, process.kill), time.perf_counter()
+                watchdog.start()
         except (EOFError, OSError) as error:
             late = time.perf_counter() - began >= patience
             self.close()
@@ -131,51 +134,38 @@ class Watched(Policy):
         finally:
             watchdog.cancel()
             watchdog.join()
+        failure, answer = reply
         if failure is not None:
             raise PolicyProcessError(failure)
         return answer
 
 
-@contextlib.contextmanager
-def deaf_to_ctrl_c() -> Iterator[None]:
-    """Processes begun now never hear Ctrl-C, not even while they load."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    resource_tracker.ensure_running()  # else it begins with the first process, and lets Ctrl-C in again before that
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+def still_at_work() -> None:
+    """Have the process that waits for a policy's answer wait on; nothing where no process does."""
+    if _asking is not None:
+        _asking.send(None)
 
 
 def _serve(connection: Connection, make: Callable[[], Policy]) -> None:
     """Answer questions until the connection closes; an exception is an answer too.
 
-    Ctrl-C is for the process that began this one, and this one ends with that, even while its policy hangs.
+    It ends with the process that began it, even while its policy hangs.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_exit_with_parent, daemon=True).start()
+    global _asking
+    serve_parent()
     try:
         try:
             policy = make()
+            _asking = connection
         except Exception as error:
             connection.recv()
-            connection.send((f"{type(error).__name__}: {error}", None))
+            connection.send((described(error), None))
             return
         while True:
             call, *arguments = connection.recv()
             try:
                 connection.send((None, getattr(policy, call)(*arguments)))
             except Exception as error:
-                connection.send((f"{type(error).__name__}: {error}", None))
+                connection.send((described(error), None))
     except (EOFError, OSError):
         return
-
-
-def _exit_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    connections.wait([parent.sentinel])
-    os._exit(1)

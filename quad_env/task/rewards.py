@@ -13,6 +13,7 @@ import numpy as np
 
 from quad_env.columns import Column, Truth, Vector, anywhere, differences, exp, sqrt, sum_of_squares, total, where
 from quad_env.config import RewardTerm, RewardWeights
+from quad_env.exceptions import described
 from quad_env.physics.state import Feet, QuadState
 
 LINEAR_WIDTH = 0.25
@@ -198,7 +199,7 @@ def own_value(term: RewardTerm, state: QuadState[Column]) -> Column:
         asked = {"feet": state.feet} if term.takes_feet else {}
         value = np.asarray(term.function(state, **asked), np.float64)
     except Exception as error:
-        raise RewardTermError(f"the reward term {term.name} fails: {type(error).__name__}: {error}") from error
+        raise RewardTermError(f"the reward term {term.name} fails: {described(error)}") from error
     if value.shape != np.shape(state.height):
         of = f"of shape {value.shape}; wanted {np.shape(state.height)}, one for each robot"
         raise RewardTermError(f"the reward term {term.name} gives numbers {of}")

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,24 +79,17 @@ def test_where_nothing_can_be_drawn_a_line_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.rendering
-def test_ctrl_c_leaves_what_was_there(tmp_path: Path) -> None:
+def test_ctrl_c_leaves_what_was_there(tmp_path: Path, running: Any) -> None:
     pytest.importorskip("imageio_ffmpeg")
     film = tmp_path / "walk.mp4"
     film.write_text("of before", encoding="utf-8")
     command = [sys.executable, "-m", "quad_env", "film", str(film), "--policies", "trot", "--size", "64", "64"]
-    filming = subprocess.Popen(
-        [*command, "--seconds", "300"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # deaf where the tests are a background job
-    )
-    for _ in range(200):
-        time.sleep(0.05)
-        if len(list(tmp_path.iterdir())) > 1:
-            break
-    filming.send_signal(signal.SIGINT)
-    out, error = filming.communicate(timeout=30)
+    with running([*command, "--seconds", "300"]) as filming:
+        while len(list(tmp_path.iterdir())) < 2:
+            assert filming.poll() is None
+            time.sleep(0.05)
+        filming.send_signal(signal.SIGINT)
+        out, error = filming.communicate(timeout=60)
     assert (filming.returncode, out) == (130, "")
     assert error == "interrupted: no further file was written\n"
     assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["of before"]

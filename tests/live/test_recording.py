@@ -300,33 +300,27 @@ def test_a_mistake_is_a_line_and_nothing_is_written(
 
 def finished(path: Path) -> Decoded:
     """What a recording has once the process that writes it is through, which may outlive all others."""
-    for _ in range(400):
-        if path.read_bytes().endswith(b"\x89MCAP0\r\n") and path.stat().st_size > 8:
-            break
+    end = time.monotonic() + 60.0
+    while not (path.is_file() and path.stat().st_size > 8 and path.read_bytes().endswith(b"\x89MCAP0\r\n")):
+        assert time.monotonic() < end, "it is not finished"
         time.sleep(0.05)
     return read_mcap(path)
 
 
-def test_ctrl_c_keeps_what_was_recorded(tmp_path: Path) -> None:
+def test_ctrl_c_keeps_what_was_recorded(tmp_path: Path, running: Any) -> None:
     path = tmp_path / "walk.mcap"
     command = [sys.executable, "-m", "quad_env", "record", str(path), "--policy", "trot", "--seconds", "3000"]
-    recording = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # deaf where the tests are a background job
-    )
-    for _ in range(400):
-        time.sleep(0.05)
-        if path.exists() and path.stat().st_size > 400_000:
-            break
-    recording.send_signal(signal.SIGINT)
-    _, error = recording.communicate(timeout=30)
+    with running(command) as recording:
+        while not (path.exists() and path.stat().st_size > 400_000):
+            assert recording.poll() is None
+            time.sleep(0.05)
+        recording.send_signal(signal.SIGINT)
+        _, error = recording.communicate(timeout=60)
     assert recording.returncode == 130, error
     stamps = [stamp for stamp, _ in finished(path)["/joint_states"]]
     assert len(stamps) > 200
     assert stamps == [10_000_000 * number for number in range(len(stamps))]
-    assert f"has the {(len(stamps) - 1) / 100:.1f} s until now".encode() in error
+    assert f"has the {(len(stamps) - 1) / 100:.1f} s until now" in error
 
 
 ENDED = """
@@ -363,10 +357,6 @@ def test_every_step_before_the_end_is_recorded(step: int, ending: str, tmp_path:
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # deaf where the tests are a background job
     )
     assert ended.returncode in (-signal.SIGKILL, -signal.SIGINT, 1), ended.stderr
-    for _ in range(400):
-        if path.exists():
-            break
-        time.sleep(0.05)
     stamps = [stamp for stamp, _ in finished(path)["/joint_states"]]
     assert stamps == [10_000_000 * number for number in range(step + 1)]
 

@@ -310,24 +310,18 @@ def test_the_extreme_settings_that_are_allowed_can_be_trained_with(tmp_path):
     assert policies.load(tmp_path / "run" / "last").network.sizes == (62, 12)
 
 
-def test_ctrl_c_keeps_what_was_done_and_resume_finishes_it(tmp_path, capsys):
+def test_ctrl_c_keeps_what_was_done_and_resume_finishes_it(tmp_path, capsys, running):
     folder = tmp_path / "run"
-    process = subprocess.Popen(
-        command("--steps", "1000000", "--out", str(folder)), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    try:
-        assert process.stdout is not None
+    with running(command("--steps", "1000000", "--out", str(folder)), cwd=ROOT) as process:
         process.stdout.readline()  # the first rollout is done
         process.send_signal(signal.SIGINT)
         _, complaint = process.communicate(timeout=60)
-    finally:
-        process.kill()
     assert process.returncode == 130
-    assert b"Traceback" not in complaint
+    assert "Traceback" not in complaint
     assert policies.load(folder / "last").name == "residual"
     kept = max(int(record.stem) for record in (folder / "checkpoints").glob("*.json"))
     assert kept > 0  # though its first segment is longer than a test can wait for
-    assert re.search(rf"with --resume --out \S+/run; {kept:,} steps are kept", complaint.decode())
+    assert re.search(rf"with --resume --out \S+/run; {kept:,} steps are kept", complaint)
 
     # Shorten what is left of the run, which a user would not do.
     settings = json.loads((folder / CONFIG_FILE).read_text(encoding="utf-8")) | {"steps": kept + 128}

@@ -19,13 +19,13 @@ from stable_baselines3.common.callbacks import BaseCallback
 import policies
 from evaluate.records.provenance import REPOSITORY, git_revision
 from evaluate.terminal.command_line import UsageError
+from evaluate.terminal.interrupt import Interrupt
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
 from policies.network import Network
 from train.config import TrainConfig, decode, to_dict
 from train.curriculum import next_shares
 from train.display import Display
-from train.interrupt import Interrupt
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.robots import TrainingRobots, make_batch, segment_steps, training_seeds
 from train.run_folder import BEST, CHECKPOINTS, LAST

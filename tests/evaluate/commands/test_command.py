@@ -305,27 +305,15 @@ def test_a_terminal_without_unicode_gets_the_same_answers(repository, tmp_path) 
     assert "? 0.658" in shown.stdout
 
 
-def start(repository: Path, *arguments: str, options: tuple[str, ...] = ()) -> subprocess.Popen[str]:
-    """The command as a user runs it: Ctrl-C reaches it even if the tests run in the background."""
-    return subprocess.Popen(
-        [*PYTHON, *options, "-m", "evaluate", *arguments],
-        cwd=repository,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
-def test_ctrl_c_keeps_what_was_done(repository, tmp_path) -> None:
+def test_ctrl_c_keeps_what_was_done(repository, tmp_path, running) -> None:
     arguments = ("--policies", "document", "trot", "--scenarios", "flat", "--episodes", "512")
-    process = start(repository, *arguments, "--out", str(tmp_path))
-    assert process.stderr is not None
-    assert process.stderr.readline().startswith("[1/2] flat: document")
-    time.sleep(0.5)  # well into the next cell, which takes many seconds
-    process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=120)
+    command = [*PYTHON, "-m", "evaluate", *arguments, "--out", str(tmp_path)]
+    with running(command, cwd=repository) as process:
+        assert process.stderr.readline().startswith("[1/2] flat: document")
+        time.sleep(0.5)  # well into the next cell, which takes many seconds
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "Traceback" not in error
     assert "interrupted" in error.splitlines()[-1]
@@ -340,18 +328,17 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
 @pytest.mark.parametrize("delay", [0.0, 0.3, 0.7, 1.2, 2.0])
-def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay) -> None:
+def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, running) -> None:
     """While modules are loaded, too, where a KeyboardInterrupt could come out as any error."""
     arguments = ("--policies", "trot", "--scenarios", "flat", "--episodes", "512")
-    process = start(repository, *arguments, "--out", str(tmp_path), options=("-X", "importtime"))
-    assert process.stderr is not None
-    while not process.stderr.readline().endswith(
-        "evaluate.terminal.command_line\n"
-    ):  # before that it is Python starting up
-        assert process.poll() is None
-    time.sleep(delay)
-    process.send_signal(signal.SIGINT)
-    output, error = process.communicate(timeout=120)
+    command = [*PYTHON, "-X", "importtime", "-m", "evaluate", *arguments, "--out", str(tmp_path)]
+    with running(command, cwd=repository) as process:
+        # Before that it is Python starting up.
+        while not process.stderr.readline().endswith("evaluate.terminal.command_line\n"):
+            assert process.poll() is None
+        time.sleep(delay)
+        process.send_signal(signal.SIGINT)
+        output, error = process.communicate(timeout=120)
     assert (process.returncode, output) == (130, "")
     said = [line for line in error.splitlines() if not line.startswith("import time:")]
     assert said == ["interrupted: no further file was written"]

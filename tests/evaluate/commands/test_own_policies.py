@@ -49,15 +49,15 @@ def rows(folder: Path) -> dict[str, list[dict]]:
 
 
 def test_it_is_judged_beside_ours_and_loses_its_own_episodes_alone(capsys, tmp_path, file, monkeypatch) -> None:
-    monkeypatch.setattr(foreign, "DEADLINE", 0.3)
+    monkeypatch.setattr(foreign, "DEADLINE", 1.0)
     walk, stops = f"{file}:Walk", f"{file}:Stops"
     run = ["--policies", walk, stops, "trot", "--scenarios", "flat", "--episodes", "2", "--no-film"]
     assert main([*run, "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
-    assert f"{stops} failed in 2 of 2 episodes; in the first it gave no answer within 0.3 s" in printed
+    assert f"{stops} failed in 2 of 2 episodes; in the first it gave no answer within 1 s" in printed
     found = rows(tmp_path / "out")
     assert [(row["outcome"], row["failure"]) for row in found[stops]] == [
-        ("policy_error", "gave no answer within 0.3 s")
+        ("policy_error", "gave no answer within 1 s")
     ] * 2
     assert [row["failure"] for row in found[walk] + found["trot"]] == [None] * 4
     for mine, theirs in zip(found[walk], found["trot"], strict=True):

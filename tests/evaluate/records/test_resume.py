@@ -129,15 +129,13 @@ def test_a_run_that_was_killed_before_its_first_part_has_nothing_to_resume(repos
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
-def test_a_run_that_is_killed_from_outside_goes_on(repository, tmp_path, whole) -> None:
+def test_a_run_that_is_killed_from_outside_goes_on(repository, tmp_path, whole, running) -> None:
     """At whatever moment: here as soon as the third chunk is seen."""
     command = [sys.executable, "-c", SHORT, str(STEPS), "0", *RUN, "--at-once", "1", "--out", str(tmp_path)]
-    process = subprocess.Popen(command, cwd=repository, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-    while len(list(tmp_path.glob("parts/*.parquet"))) < 3:
-        assert process.poll() is None
-        time.sleep(0.002)
-    process.kill()
-    process.wait()
+    with running(command, cwd=repository, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
+        while len(list(tmp_path.glob("parts/*.parquet"))) < 3:
+            assert process.poll() is None
+            time.sleep(0.002)
     assert not (tmp_path / "results.json").exists()
     simulated: list[int] = []
     run = rollout.run

@@ -4,8 +4,11 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import fields
+from multiprocessing import resource_tracker
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +18,7 @@ import policies
 from evaluate.__main__ import main
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts import workers
-from evaluate.rollouts.experiment import LabelledPolicy, Task, evaluation_seeds, sequential
+from evaluate.rollouts.experiment import Chunk, LabelledPolicy, Task, evaluation_seeds, sequential
 from evaluate.rollouts.hardware import IDEAL
 from quad_env import SCENARIOS
 
@@ -87,7 +90,7 @@ def test_an_error_in_a_worker_is_raised_here() -> None:
 
 def test_little_work_is_done_here(monkeypatch) -> None:
     monkeypatch.setattr(workers, "FEWEST_STEPS", 6 * STEPS + 1)
-    monkeypatch.setattr(workers, "ProcessPoolExecutor", None)
+    monkeypatch.setattr(workers, "_workers", None)
     assert len(list(workers.process_pool(2)(tasks(*labelled("stand")), lambda *_: None))) == 2
 
 
@@ -102,21 +105,101 @@ def test_a_lost_worker_is_one_line(tmp_path, monkeypatch, capsys) -> None:
     assert error.endswith(f"--resume --out {tmp_path}" if (tmp_path / "parts").exists() else "nothing was done yet")
 
 
-def test_a_worker_that_cannot_be_begun_is_said_so(monkeypatch) -> None:
-    def full(*_args):
-        raise BlockingIOError(11, "Resource temporarily unavailable")
+def test_a_worker_that_cannot_be_begun_is_said_so_and_the_others_end(monkeypatch) -> None:
+    start, begun = SpawnProcess.start, []
 
-    monkeypatch.setattr(workers.ProcessPoolExecutor, "submit", full)
+    def full(process):
+        if begun:
+            raise BlockingIOError(11, "Resource temporarily unavailable")
+        start(process)
+        begun.append(process.pid)
+
+    monkeypatch.setattr(SpawnProcess, "start", full)
     with pytest.raises(workers.WorkerLost, match="cannot be started \\(Resource temporarily unavailable"):
         list(workers.process_pool(2)(tasks(*labelled("stand")), lambda *_: None))
+    assert not runs(*begun)
+
+
+class Stuck(type(policies.make("stand"))):
+    """Never returns."""
+
+    def act(self, observation):
+        threading.Event().wait()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
+def test_a_worker_that_never_returns_ends_with_the_others(monkeypatch) -> None:
+    monkeypatch.setattr(workers, "ENDING_TIME", 0.5)
+    both = [*tasks(LabelledPolicy("stuck", Stuck()))[:1], *tasks(LabelledPolicy("failing", Failing()))[:1]]
+    before = children(os.getpid())
+    with pytest.raises(ZeroDivisionError):
+        list(workers.process_pool(2)(both, lambda *_: None))
+    assert not any(map(runs, children(os.getpid()) - before - {resource_tracker._resource_tracker._pid}))
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
+def test_an_outcome_that_there_is_no_memory_for_ends_the_run_in_one_line(tmp_path, monkeypatch, capsys) -> None:
+    """Whoever takes the outcomes from the workers has no thread of its own whose end could go unnoticed."""
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", STEPS)
+    run = ["--policies", "stand", "--scenarios", "flat", "push", "--episodes", "4", "--no-film", "--threads", "2"]
+    received = workers._Worker.received
+    before = children(os.getpid())
+
+    def short(worker):
+        if isinstance(news := received(worker), Chunk) and (tmp_path / "cut" / "parts").exists():
+            raise MemoryError
+        return news
+
+    with monkeypatch.context() as patch:
+        patch.setattr(workers._Worker, "received", short)
+        assert main([*run, "--out", str(tmp_path / "cut")]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith("error: out of memory: ")
+    assert error.endswith(f"; go on: python -m evaluate --resume --out {tmp_path / 'cut'}")
+    assert not any(map(runs, children(os.getpid()) - before - {resource_tracker._resource_tracker._pid}))
+    assert main(["--resume", "--out", str(tmp_path / "cut")]) == 0
+    assert main([*run, "--out", str(tmp_path / "whole")]) == 0
+    for name in ("episodes.parquet", "results.json"):
+        assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+class Unsendable(Exception):
+    """Whose text cannot be had either."""
+
+    def __reduce__(self):
+        raise TypeError("no pickle")
+
+    def __str__(self):
+        raise TypeError("no text")
+
+
+class Odd(type(policies.make("stand"))):
+    """Raises what no other process can be sent."""
+
+    def act(self, observation):
+        raise Unsendable
+
+
+def test_an_error_that_cannot_be_sent_is_named() -> None:
+    with pytest.raises(RuntimeError, match="Unsendable, whose text cannot be had"):
+        list(workers.process_pool(2)(tasks(LabelledPolicy("odd", Odd())), lambda *_: None))
+
+
+def test_who_waits_for_workers_may_stop_them() -> None:
+    asked = iter([None, None, KeyboardInterrupt()])
+
+    def check() -> None:
+        if (error := next(asked)) is not None:
+            raise error
+
+    with pytest.raises(KeyboardInterrupt):
+        list(workers.process_pool(2, check)(tasks(LabelledPolicy("stuck", Stuck())), lambda *_: None))
 
 
 def test_the_environment_is_as_it_was_after_workers_began(monkeypatch) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
-    monkeypatch.delenv("PYTHONWARNINGS", raising=False)
     list(workers.process_pool(2)(tasks(*labelled("stand")), lambda *_: None))
     assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
-    assert "PYTHONWARNINGS" not in os.environ
 
 
 def test_an_evaluation_with_more_processes_than_cells_writes_the_same_episodes(tmp_path, monkeypatch) -> None:
@@ -149,17 +232,15 @@ def runs(process: int) -> bool:
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
-def test_workers_leave_when_the_evaluation_is_killed(repository, tmp_path) -> None:
+def test_workers_leave_when_the_evaluation_is_killed(repository, tmp_path, running) -> None:
     command = [sys.executable, "-m", "evaluate", "--policies", "trot", "stand", "--scenarios", "flat", "push"]
     command += ["--episodes", "256", "--threads", "2", "--out", str(tmp_path)]
-    process = subprocess.Popen(command, cwd=repository, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    while len(workforce := children(process.pid)) < 3:  # two workers and Python's resource tracker
-        assert process.poll() is None
-        time.sleep(0.01)
-    time.sleep(0.5)
-    process.kill()
-    process.wait()
-    patience = time.monotonic() + 10.0
+    with running(command, cwd=repository, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        while len(workforce := children(process.pid)) < 3:  # two workers and Python's resource tracker
+            assert process.poll() is None
+            time.sleep(0.01)
+        time.sleep(0.5)
+    patience = time.monotonic() + 60.0
     while any(map(runs, workforce)):
         assert time.monotonic() < patience, "orphans are left"
         time.sleep(0.05)

@@ -84,7 +84,7 @@ def test_a_process_that_ends_is_noticed() -> None:
         assert link.wait_until_ready() == "here"
         assert list(link.received()) == []
         link.send({"time": 1})
-        time.sleep(0.5)
+        link._process.wait(60)
         link.send({"time": 2})  # to nobody
         with pytest.raises(LinkLost, match="has ended"):
             list(link.received())

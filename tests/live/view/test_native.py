@@ -57,19 +57,18 @@ def test_the_newest_is_taken_and_what_came_in_between_is_left_out() -> None:
     def take(item: int) -> bool:
         taken.append(item)
         begun.set()
-        return go_on.wait(5)
+        return go_on.wait(60)
 
     latest = Latest("test", take, left.set)
     assert latest.idle
     latest.hand(1)
-    assert begun.wait(5)
+    assert begun.wait(60)
     for item in (2, 3, 4):
         latest.hand(item)
     assert not latest.idle
     go_on.set()
-    for _ in range(500):
-        if latest.idle:
-            break
+    end = time.monotonic() + 60.0
+    while not latest.idle and time.monotonic() < end:
         time.sleep(0.01)
     latest.close()
     assert taken == [1, 4]

@@ -29,14 +29,14 @@ def page(server: Server, **options: object) -> ClientConnection:
 
 
 def status(server: Server, path: str = "/", **headers: str) -> int:
-    with closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=5)) as connection:
+    with closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)) as connection:
         names = {name.replace("_", "-"): value for name, value in headers.items()}
         connection.request("GET", path, headers={"Host": f"localhost:{server.port}"} | names)
         return connection.getresponse().status
 
 
 def test_the_page_and_its_files_are_served_and_may_load_nothing_from_elsewhere(server: Server) -> None:
-    with closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=5)) as connection:
+    with closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)) as connection:
         connection.request("GET", "/", headers={"Host": f"localhost:{server.port}"})
         answer = connection.getresponse()
         assert answer.status == 200
@@ -74,7 +74,7 @@ def test_nothing_but_the_page_is_served(server: Server, path: str) -> None:
 def test_what_is_no_request_opens_nothing_and_prints_nothing(
     server: Server, text: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as connection:
+    with socket.create_connection(("127.0.0.1", server.port), timeout=30) as connection:
         connection.sendall(text.replace("HERE", f"localhost:{server.port}").encode())
         answer = connection.recv(100)
     assert answer[:12] in (b"", b"HTTP/1.1 400", b"HTTP/1.1 404")
@@ -125,7 +125,7 @@ def test_a_socket_opened_by_another_page_is_refused_before_it_opens(server: Serv
     assert refused.value.response.status_code == 403
     with page(server, origin=f"http://localhost:{server.port}") as own:
         own.send("hello")
-        assert own.recv(timeout=5) == "heard hello"
+        assert own.recv(timeout=30) == "heard hello"
 
 
 def test_beyond_this_machine_it_wants_the_token_of_its_address() -> None:
@@ -140,43 +140,43 @@ def test_beyond_this_machine_it_wants_the_token_of_its_address() -> None:
             page(server)
         with connect(f"ws://localhost:{server.port}/socket?token={server.token}") as known:
             known.send("hello")
-            assert known.recv(timeout=5) == "heard hello"
+            assert known.recv(timeout=30) == "heard hello"
 
 
 def test_a_page_that_sends_too_much_is_disconnected_and_the_others_go_on(server: Server) -> None:
     with page(server) as good, page(server) as bad:
         bad.send("x" * (LARGEST_MESSAGE + 1))
         with pytest.raises(ConnectionClosed):
-            bad.recv(timeout=5)
+            bad.recv(timeout=30)
         good.send(b"\xff\x00")  # no text: not heard
         good.send("still here")
-        assert good.recv(timeout=5) == "heard still here"
+        assert good.recv(timeout=30) == "heard still here"
 
 
 def test_frames_wait_for_a_page_that_is_slow_and_tellings_come_in_order(server: Server) -> None:
     with page(server) as slow:
         assert server.wanted.wait(5)
         server.show(b"first")
-        assert slow.recv(timeout=5) == b"first"
+        assert slow.recv(timeout=30) == b"first"
         server.show(b"second")
         for number in range(3):
             server.tell(str(number))
-        assert [slow.recv(timeout=5) for _ in range(3)] == ["0", "1", "2"]
+        assert [slow.recv(timeout=30) for _ in range(3)] == ["0", "1", "2"]
         assert not server.wanted.is_set()
         slow.send(DRAWN)
         assert server.wanted.wait(5)
         server.show(b"third")
-        assert slow.recv(timeout=5) == b"third"
+        assert slow.recv(timeout=30) == b"third"
 
 
 def test_more_pages_than_there_is_room_for_are_sent_away(server: Server) -> None:
     with ExitStack() as stack:
         first, *_ = [stack.enter_context(page(server)) for _ in range(MOST_PAGES)]
         with page(server) as one_more, pytest.raises(ConnectionClosed):
-            one_more.recv(timeout=5)
+            one_more.recv(timeout=30)
         first.send("quiet")
         first.send("here")
-        assert first.recv(timeout=5) == "heard here"
+        assert first.recv(timeout=30) == "heard here"
 
 
 def test_a_port_that_is_taken_is_said_with_a_remedy(server: Server) -> None:
@@ -188,7 +188,7 @@ def test_its_address_is_one_that_it_listens_on() -> None:
     for host, name in (("127.0.0.1", "localhost"), ("127.0.0.2", "127.0.0.2"), ("0.0.0.0", socket.gethostname())):
         with closing(Server(host, 0, echo)) as server:
             assert server.url.startswith(f"http://{name}:{server.port}/")
-            with socket.create_connection((host, server.port), timeout=5) as connection:
+            with socket.create_connection((host, server.port), timeout=30) as connection:
                 connection.sendall(f"GET / HTTP/1.1\r\nHost: {name}:{server.port}\r\n\r\n".encode())
                 assert connection.recv(100).startswith(b"HTTP/1.1 403" if server.token else b"HTTP/1.1 200")
 
@@ -199,7 +199,7 @@ def test_closing_it_frees_its_thread_and_its_port() -> None:
     with page(server) as left:
         server.close()
         with pytest.raises(ConnectionClosed):
-            left.recv(timeout=5)
+            left.recv(timeout=30)
     assert threading.active_count() <= before
     with pytest.raises(OSError):  # noqa: PT011
         socket.create_connection(("127.0.0.1", server.port), timeout=2)

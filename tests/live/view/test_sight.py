@@ -2,9 +2,9 @@
 
 import io
 import queue
-import time
 from collections.abc import Iterator
 from contextlib import closing
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -109,16 +109,25 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(
     assert drawn[0].failure is None
 
 
-def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up() -> None:
+def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock on which nothing but sleep takes time, whatever else the machine does."""
+    now = 100.0
+
+    def sleep(duration: float) -> None:
+        nonlocal now
+        now += duration
+
+    monkeypatch.setattr("live.pace.time", SimpleNamespace(perf_counter=lambda: now, sleep=sleep))
+
     def seconds(pace: Pace, steps: int) -> float:
-        begin = time.perf_counter()
+        begin = now
         for _ in range(steps):
             pace.wait()
-        return time.perf_counter() - begin
+        return now - begin
 
-    assert seconds(Pace(0.01, speed=0.5), 21) > 0.39
+    assert seconds(Pace(0.01, speed=0.5), 21) == pytest.approx(0.4)
     quick = Pace(0.01, speed=4.0)
-    assert seconds(quick, 21) < 0.19  # 0.05 s and what else the machine does
-    time.sleep(0.2)
+    assert seconds(quick, 21) == pytest.approx(0.05)
+    sleep(0.2)
     quick.resume()
-    assert seconds(quick, 21) > 0.045
+    assert seconds(quick, 21) == pytest.approx(0.05)

@@ -3,6 +3,8 @@
 import pickle
 import shutil
 import sys
+import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,7 @@ from policies.foreign.served import Served, serve
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions, VectorHomePoseActions
 
 FILE = """
-import os, sys, time
+import os, signal, sys, time
 import numpy as np
 import policies
 
@@ -80,6 +82,29 @@ class Paints(Faulty):
 class Hangs(Faulty):
     def fault(self):
         time.sleep(60.0)
+
+class Mute(Exception):
+    def __str__(self):
+        raise KeyError("no text")
+
+class RaisesMute(Faulty):
+    def fault(self):
+        raise Mute
+
+class Stops(Faulty):
+    def fault(self):
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+class AllHang(Counts):
+    def __call__(self, observation):
+        action = super().__call__(observation)
+        time.sleep(60.0 * (self.calls == 3))
+        return action
+
+class Slow(Counts):
+    def __call__(self, observation):
+        time.sleep(0.02)
+        return super().__call__(observation)
 
 class Short(Faulty):
     def fault(self):
@@ -188,23 +213,64 @@ def test_a_policy_of_ours_in_a_file_acts_as_it_does_here(file: Path) -> None:
     ("name", "reason"),
     [
         ("Raises", "raised KeyError: 'two\\nlines'"),
+        ("RaisesMute", "raised Mute, whose text cannot be had"),
         ("Exits", "raised SystemExit: 4"),
         ("Paints", "raised ValueError: [31m red"),
         ("Short", "gave float64 of shape (3,), not numbers of shape (12,)"),
         ("Words", "gave <U4 of shape (12,), not numbers of shape (12,)"),
         ("Nan", "gave targets that are not finite"),
         ("Huge", "gave targets that are not finite"),
-        ("Hangs", "gave no answer within 0.1 s"),
+        ("Hangs", "gave no answer within 0.5 s"),
     ],
 )
 def test_a_failure_is_that_of_one_robot(file: Path, name: str, reason: str) -> None:
-    of = served(file, name, deadline=0.1)
+    of = served(file, name, deadline=0.5)
     actions, failures = third_step(of)
     assert failures == {1: reason}
     np.testing.assert_allclose(actions[OTHERS], 0.03)
     again = of.step(OBSERVATIONS)
     assert again.failures == {}
     np.testing.assert_allclose(again.actions[OTHERS], 0.04)
+
+
+def test_calls_that_give_no_answer_take_two_deadlines_however_many_they_are(file: Path) -> None:
+    of, observations = served(file, "AllHang", deadline=1.0), np.zeros((30, OBSERVATION_SIZE), np.float32)
+    of.reset(30, 0)
+    for _ in range(2):
+        assert of.step(observations).failures == {}
+    began = time.monotonic()
+    assert of.step(observations).failures == dict.fromkeys(range(30), "gave no answer within 1 s")
+    assert time.monotonic() - began < 15.0  # 2 s, with room for a busy machine
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="stops a process by a signal")
+@pytest.mark.parametrize("robots", [3, 256])
+def test_a_process_that_stops_is_ended_within_a_deadline_whatever_the_number_of_robots(
+    file: Path, robots: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("policies.foreign.policy.GRACE", 0.5)
+    observations = np.resize(OBSERVATIONS, (robots, OBSERVATION_SIZE))
+    with closing(Foreign(f"{file}:Stops", deadline=1.0)) as policy:
+        policy.reset(robots)
+        for _ in range(2):
+            policy.act(observations)
+        began = time.monotonic()
+        policy.act(observations)
+        assert policy.failure.tolist() == ["gave no answer: no answer within 1500 ms"] * robots
+        assert time.monotonic() - began < 20.0  # a bound for a busy machine
+
+
+def test_many_robots_that_are_each_answered_for_in_time_may_take_longer_together(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("policies.foreign.policy.GRACE", 0.2)
+    robots = 100
+    with closing(Foreign(f"{file}:Slow", deadline=1.0)) as policy:
+        policy.reset(robots)
+        for step in (1, 2):
+            action = policy.act(np.zeros((robots, OBSERVATION_SIZE), np.float32))
+            np.testing.assert_allclose(action[:, 0], 0.01 * step, rtol=1e-6)
+        assert policy.failure.tolist() == [None] * robots
 
 
 def test_a_batch_that_raises_fails_every_robot_from_then_on(file: Path) -> None:
