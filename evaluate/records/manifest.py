@@ -27,6 +27,8 @@ CHUNKS = "parts"
 SCHEMA = 1
 _NOT_COMPARED = {"git_revision"}
 """Versions that may change without a figure changing: the code's digest says whether one could."""
+_NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
+"""Versions with which the same run may come out to the same bytes; `compare` names them where they differ."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class Manifest:
 
     def begun(self) -> "Manifest":
         """With its fingerprint."""
-        known = {name: version for name, version in self.versions.items() if name not in _NOT_COMPARED}
+        known = {name: version for name, version in self.versions.items() if name not in _NOT_IN_FINGERPRINT}
         decisive = {**self.provenance(), "versions": known, "threads": None}
         return replace(self, fingerprint=hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest())
 
@@ -153,8 +155,9 @@ def differences(then: Manifest, now: Manifest) -> list[str]:
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
     for name, version in then.versions.items():
-        if name not in _NOT_COMPARED and now.versions.get(name) != version:
-            yield f"{name} was {version} and is {now.versions.get(name)}"
+        new = now.versions.get(name, version)  # older results do not name all that newer ones do
+        if name not in _NOT_COMPARED and new != version:
+            yield f"{name} was {version} and is {new}"
     if then.code != now.code:
         yield "the code of quad_env, policies or evaluate has changed"
     if then.cpu != now.cpu:
