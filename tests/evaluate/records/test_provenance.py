@@ -16,6 +16,8 @@ from evaluate.records.provenance import code_digest, policy_digest
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
+SIMD = str(provenance.versions()["simd"])
+
 
 def test_every_policy_has_a_digest_of_its_own() -> None:
     digests = {name: policy_digest(policies.make(name)) for name in policies.names()}
@@ -98,14 +100,14 @@ def test_a_policys_robot_shows_wherever_its_files_lie_and_whatever_was_asked_of_
 
 
 @pytest.mark.skipif(
-    "openblas" not in provenance.blas() or "X86_V3" not in provenance.versions()["simd"].split(),
+    "openblas" not in provenance.blas() or "X86_V3" not in SIMD.split(),
     reason="for OpenBLAS and an x86 processor with AVX2",
 )
 @pytest.mark.parametrize(
     ("name", "environment"),
     [
         ("blas", {"OPENBLAS_CORETYPE": "Prescott"}),
-        ("simd", {"NPY_DISABLE_CPU_FEATURES": provenance.versions()["simd"]}),
+        ("simd", {"NPY_DISABLE_CPU_FEATURES": SIMD}),
     ],
 )
 def test_the_kernel_and_the_instructions_are_recorded_and_named_where_they_differ(
