@@ -25,13 +25,14 @@ def test_every_policy_has_a_digest_of_its_own() -> None:
     assert digests == {name: policy_digest(policies.make(name)) for name in policies.names()}
 
 
-def test_digests_are_the_same_in_another_process(repository) -> None:
+@pytest.mark.parametrize("environment", [{}, {"OPENBLAS_CORETYPE": "Prescott"}], ids=["as here", "another kernel"])
+def test_digests_are_the_same_in_another_process(repository, environment) -> None:
     code = (
         "import policies\nfrom evaluate.records.provenance import policy_digest\n"
         "print(*(policy_digest(policies.make(name)) for name in policies.names()))"
     )
-    command = [sys.executable, "-c", code]
-    printed = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=True).stdout
+    command, chosen = [sys.executable, "-c", code], os.environ | environment
+    printed = subprocess.run(command, cwd=repository, env=chosen, capture_output=True, text=True, check=True).stdout
     assert printed.split() == [policy_digest(policies.make(name)) for name in policies.names()]
 
 
