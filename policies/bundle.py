@@ -19,11 +19,12 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_safetensors
 from safetensors.numpy import save as format_safetensors
 
+from policies.activations import ACTIVATIONS
 from policies.base import CONTROL_PERIOD, Actions, PolicyError
 from policies.bases import describe, described
 from policies.files import write_atomically
 from policies.history import Inputs
-from policies.network import ACTIVATIONS, Network
+from policies.network import Network
 from policies.parameters import is_number
 from policies.residual import (
     COMMAND,

@@ -35,6 +35,8 @@ _OF_NO_FIGURE = ("options", "date", "fingerprint")
 """What no figure depends on."""
 _NOT_COMPARED = {"git_revision"}
 """Versions that may change without a figure changing: the code's digest says whether one could."""
+_NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
+"""Versions with which the same run may come out to the same bytes; `compare` names them where they differ."""
 
 
 @dataclass(frozen=True)
@@ -177,7 +179,7 @@ def _decoded(found: dict[str, Any]) -> Manifest:
 
 def _fingerprint(provenance: Mapping[str, Any]) -> str:
     """SHA-256 of all that a figure depends on."""
-    known = {name: version for name, version in provenance["versions"].items() if name not in _NOT_COMPARED}
+    known = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
     return _digest({**provenance, "versions": known, "threads": None})
 
 
@@ -204,8 +206,9 @@ def differences(then: Manifest, now: Manifest) -> list[str]:
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
     for name, version in then.versions.items():
-        if name not in _NOT_COMPARED and now.versions.get(name) != version:
-            yield f"{name} was {version} and is {now.versions.get(name)}"
+        new = now.versions.get(name, version)  # older results do not name all that newer ones do
+        if name not in _NOT_COMPARED and new != version:
+            yield f"{name} was {version} and is {new}"
     if then.code != now.code:
         yield "the code of quad_env, policies or evaluate has changed"
     if then.cpu != now.cpu:

@@ -1,5 +1,6 @@
 """What the figures were made with."""
 
+import ctypes
 import hashlib
 import os
 import platform
@@ -34,11 +35,35 @@ def versions() -> dict[str, str | None]:
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
         **{name: metadata.version(name) for name in ("mujoco", "numpy", "scipy", "gymnasium", "pyarrow")},
+        "blas": blas(),
+        "simd": " ".join(np.show_config(mode="dicts")["SIMD Extensions"].get("found", ())),
+        "libc": " ".join(platform.libc_ver()).strip(),
         "quad_env": _version_of("simple-quad"),
         "fall_rule": FallRule().name,
         "success_rule": SUCCESS_RULE,
         "git_revision": git_revision(REPOSITORY),
     }
+
+
+def blas() -> str:
+    """NumPy's BLAS, and of OpenBLAS the kernel for this processor, which `OPENBLAS_CORETYPE` replaces."""
+    found = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
+    return " ".join((found["name"], found["version"], *sorted(_kernels())))
+
+
+def _kernels() -> set[str]:
+    """Kernels of the OpenBLAS libraries of this process; none where the system does not list a process's libraries."""
+    try:
+        lines = Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return set()
+    kernels = set()
+    for library in map(ctypes.CDLL, {line.split()[-1] for line in lines if "openblas" in line}):
+        for name in ("scipy_openblas_get_corename64_", "openblas_get_corename64_", "openblas_get_corename"):
+            if kernel := getattr(library, name, None):
+                kernel.restype = ctypes.c_char_p
+                kernels.add(kernel().decode())
+    return kernels
 
 
 def model_of(hardware: Hardware) -> dict[str, str]:

@@ -10,6 +10,7 @@ where a_j = Σ_i f_ij / m + g, and the same for angles with α_j = I⁻¹ Σ_i r
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
@@ -80,11 +81,16 @@ class Friction(NamedTuple):
         return Friction(*(bound[robots] for bound in self))
 
 
+@dataclass(eq=False)
 class Horizon:
-    """A prediction over `steps` steps of `period` s, and what its cost weighs."""
+    """A prediction over `steps` steps of `period` s, and what its cost weighs; all else follows from these."""
 
-    def __init__(self, steps: int, period: float, weights: Weights) -> None:
-        self.steps, self.period, self.weights = steps, period, weights
+    steps: int
+    period: float
+    weights: Weights
+
+    def __post_init__(self) -> None:
+        steps, period, weights = self.steps, self.period, self.weights
         k, j = np.arange(1, steps + 1)[:, None], np.arange(steps)
         before = j < k
         self.rate = np.where(before, period, 0.0)

@@ -1,5 +1,6 @@
 """Model-predictive control that sees the ground: footholds have the heights of a height scan."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +58,7 @@ class SeenGround(NamedTuple):
         return height
 
 
+@cache
 def mean_plane(scan: HeightScan) -> Floats:
     """What heights on the scan's grid are multiplied with to give the least-squares plane of those under the legs:
     height under the trunk's centre and rise per metre ahead and to the left, (3, rows, columns)."""
@@ -133,7 +135,6 @@ class SightedMpcWbc(MpcWbc):
     ) -> None:
         robot = robot_of(robot)
         self.height_scan = self._scan = height_scan
-        self._mean_plane = mean_plane(height_scan)
         self._shown = table_with(robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)
         self._scan_noise = ReadingNoise(control_period, [points], np.array([QUIET]))
@@ -157,7 +158,7 @@ class SightedMpcWbc(MpcWbc):
         seen = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
         noise = self._scan_noise.variances(seen.heights.reshape(self.num_envs, -1))[:, 0]
         self._seen_ground = believed(seen, ground, noise)
-        mean = np.einsum("cij,nij->cn", self._mean_plane, self._seen_ground.heights)
+        mean = np.einsum("cij,nij->cn", mean_plane(self._scan), self._seen_ground.heights)
         mean[1:] = np.clip(mean[1:], -STEEPEST, STEEPEST)
         share = np.where(self._new, 1.0, taken_in(self.control_period, LEVELLING_TIME))
         self._level = self._level + share * (mean - self._level)

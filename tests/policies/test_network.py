@@ -1,9 +1,11 @@
+import hashlib
 import itertools
 import math
 
 import numpy as np
 import pytest
 
+from policies.activations import LIMIT, lines_of, piece
 from policies.network import Network
 
 
@@ -22,15 +24,15 @@ def f32(values):
 def test_forward_pass_by_hand(activation, hidden):
     # Hidden unit: 1·2 + 3·(-1) + 0.5 = -0.5; output: 4·hidden + 1, with no activation after the last layer.
     network = Network((f32([[2.0], [-1.0]]), f32([[4.0]])), (f32([0.5]), f32([1.0])), activation)
-    np.testing.assert_allclose(network(f32([[1.0, 3.0]])), [[4.0 * hidden + 1.0]], rtol=1e-6)
+    np.testing.assert_allclose(network(f32([[1.0, 3.0]])), [[4.0 * hidden + 1.0]], atol=4e-6)
 
 
 @pytest.mark.parametrize("activation", ["tanh", "elu"])
 def test_a_row_has_the_same_bits_in_any_batch(activation):
-    network = random_network(activation)
-    inputs = np.random.default_rng(4).normal(size=(1000, 62)).astype(np.float32)
+    network = random_network(activation, (302, 128, 128, 12))
+    inputs = np.random.default_rng(4).normal(size=(1000, 302)).astype(np.float32)
     whole = network(inputs)
-    for n in (1, 2, 3, 64, 512):
+    for n in (1, 2, 3, 16, 17, 128, 129, 512):
         assert network(inputs[:n]).tobytes() == whole[:n].tobytes()
     assert network(inputs[777:778]).tobytes() == whole[777:778].tobytes()
 
@@ -41,6 +43,43 @@ def test_outputs_agree_with_the_plain_matrix_product():
     (w0, w1, w2), (b0, b1, b2) = network.weights, network.biases
     expected = np.tanh(np.tanh(inputs @ w0 + b0) @ w1 + b1) @ w2 + b2
     np.testing.assert_allclose(network(inputs), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("activation", "function"),
+    [("tanh", np.tanh), ("elu", lambda x: np.maximum(x, 0.0) + np.expm1(np.minimum(x, 0.0)))],
+)
+def test_an_activation_is_within_3e_7_of_its_function(activation, function):
+    slopes, intercepts = lines_of(activation)
+    x = np.concatenate([sign * np.logspace(-8.0, np.log10(LIMIT), 100_000, endpoint=False) for sign in (1.0, -1.0)])
+    np.testing.assert_allclose(slopes[piece(x)] * x + intercepts[piece(x)], function(x), atol=3e-7)
+
+
+@pytest.mark.parametrize(
+    ("activation", "digest"),
+    [
+        ("tanh", "3b07b8fea229870041e99bcbe412f56b6b5dd144f4c787e7b83cc25ae57ecda3"),
+        ("elu", "43a7d95ce985d29cdc000bc542a064c3c3165135fc96363acc84d64346fac24c"),
+    ],
+)
+def test_the_pieces_of_an_activation_have_the_same_bits_everywhere(activation, digest):
+    assert hashlib.sha256(b"".join(lines.tobytes() for lines in lines_of(activation))).hexdigest() == digest
+
+
+def test_inputs_beyond_the_limit_are_clipped_and_nan_stays_nan():
+    network = random_network()
+    at_limit = network(np.full((1, 62), 64.0, np.float32))
+    np.testing.assert_array_equal(network(np.full((1, 62), np.inf, np.float32)), at_limit)
+    assert np.isnan(network(np.full((1, 62), np.nan, np.float32))).all()
+
+
+def test_sums_are_exact():
+    # 2000 large products and their opposites cancel, to the bit, and leave 2^-20 · 1.
+    rng = np.random.default_rng(7)
+    weights, inputs = rng.normal(size=2000), rng.uniform(-64.0, 64.0, (200, 2000))
+    network = Network((f32([*weights, *-weights, 1.0])[:, None],), (f32([0.0]),))
+    seen = np.concatenate([inputs, inputs, np.full((200, 1), 2.0**-20)], axis=1)
+    np.testing.assert_array_equal(network(f32(seen)), np.float32(2.0**-20))
 
 
 @pytest.mark.parametrize(

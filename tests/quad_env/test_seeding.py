@@ -1,5 +1,7 @@
 """Seed families are disjoint, whatever the seed."""
 
+from functools import cached_property
+
 import numpy as np
 import pytest
 
@@ -29,3 +31,10 @@ def test_streams_of_an_episode_are_independent_of_each_other_and_of_other_episod
     again.start.random(100)
     assert first.commands.random() == again.commands.random()
     assert first.pushes.random() != other.pushes.random()
+
+
+def test_every_kind_of_draw_has_a_stream_of_its_own() -> None:
+    kinds = [name for name, value in vars(EpisodeStreams).items() if isinstance(value, cached_property)]
+    assert {"force", "payload", "noise", "sensors"} < set(kinds)
+    streams = EpisodeStreams(1, 0)
+    assert len({getattr(streams, kind).random() for kind in kinds}) == len(kinds)

@@ -1,5 +1,7 @@
 """What the figures were made with: digests that change with what they are of, and with nothing else."""
 
+import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,10 +11,12 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.records import provenance
+from evaluate.records import manifest, provenance
 from evaluate.records.provenance import code_digest, policy_digest
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+
+SIMD = str(provenance.versions()["simd"])
 
 
 def test_every_policy_has_a_digest_of_its_own() -> None:
@@ -21,13 +25,14 @@ def test_every_policy_has_a_digest_of_its_own() -> None:
     assert digests == {name: policy_digest(policies.make(name)) for name in policies.names()}
 
 
-def test_digests_are_the_same_in_another_process(repository) -> None:
+@pytest.mark.parametrize("environment", [{}, {"OPENBLAS_CORETYPE": "Prescott"}], ids=["as here", "another kernel"])
+def test_digests_are_the_same_in_another_process(repository, environment) -> None:
     code = (
         "import policies\nfrom evaluate.records.provenance import policy_digest\n"
         "print(*(policy_digest(policies.make(name)) for name in policies.names()))"
     )
-    command = [sys.executable, "-c", code]
-    printed = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=True).stdout
+    command, chosen = [sys.executable, "-c", code], os.environ | environment
+    printed = subprocess.run(command, cwd=repository, env=chosen, capture_output=True, text=True, check=True).stdout
     assert printed.split() == [policy_digest(policies.make(name)) for name in policies.names()]
 
 
@@ -93,3 +98,28 @@ def test_a_policys_robot_shows_wherever_its_files_lie_and_whatever_was_asked_of_
     assert asked.side[0] == 1.0
     assert digest(fresh) == digest(asked)
     assert digest(replace(SIMPLE_QUAD, foot_radius=0.03)) != digest(fresh)
+
+
+@pytest.mark.skipif(
+    "openblas" not in provenance.blas() or "X86_V3" not in SIMD.split(),
+    reason="for OpenBLAS and an x86 processor with AVX2",
+)
+@pytest.mark.parametrize(
+    ("name", "environment"),
+    [
+        ("blas", {"OPENBLAS_CORETYPE": "Prescott"}),
+        ("simd", {"NPY_DISABLE_CPU_FEATURES": SIMD}),
+    ],
+)
+def test_the_kernel_and_the_instructions_are_recorded_and_named_where_they_differ(
+    repository, run, name, environment
+) -> None:
+    code = "import json\nfrom evaluate.records.provenance import versions\nprint(json.dumps(versions()))"
+    command, chosen = [sys.executable, "-c", code], os.environ | environment
+    printed = subprocess.run(command, cwd=repository, env=chosen, capture_output=True, text=True, check=True).stdout
+    here, there = provenance.versions(), json.loads(printed)
+    assert {each for each in here if there[each] != here[each]} == {name}
+    first = replace(manifest.read(run.folder), versions=here).begun()
+    second = replace(first, versions=there).begun()
+    assert manifest.differences(first, second) == [f"{name} was {here[name]} and is {there[name]}"]
+    assert first.fingerprint == second.fingerprint  # the same rows are then the same file

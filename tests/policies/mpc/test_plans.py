@@ -65,6 +65,8 @@ def test_shared_forces_stay_within_friction() -> None:
     assert (found[:, 2] >= 0.0).all()
     assert (np.abs(found[:, :2]) <= 0.6 * found[:, 2:] + 1e-9).all()
     assert found[:, 0].max() > 1.0
+    heavy = np.array([[0.0, 0.0, 1000.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(shared(heavy, FIRST[None], FEET[None], FRICTION)[0, FIRST, 2], 170.0)
 
 
 def test_before_any_plan_the_feet_bear_the_weight() -> None:

@@ -142,6 +142,15 @@ def test_friction_holds_a_force_within_its_pyramid() -> None:
     assert not allowed(held, [0.0, 0.0, 170.1])
 
 
+def test_a_standing_foot_presses_at_least_as_hard_as_its_bound_says_and_never_pulls() -> None:
+    """Without friction too, whose pyramid would forbid a pull by itself."""
+    for least, allowed, forbidden in ((0.0, 0.0, -0.1), (5.0, 5.0, 4.9)):
+        bounds = Friction(np.array([0.0]), np.array([least]), np.array([170.0]))
+        rows, lower, _ = (part[0] for part in friction_rows(1, bounds))
+        assert (rows @ np.array([0.0, 0.0, allowed]) >= lower).all()
+        assert not (rows @ np.array([0.0, 0.0, forbidden]) >= lower).all()
+
+
 def small(rows: list, lower: list, upper: list, equalities: int = 0) -> Programs:
     """½ |x|² over two variables."""
     parts = (np.eye(2), np.zeros(2), np.array(rows), np.array(lower), np.array(upper))

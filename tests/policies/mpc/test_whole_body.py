@@ -106,6 +106,16 @@ def test_legs_alone_give_much_the_same_torques_as_the_whole_body(speed: float) -
     assert missed.mean() < 0.4 * size.mean()  # the forces and the turning that are wished do not agree
 
 
+def test_torques_of_legs_alone_are_clipped_to_the_limit() -> None:
+    of = bodies()
+    wished = wish(of)
+    free = leg_torques(of, wished, NOTHING, np.inf)
+    limit = 0.5 * np.abs(free.torque).max()
+    found = leg_torques(of, wished, NOTHING, limit)
+    np.testing.assert_array_equal(found.torque, np.clip(free.torque, -limit, limit))
+    np.testing.assert_array_equal(found.acceleration, free.acceleration)
+
+
 def test_legs_move_the_feet_as_wished() -> None:
     """With the trunk as the forces move it."""
     of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))

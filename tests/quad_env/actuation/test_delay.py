@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from quad_env.actuation.delay import Wires
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Latency, SteadyForce
@@ -61,6 +62,27 @@ def test_a_joint_that_hears_nothing_holds_its_last_target() -> None:
     lost = observations(scenario)
     np.testing.assert_array_equal(lost[..., SENSED], observations(PLAIN, heard)[..., SENSED])
     assert (lost != observations(PLAIN)).any()
+
+
+def test_robots_that_move_on_without_the_others_lose_their_own_targets() -> None:
+    """Latency and dropouts of robots 1 and 3 of four, the latter 30 steps behind, are those of each by itself."""
+    scenario = Scenario(
+        "lost", latency=Latency(action=0.02), dropouts=Dropouts(count=2, duration=0.2, window=(0.2, 1.1))
+    )
+    episodes = [Episode(SIMPLE_QUAD, scenario, FIRST_SEED + robot, 0, 0.01) for robot in range(ROBOTS)]
+    together, rows, behind = Wires(SIMPLE_QUAD, scenario, ROBOTS, 0.01), np.array([1, 3]), np.array([0, 30])
+    together.begin(np.arange(ROBOTS), episodes)
+    alone = [Wires(SIMPLE_QUAD, scenario, 1, 0.01) for _ in rows]
+    for wires, robot in zip(alone, rows, strict=True):
+        wires.begin(np.arange(1), [episodes[robot]])
+    for step in range(30, STEPS):
+        clock, targets = step - behind, ACTIONS[step]
+        heard = together.heard(targets, clock, rows)[rows]
+        expected = [
+            wires.heard(targets[robot : robot + 1], clock[place : place + 1], np.arange(1))[0]
+            for place, (wires, robot) in enumerate(zip(alone, rows, strict=True))
+        ]
+        np.testing.assert_array_equal(heard, expected)
 
 
 def test_every_joint_drops_out_and_every_dropout_lies_in_its_window() -> None:

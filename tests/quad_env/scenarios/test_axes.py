@@ -13,11 +13,12 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
-from quad_env.scenarios.disturbances import Dropouts, Latency, Payload, Pushes, SensorNoise, SteadyForce
+from quad_env.scenarios.disturbances import Dropouts, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import SCENARIOS
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
+from quad_env.seeding import EpisodeStreams
 
 ISSUE = (
     "flat push rough force slope stairs gravel soft slippery payload weak_motors slow_motors latency noise dropout "
@@ -84,6 +85,15 @@ def test_a_disturbance_shifts_no_other_draw() -> None:
     np.testing.assert_array_equal(alone.load, b.load)
 
 
+def test_a_payload_lies_within_its_reach_ahead_and_to_the_left() -> None:
+    scenario = Scenario("loaded", payload=Payload(reach=(0.2, 0.01)))
+    episodes = [Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(300)]
+    loads = at_reset(episodes)[2]
+    assert loads is not None
+    first, second = np.transpose([EpisodeStreams(seed, 0).payload.uniform(-1, 1, 2) for seed in range(300)])
+    np.testing.assert_array_equal(loads, np.stack((0.2 * first, 0.01 * second), axis=1))
+
+
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) -> None:
     scenario = AXES[name].level(min(4, len(AXES[name].levels)))
@@ -138,3 +148,21 @@ def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> 
         data.ctrl[:] = action
         mujoco.mj_step(simulation.model, data, nstep=simulation.substeps)
     np.testing.assert_array_equal(simulation.snapshot(1).qpos, data.qpos)
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 2.0, 4.0])
+def test_each_disturbance_of_a_surprise_has_its_share_of_the_reference(share: float) -> None:
+    scenario = AXES["surprise"].at(share)
+    assert scenario.terrain == SmoothRandom(peak_to_valley=0.06 * share)
+    assert scenario.pushes == Pushes(impulse=20.0 * share)
+    assert scenario.force == SteadyForce(10.0 * share)
+    assert scenario.payload == Payload(2.0 * share)
+    assert scenario.latency == Latency(action=0.01 * share, observation=0.01 * share)
+    assert scenario.noise == SensorNoise(0.1 * share)
+    assert scenario.dropouts == Dropouts(duration=0.1 * share)
+    assert scenario.ground.friction == pytest.approx(0.8 * 0.75**share)
+    assert scenario.motors == Motors(torque_limit=100.0 * 0.5**share, bandwidth=20.0 / share)
+
+
+def test_actions_and_readings_are_both_late() -> None:
+    assert AXES["latency"].at(0.07).latency == Latency(action=0.07, observation=0.07)

@@ -11,9 +11,10 @@ from quad_env.robots.kinematics import foot_jacobians, foot_positions
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
 from quad_env.sensing import error_state
 from quad_env.sensing.error_state import BodyMotion, Felt, rotation
-from quad_env.sensing.estimator import unit
+from quad_env.sensing.estimator import Read, unit
 from quad_env.sensing.estimators import ESTIMATORS, KALMAN
-from quad_env.sensing.kalman import KalmanFilter
+from quad_env.sensing.kalman import KalmanFilter, sensor_errors
+from quad_env.sensing.suite import Encoders, Imu, SensorSuite
 from quad_env.task.observations import OBSERVATION
 
 DT, SMALL = 0.01, 1e-6
@@ -141,3 +142,60 @@ def test_a_reset_forgets_one_robot_alone() -> None:
 def test_a_wrong_estimator_is_refused(settings: dict[str, str], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         gym.make("quad_env:SimpleQuad-v0", **settings)
+
+
+def read(gyro: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Read:
+    """Of one robot in the home pose, level, on all feet, whose gyroscope shows that, rad/s."""
+    feet, joints = np.ones((1, 4), np.bool_), ROBOT.home_pose[None]
+    force = np.array([[0.0, 0.0, GRAVITY]])
+    return Read(np.array([gyro]), force, joints, joints, feet, feet, np.ones(1, np.bool_))
+
+
+def after_one_sample(suite: SensorSuite, late: int = 0, gyro: tuple[float, float, float] = (0.0, 0.0, 0.0)):
+    """A filter that has begun with a robot that stands and has seen one sample."""
+    filter_, robot = KalmanFilter(ROBOT, suite, 1, DT, late), np.arange(1)
+    filter_.begin(robot, read().accelerometer, read(gyro))
+    filter_.move_on(read(gyro), robot)
+    return filter_
+
+
+@pytest.mark.parametrize("late", [0, 1, 4])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_trunk_turns_on_as_it_does_over_the_delay_of_the_readings(axis: int, late: int) -> None:
+    """Gravity, which a trunk that turns by ω sees turn by -ω, goes on by ω · delay from the moment of the readings."""
+    gyro = tuple(0.8 * np.eye(3)[axis])
+    filter_ = after_one_sample(SensorSuite(imu=Imu(gyro_bias=0.5)), late, gyro)
+    assert np.abs(filter_.gyro_bias).max() > 0.1  # the feet, which do not move, say that the trunk turns less
+    speed = np.array(gyro) - filter_.gyro_bias[0]
+    expected = filter_.then.gravity[0]
+    for _ in range(1000):  # in small steps of dg/dt = -ω × g
+        expected = expected - 1e-3 * late * DT * np.cross(speed, expected)
+    np.testing.assert_allclose(filter_.gravity[0], expected, atol=1e-5)
+    change = np.linalg.norm(filter_.gravity - filter_.then.gravity)
+    assert change == pytest.approx(np.linalg.norm(speed) * late * DT, rel=0.01)
+
+
+def test_after_one_sample_feet_are_as_uncertain_as_the_encoders() -> None:
+    """J Jᵀ σ²: what was known of their places before, to 1 cm, hardly counts."""
+    suite = SensorSuite(encoders=Encoders(noise=0.001, bits=None))
+    found = after_one_sample(suite).covariance[0]
+    for leg, jacobian in enumerate(foot_jacobians(ROBOT, ROBOT.home_pose.reshape(1, 4, 3))[0]):
+        place, noise = error_state.foot(leg), 0.001**2 * jacobian @ jacobian.T
+        np.testing.assert_allclose(found[place, place], noise, atol=0.02 * noise.max())
+
+
+def test_the_errors_of_the_sensors_are_those_of_their_data_sheet() -> None:
+    imu = Imu(position=(0.03, 0.0, 0.0), rotation=(0.0, 0.006, 0.0))
+    found = sensor_errors(SensorSuite(imu=imu, encoders=Encoders(bits=12, noise=0.001, zero_offset=0.004)))
+    step = 2.0 * np.pi / 4096.0
+    expected = (0.0017, 0.003, 0.012, 0.2, np.sqrt(0.001**2 + step**2 / 12.0), 0.004, 0.03 / 3**0.5, 0.006 / 3**0.5)
+    np.testing.assert_allclose(found, expected)
+
+
+def test_the_covariance_counts_the_mounting_of_the_imu_as_tilt() -> None:
+    straight, turned = (
+        after_one_sample(SensorSuite(imu=Imu(rotation=(angle, angle, angle)))).covariance[0] for angle in (0.0, 0.02)
+    )
+    more = np.zeros_like(straight)
+    more[error_state.TILT, error_state.TILT] = 0.02**2 * np.eye(3)
+    np.testing.assert_allclose(turned - straight, more, atol=1e-12)

@@ -1,0 +1,73 @@
+"""Actions of networks have the same bits with any BLAS kernel and any instructions of the processor.
+
+Every case is a process of its own, since libraries choose their functions when they are loaded.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PROGRAM = """
+import hashlib, itertools, json
+import numpy as np
+import policies
+from policies.network import Network
+
+def digest(values):
+    return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+
+rng = np.random.default_rng(0)
+found = {}
+for activation, sizes in (("elu", (302, 128, 128, 12)), ("tanh", (62, 64, 12))):
+    shapes = tuple(itertools.pairwise(sizes))
+    weights = tuple(rng.normal(0.0, shape[0] ** -0.5, shape).astype(np.float32) for shape in shapes)
+    network = Network(weights, tuple(rng.normal(size=size).astype(np.float32) for size in sizes[1:]), activation)
+    for rows in (1, 2, 16, 129, 1000):
+        inputs = rng.normal(0.0, 2.0, (rows, sizes[0])).astype(np.float32)
+        found[f"{activation} {rows}"] = digest(network(inputs))
+        found[f"{activation} {rows} of any size"] = digest(network(inputs * np.float32(1e4)))
+for name in ("residual", "robust"):
+    network = policies.load(f"models/{name}").network
+    found[name] = digest(network(rng.normal(size=(64, network.sizes[0])).astype(np.float32)))
+found["plain"] = digest(np.matmul(inputs[:, None, :], weights[0]))
+print(json.dumps(found))
+"""
+FEATURES = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+CASES = [{"OPENBLAS_CORETYPE": kernel} for kernel in ("Haswell", "Zen", "Sandybridge", "Prescott")]
+if "X86_V4" in FEATURES:  # elsewhere its instructions are illegal
+    CASES += [{"OPENBLAS_CORETYPE": "SkylakeX"}]
+CASES += [{"NPY_DISABLE_CPU_FEATURES": " ".join(FEATURES)}, {"OPENBLAS_NUM_THREADS": "2"}]
+
+
+def found(**environment: str) -> dict[str, str]:
+    chosen = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"} | environment
+    folder = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], cwd=folder, env=chosen, capture_output=True, text=True, check=True
+    )
+    return dict(json.loads(done.stdout))
+
+
+@pytest.fixture(scope="module")
+def here() -> dict[str, str]:
+    return found()
+
+
+@pytest.mark.parametrize("environment", CASES, ids=lambda case: "=".join(*case.items()))
+def test_actions_have_the_same_bits(here, environment) -> None:
+    there = found(**environment)
+    del there["plain"]
+    assert there.items() < here.items()
+
+
+@pytest.mark.skipif(
+    "openblas" not in np.show_config(mode="dicts")["Build Dependencies"]["blas"]["name"] or "X86_V3" not in FEATURES,
+    reason="kernels are chosen for OpenBLAS and an x86 processor with AVX2",
+)
+def test_the_kernels_round_a_plain_product_differently() -> None:
+    assert found(OPENBLAS_CORETYPE="Haswell")["plain"] != found(OPENBLAS_CORETYPE="Prescott")["plain"]
