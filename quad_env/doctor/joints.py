@@ -28,11 +28,12 @@ def limits(subject: Subject) -> Finding:
     spans, names = upper - lower, robot.joint_names
     if wide := [name for name, span in zip(names, spans, strict=True) if span > WIDEST]:
         seen = f"{_some(wide)} can turn by {spans.max():.0f} rad"
-        return problem(seen, 'limits in degrees where the MJCF\'s compiler has angle="radian"', _mend("range", robot))
+        cause = 'limits in degrees where the MJCF\'s compiler has angle="radian"'
+        return problem(seen, cause, _mend("range", robot))
     if narrow := [name for name, span in zip(names, spans, strict=True) if span < NARROWEST]:
         seen = f"{_some(narrow)} can turn by {spans.min():.3f} rad only"
-        cause = "limits in radians where the MJCF's compiler reads degrees, its default"
-        return problem(seen, cause, _mend('range, or write <compiler angle="radian"/>', robot))
+        cause = "limits in radians where the MJCF's compiler reads degrees, its default, or a wrong range"
+        return problem(seen, cause, _mend('range, or write <compiler angle="radian"/> if it is in radians', robot))
     margin = np.minimum(home - lower, upper - home)
     if tight := [name for name, left in zip(names, margin, strict=True) if left < MARGIN]:
         seen = f"in the home pose {_some(tight)} is at the end of its range"
