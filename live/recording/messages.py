@@ -49,10 +49,8 @@ class Messages:
         starts = told["start"][:, 0] > 0.0
         events = self._events.of_rows(told, starts)
         begun, ended = self._begun(ends - self._period, told), self._ended(ends, told, starts)
-        corrected, corrections = (
-            ~np.isnan(told["correction"][:, 0]),
-            self._filled("/correction", ends, told["correction"]),
-        )
+        corrected = ~np.isnan(told["correction"][:, 0])
+        corrections = self._filled("/correction", ends, told["correction"])
         for row in range(len(rows)):
             yield from (self._event(event.text) for event in events[row] if event.early)
             if not starts[row]:

@@ -437,7 +437,7 @@ def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
         serve(checked(tmp_path / "model.zip", trust=True), "", SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
 
 
-@pytest.mark.parametrize("name", ["walk.pt", "walk.pth", "policy.safetensors", "safe:walk.pt"])
+@pytest.mark.parametrize("name", ["walk.pt", "walk.pth", "model.ckpt", "safe:walk.pt"])
 def test_files_that_are_not_read_are_told_from_unknown_names(name: str) -> None:
     with pytest.raises(PolicyError, match=r"not supported yet; export the network as \.onnx .*my_file\.py:MyPolicy"):
         policies.resolve(name)
