@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import median
 
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
@@ -31,6 +32,8 @@ class TrainedRun:
     minutes: float
     """Training time, validation included."""
     git_revision: str
+    bundle: Path
+    """Folder of the weights of its best validation."""
 
 
 def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:

@@ -1,6 +1,11 @@
-"""`python -m train publish`: judge finished runs and ship the one of seed 0, with the table of all in MODEL.md."""
+"""`python -m train publish`: evaluate finished runs and ship the one of seed 0, with the table of all in MODEL.md.
+
+A policy that has been shipped, such as models/go1/residual, is evaluated again in the same way: its MODEL.md is written
+again from what it says of its training and from today's episodes.
+"""
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,10 +27,11 @@ from policies.parameters import limits_of, number
 from policies.shipped import folder_of
 from quad_env.files import read_bytes
 from quad_env.scenarios.combination import likewise
-from train.config import differences, load_config
+from train.config import differences, from_dict, load_config
 from train.run_folder import BEST, CHECKPOINTS
 from train.shipping.model_card import TrainedRun, model_card
 
+CARD = "MODEL.md"
 SHIPPED_SEED = 0
 """Fixed before any run, so that what ships is not the luckiest."""
 
@@ -58,7 +64,8 @@ class Options:
     """What to judge and where to put it."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of finished runs: the seeds of one policy, and others to show beside it (such as end-to-end)."""
+    """Folders of finished runs: the seeds of one policy, and others to show beside it (such as end-to-end). Or the
+    folder of a shipped policy, whose MODEL.md is to be written again."""
     to: Path | None = None
     """Folder that gets policy.json, policy.safetensors and MODEL.md; by default POLICY among the models of the robot,
     such as models/residual and models/go1/residual."""
@@ -86,13 +93,14 @@ def main(options: Options) -> int:
     runs = [trained_run(folder) for folder in options.runs]
     shipped = choose(runs, options.policy)
     base, robot = shipped.config.base, shipped.config.hardware.quadruped
-    if describe(policies.load(Path(shipped.label) / BEST, robot).base) != describe(policies.make(base, robot=robot)):
+    if describe(policies.load(shipped.bundle, robot).base) != describe(policies.make(base, robot=robot)):
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
     to = options.to or folder_of(robot) / options.policy.replace("-", "_")
     make_writable_folder(to)
     card = model_card(to.resolve().name, runs, shipped, judge(options, runs, shipped))
-    bundle.copy(Path(shipped.label) / BEST, to)
-    write_atomically(to / "MODEL.md", card.encode())
+    if to.resolve() != shipped.bundle.resolve():
+        bundle.copy(shipped.bundle, to)
+    write_atomically(to / CARD, card.encode())
     print(card)
     return 0
 
@@ -126,6 +134,8 @@ def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> 
 def trained_run(folder: Path) -> TrainedRun:
     """What a finished run's folder says about it. Raises UsageError for one that is unfinished, damaged or none."""
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
+    if (folder / CARD).is_file():
+        return _shipped(folder)
     from train.sb3.callbacks import CallbackState
     from train.sb3.checkpoint import load
 
@@ -139,7 +149,19 @@ def trained_run(folder: Path) -> TrainedRun:
     except policies.PolicyError as error:
         raise UsageError(str(error)) from None
     description = json.loads(read_bytes(folder / BEST / "policy.json"))
-    return TrainedRun(str(folder), config, minutes, description["git_revision"])
+    return TrainedRun(str(folder), config, minutes, description["git_revision"], folder / BEST)
+
+
+def _shipped(folder: Path) -> TrainedRun:
+    """The run that a shipped policy comes from, by its bundle and its card. Raises UsageError."""
+    try:
+        description = json.loads(read_bytes(folder / "policy.json"))
+        config = from_dict(description["training"])
+        minutes = re.search(r"([\d.]+) min, source", read_bytes(folder / CARD).decode())
+        policies.load(folder, config.hardware.quadruped)
+        return TrainedRun(str(folder), config, float(minutes[1]), description["git_revision"], folder)  # type: ignore[index]
+    except (OSError, ValueError, KeyError, TypeError, policies.PolicyError) as error:
+        raise UsageError(f"{folder} holds no shipped policy with its {CARD}: {error}") from None
 
 
 def choose(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:

@@ -29,7 +29,7 @@ def publish(words):
 
 
 def trained_run(kind="residual", **changes):
-    return TrainedRun(f"runs/{changes}", dataclasses.replace(DEFAULTS[kind], **changes), 1.0, "revision")
+    return TrainedRun(f"runs/{changes}", dataclasses.replace(DEFAULTS[kind], **changes), 1.0, "revision", Path("best"))
 
 
 def test_seed_0_ships_whatever_the_order_and_company():
@@ -124,6 +124,18 @@ def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, caps
     assert card.count(f"minus `{parse([]).base}`") == 1
     assert str(tmp_path) not in card
     assert str(runs) not in card
+
+
+def test_a_shipped_policy_is_evaluated_again_and_keeps_what_its_card_says_of_its_training(runs, tmp_path, capsys):
+    to, rest = tmp_path / "models" / "walker", ["--scenarios", "flat", "--episodes", "2", "--threads", "1"]
+    assert publish([str(runs / "0"), "--to", str(to), "--out", str(tmp_path / "out"), *rest]) == 0
+    before = {path.name: path.read_text("utf-8") for path in to.iterdir() if path.suffix != ".safetensors"}
+    (to / "MODEL.md").write_text(before["MODEL.md"].replace("| flat |", "| gone |"), encoding="utf-8")
+    assert publish([str(to), "--to", str(to), "--out", str(tmp_path / "again"), *rest]) == 0
+    assert {name: (to / name).read_text("utf-8") for name in before} == before
+    (to / "MODEL.md").write_text("by hand", encoding="utf-8")
+    assert publish([str(to), "--to", str(to), "--out", str(tmp_path / "third"), *rest]) == 2
+    assert "holds no shipped policy with its MODEL.md" in capsys.readouterr().err
 
 
 def test_a_stopped_publishing_goes_on_where_it_was(runs, tmp_path, monkeypatch):
