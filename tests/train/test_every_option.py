@@ -26,10 +26,10 @@ from tests.quad_env.robots.alike import alike
 from train import run as training_run
 from train import seeds, validation
 from train.__main__ import main, parse
-from train.config import TrainConfig
+from train.config import TrainConfig, to_dict
 from train.robots import training_seeds
 from train.run import make_env
-from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE, steps_done
+from train.run_folder import BEST, CONFIG_FILE, LAST, VALIDATIONS_FILE, steps_done
 from train.sb3.callbacks import CallbackState, Segments, current_policy
 from train.sb3.ppo import build
 from train.scenarios import TERRAIN_SEEDS
@@ -42,6 +42,8 @@ USUAL = (
 )
 BRIEF = 120
 """Control steps of an episode of the validation."""
+EPISODES = episode_seeds("training", 0, 4)
+"""Seeds of the robots that are stepped here."""
 STEPS, DT = 8, 0.01
 """Steps of a run, unless it is told others: one update. Control period, s."""
 
@@ -114,7 +116,7 @@ class Made:
 
     def steps(self, count: int, action: float = 0.0) -> Iterator[Any]:
         """What the environment of the learner's actions gives, at each of so many steps."""
-        self.residual.reset(seed=episode_seeds("training", 0, self.env.num_envs).tolist())
+        self.residual.reset(seed=EPISODES[: self.env.num_envs].tolist())
         for _ in range(count):
             yield self.residual.step(np.full(self.residual.action_space.shape, action, np.float32))
 
@@ -132,6 +134,11 @@ class Ran:
     @property
     def validations(self) -> list[dict[str, Any]]:
         return list(json.loads((self.folder / VALIDATIONS_FILE).read_bytes())["validations"])
+
+    @property
+    def remembered(self) -> dict[str, Any]:
+        """What the callbacks carry on with, of the last checkpoint."""
+        return dict(json.loads(max(self.folder.glob("checkpoints/*.json")).read_bytes())["remembered"])
 
     def judged(self) -> list[Batch]:
         """The batches of the validations."""
@@ -172,7 +179,7 @@ def both(value: Any) -> tuple[Any, Any]:
     return value, value
 
 
-def severities(made: Made) -> dict[str, float]:
+def severities(made: Made) -> dict[str, Any]:
     """Of scenarios, by axis."""
     return {each.scenario.axis: each.scenario.severity for each in made.robots}
 
@@ -216,10 +223,19 @@ def clock(made: Made) -> float:
     return round(float(np.diff(np.unwrap(np.arctan2(sine, cosine)))[0] / (2 * np.pi * DT)), 2)
 
 
-def longest_episode(made: Made) -> int:
-    """Control steps of the longest of some that ended."""
-    lengths = [infos["final_info"]["episode"]["l"][ended].max() for *_, ended, infos in made.steps(8) if ended.any()]
-    return int(max(lengths, default=0))
+def first_episodes(made: Made) -> list[int]:
+    """Control steps of each robot's first episode; 0 of one that goes on."""
+    lengths = np.zeros(made.env.num_envs, int)
+    for *_, ended, infos in made.steps(20):
+        new = ended & (lengths == 0)
+        lengths[new] = infos["final_info"]["episode"]["l"][new] if new.any() else 0
+    return list(lengths.tolist())
+
+
+def cut_somewhere(longest: int) -> list[int]:
+    """Lengths of first episodes that are drawn by the robots' seeds, so that not all end together."""
+    drawn = np.random.default_rng(EPISODES.tolist()).integers(1, longest, len(EPISODES), endpoint=True)
+    return list(drawn.tolist())
 
 
 def step_size(made: Made) -> float:
@@ -283,9 +299,11 @@ def refusal(made: Made, capsys: pytest.CaptureFixture[str]) -> str:
     return capsys.readouterr().err
 
 
-def noise_at_the_end(made: Made) -> float:
-    """Logarithm of the exploration noise after the run, whose last rollout began in the middle."""
-    return round(made.ran.learners[-1].policy.log_std.tolist()[0], 3)
+def noise_at_the_end(made: Made) -> tuple[float, bool]:
+    """Logarithm of the exploration noise after the run, whose last rollout began in the middle; whether it is
+    learned."""
+    noise = made.ran.learners[-1].policy.log_std
+    return round(noise.tolist()[0], 3), noise.requires_grad
 
 
 def threads(made: Made) -> tuple[set[tuple[str, int]], int]:
@@ -294,13 +312,13 @@ def threads(made: Made) -> tuple[set[tuple[str, int]], int]:
 
 
 def cluster_asked_for(made: Made) -> list[Any]:
-    """Cores and address of the cluster that is asked to train."""
+    """Address of the cluster that is asked to train, and cores of each of its tasks."""
     asked: list[Any] = []
 
     @contextlib.contextmanager
     def noted(*given: Any) -> Iterator[Any]:
         asked.append(given[1])
-        yield lambda *_: iter(())
+        yield lambda *work: iter(asked.append(work[3]) or ())
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(seeds, "cluster", noted)
@@ -309,23 +327,29 @@ def cluster_asked_for(made: Made) -> list[Any]:
     return asked
 
 
-def folders(made: Made) -> list[str]:
-    """Of all runs, below the test's own."""
-    assert made.ran
-    return sorted(str(path.parent.relative_to(made.folder)) for path in made.folder.rglob(CONFIG_FILE))
+def folders(made: Made) -> dict[str, tuple[int, int]]:
+    """Seed that is written in each run's folder, and that of its learner, in the order of the runs."""
+    runs = sorted(made.folder.rglob(CONFIG_FILE)) if (ran := made.ran) else []
+    found = zip(runs, ran.learners, strict=True)
+    return {
+        str(path.parent.relative_to(made.folder)): (json.loads(path.read_bytes())["seed"], each.seed)
+        for path, each in found
+    }
 
 
 ADAPTIVE = "--ppo.learning-rate-schedule adaptive"
 EFFECTS = {
-    "policy": Effect("--policy end-to-end", of_both(lambda each: each.base.name), both("crouch")),
+    "policy": Effect(
+        "--policy end-to-end", lambda made: (made.shipped.name, made.residual.base.name), ("end-to-end", "crouch")
+    ),
     "base": Effect("--base trot_feedback", of_both(lambda each: each.base.name), both("trot_feedback")),
     "steps": Effect("--steps 24", lambda made: steps_done(made.ran.folder), 24),
     "seed": Effect("--seed 8", seeded, (8, episode_seeds("training", 8, 4).tolist(), TERRAIN_SEEDS["training"] + 8)),
-    "seeds": Effect("--seeds 2", folders, ["run/seed-7", "run/seed-8"]),
-    "engine": Effect("--engine ray", cluster_asked_for, [None]),
-    "address": Effect("--address here:1", cluster_asked_for, ["here:1"], given="--engine ray"),
-    "out": Effect("--out FOLDER/elsewhere", folders, ["elsewhere"]),
-    "threads": Effect("--threads 2", threads, ({("training", 1), ("validation", 2)}, 2)),
+    "seeds": Effect("--seeds 2", folders, {"run/seed-7": (7, 7), "run/seed-8": (8, 8)}),
+    "engine": Effect("--engine ray", cluster_asked_for, [None, 1]),
+    "address": Effect("--address here:1", cluster_asked_for, ["here:1", 1], given="--engine ray"),
+    "out": Effect("--out FOLDER/elsewhere", folders, {"elsewhere": (7, 7)}),
+    "threads": Effect("--threads 5", threads, ({("training", 5), ("validation", 5)}, 0)),
     "joint_authority": Effect("--joint-authority 0.2", of_both(authority), both([0.15, 0.2, 0.2])),
     "hip_authority": Effect("--hip-authority 0.1", of_both(authority), both([0.1, 0.3, 0.3])),
     "foot_authority": Effect("--foot-authority 0.03", of_both(authority), both([0.03] * 3), given="--space feet"),
@@ -352,12 +376,17 @@ EFFECTS = {
     ),
     "curriculum": Effect(
         "--curriculum 0.5",  # of the way from 1 m/s, 20 N·s and 0.06 m, on a scale of their logarithms
-        severities,
-        pytest.approx({"flat": 1.5**0.5, "push": (20 * 60) ** 0.5, "rough": (0.06 * 0.2) ** 0.5}),
+        lambda made: severities(made) | {"shares": made.ran.remembered["shares"]},
+        {
+            "flat": pytest.approx(1.5**0.5),
+            "push": pytest.approx((20 * 60) ** 0.5),
+            "rough": pytest.approx((0.06 * 0.2) ** 0.5),
+            "shares": [0.5] * 3,
+        },
     ),
     "pushes": Effect("--pushes 2", lambda made: [len(each.env.pushes.force[0]) for each in made.started], [0, 2, 0]),
     "hardness": Effect("--hardness 1.5", hardest, (90.0, 0.3)),
-    "max_episode_steps": Effect("--max-episode-steps 3", longest_episode, 3),
+    "max_episode_steps": Effect("--max-episode-steps 20", first_episodes, cut_somewhere(20)),
     "timestep": Effect("--timestep 0.0025", step_size, 0.0025),
     "robot": Effect(
         "--robot FOLDER/alike.xml",
@@ -410,7 +439,7 @@ EFFECTS = {
     "ppo.log_std_init": Effect(
         "--ppo.log-std-init -1.5", learner(lambda each: each.policy.log_std.tolist()[0]), pytest.approx(-1.5)
     ),
-    "ppo.log_std_final": Effect("--ppo.log-std-final -3.2 --steps 16", noise_at_the_end, -2.2),
+    "ppo.log_std_final": Effect("--ppo.log-std-final -3.2 --steps 16", noise_at_the_end, (-2.2, False)),
     "ppo.privileged": Effect("--ppo.no-privileged", lambda made: made.env.privileged, 0),
     "ppo.standardise": Effect(
         "--ppo.standardise", learner(lambda each: type(each.policy.features_extractor).__name__), "Standardised"
@@ -536,6 +565,23 @@ def test_the_same_name_is_another_scenario_for_another_robot(tmp_path: Path) -> 
     alike(tmp_path)
     (pushed,) = Made(f"--robot {tmp_path / 'alike.xml'} --mixture push 1", tmp_path).robots
     assert pushed.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)
+
+
+def test_a_robot_is_validated_on_its_own_scenarios(tmp_path: Path) -> None:
+    alike(tmp_path)
+    (judged,) = Made(f"--robot {tmp_path / 'alike.xml'} --validation.scenarios push", tmp_path).ran.judged()
+    assert judged.env.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)
+
+
+def test_fewer_threads_than_batches_step_a_batch_each(tmp_path: Path) -> None:
+    assert threads(Made("--threads 2", tmp_path)) == ({("training", 1), ("validation", 2)}, 2)
+
+
+def test_the_bundles_of_a_run_hold_its_settings(tmp_path: Path) -> None:
+    made = Made("--ppo.gamma 0.9", tmp_path)
+    for name in (BEST, LAST):
+        described = json.loads((made.ran.folder / name / "policy.json").read_bytes())
+        assert described["training"] == to_dict(made.config)
 
 
 def test_all_episodes_and_no_advantage_begin_anew_where_a_segment_does(tmp_path: Path) -> None:
