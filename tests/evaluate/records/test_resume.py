@@ -396,6 +396,26 @@ def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
     assert evaluate("rescore", tmp_path)[0] == 0
 
 
+@pytest.mark.parametrize("at", ["evaluate.rollouts.rollout.run", "evaluate.commands.execution.process_pool"])
+def test_a_failure_of_the_system_is_not_taken_for_one_of_the_folder(tmp_path, monkeypatch, at) -> None:
+    def full(*_arguments, **_options):
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(at, full)
+    code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
+    assert (code, error) == (2, "error: cannot go on (Too many open files); begin again, for nothing was done yet\n")
+
+
+def test_a_trace_that_cannot_be_written_is_said_of_the_folder(tmp_path, monkeypatch) -> None:
+    def full(*_arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(trace, "write_atomically", full)
+    code, error = evaluate(*RUN, "--threads", "1", "--trace", "compact", "--out", tmp_path)
+    assert code == 2
+    assert f"cannot write to {tmp_path} (No space left on device); make room, then begin again" in error
+
+
 @pytest.mark.parametrize("begun", [True, False])
 def test_a_full_disk_says_what_may_be_done_then(tmp_path, monkeypatch, begun) -> None:
     write_table_there = store.write_table
