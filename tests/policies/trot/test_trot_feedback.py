@@ -366,7 +366,32 @@ def test_what_a_robot_feels_while_its_command_has_just_jumped_is_no_rough_ground
     assert turned_round == 0.0
 
 
-def test_steep_ground_and_rough_ground_slow_the_robot_down():
+@pytest.mark.parametrize("slope", [(0.3, 0.0), (-0.2, 0.1), (0.0, -0.2)])
+@pytest.mark.parametrize(("slope_brace", "brace"), [(100.0, 0.0), (0.05, 1.0)], ids=["stepping", "braced"])
+def test_feet_are_shifted_uphill_by_the_slope(slope, slope_brace, brace):
+    changes = {"slope_brace": slope_brace, "plane_filter": 0.05}
+    shifted, plain = (TrotFeedback(dataclasses.replace(BARE, slope_shift=shift, **changes)) for shift in (0.2, 0.0))
+    for _ in range(200):
+        for policy in (shifted, plain):
+            policy.act(on_slope(*slope))
+    assert plain._memory["brace"].item() == pytest.approx(brace)
+    np.testing.assert_allclose(np.ravel(plain.ground.slope), slope, atol=2e-3)
+    moved = (shifted._memory["feet"] - plain._memory["feet"])[..., 0]
+    np.testing.assert_allclose(moved, np.tile(np.multiply(0.2, slope)[:, None], 4), atol=2e-3)
+
+
+def test_rough_ground_slows_the_robot_down():
+    policy = TrotFeedback(dataclasses.replace(BARE, rough_slowdown=20.0))
+    row = on_a_stone(0.2)
+    row[OBSERVATION["command"]] = (1.0, 0.0, 0.0)
+    for _ in range(200):
+        policy.act(row)
+    roughness = policy.ground.roughness.item()
+    assert roughness > 0.02
+    assert policy._memory["reference"][0, 0] == pytest.approx(1.0 / (1.0 + (20.0 * roughness) ** 2), rel=0.05)
+
+
+def test_steep_ground_slows_the_robot_down():
     policy = TrotFeedback(dataclasses.replace(BARE, slope_slowdown=2.0, plane_filter=0.05))
     row = on_slope(0.3, 0.0)
     row[OBSERVATION["command"]] = (1.0, 0.0, 0.0)

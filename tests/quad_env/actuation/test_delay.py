@@ -70,12 +70,12 @@ def test_robots_that_move_on_without_the_others_lose_their_own_targets() -> None
         "lost", latency=Latency(action=0.02), dropouts=Dropouts(count=2, duration=0.2, window=(0.2, 1.1))
     )
     episodes = [Episode(SIMPLE_QUAD, scenario, FIRST_SEED + robot, 0, 0.01) for robot in range(ROBOTS)]
-    together, rows, behind = Wires(SIMPLE_QUAD, scenario, ROBOTS, 0.01), np.array([1, 3]), np.array([0, 30])
+    together, rows, behind = Wires(SIMPLE_QUAD, scenario, ROBOTS, 0.01), np.array([1, 3]), np.array([0, 31])
     together.begin(np.arange(ROBOTS), episodes)
     alone = [Wires(SIMPLE_QUAD, scenario, 1, 0.01) for _ in rows]
     for wires, robot in zip(alone, rows, strict=True):
         wires.begin(np.arange(1), [episodes[robot]])
-    for step in range(30, STEPS):
+    for step in range(31, STEPS):
         clock, targets = step - behind, ACTIONS[step]
         heard = together.heard(targets, clock, rows)[rows]
         expected = [
