@@ -33,7 +33,7 @@ def test_what_is_missing_is_asked_for_and_can_be_told(tmp_path: Path, capsys: py
     path, told = Made(limits=()).write(tmp_path), tmp_path / "mine.toml"
     assert main(["describe", str(path), "--toml", str(told)]) == 2
     assert (
-        "made.xml: neither limits nor a keyframe tell which way all knees bend: give knee_direction"
+        "made.xml: neither limits nor a keyframe say which way all knees bend: give knee_direction"
         in capsys.readouterr().err
     )
     told.write_text(
