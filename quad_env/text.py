@@ -19,3 +19,17 @@ def one_line(text: str) -> str:
     """A text on one line of bounded length, without the characters that steer a terminal."""
     plain = " ".join("".join(sign if sign.isprintable() else " " for sign in text).split())
     return plain if len(plain) <= LONGEST else f"{plain[:LONGEST]} …"
+
+
+def described(error: BaseException) -> str:
+    """`ValueError: its text`, on one line.
+
+    Code of a user can raise an exception whose `__str__` fails; then the line says so.
+    """
+    try:
+        text = f"{type(error).__name__}: {error}"
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        text = f"{type(error).__name__}, whose text cannot be had"
+    return one_line(text)

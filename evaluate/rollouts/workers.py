@@ -16,7 +16,7 @@ from typing import Any
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, sequential, simulate
 from evaluate.terminal.command_line import UsageError
 from policies.child_process import serve_parent, without_ctrl_c
-from quad_env.exceptions import described
+from quad_env.text import described
 
 POLL_PERIOD = 0.1
 """s between two looks at whether the user has interrupted."""
