@@ -14,12 +14,12 @@ OF_THE_INSTALLATION = (
 OF_THE_ROBOT = (
     Check("model", f"{HERE}.model:model", ("mujoco",)),
     Check("limits", f"{HERE}.joints:limits", ("model",)),
-    Check("plausible", f"{HERE}.model:plausible", ("model",)),
     Check("period", f"{HERE}.motion:period", ("model",)),
     Check("joints", f"{HERE}.joints:joints", ("limits", "period")),
     Check("ground", f"{HERE}.model:ground", ("model",)),
     Check("batch", f"{HERE}.motion:batch", ("period",)),
     Check("servos", f"{HERE}.motion:servos", ("joints", "ground")),
+    Check("plausible", f"{HERE}.model:plausible", ("servos",)),
     Check("stands", f"{HERE}.motion:stands", ("servos",)),
     Check("speed", f"{HERE}.motion:speed", ("period",)),
 )

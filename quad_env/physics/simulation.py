@@ -30,15 +30,15 @@ from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix,
 from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import Slope
+from quad_env.scenarios.terrain import Slope, SmoothRandom
 
 ALL = slice(None)
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""
 _LINKS = ("thigh", "calf")
 _HIGH = 10.0
-"""How far up robots with a large trunk are looked at before they are put on the ground, leg lengths: with the trunk in
-the ground MuJoCo finds more contacts than it has memory for. SimpleQuad's few fit."""
+"""How far up robots of users are looked at before they are put on bumpy ground, leg lengths: with a trunk of many geoms
+in the ground MuJoCo finds more contacts than it has memory for."""
 Motion = tuple[Vector[Column], Vector[Column]]
 """Generalised positions (19) and velocities (18), as MuJoCo orders them."""
 
@@ -85,18 +85,20 @@ class Simulation:
         self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._torque = self._batch.bind("actuator_force")
         at = (robot, self.terrain, period, self._qpos, self._qvel)
+        steps = [[self._batch.sensor(name).data for name in names] for names in soles]
+        self._footsteps = Footsteps(*at, steps) if feet else None  # before the probe computes contacts again
         self.probe = None if imu is None else Probe(robot, self._batch, period)
         if self.probe is not None:  # which computes the outputs of the last substep again
             self._torque = self.probe.copy(self._torque)
         self._trunk_contacts = self._sensed(trunk)
         self._foot_contacts = [self._sensed(names) for names in soles]
         self._link_contacts = self._sensed(itertools.chain(*links))
-        self._footsteps = Footsteps(*at, self._foot_contacts) if feet else None
         self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
         self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in _LINKS for leg in robot.leg_names]
         self._corners = trunk_corners(self.model)
-        self._clear = _HIGH * robot.leg_length if robot.imported else 0.0
+        bumpy = isinstance(self.terrain, SmoothRandom)
+        self._clear = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
         self._sites, self._bodies = self._batch.bind("site_xpos"), self._batch.bind("xpos")
         self._filtered = self._batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id

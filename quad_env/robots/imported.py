@@ -40,8 +40,8 @@ def robot_from(path: Path, name: str | None = None, **figures: Any) -> Robot:
 
 
 def _inferred(path: Path, name: str | None, figures: dict[str, Any]) -> Robot:
-    _, model, found = read(path)
-    name = path.stem if name is None else name
+    own, model, found = read(path)
+    name = own.modelname or path.stem if name is None else name
     if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]

@@ -31,7 +31,7 @@ def simulated(monkeypatch, made_up_cell) -> list[tuple[str, float]]:
         return experiment.Chunk(task.numbers, replace_seeds(cell, task.seeds))
 
     monkeypatch.setattr(experiment, "simulate", simulate)
-    monkeypatch.setattr("evaluate.commands.execution.process_pool", lambda _: None)
+    monkeypatch.setattr("evaluate.commands.execution.process_pool", lambda *_: None)
     monkeypatch.setattr(
         "evaluate.commands.outputs.write_report",
         lambda _, path, **_options: path.write_text("report", encoding="utf-8"),

@@ -410,7 +410,7 @@ def test_a_trace_that_cannot_be_written_is_said_of_the_folder(tmp_path, monkeypa
     def full(*_arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(trace, "write_atomically", full)
+    monkeypatch.setattr("evaluate.records.parquet.write_atomically", full)
     code, error = evaluate(*RUN, "--threads", "1", "--trace", "compact", "--out", tmp_path)
     assert code == 2
     assert f"cannot write to {tmp_path} (No space left on device); make room, then begin again" in error

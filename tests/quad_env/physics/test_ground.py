@@ -54,7 +54,6 @@ def test_a_robot_slides_where_the_side_force_exceeds_friction_times_weight(terra
 @pytest.mark.parametrize(
     "wrong",
     [{"friction": 0.0}, {"friction": np.nan}, {"sink_depth": -0.01}, {"sink_depth": 0.0001}, {"sink_depth": 200}],
-    [{"friction": 0.0}, {"friction": np.nan}, {"sink_depth": -0.01}, {"sink_depth": 0.0001}, {"sink_depth": 200}],
 )
 def test_no_ground_is_like_that(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong)).split("_")[0]):
