@@ -51,7 +51,7 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
     axis, colon, level = name.partition(":")
     if colon and axis in SCENARIOS:
         return _level(axes_of(robot)[axis], level)
-    return scenarios_of(robot).get(name)
+    return (SCENARIOS if robot == SIMPLE_QUAD else scenarios_of(robot)).get(name)
 
 
 def _level(axis: Axis, level: str) -> Scenario:
