@@ -14,7 +14,7 @@ from quad_env.robots.collisions import GROUND_BIT, foot_geoms
 from quad_env.robots.joint_names import of_name
 from quad_env.robots.model_file import log_to_the_console
 from quad_env.robots.robot import Robot
-from quad_env.robots.shapes import corners, geoms_of, welded
+from quad_env.robots.shapes import corners, geoms_of, solid, welded
 from quad_env.robots.stage import spec_of
 from quad_env.scenarios.disturbances import Ground, Payload
 from quad_env.scenarios.scenario import Scenario
@@ -82,7 +82,7 @@ def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
     mujoco.mj_kinematics(model, data)
     axes, found = data.xmat[root].reshape(3, 3), []
     for body in welded(model, root):
-        for geom in geoms_of(model, [body], (model.geom_contype | model.geom_conaffinity) != 0):
+        for geom in geoms_of(model, [body], solid(model)):
             at = corners(model, geom) @ data.xmat[body].reshape(3, 3).T + (data.xpos[body] - data.xpos[root])
             found.append(at @ axes)
     return np.concatenate(found)
@@ -225,9 +225,8 @@ def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
 
 
 def _let_shins_through(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
-    """Ground and shins do not collide, all else as before: the ground collides by its own bit alone, see `stage`."""
-    solid = np.flatnonzero((model.geom_bodyid != 0) & ((model.geom_contype | model.geom_conaffinity) != 0))
-    model.geom_contype[solid] |= GROUND_BIT
+    """Ground and shins do not collide, all else as before: the ground collides by a bit of its own, see `collisions`."""
+    model.geom_contype[(model.geom_bodyid != 0) & solid(model)] |= GROUND_BIT
     shins = model.body_weldid[[model.body(f"{leg}_calf_link").id for leg in robot.leg_names]]
     below = np.isin(model.body_weldid[model.geom_bodyid], shins)
     below[[geom for leg in robot.leg_names for geom in foot_geoms(model, leg)]] = False

@@ -32,11 +32,16 @@ def welded(model: Any, body: int) -> list[int]:
     return [body, *(int(each) for each in same if each != body)]
 
 
+def solid(model: Any) -> Bools:
+    """Which geoms collide by their bits, (ngeom,)."""
+    return np.asarray((model.geom_contype | model.geom_conaffinity) != 0)
+
+
 def grounded(model: Any, root: int) -> Bools:
     """Which geoms of the robot, the bodies from `root` down, meet a ground, (ngeom,): those that collide by their bits,
     or in an explicit pair with a geom that is not the robot's."""
     own = descendants(model, root)[model.geom_bodyid]
-    found = own & ((model.geom_contype | model.geom_conaffinity) != 0)
+    found = own & solid(model)
     for one, other in zip(model.pair_geom1, model.pair_geom2, strict=True):
         if own[one] != own[other]:
             found[one if own[one] else other] = True
