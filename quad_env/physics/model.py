@@ -225,7 +225,7 @@ def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
 
 
 def _let_shins_through(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
-    """Ground and shins do not collide, all else as before: the ground collides by a bit of its own, see `collisions`."""
+    """Ground and shins do not collide, all else as before: the ground has a bit of its own, see `collisions`."""
     model.geom_contype[(model.geom_bodyid != 0) & solid(model)] |= GROUND_BIT
     shins = model.body_weldid[[model.body(f"{leg}_calf_link").id for leg in robot.leg_names]]
     below = np.isin(model.body_weldid[model.geom_bodyid], shins)
