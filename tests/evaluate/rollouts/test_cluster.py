@@ -1,5 +1,6 @@
 """The executor on a Ray cluster: the same bits as in one process, whatever becomes of its workers."""
 
+import contextlib
 import os
 import random
 import signal
@@ -43,8 +44,10 @@ def test_tasks_give_the_bits_of_one_process_though_workers_are_killed():
         while not over.is_set() and len(killed) < 3:
             time.sleep(0.3)
             if running := workers():
-                killed.append(choose.choice(running))
-                os.kill(killed[-1], signal.SIGKILL)
+                chosen = choose.choice(running)
+                with contextlib.suppress(ProcessLookupError):  # it ended since it was listed
+                    os.kill(chosen, signal.SIGKILL)
+                    killed.append(chosen)
 
     killer = threading.Thread(target=kill)
     killer.start()
