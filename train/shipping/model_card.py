@@ -63,8 +63,8 @@ evaluation uses.
 ## Results
 
 {results.episodes} episodes of 10 s a scenario, the same for every policy (`--seed {results.seed}`); in brackets 95 % \
-intervals and p-values, which are paired by episode and corrected by Holm's method over the comparisons of a column; \
-errors bill every step after a fall their cap.
+intervals and p-values, which are paired by episode and corrected by Holm's method over the comparisons of a column. \
+Success is by the rule `{results.success_rule}`; every step after a fall counts with the largest error.
 
 {tables}
 

@@ -119,6 +119,7 @@ def test_publishing_writes_a_policy_that_loads_and_its_card(runs, tmp_path, caps
     (row,) = [line for line in card.splitlines() if line.startswith("| flat |")]
     assert card.startswith("# walker\n")
     assert "| success, walker 0 (shipped) | seeds 1 | median |" in card
+    assert "Success is by the rule `success/2`; every step after a fall" in card
     assert row.count("p\u00a0") == 4
     assert "- Succeeds in less than half of the episodes: " in card
     assert card.count(f"minus `{parse([]).base}`") == 1
