@@ -242,7 +242,7 @@ class TrainConfig:
     pushes: int = number(4, limits=(0, _MOST_PUSHES))
     """Pushes in a training episode of a scenario that has any."""
     hardness: float = number(1.0, limits=(0.01, 100.0))
-    """Factor on the impulse of the pushes and the height of the terrain in training, not in validation."""
+    """Factor on the impulse of the pushes and on the height of random rough ground in training, not in validation."""
     max_episode_steps: int = number(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     timestep: float = number(0.005, limits=(1e-4, 0.01))

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -85,22 +86,24 @@ def test_without_a_display_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.rendering
 @pytest.mark.skipif(not all(map(shutil.which, ("Xvfb", "xdotool"))), reason="needs Xvfb and xdotool")
-def test_a_key_pressed_in_the_window_steers_and_the_view_ends_in_time(tmp_path: Path) -> None:
+def test_a_key_pressed_in_the_window_steers_and_closing_it_ends_the_view(tmp_path: Path, running: Any) -> None:
     """Under a virtual display; what the key did is read from the recording."""
     screen = subprocess.Popen(
         ["Xvfb", "-displayfd", "1", "-screen", "0", "640x480x24"], stdout=subprocess.PIPE, text=True
     )
     assert screen.stdout is not None
     display = {"DISPLAY": f":{screen.stdout.readline().strip()}"}
-    words = ["view", "--window", "--no-browser", "--policy", "trot", "--port", "0", "--seconds", "9"]
+    words = ["view", "--window", "--no-browser", "--policy", "trot", "--port", "0"]
     file = tmp_path / "walk.mcap"
     try:
-        view = subprocess.Popen([sys.executable, "-m", "quad_env", *words, "--record", str(file)], env=_with(display))
-        found = _until(lambda: _xdotool(display, "search", "--onlyvisible", "--name", "MuJoCo"))
-        for _ in range(3):
-            _xdotool(display, "key", "--window", found.split()[0], "Up")
-            time.sleep(0.3)
-        assert view.wait(timeout=60) == 0
+        command = [sys.executable, "-m", "quad_env", *words, "--record", str(file)]
+        with running(command, env=_with(display)) as view:
+            found = _until(lambda: _xdotool(display, "search", "--onlyvisible", "--name", "MuJoCo")).split()[0]
+            for key in ("Up", "Up", "Up", "ctrl+q"):
+                _xdotool(display, "key", "--window", found, key)
+                time.sleep(0.3)
+            view.communicate(timeout=120)
+        assert view.returncode == 0
     finally:
         screen.kill()
         screen.communicate()
@@ -124,7 +127,7 @@ def _xdotool(display: dict[str, str], *words: str) -> str:
 
 
 def _until(found: Callable[[], str]) -> str:
-    for _ in range(200):
+    for _ in range(600):
         if text := found():
             return text
         time.sleep(0.1)
