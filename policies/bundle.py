@@ -240,7 +240,7 @@ def _check_environment(folder: Path, description: dict[str, Any], robot: Robot) 
 def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) -> tuple[Robot, float]:
     """The robot, if it is the one that is given, and the control period, s."""
     name, control_period = description["robot"], description["control_period"]
-    if robot is None or name != robot.name:  # whose is said by whoever wants it for another
+    if robot is None or (name != robot.name and not _is_of(description, robot)):
         robot = _named(folder, name)
     if description["joints"] != list(robot.joint_names):
         _fail(folder, f"it was trained on other joints than those of {robot.name}, or in another order")
@@ -249,6 +249,14 @@ def _made_for(folder: Path, description: dict[str, Any], robot: Robot | None) ->
     if not is_number(control_period) or not 0.0 < control_period <= _LONGEST_PERIOD:
         _fail(folder, f"control_period must be a time above 0 s, at most {_LONGEST_PERIOD:g} s")
     return robot, float(control_period)
+
+
+def _is_of(description: dict[str, Any], robot: Robot) -> bool:
+    """Whether it was trained on that robot's model, whose file may have another name now."""
+    trained_on = description["model_sha256"]
+    if trained_on is None and description["robot"] == SIMPLE_QUAD.name:
+        trained_on = SIMPLE_QUAD.sha256
+    return bool(trained_on == robot.sha256)
 
 
 def _named(folder: Path, name: Any) -> Robot:

@@ -31,7 +31,9 @@ def robot_from(path: Path, name: str | None = None, **figures: Any) -> Robot:
     source = path
     if path.suffix == ".toml":
         path, figures = _told(path, figures)
-        name = figures.pop("name", None) if name is None else name
+        written = figures.pop("name", None)
+        name = written if name is None else name
+    name = source.stem if name is None else name
     try:
         robot = _inferred(path, name, {figure: _figure(figure, value) for figure, value in figures.items()})
         return replace(robot, source=source)
@@ -39,9 +41,8 @@ def robot_from(path: Path, name: str | None = None, **figures: Any) -> Robot:
         raise ModelError(f"{path}: {error}") from error
 
 
-def _inferred(path: Path, name: str | None, figures: dict[str, Any]) -> Robot:
-    own, model, found = read(path)
-    name = own.modelname or path.stem if name is None else name
+def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Robot:
+    _, model, found = read(path)
     if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]

@@ -86,7 +86,7 @@ class Robot:
         Args:
             path: the MJCF, or a TOML file of figures with the MJCF's path from there as `mjcf`: what
                 `python -m quad_env describe` writes.
-            name: of the robot; None for the model's.
+            name: of the robot; None for the file's, without its ending.
             figures: fields of `Robot` that are not to be inferred.
 
         Raises:

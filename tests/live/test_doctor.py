@@ -341,7 +341,7 @@ def test_a_policy_of_ones_own_that_raises_is_told_by_its_own_words(tmp_path: Pat
 
 def test_a_damaged_policy_beside_a_users_robot_is_found(tmp_path: Path) -> None:
     path = edited(tmp_path)
-    shutil.move(a_byte_changed(tmp_path), tmp_path / "simple_quad" / "residual")
+    shutil.move(a_byte_changed(tmp_path), tmp_path / path.stem / "residual")
     found = complaints(Subject(str(path)))
     assert list(found) == ["models"]
     assert "SHA-256" in found["models"].seen

@@ -434,6 +434,8 @@ def test_a_bundle_of_a_users_robot_is_for_that_model_alone(tmp_path):
     found = policies.resolve(tmp_path / "model", robot=robot)
     assert found.robot == robot
     assert found.base.parameters == Trot(robot=robot).parameters
+    renamed = replace(robot, name="renamed")  # so is the robot whose file is
+    assert policies.resolve(tmp_path / "model", robot=renamed).robot == renamed
     with pytest.raises(policies.PolicyError, match="say which with --robot"):
         policies.resolve(tmp_path / "model")
     with pytest.raises(policies.PolicyError, match="was trained for simple_quad"):
@@ -445,7 +447,7 @@ def test_a_bundle_of_a_users_robot_is_for_that_model_alone(tmp_path):
 
 def test_joints_in_another_order_are_another_robots(tmp_path):
     ours, theirs = (
-        Robot.from_mjcf(Made(order=order).write(tmp_path, f"{order[0]}.xml"))
+        Robot.from_mjcf(Made(order=order).write(tmp_path, f"{order[0]}.xml"), name="made")
         for order in (("fr", "fl", "hr", "hl"), ("fl", "fr", "hl", "hr"))
     )
     save(tmp_path / "model", ResidualPolicy(Trot(robot=ours), network(62, 12)), training={}, git_revision="")

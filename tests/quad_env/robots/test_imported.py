@@ -209,7 +209,6 @@ BROKEN = {
     "give knee_direction": changed(limits=()),
     "give rated_torque": changed(torque=None),
     "the home pose lies outside the limits of B2": changed(limits=NARROW),
-    "a robot's name is that of a folder too": changed('model="made"', 'model="../made"'),
     "has no length": changed(lengths=(0.08, 0.0, 0.2)),
 }
 
@@ -223,6 +222,22 @@ def test_a_broken_model_gives_one_clear_line(said: str, tmp_path: Path) -> None:
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
     assert [each.name for each in tmp_path.iterdir()] == ["broken.xml"]
+
+
+@pytest.mark.parametrize("name", ["../made", ".made", "a/b", 5])
+def test_a_name_that_is_no_folder_s_is_refused(name: Any, tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="a robot's name is that of a folder too"):
+        Robot.from_mjcf(Made().write(tmp_path), name=name)
+
+
+def test_a_robot_is_called_after_the_file_that_was_given(tmp_path: Path) -> None:
+    """Two files of one model are told apart, and a TOML's name comes first."""
+    one, other, named = tmp_path / "one.xml", tmp_path / "other.toml", tmp_path / "named.toml"
+    one.write_text(Made().xml(), encoding="utf-8")
+    other.write_text('mjcf = "one.xml"\n', encoding="utf-8")
+    named.write_text('mjcf = "one.xml"\nname = "rover"\n', encoding="utf-8")
+    assert [Robot.from_mjcf(path).name for path in (one, other, named)] == ["one", "other", "rover"]
+    assert Robot.from_mjcf(named, name="mine").name == "mine"
 
 
 def test_robots_by_name_are_told_and_an_unknown_one_lists_them(tmp_path: Path) -> None:
