@@ -18,6 +18,10 @@ from hypothesis import settings
 settings.register_profile("simple_quad", derandomize=True, deadline=None, database=None)
 settings.load_profile("simple_quad")
 
+# A shell has its background jobs ignore Ctrl-C, and their children inherit that: tests that send it see a terminal's.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 # MuJoCo chooses its OpenGL backend once, at import: so before any test module is.
 if "MUJOCO_GL" not in os.environ and sys.platform == "linux":
     os.environ["MUJOCO_GL"] = "egl" if ctypes.util.find_library("EGL") else "osmesa"
@@ -61,8 +65,6 @@ def repository() -> Path:
 def _running(command: list[str], longest: float = LONGEST, **options: Any) -> Iterator[subprocess.Popen[str]]:
     """The process of a command, its outputs in pipes as text; see `running`."""
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    if sys.platform != "win32":
-        pipes["preexec_fn"] = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
     process: subprocess.Popen[str] = subprocess.Popen(command, **pipes | options)
     limit = threading.Timer(longest, process.kill)
     limit.start()
@@ -79,8 +81,8 @@ def _running(command: list[str], longest: float = LONGEST, **options: Any) -> It
 
 @pytest.fixture(scope="session")
 def running() -> Callable[..., contextlib.AbstractContextManager[subprocess.Popen[str]]]:
-    """Context with the process of a command, as a user runs it: Ctrl-C reaches it even where the tests are a background
-    job of a shell, which ignores it; it is ended after `longest`, and however a test ends nothing is left of it.
+    """Context with the process of a command; it is ended after `longest`, and however a test ends nothing is left of
+    it.
 
     What is left would be a failure of another test, whichever runs when its pipes are collected.
     """

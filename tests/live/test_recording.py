@@ -354,7 +354,6 @@ def test_every_step_before_the_end_is_recorded(step: int, ending: str, tmp_path:
         stderr=subprocess.PIPE,
         start_new_session=True,
         check=False,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # deaf where the tests are a background job
     )
     assert ended.returncode in (-signal.SIGKILL, -signal.SIGINT, 1), ended.stderr
     stamps = [stamp for stamp, _ in finished(path)["/joint_states"]]

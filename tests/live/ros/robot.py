@@ -64,7 +64,6 @@ class Robot:
                 stderr=subprocess.STDOUT,
                 env=self.environment,
                 process_group=0,
-                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # deaf in a background job
             )
 
     @property
