@@ -399,11 +399,12 @@ def test_a_command_steered_by_is_followed_from_the_next_step_to_the_next_reset()
     assert (drawn == make(2).reset(seed=0)[1]["command"]).all()
 
 
-def test_a_push_by_hand_acts_for_its_time_in_the_world_frame_beside_the_scenario_s_own() -> None:
-    env = make(2, scenario="push", readings=True)
+@pytest.mark.parametrize("rate", [100.0, 50.0])
+def test_a_push_by_hand_acts_for_its_time_in_the_world_frame_beside_the_scenario_s_own(rate: float) -> None:
+    env = make(2, scenario="push", readings=True, config=quad_env.TaskConfig(control_rate=rate))
     env.reset(seed=0)
     plan = env.pushes.force_at(np.arange(60)[:, None])
-    env.push([(30.0, 0.0), (0.0, -20.0)], 0.1)
+    env.push([(30.0, 0.0), (0.0, -20.0)], 10 / rate)
     told = np.stack([env.step(np.tile(HOME, (2, 1)))[-1]["push"] for _ in range(60)])
     by_hand = told - np.stack([env.pushes.force_at(np.full(2, step)) for step in range(60)])
     assert plan is not None
