@@ -4,6 +4,7 @@
 value and reads the model, the motion, the observation or the infos of a robot, alone and as the second of a batch.
 """
 
+import copy
 import dataclasses
 import inspect
 import math
@@ -28,7 +29,7 @@ from quad_env.seeding import EpisodeStreams
 from tests.quad_env.robots.alike import alike
 
 SEED, STEPS, DT = 5, 12, 0.01
-"""Of the robot that is looked at; the batch's first has the seed before it. Control steps of a series. Period, s."""
+"""Of the robot that is looked at. Control steps of a series. Period, s."""
 HOME, FAR = SIMPLE_QUAD.home_pose, SIMPLE_QUAD.joint_upper
 """FAR is out of reach of every servo for some steps."""
 WAVES = HOME + np.random.default_rng(0).uniform(-0.15, 0.15, (STEPS, 12))
@@ -42,14 +43,22 @@ FALLS = TaskConfig(fall_rule=quad_env.FallRule(tilt=1e-9))
 
 
 class Robot:
-    """A robot alone, or the second of a batch, whose others are asked for something else."""
+    """A robot alone, or the second of a batch, whose others are asked for something else and are steps ahead of it.
+
+    It has moved in an episode before, of which nothing is to be left.
+    """
 
     def __init__(self, alone: bool, reset: Any = None, **options: Any) -> None:
-        self.alone, self.row, self.asked = alone, 0 if alone else 1, HOME
+        self.alone, self.row = alone, 0 if alone else 1
         how = {"disable_env_checker": True} if alone else {"num_envs": 2}
         self.env: Any = (gym.make if alone else gym.make_vec)("quad_env:SimpleQuad-v0", **how | options)
         self.base = self.env.unwrapped
-        self._keep(*self.env.reset(seed=SEED - self.row, options=reset))
+        self._keep(*self.env.reset(seed=99))
+        for _ in range(2):
+            self.step(FAR)
+        mask = {} if alone else {"reset_mask": np.arange(self.base.num_envs) == 1}
+        self._keep(*self.env.reset(seed=SEED - self.row, options=mask | (reset or {})))
+        self.asked = HOME
 
     def step(self, action: np.ndarray = HOME) -> None:
         self.asked = action
@@ -185,13 +194,16 @@ def blown(by: float) -> np.ndarray:
     return by * np.array((np.cos(angle), np.sin(angle)))
 
 
+WIND = np.array((*blown(12.0), 0.0, 0.0, 0.0, 0.0))
+
+
 def pushed(count: int, first: int, steps: int) -> np.ndarray:
-    """Forces of pushes of 35 N·s that fill their windows, one after another, in the directions of the stream."""
-    stream, out = streams().pushes, np.zeros((STEPS + 1, 6))
+    """Forces of the wind and of pushes of 35 N·s that fill their windows, in the directions of the streams."""
+    stream, out = streams().pushes, np.zeros((STEPS + 1, 6)) + WIND
     stream.uniform(size=count)
     for number, angle in enumerate(stream.uniform(-np.pi, np.pi, count)):
         begin = 1 + first + number * steps
-        out[begin : begin + steps, :2] = 35.0 / (steps * DT) * np.array((np.cos(angle), np.sin(angle)))
+        out[begin : begin + steps, :2] += 35.0 / (steps * DT) * np.array((np.cos(angle), np.sin(angle)))
     return out
 
 
@@ -319,7 +331,7 @@ def slow(read: Reading, rate: float = 50.0) -> Effect:
     return Effect(rate, series(read), lambda before: before[SLOW])
 
 
-def late(read: Reading, delay: float = 0.03, given: Any = None) -> Effect:
+def late(read: Reading, delay: float = 0.022, given: Any = None) -> Effect:
     return Effect(delay, series(read), lambda before: before[LATE], given or {})
 
 
@@ -416,7 +428,10 @@ USUAL: dict[type, Usual] = {
     quad_env.Slope: (quad_env.Slope(), part("terrain")),
     quad_env.Stairs: (quad_env.Stairs(steps=3), part("terrain")),
     quad_env.SmoothRandom: (SURFACE, part("terrain")),
-    quad_env.Pushes: (quad_env.Pushes(count=1, duration=0.05, window=(0.0, 0.1)), part("pushes")),
+    quad_env.Pushes: (
+        quad_env.Pushes(count=1, duration=0.05, window=(0.0, 0.1)),
+        lambda settings: scene(pushes=settings, force=quad_env.SteadyForce(12.0)),
+    ),
     quad_env.SteadyForce: (quad_env.SteadyForce(), part("force")),
     quad_env.Ground: (quad_env.Ground(), part("ground")),
     quad_env.Motors: (quad_env.Motors(), part("motors")),
@@ -439,7 +454,9 @@ USUAL: dict[type, Usual] = {
 }
 """The settings of which one field is changed, and the arguments that hand them over."""
 FIELDS = {
-    "TaskConfig.control_rate": Effect(50.0, after(lambda robot: robot.now.time), 0.02),
+    "TaskConfig.control_rate": Effect(
+        50.0, after(lambda robot: [robot.now.time, robot.env.metadata["render_fps"]]), [0.02, 50]
+    ),
     "TaskConfig.timestep": Effect(
         0.0025, after(lambda robot: [robot.model.opt.timestep, robot.now.time]), [0.0025, DT]
     ),
@@ -482,10 +499,10 @@ FIELDS = {
     "SmoothRandom.seed": surface("seed", 3),
     "SmoothRandom.spawn_radius": drawn(0, 2, 0.5),
     "Pushes.count": Effect(2, series(force), pushed(2, 0, 5)),
-    "Pushes.impulse": Effect(20.0, series(force), lambda before: before * 20 / 35),
-    "Pushes.duration": Effect(0.1, series(force), pushed(1, 0, 10)),
-    "Pushes.window": Effect((0.06, 0.11), series(force), pushed(1, 6, 5)),
-    "SteadyForce.force": Effect(12.0, series(force), np.tile([*blown(12.0), 0, 0, 0, 0], (STEPS + 1, 1))),
+    "Pushes.impulse": Effect(20.0, series(force), lambda before: (before - WIND) * 20 / 35 + WIND),
+    "Pushes.duration": Effect(0.097, series(force), pushed(1, 0, 10)),
+    "Pushes.window": Effect((0.06, 0.12), series(force), pushed(1, 6, 5)),
+    "SteadyForce.force": Effect(12.0, series(force), np.tile(WIND, (STEPS + 1, 1))),
     "Ground.friction": Effect(0.3, after(lambda robot: robot.now.contact.friction[:, 0].copy()), [0.3] * 4),
     "Ground.sink_depth": Effect(0.02, after(lowest_feet, steps=60), 0.0, within=2e-3),
     "Motors.torque_limit": Effect(8.0, after(largest_torque, FAR), 8.0),
@@ -493,12 +510,12 @@ FIELDS = {
     "Payload.mass": Effect(8.0, load, loaded(mass=8.0)),
     "Payload.reach": Effect((0.05, 0.15), load, loaded(reach=(0.05, 0.15))),
     "Payload.edge": Effect(0.1, load, loaded(edge=0.1)),
-    "Latency.action": Effect(0.03, series(lambda robot: robot.now.ctrl), [HOME] * 4 + list(WAVES[:-3])),
-    "Latency.observation": late(sensed),
+    "Latency.action": Effect(0.032, series(lambda robot: robot.now.ctrl), [HOME] * 4 + list(WAVES[:-3])),
+    "Latency.observation": late(sensed, 0.032),
     "SensorNoise.gyro": disturbed(0.4),
     "Dropouts.count": Effect(2, series(unheard), lost(2, 0, 5)),
-    "Dropouts.duration": Effect(0.1, series(unheard), lost(1, 0, 10)),
-    "Dropouts.window": Effect((0.06, 0.11), series(unheard), lost(1, 6, 5)),
+    "Dropouts.duration": Effect(0.097, series(unheard), lost(1, 0, 10)),
+    "Dropouts.window": Effect((0.06, 0.12), series(unheard), lost(1, 6, 5)),
     "Imu.rate": slow(sensor("gyro")),
     "Imu.delay": late(sensor("gyro")),
     "Imu.gyro_bias": off("gyro", 0.2),
@@ -591,7 +608,7 @@ FIVE = np.array([False] + [True] * 5 + [False] * (STEPS - 5))
 """Steps of what happens in the first tenth of a second."""
 AT_50_HZ = [
     ("CommandRanges.interval", Effect(0.06, series(command), commanded(interval=3))),
-    ("Pushes.duration", Effect(0.1, series(lambda robot: np.hypot(*force(robot)[:2])), 350.0 * FIVE)),
+    ("Pushes.duration", Effect(0.1, series(lambda robot: np.hypot(*(force(robot) - WIND)[:2])), 350.0 * FIVE)),
     ("Dropouts.duration", Effect(0.1, series(lambda robot: unheard(robot).any()), FIVE)),
     ("Latency.action", Effect(0.06, series(lambda robot: robot.now.ctrl), [HOME] * 4 + list(WAVES[:-3]))),
     ("Latency.observation", late(sensed, 0.06)),
@@ -695,3 +712,32 @@ def test_a_reset_can_start_some_robots_alone() -> None:
     first, second = (robot.base.simulation.snapshot(row) for row in range(2))
     np.testing.assert_array_equal(first.qpos, Robot(alone=True).now.qpos)
     np.testing.assert_array_equal(second.qpos, kept)
+    np.testing.assert_array_equal(robot.env.reset()[0][1], Robot(alone=True).env.reset()[0], "its own seed's next")
+
+
+@BOTH
+def test_drives_go_by_the_timestep(alone: bool) -> None:
+    """Motors with a curve see the value of their lag at the start of each physics step."""
+    finer, straight = {"config": TaskConfig(400.0, 0.0025)}, quad_env.TorqueSpeed()
+    lagging = Robot(alone, **scene(), **finer, actuator=quad_env.Actuator(straight, bandwidth=5.0))
+    share = 1 - math.exp(-0.0025 * 2 * math.pi * 5.0)
+    np.testing.assert_allclose(after(heard, HOME + 0.1, steps=2)(lagging), np.full(12, 0.1 * share))
+    warm = Robot(alone, **scene(), **finer, actuator=quad_env.Actuator(straight, thermal=quad_env.Thermal(4.0, 0.5)))
+    rise = 4.0 / 10 * 100.0**2 * (1 - math.exp(-0.0025 / 0.5))
+    np.testing.assert_allclose(after(temperature, FAR)(warm), np.full(12, 25.0 + rise))
+
+
+def test_the_model_of_a_single_environment_carries_the_load_of_its_episode() -> None:
+    """Without a look at its data, which would bring the model up to date."""
+    robot = Robot(alone=True, **scene(payload=quad_env.Payload()))
+    np.testing.assert_allclose(robot.base.model.body("payload").pos, loaded()[1:4])
+
+
+@BOTH
+def test_the_model_of_a_robot_has_the_constants_that_follow_from_its_load(alone: bool) -> None:
+    robot = Robot(alone, **scene(payload=quad_env.Payload(40.0)))
+    robot.base.simulation.show_load(robot.row)
+    worked_out = copy.copy(robot.model)
+    worked_out.qpos0[2] = worked_out.key("home").qpos[2]
+    mujoco.mj_setConst(worked_out, mujoco.MjData(worked_out))
+    np.testing.assert_allclose(robot.model.dof_invweight0, worked_out.dof_invweight0)
