@@ -389,7 +389,7 @@ def test_bad_arguments_name_the_remedy(kwargs: dict[str, Any], message: str) -> 
 
 def test_a_command_steered_by_is_followed_from_the_next_step_to_the_next_reset() -> None:
     env = make(2)
-    env.reset(seed=0, options={"command": (0.1, 0.0, 0.0)})
+    env.reset(seed=0)
     env.steer([(0.5, -0.1, 0.2), (0.3, 0.0, 0.0)])
     for _ in range(600):  # longer than a command of the scenario's lasts
         observation, *_, infos = env.step(np.tile(HOME, (2, 1)))
@@ -399,14 +399,17 @@ def test_a_command_steered_by_is_followed_from_the_next_step_to_the_next_reset()
     assert (drawn == make(2).reset(seed=0)[1]["command"]).all()
 
 
-def test_a_push_by_hand_acts_for_its_time_in_the_world_frame_beside_the_scenario_s_own() -> None:
-    env = make(2, scenario="push", readings=True)
+@pytest.mark.parametrize("rate", [100.0, 50.0])
+def test_a_push_by_hand_acts_for_its_time_in_the_world_frame_beside_the_scenario_s_own(rate: float) -> None:
+    often = replace(CALM, pushes=quad_env.Pushes(impulse=5.0, window=(0.1, 0.6)))
+    env = make(2, scenario=often, readings=True, config=quad_env.TaskConfig(control_rate=rate))
     env.reset(seed=0)
     plan = env.pushes.force_at(np.arange(60)[:, None])
-    env.push([(30.0, 0.0), (0.0, -20.0)], 0.1)
+    env.push([(30.0, 0.0), (0.0, -20.0)], 10 / rate)
     told = np.stack([env.step(np.tile(HOME, (2, 1)))[-1]["push"] for _ in range(60)])
     by_hand = told - np.stack([env.pushes.force_at(np.full(2, step)) for step in range(60)])
     assert plan is not None
+    assert plan.any()
     assert np.allclose(by_hand[:10], [(30.0, 0.0), (0.0, -20.0)])
     assert np.allclose(by_hand[10:], 0.0)
     env.push((9.0, 9.0), 1.0)

@@ -114,7 +114,12 @@ def test_a_robot_starts_aligned_with_a_slope_and_stands_on_it(terrain: Slope) ->
     simulation = Simulation(SIMPLE_QUAD, scenario, 8, 1, 100.0)
     simulation.reset(np.arange(8), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]))
     up = np.array(simulation.state(np.zeros((3, 8))).rotation)[:, 2]
-    np.testing.assert_allclose(up.T, np.tile([-np.sin(terrain.angle), 0, np.cos(terrain.angle)], (8, 1)), atol=1e-12)
+    normal = np.array([-np.sin(terrain.angle), 0, np.cos(terrain.angle)])
+    np.testing.assert_allclose(up.T, np.tile(normal, (8, 1)), atol=1e-12)
+    for robot in range(8):
+        data = simulation.snapshot(robot)
+        feet = [data.site(f"{leg}_foot").xpos @ normal for leg in SIMPLE_QUAD.leg_names]
+        assert min(feet) == pytest.approx(SIMPLE_QUAD.foot_radius, abs=1e-9)
     for _ in range(100):
         simulation.step(np.tile(SIMPLE_QUAD.home_pose, (8, 1)), None)
     state = simulation.state(np.zeros((3, 8)))

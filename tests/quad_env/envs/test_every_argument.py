@@ -1,0 +1,766 @@
+"""Every argument of the environments, option of `reset` and field of the settings reaches the simulated robots.
+
+`FIELDS`, `ARGUMENTS`, `ALONE` and `BATCHED` have an entry for each; one without an entry fails. An entry changes one
+value and reads the model, the motion, the observation or the infos of a robot, alone and as the second of a batch.
+"""
+
+import copy
+import dataclasses
+import inspect
+import math
+import typing
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+import quad_env
+from quad_env import OBSERVATION, OBSERVATION_SIZE, RewardWeights, TaskConfig
+from quad_env.envs.arguments import RESET_OPTIONS
+from quad_env.envs.env import SimpleQuadEnv
+from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.seeding import EpisodeStreams
+from tests.quad_env.robots.alike import alike
+
+SEED, STEPS, DT = 5, 12, 0.01
+"""Of the robot that is looked at. Control steps of a series. Period, s."""
+HOME, FAR = SIMPLE_QUAD.home_pose, tuple(SIMPLE_QUAD.joint_upper)
+"""FAR is out of reach of every servo for some steps."""
+WAVES = HOME + np.random.default_rng(0).uniform(-0.15, 0.15, (STEPS, 12))
+CALM = quad_env.StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+IDEAL = quad_env.SENSORS["ideal"]
+STRAIGHT = quad_env.CommandRanges(zero_fraction=0.0, interval=0.02)
+SURFACE = quad_env.SmoothRandom(half_size=6.0, spawn_radius=1.0)
+SCAN = quad_env.HeightScan(ahead=1, behind=0, aside=1)
+EVERY_PHYSICS_STEP = {"config": TaskConfig(control_rate=500.0)}
+FALLS = TaskConfig(fall_rule=quad_env.FallRule(tilt=1e-9))
+
+
+class Robot:
+    """A robot alone, or the second of a batch, whose others are asked for something else and are steps ahead of it.
+
+    It has moved in an episode before, of which nothing is to be left.
+    """
+
+    def __init__(self, alone: bool, reset: Any = None, **options: Any) -> None:
+        self.alone, self.row = alone, 0 if alone else 1
+        how = {"disable_env_checker": True} if alone else {"num_envs": 2}
+        self.env: Any = (gym.make if alone else gym.make_vec)("quad_env:SimpleQuad-v0", **how | options)
+        self.base = self.env.unwrapped
+        self._keep(*self.env.reset(seed=99))
+        for _ in range(2):
+            self.step(SIMPLE_QUAD.joint_upper)
+        mask = {} if alone else {"reset_mask": np.arange(self.base.num_envs) == 1}
+        self._keep(*self.env.reset(seed=SEED - self.row, options=mask | (reset or {})))
+        self.asked = HOME
+
+    def step(self, action: np.ndarray = HOME) -> None:
+        self.asked = action
+        others = np.tile(action + 0.1, (1 if self.alone else self.base.num_envs, 1))
+        others[self.row] = action
+        seen, self.reward, self.ended, self.cut, infos = self.env.step(action if self.alone else others)
+        self._keep(seen, infos)
+
+    def _keep(self, seen: Any, infos: Any) -> None:
+        self.seen = self.own(seen)
+        self.infos = {key: self.own(value) for key, value in infos.items() if not isinstance(value, dict)}
+
+    def own(self, value: Any) -> Any:
+        """Of something that a batch has for each robot."""
+        return value if self.alone else value[self.row]
+
+    @property
+    def now(self) -> Any:
+        """Its simulation; the model, too, is its own from here on."""
+        return self.base.simulation.snapshot(self.row)
+
+    @property
+    def model(self) -> Any:
+        return self.base.simulation.model
+
+
+Reading = Callable[[Robot], Any]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What a value is for: with it the reading, which was another, is what is expected, `within` so much of it."""
+
+    value: Any
+    reading: Reading
+    expected: Any
+    """Or a function from what the reading is at the usual value."""
+    given: dict[str, Any] = dataclasses.field(default_factory=dict)
+    """Arguments without which the value means nothing."""
+    within: float = 1e-5
+
+    def of(self, alone: bool, options: dict[str, Any]) -> Any:
+        """The reading of a robot that is made with these arguments."""
+        return self.reading(Robot(alone, **self.given | options))
+
+    def check(self, before: Any, after: Any) -> None:
+        expected = self.expected(before) if callable(self.expected) else self.expected
+        assert same(after, expected, self.within), (after, expected)
+        assert not same(before, expected, self.within), "or this shows nothing"
+
+
+def same(found: Any, expected: Any, within: float) -> bool:
+    found, expected = np.asarray(found), np.asarray(expected)
+    if found.dtype.kind not in "fiub":
+        return found.shape == expected.shape and bool((found == expected).all())
+    return found.shape == expected.shape and np.allclose(found, expected, within, within)
+
+
+@cache
+def series(read: Reading) -> Reading:
+    """A reading after the reset and after each step of a robot that waves its legs."""
+
+    def step(robot: Robot, action: np.ndarray) -> Any:
+        robot.step(action)
+        return read(robot)
+
+    return lambda robot: np.array([read(robot), *(step(robot, action) for action in WAVES)])
+
+
+@cache
+def after(read: Reading, action: tuple[float, ...] = tuple(HOME), steps: int = 1) -> Reading:
+    """A reading after so many steps towards that."""
+    return lambda robot: [*(robot.step(np.array(action)) for _ in range(steps)), read(robot)][-1]
+
+
+def scene(**parts: Any) -> dict[str, Any]:
+    return {"scenario": quad_env.Scenario("made", **{"start": CALM} | parts)}
+
+
+def part(name: str) -> Callable[[Any], dict[str, Any]]:
+    """The arguments that hand over this part of a scenario."""
+    return lambda settings: scene(**{name: settings})
+
+
+def suite(name: str) -> Callable[[Any], dict[str, Any]]:
+    return lambda settings: scene() | {"sensors": replace(IDEAL, **{name: settings})}
+
+
+def motor(name: str, **others: Any) -> Callable[[Any], dict[str, Any]]:
+    return lambda settings: scene() | {"actuator": quad_env.Actuator(**{name: settings} | others)}
+
+
+def streams() -> EpisodeStreams:
+    return EpisodeStreams(SEED, 0)
+
+
+UNITS = streams().start.uniform(-1, 1, 35)
+
+
+def start(robot: Robot) -> np.ndarray:
+    """Where it starts, in the order of the draws: place, yaw, roll, pitch, joints, velocities."""
+    now = robot.now
+    turn = now.body("base_link").xmat.reshape(3, 3)
+    angles = np.arctan2(turn[1, 0], turn[0, 0]), np.arctan2(turn[2, 1], turn[2, 2]), -np.arcsin(turn[2, 0])
+    return np.concatenate((now.qpos[:2], angles, now.qpos[7:] - HOME, now.qvel))
+
+
+def drawn(first: int, count: int, width: float) -> Effect:
+    """These parts of the start are drawn, half as wide as that, and no others change."""
+    drawn = np.isin(np.arange(35), np.arange(first, first + count))
+    return Effect(width, start, lambda before: np.where(drawn, width * UNITS, before))
+
+
+@cache
+def ground(*points: tuple[float, float]) -> Reading:
+    """Heights of the ground that rays from above hit."""
+    down, hit = np.array((0.0, 0.0, -1.0)), np.zeros(1, np.int32)
+    starts = [np.array((*point, 20.0)) for point in points]
+    return lambda robot: [
+        20.0 - mujoco.mj_ray(robot.model, robot.now, above, down, None, 1, -1, hit) for above in starts
+    ]
+
+
+ON_STAIRS = ground((0.85, 0.0), (1.1, 3.0), (1.4, 0.0), (5.0, 0.0), (-0.85, 0.0))
+POINTS = ((2.03, 1.0), (-1.77, 2.4), (3.3, -2.61), (5.37, 0.4))
+
+
+def surface(name: str, value: float) -> Effect:
+    field = replace(SURFACE, **{name: value})
+    return Effect(value, ground(*POINTS), [float(field.height(*point)) for point in POINTS])
+
+
+def force(robot: Robot) -> np.ndarray:
+    return np.array(robot.now.body("base_link").xfrc_applied)
+
+
+def blown(by: float) -> np.ndarray:
+    angle = streams().force.uniform(-np.pi, np.pi)
+    return by * np.array((np.cos(angle), np.sin(angle)))
+
+
+WIND = np.array((*blown(12.0), 0.0, 0.0, 0.0, 0.0))
+
+
+def pushed(count: int, first: int, steps: int) -> np.ndarray:
+    """Forces of the wind and of pushes of 35 N·s that fill their windows, in the directions of the streams."""
+    stream, out = streams().pushes, np.zeros((STEPS + 1, 6)) + WIND
+    stream.uniform(size=count)
+    for number, angle in enumerate(stream.uniform(-np.pi, np.pi, count)):
+        begin = 1 + first + number * steps
+        out[begin : begin + steps, :2] += 35.0 / (steps * DT) * np.array((np.cos(angle), np.sin(angle)))
+    return out
+
+
+def unheard(robot: Robot) -> np.ndarray:
+    """Joints whose servos go by another target than the last."""
+    return np.array(robot.now.ctrl != robot.asked)
+
+
+def lost(count: int, first: int, steps: int) -> np.ndarray:
+    """Joints that hear nothing in dropouts that fill their windows."""
+    stream, out = streams().dropouts, np.zeros((STEPS + 1, 12), bool)
+    stream.uniform(size=count)
+    for number, joint in enumerate(stream.integers(12, size=count)):
+        out[1 + first + number * steps :, joint][:steps] = True
+    return out
+
+
+def command(robot: Robot) -> np.ndarray:
+    """That to follow next, which is shown, and that of the step taken."""
+    return np.array([robot.seen[OBSERVATION["command"]], robot.infos["command"]])
+
+
+def commanded(interval: int = 2, zero: float = 0.0, **ranges: tuple[float, float]) -> np.ndarray:
+    """What is drawn in turn, each for so many steps."""
+    own = replace(STRAIGHT, **ranges)
+    low, high = np.transpose((own.forward, own.lateral, own.yaw_rate))
+    draws = streams().commands.random((STEPS, 4))[np.arange(STEPS + 1) // interval]
+    shown = np.where(draws[:, :1] < zero, 0.0, low + (high - low) * draws[:, 1:])
+    return np.stack((shown, shown[np.maximum(np.arange(STEPS + 1) - 1, 0)]), axis=1)
+
+
+def heard(robot: Robot) -> np.ndarray:
+    """Targets that the servos go by, from their torques, less the home pose."""
+    now = robot.now
+    return np.array((now.actuator_force + 10 * now.qvel[6:]) / 300 + now.qpos[7:] - HOME)
+
+
+def lagging(bandwidth: float) -> Effect:
+    """A tenth of a radian is asked for."""
+    share = 1 - math.exp(-DT * 2 * math.pi * bandwidth)
+    return Effect(bandwidth, after(heard, tuple(HOME + 0.1)), np.full(12, 0.1 * share))
+
+
+def largest_torque(robot: Robot) -> float:
+    return float(np.abs(robot.now.actuator_force).max())
+
+
+def load(robot: Robot) -> list[float]:
+    """Mass of a payload, its place on the trunk and its moment of inertia."""
+    now, trunk = robot.now, robot.model.body("base_link").id
+    place = now.xmat[trunk].reshape(3, 3).T @ (now.body("payload").xpos - now.xpos[trunk])
+    return [robot.model.body_subtreemass[trunk] - SIMPLE_QUAD.mass, *place, robot.model.body("payload").inertia[0]]
+
+
+def loaded(mass: float = 5.0, reach: tuple[float, float] = (0.2, 0.1), edge: float = 0.2) -> list[float]:
+    place = streams().payload.uniform(-1, 1, 2) * reach
+    return [mass, *place, (SIMPLE_QUAD.trunk_size[2] + edge) / 2, mass * edge**2 / 6]
+
+
+def lowest_feet(robot: Robot) -> float:
+    return float(np.mean([robot.now.site(f"{leg}_foot").xpos[2] for leg in SIMPLE_QUAD.leg_names]))
+
+
+def curve(robot: Robot) -> list[float]:
+    """Stall torque and speed without load, by the torques and speeds of servos that do all they can."""
+    now = robot.now
+    torques, speeds = np.abs(now.actuator_force), np.sign(now.actuator_force) * now.qvel[6:]
+    slope, stall = np.polyfit(speeds[speeds > 0], torques[speeds > 0], 1)
+    return [stall, -stall / slope]
+
+
+def armature(robot: Robot) -> Any:
+    return robot.model.dof_armature[6:].copy()
+
+
+def temperature(robot: Robot) -> Any:
+    return robot.base.simulation.winding_temperature[robot.row]
+
+
+def warmed(resistance: float = 4.0, time_constant: float = 0.5, ambient: float = 25.0) -> np.ndarray:
+    """By a control step of 100 N·m, of which 10 N·m·s/rad are lost."""
+    return np.full(12, ambient + resistance / 10 * 100.0**2 * (1 - math.exp(-0.002 / time_constant)))
+
+
+def derating(robot: Robot) -> np.ndarray:
+    """Share of the torque that motors keep over their temperature: slope, and what it would be at 0 °C."""
+    robot.base.simulation.show_load(robot.row)
+    return np.polyfit(temperature(robot), robot.model.actuator_forcerange[:, 1] / 100.0, 1)
+
+
+def kept(derating: float = 25.0, shutdown: float = 1000.0, derated: float = 0.5) -> list[float]:
+    slope = (1 - derated) / (shutdown - derating)
+    return [-slope, derated + slope * shutdown]
+
+
+def fallen(robot: Robot) -> list[int]:
+    return [int(robot.infos["fall"]), int(robot.own(robot.ended))]
+
+
+def own_terms(robot: Robot) -> list[str]:
+    usual = {f"reward_{term}" for term in TERMS}
+    return [key for key in robot.infos if key.startswith("reward_") and key not in usual]
+
+
+def mine(robot: Robot) -> float:
+    return float(robot.infos["reward_mine"] / robot.now.qpos[2])
+
+
+LATE, SLOW = np.maximum(np.arange(STEPS + 1) - 3, 0), np.arange(STEPS + 1) // 2 * 2
+"""Which samples are seen that are three control steps late, or of which there is one in two control steps."""
+PLACES = {"gyro": slice(0, 3), "accelerometer": slice(3, 6), "joint_position": slice(6, 18)}
+PLACES |= {"foot_contact": slice(18, 22), "joint_torque": slice(22, 34)}
+"""Of the draws for each sensor."""
+
+
+def white(stream: np.random.Generator, skipped: int, width: int) -> np.ndarray:
+    stream.standard_normal(skipped)
+    return stream.standard_normal((50, width), dtype=np.float32)[: STEPS + 1]
+
+
+BIAS, NOISE = streams().sensors.standard_normal(34), white(streams().sensors, 34, 34)
+
+
+def slow(read: Reading, rate: float = 50.0) -> Effect:
+    return Effect(rate, series(read), lambda before: before[SLOW])
+
+
+def late(read: Reading, delay: float = 0.022, given: Any = None) -> Effect:
+    return Effect(delay, series(read), lambda before: before[LATE], given or {})
+
+
+@cache
+def sensor(name: str) -> Reading:
+    return lambda robot: robot.infos[f"sensor_{name}"]
+
+
+def off(name: str, by: float) -> Effect:
+    """A sensor whose bias is drawn with that deviation."""
+    return Effect(by, series(sensor(name)), lambda before: before + by * BIAS[PLACES[name]])
+
+
+def noisy(name: str, by: float) -> Effect:
+    return Effect(by, series(sensor(name)), lambda before: before + by * NOISE[:, PLACES[name]])
+
+
+def cut(name: str, to: float) -> Effect:
+    return Effect(to, series(sensor(name)), lambda before: np.clip(before, -to, to))
+
+
+def stood_on(robot: Robot) -> np.ndarray:
+    """What presses the feet, N, and which of them are read as standing."""
+    now = robot.now
+    touch = [now.sensor(f"{leg}_foot_touch").data[0] for leg in SIMPLE_QUAD.leg_names]
+    return np.array([touch, robot.infos["sensor_foot_contact"]])
+
+
+def standing(value: float, threshold: float, noise: float) -> Effect:
+    def expected(before: np.ndarray) -> np.ndarray:
+        force = before[:, 0]
+        return np.stack((force, force + noise * NOISE[:, PLACES["foot_contact"]] >= threshold), axis=1)
+
+    return Effect(value, series(stood_on), expected)
+
+
+def imu_place(robot: Robot) -> np.ndarray:
+    now = robot.now
+    trunk = now.body("base_link")
+    return np.array(trunk.xmat.reshape(3, 3).T @ (now.site("imu").xpos - trunk.xpos))
+
+
+def made_out(robot: Robot) -> bool:
+    """Whether some bias is taken off what the gyroscope reads."""
+    return bool((robot.seen[OBSERVATION["angular_velocity"]] != np.float32(robot.infos["sensor_gyro"])).any())
+
+
+def sensed(robot: Robot) -> Any:
+    return robot.seen[: OBSERVATION["previous_action"].start]
+
+
+DEVIATIONS = np.repeat([0.25, 1.0, 0.5, 0.05, 7.5], [3, 3, 3, 12, 12])
+"""Of the terms that are sensed, by the gyroscope's."""
+BOUND = np.repeat([1.0, 100.0], [3, 30])
+
+
+def disturbed(gyro: float) -> Effect:
+    noise = gyro * DEVIATIONS * white(streams().noise, 0, 33)
+    return Effect(gyro, series(sensed), lambda before: np.clip(before + noise, -BOUND, BOUND))
+
+
+YAW = math.copysign(0.6, UNITS[2])
+"""Of the robots that scan a gentle slope, rad."""
+ON_SLOPE = scene(terrain=quad_env.Slope(0.01), start=replace(CALM, yaw=0.6 / abs(UNITS[2])))
+
+
+def scan(robot: Robot) -> np.ndarray:
+    return np.array(robot.seen[OBSERVATION_SIZE:])
+
+
+def uphill(robot: Robot) -> np.ndarray:
+    """How far each point that is scanned is up the slope, from the trunk's centre."""
+    now = robot.now
+    return np.array((scan(robot) + now.qpos[2]) / math.tan(0.01) - now.qpos[0])
+
+
+def grid(value: float, ahead: tuple[int, ...], left: tuple[int, ...], spacing: float = 0.1) -> Effect:
+    """Points so many spacings ahead and to the left."""
+    expected = [spacing * (math.cos(YAW) * i - math.sin(YAW) * j) for i in ahead for j in left]
+    return Effect(value, uphill, expected, within=2e-3)
+
+
+Usual = tuple[Any, Callable[[Any], dict[str, Any]]]
+USUAL: dict[type, Usual] = {
+    TaskConfig: (TaskConfig(), lambda config: {"config": config}),
+    quad_env.FallRule: (quad_env.FallRule(), lambda rule: scene() | {"config": TaskConfig(fall_rule=rule)}),
+    quad_env.RewardTerm: (
+        quad_env.RewardTerm("mine", lambda state: state.height, 2.0),
+        lambda term: scene() | {"config": TaskConfig(reward_terms=(term,))},
+    ),
+    quad_env.CommandRanges: (STRAIGHT, part("commands")),
+    quad_env.StartNoise: (CALM, part("start")),
+    quad_env.AnyPose: (quad_env.AnyPose(0.0, 0.0, 0.0), part("start")),
+    quad_env.Flat: (quad_env.Flat(), part("terrain")),
+    quad_env.Slope: (quad_env.Slope(), part("terrain")),
+    quad_env.Stairs: (quad_env.Stairs(steps=3), part("terrain")),
+    quad_env.SmoothRandom: (SURFACE, part("terrain")),
+    quad_env.Pushes: (
+        quad_env.Pushes(count=1, duration=0.05, window=(0.0, 0.1)),
+        lambda settings: scene(pushes=settings, force=quad_env.SteadyForce(12.0)),
+    ),
+    quad_env.SteadyForce: (quad_env.SteadyForce(), part("force")),
+    quad_env.Ground: (quad_env.Ground(), part("ground")),
+    quad_env.Motors: (quad_env.Motors(), part("motors")),
+    quad_env.Payload: (quad_env.Payload(), part("payload")),
+    quad_env.Latency: (quad_env.Latency(0.0, 0.0), part("latency")),
+    quad_env.SensorNoise: (quad_env.SensorNoise(0.0), part("noise")),
+    quad_env.Dropouts: (quad_env.Dropouts(count=1, duration=0.05, window=(0.0, 0.1)), part("dropouts")),
+    quad_env.Imu: (IDEAL.imu, suite("imu")),
+    quad_env.Encoders: (IDEAL.encoders, suite("encoders")),
+    quad_env.FootContact: (replace(IDEAL.feet, threshold=35.0), suite("feet")),
+    quad_env.JointTorque: (IDEAL.torque, suite("torque")),
+    quad_env.HeightScan: (SCAN, lambda settings: ON_SLOPE | {"height_scan": settings}),
+    quad_env.Actuator: (quad_env.Actuator(), lambda settings: scene() | {"actuator": settings}),
+    quad_env.TorqueSpeed: (quad_env.TorqueSpeed(), motor("curve")),
+    quad_env.Gear: (quad_env.Gear(), motor("gear")),
+    quad_env.Thermal: (
+        quad_env.Thermal(4.0, 0.5, derating=25.0, shutdown=1000.0),
+        lambda settings: motor("thermal", curve=quad_env.TorqueSpeed())(settings) | EVERY_PHYSICS_STEP,
+    ),
+}
+"""The settings of which one field is changed, and the arguments that hand them over."""
+FIELDS = {
+    "TaskConfig.control_rate": Effect(
+        50.0, after(lambda robot: [robot.now.time, robot.env.metadata["render_fps"]]), [0.02, 50]
+    ),
+    "TaskConfig.timestep": Effect(
+        0.0025, after(lambda robot: [robot.model.opt.timestep, robot.now.time]), [0.0025, DT]
+    ),
+    "FallRule.tilt": Effect(1e-9, after(fallen), [2, 1]),
+    "FallRule.height": Effect(0.7, after(fallen), [3, 1]),
+    "RewardTerm.name": Effect("other", after(own_terms), ["reward_other"]),
+    "RewardTerm.function": Effect(lambda state: 3.0 * state.height, after(mine), 3.0 * 2.0 * DT),
+    "RewardTerm.weight": Effect(-5.0, after(mine), -5.0 * DT),
+    "CommandRanges.forward": Effect((0.2, 0.7), series(command), commanded(forward=(0.2, 0.7))),
+    "CommandRanges.lateral": Effect((-0.3, 0.1), series(command), commanded(lateral=(-0.3, 0.1))),
+    "CommandRanges.yaw_rate": Effect((0.4, 0.9), series(command), commanded(yaw_rate=(0.4, 0.9))),
+    "CommandRanges.zero_fraction": Effect(0.5, series(command), commanded(zero=0.5)),
+    "CommandRanges.interval": Effect(0.05, series(command), commanded(interval=5)),
+    "StartNoise.yaw": drawn(2, 1, 0.5),
+    "StartNoise.tilt": drawn(3, 2, 0.3),
+    "StartNoise.joint_position": drawn(5, 12, 0.2),
+    "StartNoise.linear_velocity": drawn(17, 3, 0.4),
+    "StartNoise.angular_velocity": drawn(20, 3, 0.6),
+    "StartNoise.joint_velocity": drawn(23, 12, 0.7),
+    "AnyPose.linear_velocity": drawn(17, 3, 0.4),
+    "AnyPose.angular_velocity": drawn(20, 3, 0.6),
+    "AnyPose.joint_velocity": drawn(23, 12, 0.7),
+    "Flat.spawn_radius": drawn(0, 2, 0.5),
+    "Slope.angle": Effect(
+        0.2,
+        lambda robot: [*ground((2.0, 0.0), (-1.0, 2.0))(robot), *robot.seen[:3]],
+        [2 * math.tan(0.2), -math.tan(0.2), -math.sin(0.2), 0.0, -math.cos(0.2)],
+    ),
+    "Slope.spawn_radius": drawn(0, 2, 0.5),
+    "Stairs.rise": Effect(0.05, ON_STAIRS, [0.05, 0.1, 0.15, 0.15, -0.05]),
+    "Stairs.run": Effect(0.5, ON_STAIRS, [0.1, 0.1, 0.2, 0.3, -0.1]),
+    "Stairs.steps": Effect(2, ON_STAIRS, [0.1, 0.2, 0.2, 0.2, -0.1]),
+    "Stairs.landing": Effect(1.0, ON_STAIRS, [0.0, 0.1, 0.2, 0.3, 0.0]),
+    "Stairs.half_width": Effect(2.0, ON_STAIRS, [0.1, -0.3, 0.3, -0.3, -0.1]),
+    "Stairs.spawn_radius": drawn(0, 2, 0.05),
+    "SmoothRandom.peak_to_valley": Effect(0.3, ground(*POINTS), lambda before: np.multiply(before, 2.5)),
+    "SmoothRandom.correlation_length": surface("correlation_length", 0.5),
+    "SmoothRandom.half_size": surface("half_size", 5.0),
+    "SmoothRandom.cell": surface("cell", 0.2),
+    "SmoothRandom.seed": surface("seed", 3),
+    "SmoothRandom.spawn_radius": drawn(0, 2, 0.5),
+    "Pushes.count": Effect(2, series(force), pushed(2, 0, 5)),
+    "Pushes.impulse": Effect(20.0, series(force), lambda before: (before - WIND) * 20 / 35 + WIND),
+    "Pushes.duration": Effect(0.097, series(force), pushed(1, 0, 10)),
+    "Pushes.window": Effect((0.06, 0.12), series(force), pushed(1, 6, 5)),
+    "SteadyForce.force": Effect(12.0, series(force), np.tile(WIND, (STEPS + 1, 1))),
+    "Ground.friction": Effect(0.3, after(lambda robot: robot.now.contact.friction[:, 0].copy()), [0.3] * 4),
+    "Ground.sink_depth": Effect(0.02, after(lowest_feet, steps=60), 0.0, within=2e-3),
+    "Motors.torque_limit": Effect(8.0, after(largest_torque, FAR), 8.0),
+    "Motors.bandwidth": lagging(5.0),
+    "Payload.mass": Effect(8.0, load, loaded(mass=8.0)),
+    "Payload.reach": Effect((0.05, 0.15), load, loaded(reach=(0.05, 0.15))),
+    "Payload.edge": Effect(0.1, load, loaded(edge=0.1)),
+    "Latency.action": Effect(0.032, series(lambda robot: robot.now.ctrl), [HOME] * 4 + list(WAVES[:-3])),
+    "Latency.observation": late(sensed, 0.032),
+    "SensorNoise.gyro": disturbed(0.4),
+    "Dropouts.count": Effect(2, series(unheard), lost(2, 0, 5)),
+    "Dropouts.duration": Effect(0.097, series(unheard), lost(1, 0, 10)),
+    "Dropouts.window": Effect((0.06, 0.12), series(unheard), lost(1, 6, 5)),
+    "Imu.rate": slow(sensor("gyro")),
+    "Imu.delay": late(sensor("gyro")),
+    "Imu.gyro_bias": off("gyro", 0.2),
+    "Imu.gyro_noise": noisy("gyro", 0.3),
+    "Imu.gyro_range": cut("gyro", 0.1),
+    "Imu.accelerometer_bias": off("accelerometer", 0.5),
+    "Imu.accelerometer_noise": noisy("accelerometer", 0.7),
+    "Imu.accelerometer_range": cut("accelerometer", 5.0),
+    "Imu.position": Effect((0.2, -0.1, 0.05), imu_place, [0.2, -0.1, 0.05]),
+    "Imu.rotation": Effect(
+        (0.0, 0.0, math.pi / 2), series(sensor("gyro")), lambda before: before[:, [1, 0, 2]] * (1.0, -1.0, 1.0)
+    ),
+    "Encoders.rate": slow(sensor("joint_position")),
+    "Encoders.delay": late(sensor("joint_position")),
+    "Encoders.bits": Effect(
+        8, series(sensor("joint_position")), lambda before: np.rint(before / math.tau * 256) * math.tau / 256
+    ),
+    "Encoders.noise": noisy("joint_position", 0.1),
+    "Encoders.zero_offset": off("joint_position", 0.2),
+    "FootContact.rate": slow(sensor("foot_contact")),
+    "FootContact.delay": late(sensor("foot_contact")),
+    "FootContact.threshold": standing(60.0, threshold=60.0, noise=0.0),
+    "FootContact.noise": standing(20.0, threshold=35.0, noise=20.0),
+    "JointTorque.rate": slow(sensor("joint_torque")),
+    "JointTorque.delay": late(sensor("joint_torque")),
+    "JointTorque.bias": off("joint_torque", 2.0),
+    "JointTorque.noise": noisy("joint_torque", 3.0),
+    "JointTorque.range": cut("joint_torque", 5.0),
+    "HeightScan.rate": slow(scan),
+    "HeightScan.delay": late(scan),
+    "HeightScan.ahead": grid(2, (0, 1, 2), (-1, 0, 1)),
+    "HeightScan.behind": grid(1, (-1, 0, 1), (-1, 0, 1)),
+    "HeightScan.aside": grid(0, (0, 1), (0,)),
+    "HeightScan.spacing": grid(0.3, (0, 1), (-1, 0, 1), spacing=0.3),
+    "HeightScan.field_of_view": grid(0.5, (0, 1), (0,)),
+    "HeightScan.reach": grid(0.05, (0,), (0,)),
+    "HeightScan.noise": Effect(0.1, series(scan), lambda before: before + 0.1 * white(streams().scan_noise, 0, 6)),
+    "HeightScan.dropouts": Effect(
+        0.5, series(scan), lambda before: np.where(white(streams().scan_dropouts, 0, 6) < 0.0, -2.0, before)
+    ),
+    "Actuator.bandwidth": lagging(8.0),
+    "Actuator.delay": Effect(0.02, series(heard), np.stack([0.0 * HOME, 0.0 * HOME, *(WAVES[:-1] - HOME)])),
+    "TorqueSpeed.stall_torque": Effect(60.0, after(curve, FAR), [60.0, 10.0], within=1e-3),
+    "TorqueSpeed.no_load_speed": Effect(8.0, after(curve, FAR), [100.0, 8.0], within=1e-3),
+    "Gear.ratio": Effect(5.0, armature, np.full(12, 0.005)),
+    "Gear.rotor_inertia": Effect(1e-4, armature, np.full(12, 0.01)),
+    "Thermal.resistance": Effect(2.0, after(temperature, FAR), warmed(resistance=2.0)),
+    "Thermal.time_constant": Effect(0.7, after(temperature, FAR), warmed(time_constant=0.7)),
+    "Thermal.ambient": Effect(10.0, after(temperature, FAR), warmed(ambient=10.0)),
+    "Thermal.derating": Effect(30.0, after(derating, FAR, 10), kept(derating=30.0)),
+    "Thermal.shutdown": Effect(500.0, after(derating, FAR, 10), kept(shutdown=500.0)),
+    "Thermal.derated": Effect(0.2, after(derating, FAR, 10), kept(derated=0.2)),
+}
+LABELS = {"FallRule.name", "Scenario.name", "Scenario.severity", "Scenario.severity_unit", "Scenario.axis"}
+"""Fields that no robot sees."""
+ARGUMENTS = {
+    "scenario": Effect("weak_motors=8", after(largest_torque, FAR), 8.0),
+    "terminate_on_fall": Effect(False, after(fallen), [2, 0], {"config": FALLS}),
+    "config": Effect(TaskConfig(control_rate=50.0), after(lambda robot: robot.now.time), 0.02),
+    "actuator": Effect(quad_env.Actuator(gear=quad_env.Gear(20.0)), armature, np.full(12, 0.08)),
+    "sensors": Effect("ideal", lambda robot: robot.infos.get("sensor_joint_position"), HOME, scene()),
+    "robot": Effect(alike, lambda robot: robot.model.body_mass.sum(), 0.1 * SIMPLE_QUAD.mass),
+    "estimator": Effect("kalman", after(made_out, steps=20), True, {"sensors": "typical"}),
+    "height_scan": Effect(SCAN, lambda robot: scan(robot) + robot.now.qpos[2], np.zeros(6)),
+    "max_episode_steps": Effect(
+        3, lambda robot: [after(lambda robot: robot.own(robot.cut))(robot) for _ in range(3)], [False, False, True]
+    ),
+    "render_mode": Effect("depth_array", lambda robot: robot.own(robot.env.render()).shape, (480, 640)),
+}
+ALONE = {
+    "width": Effect(64, lambda robot: robot.env.render().shape[:2], (9, 64), {"render_mode": "rgb_array", "height": 9}),
+    "height": Effect(48, lambda robot: robot.env.render().shape[:2], (48, 9), {"render_mode": "rgb_array", "width": 9}),
+    "camera": Effect(
+        "side",  # 2 m from the middle of a trunk that is 0.3 m wide
+        lambda robot: robot.env.render()[4, 4],
+        1.85,
+        scene() | {"render_mode": "depth_array", "width": 8, "height": 8},
+        within=0.05,
+    ),
+}
+BATCHED = {
+    "num_envs": Effect(3, lambda robot: len(robot.base.simulation.quaternion), 3),
+    "nthread": Effect(3, lambda robot: robot.base.simulation._batch.nthread, 3, {"num_envs": 4}),
+    "autoreset_mode": Effect(
+        "SAME_STEP", after(lambda robot: "final_obs" in robot.infos), True, {"max_episode_steps": 1}
+    ),
+    "readings": Effect(True, lambda robot: robot.infos.get("joint_position"), HOME, scene()),
+}
+FIVE = np.array([False] + [True] * 5 + [False] * (STEPS - 5))
+"""Steps of what happens in the first tenth of a second."""
+AT_50_HZ = [
+    ("CommandRanges.interval", Effect(0.06, series(command), commanded(interval=3))),
+    ("Pushes.duration", Effect(0.1, series(lambda robot: np.hypot(*(force(robot) - WIND)[:2])), 350.0 * FIVE)),
+    ("Dropouts.duration", Effect(0.1, series(lambda robot: unheard(robot).any()), FIVE)),
+    ("Latency.action", Effect(0.06, series(lambda robot: robot.now.ctrl), [HOME] * 4 + list(WAVES[:-3]))),
+    ("Latency.observation", late(sensed, 0.06)),
+    ("Latency.observation", late(sensed, 0.06, {"sensors": "ideal"})),
+    ("Latency.observation", late(scan, 0.06, {"height_scan": SCAN})),
+    ("Imu.rate", slow(sensor("gyro"), 25.0)),
+    ("Imu.delay", late(sensor("gyro"), 0.06)),
+    ("HeightScan.rate", slow(scan, 25.0)),
+    ("HeightScan.delay", late(scan, 0.06)),
+]
+"""Whatever is said in seconds or hertz, in control steps of 20 ms."""
+TERMS = [field.name for field in dataclasses.fields(RewardWeights)]
+
+
+def leaves(kind: Any) -> Iterator[str]:
+    """Fields of settings and of the settings that these hold."""
+    for name, hint in typing.get_type_hints(kind).items():
+        settings = [each for each in (hint, *typing.get_args(hint)) if dataclasses.is_dataclass(each)]
+        for each in settings:
+            yield from leaves(each)
+        if not settings:
+            yield f"{kind.__name__}.{name}"
+
+
+def test_every_argument_and_field_has_an_effect_that_is_tested() -> None:
+    for kind, own in ((SimpleQuadEnv, ALONE), (SimpleQuadVectorEnv, BATCHED)):
+        assert {*inspect.signature(kind).parameters, "max_episode_steps"} == {*ARGUMENTS, *own}
+    taken = (TaskConfig, quad_env.Scenario, quad_env.Actuator, quad_env.SensorSuite, quad_env.HeightScan)
+    fields = {name for kind in taken for name in leaves(kind)}
+    assert fields == {*FIELDS, *LABELS, *(f"RewardWeights.{term}" for term in TERMS)}
+    assert set(RESET_OPTIONS) == {"command", "reset_mask"}
+
+
+BOTH = pytest.mark.parametrize("alone", [True, False], ids=["alone", "in a batch"])
+
+
+@BOTH
+@pytest.mark.parametrize("field", FIELDS)
+def test_a_field_reaches_what_it_governs(field: str, alone: bool) -> None:
+    check(field, FIELDS[field], alone)
+
+
+@BOTH
+@pytest.mark.parametrize(("field", "effect"), AT_50_HZ, ids=lambda each: each if isinstance(each, str) else "")
+def test_seconds_are_seconds_at_any_control_rate(field: str, effect: Effect, alone: bool) -> None:
+    slower = {"config": TaskConfig(control_rate=50.0)}
+    check(field, replace(effect, given=effect.given | slower), alone)
+
+
+BEFORE: dict[Any, Any] = {}
+"""Readings at the usual values."""
+
+
+def check(field: str, effect: Effect, alone: bool) -> None:
+    owner, name = field.split(".")
+    usual, given = next(each for kind, each in USUAL.items() if kind.__name__ == owner)
+    known = owner, effect.reading, alone, repr(effect.given)
+    if known not in BEFORE:
+        BEFORE[known] = effect.of(alone, given(usual))
+    effect.check(BEFORE[known], effect.of(alone, given(replace(usual, **{name: effect.value}))))
+
+
+@pytest.mark.parametrize(
+    ("name", "alone"),
+    [
+        pytest.param(name, alone, marks=[pytest.mark.rendering] if name == "render_mode" or name in ALONE else [])
+        for alone, own in ((True, ALONE), (False, BATCHED))
+        for name in (*ARGUMENTS, *own)
+    ],
+)
+def test_an_argument_reaches_what_it_governs(name: str, alone: bool, tmp_path: Path) -> None:
+    effect = {**ARGUMENTS, **ALONE, **BATCHED}[name]
+    usual = {name: "rgb_array"} if name == "render_mode" else {}
+    changed = {name: effect.value(tmp_path) if name == "robot" else effect.value}
+    effect.check(effect.of(alone, usual), effect.of(alone, changed))
+
+
+@BOTH
+def test_the_weight_of_each_reward_term_is_what_a_robot_earns_by(alone: bool) -> None:
+    weights, earned = (np.ones(len(TERMS)), 2.0 ** np.arange(len(TERMS))), []
+    for each in weights:
+        config = TaskConfig(fall_rule=quad_env.FallRule(height=0.4), reward_weights=RewardWeights(*each.tolist()))
+        robot, sums, ended = Robot(alone, config=config), np.zeros(len(TERMS)), False
+        for step in range(100):
+            wild = np.random.default_rng(step // 10).uniform(SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
+            robot.step(wild)
+            paid = np.array([robot.infos[f"reward_{term}"] for term in TERMS])
+            assert robot.own(robot.reward) == pytest.approx(paid.sum())
+            sums += paid
+            if ended := bool(robot.own(robot.ended)):
+                break
+        assert ended
+        earned.append(sums)
+    assert (earned[0] != 0.0).all(), "or this shows nothing"
+    np.testing.assert_allclose(earned[1], earned[0] * weights[1])
+
+
+@BOTH
+def test_a_reset_can_hold_a_command(alone: bool) -> None:
+    asked = (0.4, -0.3, 0.2)
+    robot = Robot(alone, {"command": asked if alone else [(1.0, 1.0, 1.0), asked]}, **scene(commands=STRAIGHT))
+    np.testing.assert_allclose(series(command)(robot), np.tile(asked, (STEPS + 1, 2, 1)), rtol=1e-6)
+
+
+def test_a_reset_can_start_some_robots_alone() -> None:
+    robot = Robot(alone=False)
+    kept = after(lambda robot: robot.now.qpos.copy(), steps=3)(robot)
+    robot.env.reset(seed=SEED, options={"reset_mask": np.array([True, False])})
+    first, second = (robot.base.simulation.snapshot(row) for row in range(2))
+    np.testing.assert_array_equal(first.qpos, Robot(alone=True).now.qpos)
+    np.testing.assert_array_equal(second.qpos, kept)
+    np.testing.assert_array_equal(robot.env.reset()[0][1], Robot(alone=True).env.reset()[0], "its own seed's next")
+
+
+@BOTH
+def test_an_accelerometer_with_a_bias_says_where_down_is_at_first(alone: bool) -> None:
+    robot = Robot(alone, **suite("imu")(replace(IDEAL.imu, accelerometer_bias=0.5)))
+    up = np.array((0.0, 0.0, 9.81)) + 0.5 * BIAS[PLACES["accelerometer"]]
+    np.testing.assert_allclose(robot.seen[:3], -up / np.linalg.norm(up), atol=1e-6)
+
+
+@BOTH
+def test_drives_go_by_the_timestep(alone: bool) -> None:
+    """Motors with a curve see the value of their lag at the start of each physics step."""
+    finer, straight = {"config": TaskConfig(400.0, 0.0025)}, quad_env.TorqueSpeed()
+    lagging = Robot(alone, **scene(), **finer, actuator=quad_env.Actuator(straight, bandwidth=5.0))
+    share = 1 - math.exp(-0.0025 * 2 * math.pi * 5.0)
+    np.testing.assert_allclose(after(heard, tuple(HOME + 0.1), steps=2)(lagging), np.full(12, 0.1 * share))
+    warm = Robot(alone, **scene(), **finer, actuator=quad_env.Actuator(straight, thermal=quad_env.Thermal(4.0, 0.5)))
+    rise = 4.0 / 10 * 100.0**2 * (1 - math.exp(-0.0025 / 0.5))
+    np.testing.assert_allclose(after(temperature, FAR)(warm), np.full(12, 25.0 + rise))
+
+
+def test_the_model_of_a_single_environment_carries_the_load_of_its_episode() -> None:
+    """Without a look at its data, which would bring the model up to date."""
+    robot = Robot(alone=True, **scene(payload=quad_env.Payload()))
+    np.testing.assert_allclose(robot.base.model.body("payload").pos, loaded()[1:4])
+
+
+@BOTH
+def test_the_model_of_a_robot_has_the_constants_that_follow_from_its_load(alone: bool) -> None:
+    robot = Robot(alone, **scene(payload=quad_env.Payload(40.0)))
+    robot.base.simulation.show_load(robot.row)
+    worked_out = copy.copy(robot.model)
+    worked_out.qpos0[2] = worked_out.key("home").qpos[2]
+    mujoco.mj_setConst(worked_out, mujoco.MjData(worked_out))
+    np.testing.assert_allclose(robot.model.dof_invweight0, worked_out.dof_invweight0)
