@@ -22,6 +22,7 @@ from quad_env.config import RewardWeights
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
+from tests.effects import Effect, Reading
 from tests.quad_env.robots.alike import alike
 from train import run as training_run
 from train import seeds, validation
@@ -143,21 +144,6 @@ class Ran:
     def judged(self) -> list[Batch]:
         """The batches of the validations."""
         return [each for each in self.batches if each.purpose == "validation"]
-
-
-Reading = Callable[[Made], Any]
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What an option is for: these words turn a reading, whatever it was, into what is expected."""
-
-    words: str
-    reading: Reading
-    expected: Any
-    """Or a function from what the reading is without the words."""
-    given: str = ""
-    """Words without which the option means nothing."""
 
 
 def of_both(read: Callable[[Any], Any]) -> Reading:
@@ -507,11 +493,7 @@ def test_an_option_reaches_what_it_governs(option: str, usual: Callable[[str], M
     (tmp_path / "own.py").write_text("def always(state):\n    return state.height * 0 + 1\n")
     if option == "robot":
         alike(tmp_path)
-    before = effect.reading(usual(effect.given))
-    after = effect.reading(Made(f"{effect.given} {effect.words}", tmp_path))
-    expected = effect.expected(before) if callable(effect.expected) else effect.expected
-    assert after == expected
-    assert before != expected
+    effect.check(usual(effect.given), Made(f"{effect.given} {effect.words}", tmp_path))
 
 
 TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))

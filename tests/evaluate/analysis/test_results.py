@@ -15,6 +15,7 @@ import pytest
 import policies
 import quad_env
 from evaluate.analysis.comparison import compare
+from evaluate.analysis.results import analyse
 from evaluate.measures import metrics
 from evaluate.measures.episodes import blank, uneventful
 from evaluate.rollouts.experiment import Cell, evaluation_seeds
@@ -93,6 +94,13 @@ def test_every_pair_is_compared_in_every_metric_with_the_baseline_second(run) ->
         assert c["test"] == (
             "exact McNemar" if c["metric"] in ("success_rate", "fall_rate") else "paired sign-flip permutation"
         )
+
+
+def test_all_is_measured_against_the_baseline_that_is_asked_for(made) -> None:
+    results = analyse(made.cells, seed=0, episodes=40, complete=True, baseline="other")
+    assert {each.b for each in results.comparisons} == {"other"}
+    assert [(each.b, each.of) for each in results.breaking_point_ratios] == [("other", "falls"), ("other", "success")]
+    assert [each.policy for each in results.scores if each.difference == 0.0] == ["other"]
 
 
 def test_differences_are_a_minus_b(run) -> None:

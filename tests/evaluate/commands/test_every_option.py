@@ -4,9 +4,7 @@
 """
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass, fields
-from functools import cached_property
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import _plan, main
-from evaluate.commands import execution, outputs
+from evaluate.commands import execution
 from evaluate.commands.options import Options
 from evaluate.rollouts.experiment import evaluation_seeds, sequential
-from tests.batches import Batch, begun
+from tests.effects import Called, Effect, robots
 
 USUAL = "--policies stand --scenarios flat --episodes 1 --no-film --threads 1"
 """Short: an episode of a robot that stands takes little."""
@@ -25,35 +23,17 @@ BRIEF = 120
 """Control steps of an episode."""
 
 
-class Made:
+class Made(Called):
     """What `python -m evaluate` with these words does, once it is asked for."""
 
     def __init__(self, words: str, folder: Path) -> None:
         given = words.replace("FOLDER", str(folder)).split()
-        self.folder = folder
         usual = [f"--{word}".split() for word in USUAL.removeprefix("--").split(" --")]
         kept = [each for each in usual if not {each[0], each[0].replace("--no-", "--")} & set(given)]
         if {"--quick", "--full"} & set(given):
             kept = [each for each in kept if each[0] != "--scenarios"]
         out = [] if "--out" in given else ["--out", str(folder / "out")]
-        self.words = [word for each in kept for word in each] + given + out
-        self.reports: list[dict[str, Any]] = []
-        """What the report was asked for."""
-
-    @cached_property
-    def done(self) -> tuple[int, list[Batch]]:
-        """Exit code, and the robots that were simulated."""
-        with begun() as found, pytest.MonkeyPatch.context() as patch:
-            patch.setattr(outputs, "write_report", lambda *_, **about: self.reports.append(about))  # takes long
-            return main(self.words), found
-
-    @property
-    def code(self) -> int:
-        return self.done[0]
-
-    @property
-    def batches(self) -> list[Batch]:
-        return self.done[1]
+        super().__init__(main, [word for each in kept for word in each] + given + out, folder)
 
     @property
     def out(self) -> Path:
@@ -67,25 +47,6 @@ class Made:
     @property
     def rows(self) -> list[dict[str, Any]]:
         return list(pq.read_table(self.out / "episodes.parquet").to_pylist())
-
-
-Reading = Callable[[Made], Any]
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What an option is for: these words turn a reading, whatever it was, into what is expected."""
-
-    words: str
-    reading: Reading
-    expected: Any
-    given: str = ""
-    """Words without which the option means nothing."""
-
-
-def robots(read: Callable[[Batch], Any]) -> Reading:
-    """What each batch that was simulated has."""
-    return lambda made: [read(each) for each in made.batches]
 
 
 def seeds(made: Made) -> tuple[list[int], list[int]]:
@@ -128,14 +89,14 @@ def cluster_asked_for(made: Made) -> list[Any]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(execution, "ray_cluster", noted)
         again = Made("", made.folder)
-        again.words = [*made.words, "--out", str(made.folder / "apart")]
+        again.words[:] = [*made.words, "--out", str(made.folder / "apart")]
         assert again.code == 0
     return asked
 
 
 EFFECTS = {
     "policies": Effect("--policies crouch stand", lambda made: [*made.results["policies"]], ["crouch", "stand"]),
-    "trust": Effect("--trust", lambda made: made.done and [each["trust"] for each in made.reports], [True]),
+    "trust": Effect("--trust", lambda made: made.of("report", "trust"), [True]),
     "scenarios": Effect("--scenarios push=42 rough", robots(lambda each: each.env.scenario.name), ["push=42", "rough"]),
     "quick": Effect("--quick", planned, (False, True, False)),
     "full": Effect("--full", planned, (True, True, True)),
@@ -158,7 +119,7 @@ EFFECTS = {
         {"crouch"},
         given="--policies stand crouch",
     ),
-    "film": Effect("--film", lambda made: made.done and [each["film"] for each in made.reports], [True]),
+    "film": Effect("--film", lambda made: made.of("report", "film"), [True]),
     "trace": Effect("--trace full", traced, (1, True, [False])),
     "threads": Effect(
         "--threads 2", robots(lambda each: (len(each.seeds), each.threads)), [(2, 2)] * 2, "--episodes 4"
@@ -182,13 +143,10 @@ def _brief_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("option", EFFECTS)
 def test_an_option_reaches_what_it_governs(option: str, tmp_path: Path) -> None:
-    effect, readings = EFFECTS[option], []
+    effect, made = EFFECTS[option], []
     for number, words in enumerate((effect.given, f"{effect.given} {effect.words}")):
         folder = tmp_path / str(number)
         folder.mkdir()
-        made = Made(words, folder)
-        made.words = ["stand falls > 50 %" if word == "FALLS" else word for word in made.words]
-        readings.append(effect.reading(made))
-    before, after = readings
-    assert after == effect.expected
-    assert before != effect.expected
+        made.append(Made(words, folder))
+        made[-1].words[:] = ["stand falls > 50 %" if word == "FALLS" else word for word in made[-1].words]
+    effect.check(*made)

@@ -5,7 +5,7 @@ Each search runs once, all its options other than usual; one that is not given, 
 
 import contextlib
 import json
-from dataclasses import MISSING, asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,9 @@ import pytest
 
 import policies
 from evaluate.rollouts.workers import WorkerLost
-from evaluate.terminal.command_line import parse
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
+from tests.effects import check_other_than_usual
 from tests.quad_env.robots.alike import alike
 from train.__main__ import main
 from train.search import evolution, fall_prediction, feedback, gait, recovery, trot
@@ -47,11 +47,9 @@ class Run:
 def searched(kind: Any, words: str, folder: Path) -> Run:
     """The outcome of the search with these words; every option must be among them, and other than usual."""
     given = words.replace("FOLDER", str(folder)).split()
-    options = parse(kind.Options, given, program="search", description="")
-    for field in fields(options):
-        if field.name not in {"engine", "address"}:
-            assert f"--{field.name.replace('_', '-')}" in given
-            assert field.default is MISSING or getattr(options, field.name) != field.default
+    options = check_other_than_usual(
+        kind.Options, given, {field.name for field in fields(kind.Options)} - {"engine", "address"}
+    )
     name = kind.__name__.rpartition(".")[2].replace("_", "-")
     with begun() as batches:
         assert main(["search", name, *given]) == 0

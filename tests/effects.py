@@ -1,0 +1,123 @@
+"""What an option of a command is for, as the tests of every option put it, and what a command called as a user does."""
+
+import contextlib
+import inspect
+import io
+from collections.abc import Callable, Iterable
+from dataclasses import MISSING, dataclass, field, fields
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from evaluate.commands import outputs
+from evaluate.terminal.command_line import parse
+from tests.batches import Batch, begun
+
+Reading = Callable[[Any], Any]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What an option is for: these words turn a reading, whatever it was, into what is expected."""
+
+    words: str
+    reading: Reading
+    expected: Any
+    """Or a function from what the reading is without the words."""
+    given: str = ""
+    """Words without which the option means nothing."""
+
+    def check(self, before: Any, after: Any) -> None:
+        """Of what is made without the words, and with them."""
+        usual = self.reading(before)
+        expected = self.expected(usual) if callable(self.expected) else self.expected
+        assert self.reading(after) == expected
+        assert usual != expected
+
+
+def robots(read: Callable[[Batch], Any]) -> Reading:
+    """What each batch that was simulated has."""
+    return lambda made: [read(each) for each in made.batches]
+
+
+WATCHED = (
+    "policies:resolve",
+    "evaluate.statistics.checks:share_of_yes",
+    "evaluate.studies.gait_diagram:draw",
+    "evaluate.studies.prediction:draw",
+    "quad_env.physics.rendering:Camera.__init__",
+)
+"""Functions of which it is noted how they are called; they do what they do."""
+
+
+@dataclass(frozen=True)
+class Called:
+    """What a program does with these words, once it is asked for."""
+
+    main: Callable[[list[str]], int]
+    words: list[str]
+    folder: Path
+    calls: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    """Arguments of each call of a function of WATCHED, and of the report, which takes long and is not written."""
+
+    @cached_property
+    def done(self) -> tuple[int, list[Batch], str]:
+        """Exit code, the robots that were simulated, and what is printed."""
+        printed = io.StringIO()
+        with begun() as found, pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+            patch.setattr(outputs, "write_report", lambda *_, **about: self._note("report", about))
+            for place in WATCHED:
+                self._watch(patch, *place.split(":"))
+            return self.main(self.words), found, printed.getvalue()
+
+    def _note(self, name: str, arguments: dict[str, Any]) -> None:
+        self.calls.setdefault(name, []).append(arguments)
+
+    def _watch(self, patch: pytest.MonkeyPatch, module: str, name: str) -> None:
+        *inner, last = name.split(".")
+        owner = import_module(module)
+        for each in inner:
+            owner = getattr(owner, each)
+        true = getattr(owner, last)
+
+        def noted(*args: Any, **kwargs: Any) -> Any:
+            given = inspect.signature(true).bind(*args, **kwargs)
+            given.apply_defaults()
+            self._note(name, given.arguments)
+            return true(*args, **kwargs)
+
+        patch.setattr(owner, last, noted)
+
+    @property
+    def code(self) -> int:
+        """Of the exit."""
+        return self.done[0]
+
+    @property
+    def batches(self) -> list[Batch]:
+        """The robots that were simulated."""
+        assert self.code in {0, 1}
+        return self.done[1]
+
+    @property
+    def said(self) -> str:
+        """What is printed."""
+        return self.done[2]
+
+    def of(self, name: str, argument: str) -> list[Any]:
+        """That argument in each call of that function, repeated values once."""
+        assert self.code in {0, 1}
+        found = [each[argument] for each in self.calls.get(name, [])]
+        return [value for place, value in enumerate(found) if value not in found[:place]]
+
+
+def check_other_than_usual(kind: Any, words: list[str], names: Iterable[str]) -> Any:
+    """The options of these words; fails unless each of those named is given, and other than its default."""
+    options = parse(kind, words, program="", description="")
+    for each in fields(kind):
+        if each.name in names:
+            assert each.default is MISSING or getattr(options, each.name) != each.default, each.name
+    return options
