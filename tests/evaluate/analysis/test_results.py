@@ -18,7 +18,9 @@ from evaluate.analysis.comparison import compare
 from evaluate.analysis.results import analyse
 from evaluate.measures import metrics
 from evaluate.measures.episodes import blank, uneventful
+from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.experiment import Cell, evaluation_seeds
+from quad_env.robots.named import ROBOTS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 CELL_NUMBERS = (
@@ -101,6 +103,27 @@ def test_all_is_measured_against_the_baseline_that_is_asked_for(made) -> None:
     assert {each.b for each in results.comparisons} == {"other"}
     assert [(each.b, each.of) for each in results.breaking_point_ratios] == [("other", "falls"), ("other", "success")]
     assert [each.policy for each in results.scores if each.difference == 0.0] == ["other"]
+
+
+def test_summaries_and_disturbances_are_those_of_the_robot_that_ran(made_up_cell) -> None:
+    robot, cells = ROBOTS["go1"], []
+    more = {
+        "energy": np.full(8, 100.0),
+        "distance": np.full(8, 2.0),
+        "duty_factor": np.tile([0.2, 0.4, 0.6, 0.8], (8, 1)),
+    }
+    more["commands"] = np.linspace(0.1, 0.8, 8)[:, None, None] * np.ones(3)
+    more["mean_velocities"] = 0.5 * more["commands"]
+    for scenario in resolve(("flat", "push"), robot):
+        cell = made_up_cell("trot", np.zeros(8, bool), scenario=scenario)
+        cells.append(replace(cell, measures=replace(cell.measures, **more)))
+    provenance = {"hardware": {"robot": "go1"}, "versions": {}}
+    found = analyse(cells, seed=0, episodes=8, complete=True, provenance=provenance)
+    assert [each.axis for each in found.sensitivities] == ["push"]
+    summary = found.summaries["flat", "trot"]
+    assert summary.cost_of_transport == pytest.approx(100.0 / (robot.mass * 9.81 * 2.0))
+    assert summary.duty_factor == pytest.approx((0.2, 0.4, 0.6, 0.8))
+    assert summary.response["forward"].gain == pytest.approx(0.5)
 
 
 def test_differences_are_a_minus_b(run) -> None:

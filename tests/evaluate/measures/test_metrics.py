@@ -120,6 +120,23 @@ def test_an_interval_that_was_never_begun_has_no_command() -> None:
     commands = measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS).commands[0]
     np.testing.assert_array_equal(commands[0], (1.0, 0.0, 0.5))
     assert np.isnan(commands[1]).all()
+    assert np.isfinite(measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS + 1).commands).all()
+
+
+@pytest.mark.parametrize(("turns", "outcome"), [(slice(75, None), "stalled"), (slice(75), "off_command")])
+def test_an_interval_weighs_as_long_as_it_is(turns, outcome) -> None:
+    """Told to turn for 6.5 s and for 1.5 s; it does in one of them."""
+    velocity = np.zeros((STEPS, 3))
+    velocity[turns, 2] = 0.5
+    record = replace(episodes(velocity, (0.0, 0.0, 0.5)), command_steps=75)
+    assert metrics.measure(record).outcome == [outcome]
+
+
+@pytest.mark.parametrize(("begin", "outcome"), [(STEPS - 20, "stalled"), (STEPS - 4, "fell")])
+def test_a_stop_counts_only_if_it_was_begun_before_the_fall(begin, outcome) -> None:
+    stopped = (np.arange(STEPS) >= begin)[:, None]
+    record = replace(episodes((0.0, 0.0, 0.0), fall_step=STEPS - 5), stopped=stopped)
+    assert metrics.outcome(record) == [outcome]
 
 
 def test_falling_within_the_first_second_leaves_nothing_upright() -> None:

@@ -50,6 +50,15 @@ def test_there_is_one_episode_for_each_seed_however_many_fall() -> None:
     assert [reason is not None for reason in episodes.fall_reason] == fell.tolist()
 
 
+def test_a_record_knows_what_its_scenario_gave() -> None:
+    often = replace(PUSHED, commands=replace(PUSHED.commands, interval=2.0))
+    episodes = run(scenario=often, count=3)
+    assert episodes.command_steps == 200
+    np.testing.assert_allclose(np.linalg.norm(episodes.push_impulse, axis=-1), 20.0)
+    weak = rollout.run(policies.make("stand"), "weak_motors=10", evaluation_seeds(0, 1), steps=1)
+    assert weak.torque_limit == pytest.approx(10.0)
+
+
 def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:
     together, threads = run(nthread=2), run(nthread=1)
     alone = rollout.run(policies.make("stand"), PUSHED, evaluation_seeds(0, 12)[5:6], steps=STEPS, nthread=1)
