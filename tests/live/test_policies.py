@@ -32,14 +32,14 @@ def test_another_robots_trained_policies_are_its_own(tmp_path: Path, capsys: pyt
     mine = tmp_path / "mine.xml"
     shutil.copy(policies.Stand().robot.mjcf, mine)
     assert "none: python -m train --robot" in listed(capsys, "--robot", str(mine))
-    shutil.copytree(shipped.MODELS / "residual", tmp_path / "simple_quad" / "walker")
+    shutil.copytree(shipped.MODELS / "residual", tmp_path / "mine" / "walker")
     said = listed(capsys, "--robot", str(mine))
     assert "walker " in said
     assert "robust " not in said
 
 
 def test_a_damaged_bundle_is_listed_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    mine, folder = tmp_path / "mine.xml", tmp_path / "simple_quad" / "walker"
+    mine, folder = tmp_path / "mine.xml", tmp_path / "mine" / "walker"
     shutil.copy(policies.Stand().robot.mjcf, mine)
     folder.mkdir(parents=True)
     (folder / "policy.json").write_text("{", encoding="utf-8")
