@@ -29,6 +29,7 @@ from live.recording.standard import STANDARD, rewards
 from quad_env.__main__ import main
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.waiting import until
 
 STEPS = 130
 LATCH = QosDurability.TRANSIENT_LOCAL
@@ -300,10 +301,11 @@ def test_a_mistake_is_a_line_and_nothing_is_written(
 
 def finished(path: Path) -> Decoded:
     """What a recording has once the process that writes it is through, which may outlive all others."""
-    end = time.monotonic() + 60.0
-    while not (path.is_file() and path.stat().st_size > 8 and path.read_bytes().endswith(b"\x89MCAP0\r\n")):
-        assert time.monotonic() < end, "it is not finished"
-        time.sleep(0.05)
+
+    def whole() -> bool:
+        return path.is_file() and path.stat().st_size > 8 and path.read_bytes().endswith(b"\x89MCAP0\r\n")
+
+    until(whole, "it is not finished")
     return read_mcap(path)
 
 

@@ -21,6 +21,7 @@ from evaluate.rollouts import workers
 from evaluate.rollouts.experiment import Chunk, LabelledPolicy, Task, evaluation_seeds, sequential
 from evaluate.rollouts.hardware import IDEAL
 from quad_env import SCENARIOS
+from tests.waiting import until
 
 STEPS = 110
 
@@ -240,7 +241,4 @@ def test_workers_leave_when_the_evaluation_is_killed(repository, tmp_path, runni
             assert process.poll() is None
             time.sleep(0.01)
         time.sleep(0.5)
-    patience = time.monotonic() + 60.0
-    while any(map(runs, workforce)):
-        assert time.monotonic() < patience, "orphans are left"
-        time.sleep(0.05)
+    until(lambda: not any(map(runs, workforce)), "orphans are left")

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from live.view.keys import request_of
 from live.view.latest import Latest
 from live.view.native import NativeWindow
 from live.view.requests import FASTEST, Request
+from tests.waiting import until
 
 UP, DOWN, LEFT, RIGHT = 265, 264, 263, 262
 """GLFW's codes."""
@@ -68,9 +69,7 @@ def test_the_newest_is_taken_and_what_came_in_between_is_left_out() -> None:
         latest.hand(item)
     assert not latest.idle
     go_on.set()
-    end = time.monotonic() + 60.0
-    while not latest.idle and time.monotonic() < end:
-        time.sleep(0.01)
+    until(lambda: latest.idle, "it is still at work")
     latest.close()
     assert taken == [1, 4]
     assert left.is_set()
@@ -98,7 +97,8 @@ def test_a_key_pressed_in_the_window_steers_and_closing_it_ends_the_view(tmp_pat
     try:
         command = [sys.executable, "-m", "quad_env", *words, "--record", str(file)]
         with running(command, env=_with(display)) as view:
-            found = _until(lambda: _xdotool(display, "search", "--onlyvisible", "--name", "MuJoCo")).split()[0]
+            search = ("search", "--onlyvisible", "--name", "MuJoCo")
+            found = until(lambda: _xdotool(display, *search), "no window came").split()[0]
             for key in ("Up", "Up", "Up", "ctrl+q"):
                 _xdotool(display, "key", "--window", found, key)
                 time.sleep(0.3)
@@ -124,11 +124,3 @@ def _with(display: dict[str, str]) -> dict[str, str]:
 
 def _xdotool(display: dict[str, str], *words: str) -> str:
     return subprocess.run(["xdotool", *words], env=_with(display), capture_output=True, text=True, check=False).stdout
-
-
-def _until(found: Callable[[], str]) -> str:
-    for _ in range(600):
-        if text := found():
-            return text
-        time.sleep(0.1)
-    raise AssertionError("no window came")

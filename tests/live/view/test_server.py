@@ -3,7 +3,6 @@
 import http.client
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 
@@ -13,6 +12,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from evaluate.terminal.command_line import UsageError
 from live.view.server import DRAWN, KEPT_TELLINGS, LARGEST_MESSAGE, MOST_PAGES, Server
+from tests.waiting import until
 
 
 def echo(text: str) -> str | None:
@@ -201,10 +201,7 @@ def test_closing_it_frees_its_thread_and_its_port() -> None:
         server.close()
         with pytest.raises(ConnectionClosed):
             left.recv(timeout=30)
-    end = time.monotonic() + 30.0
-    while threading.active_count() > before and time.monotonic() < end:  # the client's thread ends when it is its turn
-        time.sleep(0.01)
-    assert threading.active_count() <= before
+    until(lambda: threading.active_count() <= before, "a thread is left")  # the client's ends when it is its turn
     with pytest.raises(OSError):  # noqa: PT011
         socket.create_connection(("127.0.0.1", server.port), timeout=2)
     assert KEPT_TELLINGS > 1
