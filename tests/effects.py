@@ -3,7 +3,7 @@
 import contextlib
 import inspect
 import io
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cached_property
 from importlib import import_module
@@ -119,5 +119,13 @@ def check_other_than_usual(kind: Any, words: list[str], names: Iterable[str]) ->
     options = parse(kind, words, program="", description="")
     for each in fields(kind):
         if each.name in names:
-            assert each.default is MISSING or getattr(options, each.name) != each.default, each.name
+            usual = each.default if each.default_factory is MISSING else each.default_factory()
+            assert usual is MISSING or getattr(options, each.name) != usual, each.name
     return options
+
+
+def check_all(effects: Mapping[str, Effect], made: Called) -> None:
+    """Of options whose words were all given in one call."""
+    assert {name: each.reading(made) for name, each in effects.items()} == {
+        name: each.expected for name, each in effects.items()
+    }

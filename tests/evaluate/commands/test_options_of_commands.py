@@ -21,7 +21,7 @@ from evaluate.__main__ import COMMANDS, main
 from evaluate.studies import estimation, prediction, safety
 from policies.gaits.parameters import OFFSETS
 from quad_env.seeding import episode_seeds
-from tests.effects import Called, Effect, Reading, check_other_than_usual, robots
+from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual, robots
 from tests.evaluate.commands import test_placed_levels, test_readme_table
 
 BRIEF = 130
@@ -349,6 +349,4 @@ def test_options_reach_what_they_govern(
     check_other_than_usual(import_module(COMMANDS[command].module).Options, words, effects.keys())
     made = Called(main, [command, *words], tmp_path)
     assert made.code in {0, 1}, capsys.readouterr().err
-    assert {name: each.reading(made) for name, each in effects.items()} == {
-        name: each.expected for name, each in effects.items()
-    }
+    check_all(effects, made)
