@@ -28,14 +28,14 @@ LEAST_BEND = 0.1
 
 def robot_from(path: Path, name: str | None = None, **figures: Any) -> Robot:
     """The robot of an MJCF, see `Robot.from_mjcf`."""
-    source = path
+    source, own = path, path.stem
     if path.suffix == ".toml":
         path, figures = _told(path, figures)
-        written = figures.pop("name", None)
-        name = written if name is None else name
-    name = source.stem if name is None else name
+        own = figures.pop("name", own)
     try:
-        robot = _inferred(path, name, {figure: _figure(figure, value) for figure, value in figures.items()})
+        robot = _inferred(
+            path, own if name is None else name, {figure: _figure(figure, value) for figure, value in figures.items()}
+        )
         return replace(robot, source=source)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error

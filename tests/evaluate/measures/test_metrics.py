@@ -125,7 +125,7 @@ def test_an_interval_that_was_never_begun_has_no_command() -> None:
 
 @pytest.mark.parametrize(("turns", "outcome"), [(slice(75, None), "stalled"), (slice(75), "off_command")])
 def test_an_interval_weighs_as_long_as_it_is(turns, outcome) -> None:
-    """Told to turn for 6.5 s and for 1.5 s; it does in one of them."""
+    """Commanded to turn for 6.5 s and for 1.5 s; it does in one of them."""
     velocity = np.zeros((STEPS, 3))
     velocity[turns, 2] = 0.5
     record = replace(episodes(velocity, (0.0, 0.0, 0.5)), command_steps=75)

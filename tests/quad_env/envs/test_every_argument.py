@@ -214,13 +214,13 @@ def pushed(count: int, first: int, steps: int) -> np.ndarray:
     return out
 
 
-def unheard(robot: Robot) -> np.ndarray:
+def without_target(robot: Robot) -> np.ndarray:
     """Joints whose servos go by another target than the last."""
     return np.array(robot.now.ctrl != robot.asked)
 
 
 def lost(count: int, first: int, steps: int) -> np.ndarray:
-    """Joints that hear nothing in dropouts that fill their windows."""
+    """Joints that get no target in dropouts that fill their windows."""
     stream, out = streams().dropouts, np.zeros((STEPS + 1, 12), bool)
     stream.uniform(size=count)
     for number, joint in enumerate(stream.integers(12, size=count)):
@@ -242,7 +242,7 @@ def commanded(interval: int = 2, zero: float = 0.0, **ranges: tuple[float, float
     return np.stack((shown, shown[np.maximum(np.arange(STEPS + 1) - 1, 0)]), axis=1)
 
 
-def heard(robot: Robot) -> np.ndarray:
+def servo_targets(robot: Robot) -> np.ndarray:
     """Targets that the servos go by, from their torques, less the home pose."""
     now = robot.now
     return np.array((now.actuator_force + 10 * now.qvel[6:]) / 300 + now.qpos[7:] - HOME)
@@ -251,7 +251,7 @@ def heard(robot: Robot) -> np.ndarray:
 def lagging(bandwidth: float) -> Effect:
     """A tenth of a radian is asked for."""
     share = 1 - math.exp(-DT * 2 * math.pi * bandwidth)
-    return Effect(bandwidth, after(heard, tuple(HOME + 0.1)), np.full(12, 0.1 * share))
+    return Effect(bandwidth, after(servo_targets, tuple(HOME + 0.1)), np.full(12, 0.1 * share))
 
 
 def largest_torque(robot: Robot) -> float:
@@ -521,9 +521,9 @@ FIELDS = {
     "Latency.action": Effect(0.032, series(lambda robot: robot.now.ctrl), [HOME] * 4 + list(WAVES[:-3])),
     "Latency.observation": late(sensed, 0.032),
     "SensorNoise.gyro": disturbed(0.4),
-    "Dropouts.count": Effect(2, series(unheard), lost(2, 0, 5)),
-    "Dropouts.duration": Effect(0.097, series(unheard), lost(1, 0, 10)),
-    "Dropouts.window": Effect((0.06, 0.12), series(unheard), lost(1, 6, 5)),
+    "Dropouts.count": Effect(2, series(without_target), lost(2, 0, 5)),
+    "Dropouts.duration": Effect(0.097, series(without_target), lost(1, 0, 10)),
+    "Dropouts.window": Effect((0.06, 0.12), series(without_target), lost(1, 6, 5)),
     "Imu.rate": slow(sensor("gyro")),
     "Imu.delay": late(sensor("gyro")),
     "Imu.gyro_bias": off("gyro", 0.2),
@@ -565,7 +565,7 @@ FIELDS = {
         0.5, series(scan), lambda before: np.where(white(streams().scan_dropouts, 0, 6) < 0.0, -2.0, before)
     ),
     "Actuator.bandwidth": lagging(8.0),
-    "Actuator.delay": Effect(0.02, series(heard), np.stack([0.0 * HOME, 0.0 * HOME, *(WAVES[:-1] - HOME)])),
+    "Actuator.delay": Effect(0.02, series(servo_targets), np.stack([0.0 * HOME, 0.0 * HOME, *(WAVES[:-1] - HOME)])),
     "TorqueSpeed.stall_torque": Effect(60.0, after(curve, FAR), [60.0, 10.0], within=1e-3),
     "TorqueSpeed.no_load_speed": Effect(8.0, after(curve, FAR), [100.0, 8.0], within=1e-3),
     "Gear.ratio": Effect(5.0, armature, np.full(12, 0.005)),
@@ -617,7 +617,7 @@ FIVE = np.array([False] + [True] * 5 + [False] * (STEPS - 5))
 AT_50_HZ = [
     ("CommandRanges.interval", Effect(0.06, series(command), commanded(interval=3))),
     ("Pushes.duration", Effect(0.1, series(lambda robot: np.hypot(*(force(robot) - WIND)[:2])), 350.0 * FIVE)),
-    ("Dropouts.duration", Effect(0.1, series(lambda robot: unheard(robot).any()), FIVE)),
+    ("Dropouts.duration", Effect(0.1, series(lambda robot: without_target(robot).any()), FIVE)),
     ("Latency.action", Effect(0.06, series(lambda robot: robot.now.ctrl), [HOME] * 4 + list(WAVES[:-3]))),
     ("Latency.observation", late(sensed, 0.06)),
     ("Latency.observation", late(sensed, 0.06, {"sensors": "ideal"})),
@@ -744,7 +744,7 @@ def test_drives_go_by_the_timestep(alone: bool) -> None:
     finer, straight = {"config": TaskConfig(400.0, 0.0025)}, quad_env.TorqueSpeed()
     lagging = Robot(alone, **scene(), **finer, actuator=quad_env.Actuator(straight, bandwidth=5.0))
     share = 1 - math.exp(-0.0025 * 2 * math.pi * 5.0)
-    np.testing.assert_allclose(after(heard, tuple(HOME + 0.1), steps=2)(lagging), np.full(12, 0.1 * share))
+    np.testing.assert_allclose(after(servo_targets, tuple(HOME + 0.1), steps=2)(lagging), np.full(12, 0.1 * share))
     warm = Robot(alone, **scene(), **finer, actuator=quad_env.Actuator(straight, thermal=quad_env.Thermal(4.0, 0.5)))
     rise = 4.0 / 10 * 100.0**2 * (1 - math.exp(-0.0025 / 0.5))
     np.testing.assert_allclose(after(temperature, FAR)(warm), np.full(12, 25.0 + rise))

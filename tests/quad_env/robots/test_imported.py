@@ -231,7 +231,7 @@ def test_a_name_that_is_no_folder_s_is_refused(name: Any, tmp_path: Path) -> Non
 
 
 def test_a_robot_is_called_after_the_file_that_was_given(tmp_path: Path) -> None:
-    """Two files of one model are told apart, and a TOML's name comes first."""
+    """Two files of one model have different names, and a TOML's name comes first."""
     one, other, named = tmp_path / "one.xml", tmp_path / "other.toml", tmp_path / "named.toml"
     one.write_text(Made().xml(), encoding="utf-8")
     other.write_text('mjcf = "one.xml"\n', encoding="utf-8")
