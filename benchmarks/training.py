@@ -86,15 +86,13 @@ def measure(options: Options) -> Outcome:
     from benchmarks.probes.training_run import bare, shares  # torch takes seconds to import
 
     with stage("training, shares", options.rounds) as advance:
-        ways = [replace(config, ppo=replace(config.ppo, overlap=overlap)) for overlap in (False, True)]
-        plain_pieces, pieces, physics = [], [], []
+        pieces, physics = [], []
         for _ in range(options.rounds):
-            plain_pieces.append(shares(ways[0], options.piece))
-            pieces.append(shares(ways[1], options.piece))
+            pieces.append(shares(config, options.piece))
             physics.append(bare(config, options.piece) / options.piece)
             advance()
-    tables, checks, reused = [_shares_table(plain_pieces, pieces, physics, options)], tuple[Check, ...](), 0
-    figures: dict[str, Any] = {"shares": pieces, "shares_without_overlap": plain_pieces, "physics": physics}
+    tables, checks, reused = [_shares_table(pieces, physics, options)], tuple[Check, ...](), 0
+    figures: dict[str, Any] = {"shares": pieces, "physics": physics}
     if options.seeds:
         times, reused = _seeds(options, config, records)
         tables.append(_times_table(times, options))
@@ -178,18 +176,15 @@ def seconds_to(trace: Sequence[dict[str, float]]) -> dict[float, float]:
     }
 
 
-def _shares_table(
-    one_by_one: "Sequence[Shares]", overlapped: "Sequence[Shares]", physics: Sequence[float], options: Options
-) -> Table:
-    """Both ways of training; the last row is how near it comes to nothing but `physics`, s a step of the learner."""
-    rows = table(f"Wall time of training, {options.policy}, µs a step", "", "one by one", "updates beside rollouts")
+def _shares_table(pieces: "Sequence[Shares]", physics: Sequence[float], options: Options) -> Table:
+    """Where the time goes; the last row is how near it comes to nothing but `physics`, s a step of the learner."""
+    rows = table(f"Wall time of training, {options.policy}", "", "µs a step")
     for name in ("environment", "rollout", "learner", "other", "total"):
-        rows.add_row(name, *(f"{_of_a_step(pieces, name) * 1e6:.1f}" for pieces in (one_by_one, overlapped)))
-    totals = [_of_a_step(pieces, "total") for pieces in (one_by_one, overlapped)]
-    rows.add_row("steps/s", *(f"{1.0 / each:,.0f}" for each in totals))
-    bare = float(np.median(physics))
-    rows.add_row("Batch.step alone", *(f"{bare * 1e6:.1f}" for _ in totals))
-    rows.add_row("steps/s per those of Batch.step alone", *(f"{bare / each:.2f}" for each in totals), style="bold")
+        rows.add_row(name, f"{_of_a_step(pieces, name) * 1e6:.1f}")
+    total, bare = _of_a_step(pieces, "total"), float(np.median(physics))
+    rows.add_row("steps/s", f"{1.0 / total:,.0f}")
+    rows.add_row("Batch.step alone", f"{bare * 1e6:.1f}")
+    rows.add_row("steps/s per those of Batch.step alone", f"{bare / total:.2f}", style="bold")
     return rows
 
 

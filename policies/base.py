@@ -152,23 +152,8 @@ class GaitedPolicy(Policy):
         return weight * targets + (1.0 - weight) * self.robot.home_pose
 
 
-class ShiftableGait(GaitedPolicy):
-    """A policy on a clock whose gait can be shifted robot by robot, between two actions."""
-
-    gait_shift: Floats
-    """Added to frequency, Hz, step height, m, and body height, m, of each robot's gait, (n, 3); zero at first."""
-
-    def _allocate(self, num_envs: int) -> None:
-        super()._allocate(num_envs)
-        self.gait_shift = np.zeros((num_envs, 3))
-
-    def _restart(self, mask: Mask) -> None:
-        super()._restart(mask)
-        self.gait_shift = np.where(mask[:, None], 0.0, self.gait_shift)
-
-
-class ShiftableFootholds(ShiftableGait):
-    """One whose footholds can be shifted too."""
+class ShiftableFootholds(GaitedPolicy):
+    """A policy on a clock whose footholds can be shifted robot by robot, between two actions."""
 
     foothold_shift: Floats
     """Added to where the feet of each robot are to land, x ahead and y left, m, (n, 2); zero at first."""

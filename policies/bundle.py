@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NoReturn, get_args
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,13 +27,9 @@ from policies.history import Inputs
 from policies.network import Network
 from policies.parameters import is_number
 from policies.residual import (
-    COMMAND,
-    FOOTHOLD,
-    GAIT,
     NO_SHIFT,
     Features,
     ResidualPolicy,
-    Space,
     check_shiftable,
     correction_width,
 )
@@ -62,20 +58,23 @@ _FIELDS = {
     "git_revision",
     "weights_sha256",
 }
-_LATER_FIELDS = {
+_LATER_FIELDS: dict[str, Any] = {
     "robot": SIMPLE_QUAD.name,
     "joints": list(SIMPLE_QUAD.joint_names),
     "model_sha256": None,
     "control_period": CONTROL_PERIOD,
     "inputs": {},
     "hold": 1,
-    "command_authority": NO_SHIFT[COMMAND].tolist(),
-    "gait_authority": NO_SHIFT[GAIT].tolist(),
-    "foothold_authority": NO_SHIFT[FOOTHOLD].tolist(),
+    "foothold_authority": NO_SHIFT.tolist(),
+}
+"""Fields that older bundles lack, and what these were made for."""
+_REMOVED_FIELDS = {
+    "command_authority": [0.0] * 3,
+    "gait_authority": [0.0] * 3,
     "space": "joints",
     "shift_time": 0.0,
 }
-"""Fields that older bundles lack, and what these were made for."""
+"""Fields of bundles of version 0.1.0, and the only values that policies can still have."""
 _LARGEST_WIDTH, _MOST_LAYERS = 4096, 16
 _LARGEST_WEIGHT = 1e6
 _LARGEST_FEATURE = 1e12
@@ -86,7 +85,6 @@ _LARGEST_AUTHORITY = math.pi
 _LONGEST_PERIOD = 1.0
 _MOST_FRAMES = 32
 _LONGEST_HOLD = 1000
-_LONGEST_SHIFT = 1000.0
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
@@ -110,11 +108,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
         "network": {"sizes": list(policy.network.sizes), "activation": policy.network.activation},
         "base": describe(policy.base),
         "authority": policy.authority.tolist(),
-        "space": policy.space,
-        "shift_time": policy.shift_time,
-        "command_authority": policy.shift_authority[COMMAND].tolist(),
-        "gait_authority": policy.shift_authority[GAIT].tolist(),
-        "foothold_authority": policy.shift_authority[FOOTHOLD].tolist(),
+        "foothold_authority": policy.shift_authority.tolist(),
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
         "training": dict(training),
@@ -163,8 +157,7 @@ def assembled(
     except ValueError as error:
         _fail(place, str(error))
     inputs = _inputs(place, description["inputs"])
-    over = (("command_authority", COMMAND), ("gait_authority", GAIT), ("foothold_authority", FOOTHOLD))
-    shifts = np.concatenate([_authority(place, name, description[name], len(NO_SHIFT[part])) for name, part in over])
+    shifts = _authority(place, "foothold_authority", description["foothold_authority"], len(NO_SHIFT))
     try:
         check_shiftable(base, shifts)
     except ValueError as error:
@@ -176,11 +169,7 @@ def assembled(
     if not isinstance(name, str) or not name or not name.isprintable():
         _fail(place, "name must be a text of printable characters")
     authority = _authority(place, "authority", description["authority"], robot.num_joints)
-    if (space := description["space"]) not in (spaces := get_args(Space)):
-        _fail(place, f"space must be one of {', '.join(spaces)}")
-    if not is_number(shift_time := description["shift_time"]) or not 0.0 <= shift_time <= _LONGEST_SHIFT:
-        _fail(place, f"shift_time must be a time from 0 s to {_LONGEST_SHIFT:g} s")
-    return ResidualPolicy(base, corrects, authority, name, inputs, hold, shifts, space, float(shift_time))
+    return ResidualPolicy(base, corrects, authority, name, inputs, hold, shifts)
 
 
 def folder_of(folder: Path) -> Path:
@@ -221,6 +210,9 @@ def parsed(place: Path, content: bytes) -> dict[str, Any]:
         _fail(place, f"schema_version must be {SCHEMA_VERSION}, not {version!r:.80}")
     if missing := sorted(_FIELDS - set(description)):
         _fail(place, f"{DESCRIPTION} lacks {', '.join(missing)}")
+    for field, only in _REMOVED_FIELDS.items():
+        if (value := description.pop(field, only)) != only:
+            _fail(place, f"its {field} is {value!r:.80}, which this version cannot do; version 0.1.0 can")
     if unknown := sorted(set(description) - _FIELDS - set(_LATER_FIELDS)):
         _fail(place, f"{DESCRIPTION} has unknown fields {', '.join(unknown)}")
     return _LATER_FIELDS | description

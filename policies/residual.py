@@ -1,32 +1,18 @@
 """A base policy corrected, within bounds, by a small network; training and running share all of it but the network."""
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import Actions, Floats, GaitedPolicy, Policy, ShiftableFootholds, ShiftableGait, within_limits
+from policies.base import Actions, Floats, GaitedPolicy, Policy, ShiftableFootholds, within_limits
 from policies.history import History, Inputs
-from policies.legs.kinematics import foot_positions, joint_angles
 from policies.network import Network
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
 
-Space = Literal["joints", "feet"]
-"""What a correction is added to: the base's joint targets, or the places of the feet that these stand for."""
 PRESENT = Inputs()
 """Those of a network that sees the present observation and its base alone."""
-SHIFTED = (
-    *("forward", "lateral", "yaw_rate"),
-    *("frequency", "step_height", "body_height"),
-    *("foothold_forward", "foothold_lateral"),
-)
-"""What of its base a residual can shift: the command that this is shown, m/s, m/s and rad/s, its gait, Hz, m, m, and
-where its feet land, m."""
-COMMAND, GAIT, FOOTHOLD = slice(0, 3), slice(3, 6), slice(6, 8)
-"""Which of them are the command's, the gait's and the footholds'."""
-NO_SHIFT = np.zeros(len(SHIFTED), np.float32)
-"""Authority over these of a residual over joints alone."""
+NO_SHIFT = np.zeros(2, np.float32)
+"""Authority of a residual over joints alone over where the feet of its base land, forward and lateral, m."""
 
 
 def authority_of(robot: Robot, hip: float = 0.15, joint: float = 0.3) -> Actions:
@@ -69,8 +55,8 @@ class Features:
     def see(
         self, observation: NDArray[np.float32], base_action: Actions, shift: NDArray[np.float32] = NO_SHIFT
     ) -> NDArray[np.float32]:
-        """Features (n, `width`) of observations (n, k) that the base, shifted by (n, 8), has just answered with its
-        action, (n, 12)."""
+        """Features (n, `width`) of observations (n, k) that the base, shifted by (n, 2), has just answered
+        with its action, (n, 12)."""
         self.ticks += 1.0
         scaled = observation * self._table.scale
         seen = [scaled]
@@ -91,82 +77,35 @@ def correction_width(robot: Robot, shift_authority: Actions) -> int:
 
 
 def parted(
-    robot: Robot,
-    correction: NDArray[np.float32],
-    shift_authority: Actions,
-    before: NDArray[np.float32],
-    share: float = 1.0,
+    robot: Robot, correction: NDArray[np.float32], shift_authority: Actions
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What a correction (n, k) of any size does within -1 … 1: shares of the joints' authority, (n, 12), and the shift
-    of the base, in the units of SHIFTED, (n, 8).
-
-    With a share of 1 the correction is the shift, in shares of the authority; with a smaller one it changes the shift
-    from what it was before, (n, 8), by at most that share of the authority.
-    """
+    of the footholds, (n, 2), m."""
     one = np.float32(1.0)
     joints, shares = np.split(np.clip(correction, -one, one), [robot.num_joints], axis=1)
     shift, shiftable = np.zeros((len(joints), len(NO_SHIFT)), np.float32), np.flatnonzero(shift_authority)
-    most = shift_authority[shiftable]
-    if share < 1.0:
-        shift[:, shiftable] = np.clip(before[:, shiftable] + np.float32(share) * most * shares, -most, most)
-    else:
-        shift[:, shiftable] = most * shares
+    shift[:, shiftable] = shift_authority[shiftable] * shares
     return joints, shift
 
 
-def shift_share(shift_time: float, hold: int, control_period: float) -> float:
-    """Share of its authority by which a shift can change in one correction that is held for so many control steps,
-    when it takes `shift_time` s from none to all of it."""
-    return min(hold * control_period / shift_time, 1.0) if shift_time else 1.0
-
-
 def check_shiftable(base: Policy, shift_authority: Actions) -> None:
-    """Raise ValueError, one line, if so large a shift, (8,), is more than the base can walk by."""
-    if shift_authority[FOOTHOLD].any() and not isinstance(base, ShiftableFootholds):
+    """Raise ValueError, one line, if the base cannot shift its footholds by so much, (2,), m."""
+    if shift_authority.any() and not isinstance(base, ShiftableFootholds):
         raise ValueError(f"the footholds of {base.name} cannot be shifted; those of mpc and mpc_wbc can")
-    if not (gait := shift_authority[GAIT]).any():
-        return
-    if not isinstance(base, ShiftableGait):
-        raise ValueError(f"the gait of {base.name} cannot be shifted; those of the trots, mpc and mpc_wbc can")
-    if gait[0] >= base.frequency:
-        raise ValueError(f"a shift of {gait[0]:g} Hz would stop the gait of {base.name}, of {base.frequency:g} Hz")
 
 
 def answer(base: Policy, observation: NDArray[np.float32], shift: NDArray[np.float32]) -> Actions:
-    """Actions (n, 12) of the base for observations (n, k), its gait and the command that it is shown shifted by
-    (n, 8)."""
-    if isinstance(base, ShiftableGait):
-        base.gait_shift = shift[:, GAIT].astype(np.float64)
+    """Actions (n, 12) of the base for observations (n, k), its footholds shifted by (n, 2), m."""
     if isinstance(base, ShiftableFootholds):
-        base.foothold_shift = shift[:, FOOTHOLD].astype(np.float64)
-    if shift[:, COMMAND].any():
-        observation = observation.copy()
-        observation[:, observation_table(base.robot).slices["command"]] += shift[:, COMMAND]
+        base.foothold_shift = shift.astype(np.float64)
     return base.act(observation)
 
 
-def compose(
-    robot: Robot,
-    base_action: Actions,
-    correction: NDArray[np.float32],
-    authority: Actions,
-    space: Space = "joints",
-) -> Actions:
+def compose(robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions) -> Actions:
     """The base's action (n, 12) plus authority (12,), rad, times the correction in [-1, 1], within the joint limits,
-    rad; over feet the authority is in m, of x, y, z of each foot in its hip frame."""
+    rad."""
     one = np.float32(1.0)
-    change = authority * np.clip(correction, -one, one)
-    if space == "feet":
-        change = _turned(robot, base_action, change)
-    return within_limits(robot, base_action + change)
-
-
-def _turned(robot: Robot, joints: Actions, offset: NDArray[np.float32]) -> Actions:
-    """What turns joints (n, 12), rad, so that the feet move by (n, 12), m; exactly zero for feet that stay."""
-    legs = (-1, len(robot.leg_names), 3)
-    feet = foot_positions(robot, joints.reshape(legs))
-    turned = joint_angles(robot, feet + offset.reshape(legs)) - joint_angles(robot, feet)
-    return turned.reshape(joints.shape).astype(np.float32)
+    return within_limits(robot, base_action + authority * np.clip(correction, -one, one))
 
 
 def _hands(phase: Floats) -> NDArray[np.float32]:
@@ -185,7 +124,7 @@ class ResidualPolicy(Policy):
     base_action: Actions
     """The base's latest action, rad, shape (n, 12); the home pose before the first."""
     shift: NDArray[np.float32]
-    """What the base is shifted by next, in the units of SHIFTED, shape (n, 8); zero at first."""
+    """What the base's footholds are shifted by next, forward and lateral, m, shape (n, 2); zero at first."""
 
     def __init__(
         self,
@@ -196,19 +135,12 @@ class ResidualPolicy(Policy):
         inputs: Inputs = PRESENT,
         hold: int = 1,
         shift_authority: Actions = NO_SHIFT,
-        space: Space = "joints",
-        shift_time: float = 0.0,
     ) -> None:
         robot = base.robot
-        self.shift_time = shift_time
-        """Time from no shift to the largest, s; at 0 the network gives the shift itself, otherwise its change."""
-        self._shift_share = shift_share(shift_time, hold, base.control_period)
-        self.space = space
-        """What the correction is added to, which the authority's unit goes with."""
         check_shiftable(base, shift_authority)
         self.features = Features(base, inputs, shift_authority)
         self.shift_authority = shift_authority
-        """Largest shift of the base, in the units of SHIFTED, (8,)."""
+        """Largest shift of the base's footholds, forward and lateral, m, (2,)."""
         outputs = correction_width(robot, shift_authority)
         self.hold = hold
         """Control steps that a correction is held, while the base goes on at every one."""
@@ -252,7 +184,7 @@ class ResidualPolicy(Policy):
         seen = self.features.see(observation, self.base_action, self.shift)
         if (due := (self.features.ticks - 1.0) % self.hold == 0.0).any():
             corrected = self.network(seen)
-            joints, shift = parted(self.robot, corrected, self.shift_authority, self.shift, self._shift_share)
+            joints, shift = parted(self.robot, corrected, self.shift_authority)
             self.correction = np.where(due[:, None], joints, self.correction)
             self.shift = np.where(due[:, None], shift, self.shift)
-        return compose(self.robot, self.base_action, self.correction, self.authority, self.space)
+        return compose(self.robot, self.base_action, self.correction, self.authority)

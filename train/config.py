@@ -14,7 +14,6 @@ from evaluate.rollouts.hardware import Hardware
 from evaluate.terminal.command_line import UsageError
 from policies.history import Inputs
 from policies.parameters import number
-from policies.residual import Space
 from quad_env.config import RewardWeights
 from quad_env.files import read_bytes
 from quad_env.scenarios import combination
@@ -130,8 +129,6 @@ class PpoConfig:
     """Discount a step of the learner."""
     gae_lambda: float = number(0.95, limits=(0.0, 1.0))
     """Lambda of the generalised advantage estimate."""
-    overlap: bool = False
-    """Work an update out while the robots make the next rollout, which then is by the policy of the update before."""
     clip_range: float = number(0.2, limits=(1e-3, 10.0))
     """Clip of the probability ratio."""
     reward_scale: float = number(10.0, limits=(1e-6, 1e6))
@@ -150,30 +147,12 @@ class PpoConfig:
     privileged: bool = True
     """Show the value network, which is needed in training only, what the robot cannot know: which scenario it is in,
     its true velocity, who pushes it."""
-    standardise: bool = False
-    """Bring each number that the networks see to zero mean and unit spread, by all that was seen so far; a bundle's
-    network has it in its first layer."""
-    symmetry: bool = False
-    """Show the learner each sample with its mirror image, left and right exchanged, in an epoch half of the samples, in
-    the next one the others: what it learns of one side it learns of both."""
     actor: tuple[int, ...] = (128, 128)
     """Hidden layer widths of the policy's network."""
     critic: tuple[int, ...] = (128, 128)
     """Hidden layer widths of the value network."""
     activation: Literal["tanh", "elu"] = "elu"
     """Activation of the hidden layers."""
-
-
-@dataclasses.dataclass(frozen=True)
-class GaitAuthority:
-    """Largest shift of the base's gait; 0 for none. Those of the trots, mpc and mpc_wbc can be shifted."""
-
-    frequency: float = number(0.0, limits=(0.0, 10.0))
-    """Hz."""
-    step_height: float = number(0.0, limits=(0.0, 1.0))
-    """m."""
-    body_height: float = number(0.0, limits=(0.0, 1.0))
-    """m."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -221,18 +200,8 @@ class TrainConfig:
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = number(0.15, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
-    foot_authority: float = number(0.08, limits=(1e-3, 1.0))
-    """Largest correction of a foot along each axis, m, where --space is feet."""
-    space: Space = "joints"
-    """What the correction is added to: joint targets, or the feet's places, by way of the legs' kinematics."""
-    command_authority: float = number(0.0, limits=(0.0, 3.0))
-    """Largest shift of the command that the base is shown, m/s and rad/s; 0 for none."""
-    gait_authority: GaitAuthority = dataclasses.field(default_factory=GaitAuthority)
     foothold_authority: float = number(0.0, limits=(0.0, 0.5))
     """Largest shift of where the feet land, along each axis, m; 0 for none. Those of mpc and mpc_wbc can be shifted."""
-    shift_time: float = number(0.0, limits=(0.0, 1000.0))
-    """From no shift of command, gait or footholds to the largest, s; the learner then says how they change. 0: it says
-    what they are, anew at each correction."""
     inputs: Inputs = MEMORY
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""
@@ -334,12 +303,31 @@ def to_dict(config: TrainConfig) -> dict[str, Any]:
     return typing.cast(dict[str, Any], json.loads(json.dumps(settings)))
 
 
+_REMOVED: Mapping[str, Mapping[str, Any]] = {
+    "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0}
+    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
+    "ppo": {"overlap": False, "standardise": False, "symmetry": False},
+}
+"""Settings of version 0.1.0, by group, and the only values that a run can still have; None: it does not matter."""
+
+
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
-    """The inverse of `to_dict`. Raises UsageError on what is no configuration."""
+    """The inverse of `to_dict`, of version 0.1.0 too. Raises UsageError on what is no configuration."""
     try:
-        return typing.cast(TrainConfig, decode(TrainConfig, settings))
+        return typing.cast(TrainConfig, decode(TrainConfig, _of_today(settings)))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UsageError(f"not a training configuration: {error}") from None
+
+
+def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings without those that were removed. Raises ValueError where a run depends on one of them."""
+    found = {**settings, "ppo": dict(settings.get("ppo", {}))}
+    for group, removed in _REMOVED.items():
+        values = found[group] if group else found
+        for name, only in removed.items():
+            if values.pop(name, only) != only and only is not None:
+                raise ValueError(f"{name} was removed after version 0.1.0")
+    return found
 
 
 def load_config(folder: Path) -> TrainConfig:

@@ -16,19 +16,16 @@ from numpy.typing import NDArray
 
 from policies.base import Policy
 from policies.history import Inputs
-from policies.mirror import Mirror, correction_mirror, features_mirror
 from policies.residual import (
     NO_SHIFT,
     PRESENT,
     Features,
-    Space,
     answer,
     authority_of,
     check_shiftable,
     compose,
     correction_width,
     parted,
-    shift_share,
 )
 
 FloatArray = NDArray[np.float32]
@@ -53,10 +50,8 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
         inputs: what the learner sees besides the present observation and the base.
-        shift_authority: largest shift of the base, in the units of `policies.residual.SHIFTED`, shape (8,); an action
-            has one number more for each that is not zero.
-        space: what a correction is added to; over feet the authority is in m.
-        shift_time: s from no shift to the largest; at 0 an action is the shift itself, otherwise its change.
+        shift_authority: largest shift of the base's footholds, forward and lateral, m, shape (2,); an action has one
+            number more for each that is not zero.
     """
 
     def __init__(
@@ -67,8 +62,6 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         hold: int = 1,
         inputs: Inputs = PRESENT,
         shift_authority: FloatArray = NO_SHIFT,
-        space: Space = "joints",
-        shift_time: float = 0.0,
     ) -> None:
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
@@ -79,9 +72,6 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         self.base = base
         self.authority = authority if authority is not None else authority_of(base.robot)
         self._hold = hold
-        self.space: Space = space
-        self.shift_time = shift_time
-        self._shift_share = shift_share(shift_time, hold, base.control_period)
         self.shift_authority = shift_authority
         self._features = Features(base, inputs, shift_authority)
         self.single_observation_space = Box(-np.inf, np.inf, (self._features.width,), np.float32)
@@ -89,12 +79,6 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
         self.action_space = batch_space(self.single_action_space, env.num_envs)
         self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
-
-    @property
-    def mirrors(self) -> tuple[Mirror, Mirror]:
-        """The mirrors of observations and of actions. Raises ValueError for a base that has none."""
-        seen = features_mirror(self.base, self._features.inputs, self.shift_authority)
-        return seen, correction_mirror(self.base.robot, self.shift_authority, self.space)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[FloatArray, Infos]:
         """Start new episodes of all robots; `seed` and `options` as the robots take them, but for "reset_mask"."""
@@ -118,9 +102,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         correction = np.asarray(actions, np.float32)
         if correction.shape != self.action_space.shape:
             raise ValueError(f"corrections have shape {self.action_space.shape}, not {correction.shape}")
-        joints, self._shift[self._row] = parted(
-            self.base.robot, correction, self.shift_authority, self._shift[self._row], self._shift_share
-        )
+        joints, self._shift[self._row] = parted(self.base.robot, correction, self.shift_authority)
         observation, rewards, terminated, truncated, infos = self._move(joints)
         for _ in range(self._hold - 1):
             self._tick(observation, observation)
@@ -134,7 +116,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
 
     def _move(self, joints: FloatArray) -> Step:
         """One control step of the robots, their joints corrected."""
-        return self.env.step(compose(self.base.robot, self._base_action[self._row], joints, self.authority, self.space))
+        return self.env.step(compose(self.base.robot, self._base_action[self._row], joints, self.authority))
 
     def _restart(self, final: FloatArray, finished: BoolArray, infos: Infos) -> Infos:
         """Restart the finished robots; the infos with the end of their episodes."""

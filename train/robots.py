@@ -11,7 +11,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from policies.mirror import command_mirror, joined, of_signs
 from quad_env.columns import Array, of_robots
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -89,8 +88,8 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self._intervals = Intervals(n, self.dt)
         self._kept = [Kept() for _ in batches]
         self._which = np.repeat(np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0)
-        self.privileged_mirror = joined(of_signs(*[1] * len(batches)), command_mirror(), of_signs(1, -1))
-        """The mirror of rows of `infos["privileged"]`."""
+        self.privileged_width = len(batches) + 3 + 2
+        """Numbers of a row of `infos["privileged"]`: which scenario, true velocity, push."""
         self._statistics = Statistics()
 
     def reset(

@@ -1,18 +1,18 @@
 """One training run: its folder, its robots, its learner, from the first step or from a checkpoint to the last."""
 
 import contextlib
-import dataclasses
 from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
+from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
 from evaluate.terminal.command_line import UsageError
 from evaluate.terminal.interrupt import Interrupt
 from policies.files import sole_use
-from policies.residual import authority_of
+from policies.residual import NO_SHIFT, authority_of
 from train.config import TrainConfig
 from train.display import Display
 from train.foreign.reward_term import reported
@@ -23,7 +23,6 @@ from train.run_record import write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, ValidateAndSave
 from train.sb3.log import run_logger
-from train.sb3.overlap import OverlappedPPO
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
 
@@ -66,7 +65,7 @@ def _carry_on(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
 def _learn(
     config: TrainConfig,
     env: TrainingVecEnv,
-    model: OverlappedPPO,
+    model: PPO,
     state: CallbackState,
     notices: Sequence[str] = (),
     actions: Sequence[FloatArray] = (),
@@ -96,14 +95,9 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
-    if config.space == "feet":
-        authority = np.full_like(authority, config.foot_authority)
-    gait = dataclasses.astuple(config.gait_authority)
-    shift = np.array([config.command_authority] * 3 + [*gait] + [config.foothold_authority] * 2, np.float32)
+    shift = np.full_like(NO_SHIFT, config.foothold_authority)
     try:
-        env = ResidualVectorEnv(
-            robots, base, authority, config.ppo.hold, config.inputs, shift, config.space, config.shift_time
-        )
+        env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift)
     except ValueError as error:  # robots and base are of one configuration: what can be wrong is the shift alone
         raise UsageError(f"--base {config.base}: {error}") from None
     return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale, config.ppo.privileged)

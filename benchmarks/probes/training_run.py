@@ -19,7 +19,6 @@ from train.config import TrainConfig, ValidationConfig
 from train.robots import TrainingRobots, side_by_side
 from train.run import make_env
 from train.sb3.callbacks import CallbackState, Schedules, Segments, current_policy
-from train.sb3.overlap import OverlappedPPO
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
 from train.validation import validate
@@ -39,7 +38,7 @@ class Shares:
     rollout: float
     """The rest of collecting a rollout: the policy's forward pass, the buffer, advantages."""
     learner: float
-    """Gradient steps; of updates beside the rollouts what is waited for."""
+    """Gradient steps."""
     other: float
     """What is left."""
 
@@ -67,8 +66,6 @@ def shares(config: TrainConfig, steps: int) -> Shares:
     piece = _Piece(steps, watch)
     try:
         model = learner(config, env)
-        if config.ppo.overlap:
-            model.drains = lambda: False
         with (
             _timed(env, "step_wait", watch, "environment"),
             _timed(model, "collect_rollouts", watch, "rollout"),
@@ -183,7 +180,7 @@ def train_and_judge(
         env.close()
 
 
-def learner(config: TrainConfig, env: TrainingVecEnv) -> OverlappedPPO:
+def learner(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     """A fresh learner that logs nothing."""
     model = build(config, env)
     model.set_logger(Logger(None, []))

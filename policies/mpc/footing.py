@@ -57,15 +57,15 @@ def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:
 
 
 def footholds(
-    robot: Robot, p: MpcParameters, motion: Motion, pushed: Floats, stance_time: Floats, height: Floats, by: Floats
+    robot: Robot, p: MpcParameters, motion: Motion, pushed: Floats, stance_time: Floats, height: float, by: Floats
 ) -> Floats:
     """Footholds, (n, 4, 2), m: under the body halfway through the stance, further out by the velocity error, and to
     where they bear a lasting acceleration `pushed`, (n, 2), m/s²; then shifted by `by`, (n, 2), m.
 
-    `stance_time`: (n,), s; `height` that the trunk is to have above the ground, (n,), m.
+    `stance_time`: (n,), s; `height` that the trunk is to have above the ground, m.
     """
     velocity, centre, command = motion.bodies.centre_velocity, motion.bodies.centre, motion.command
-    shift = np.clip((p.lean_gain * height / GRAVITY)[:, None] * pushed, -LARGEST_SHIFT, LARGEST_SHIFT)
+    shift = np.clip(p.lean_gain * height / GRAVITY * pushed, -LARGEST_SHIFT, LARGEST_SHIFT)
     place = neutral_feet(robot, p) + (centre[:, :2] + (shift + by))[:, None]
     turned = command[:, 2, None, None] * np.stack((-place[..., 1], place[..., 0]), axis=-1)
     reach = 0.5 * stance_time[:, None, None] * (velocity[:, None, :2] + turned)
@@ -73,7 +73,7 @@ def footholds(
     size = np.hypot(reach[..., 0], reach[..., 1])
     aim = place + reach * np.minimum(1.0, LARGEST_REACH / np.maximum(size, 1e-9))[..., None]
     beside = robot.hip_positions[:, 1] + robot.side * robot.hip_offset
-    wide = (height[:, None] - CROUCH) * np.tan(HIP_ANGLE)
+    wide = (height - CROUCH) * np.tan(HIP_ANGLE)
     aim[..., 1] = np.clip(aim[..., 1], beside - wide, beside + wide)
     return aim
 
@@ -93,22 +93,21 @@ def swing(
     passing: Floats,
     progress: Floats,
     time: Floats,
-    lift: Floats,
     period: float,
     ground: Terrain,
 ) -> Swing:
     """The swing at that progress, (n, 4), from `start` to `aim`, (n, 4, 2).
 
     It leaves and lands with the velocity of the ground, `passing`, (n, 4, 2), m/s, and ends a little below it. `time`:
-    of a swing, (n,), s; `lift`: (n,), m; the acceleration is the mean one over a control period from now on.
+    of a swing, (n,), s; the acceleration is the mean one over a control period from now on.
     """
     slope = passing * time[:, None, None]
-    step, high = (period / time)[:, None], lift[:, None]
+    step = (period / time)[:, None]
 
     def at(t: Floats) -> Floats:
         x, y = (swung(start[..., i], aim[..., i], slope[..., i], t) for i in range(2))
         arc = 4.0 * t * (1.0 - t)
-        z = ground.over(x, y, t) + high * arc * arc - p.landing_depth * smoothstep(t)
+        z = ground.over(x, y, t) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
         return np.stack((x, y, z), axis=-1)
 
     def speed(t: Floats) -> Floats:

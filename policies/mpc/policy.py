@@ -206,16 +206,16 @@ class Mpc(ShiftableFootholds):
         return np.where(self._lost[:, None], self._seen, rows)
 
     @property
-    def _height(self) -> Floats:
-        """That the trunks are to have above the ground, (n,), m."""
-        return self.parameters.height - self.robot.hip_rise + self.gait_shift[:, 2]
+    def _height(self) -> float:
+        """That the trunks are to have above the ground, m."""
+        return self.parameters.height - self.robot.hip_rise
 
     def _hurry(self, now: Motion) -> None:
         """Advance the clocks, faster where the velocity is far from the command."""
         p = self.parameters
         astray = np.hypot(*(now.velocity - now.command)[:, :2].T)
         faster = np.clip(p.frequency_gain * (astray - USUAL_ERROR), 0.0, p.most_faster)
-        wished = self.frequency + (faster + self.gait_shift[:, 0])
+        wished = self.frequency + faster
         self._frequencies = self._frequencies + HURRY * (wished - self._frequencies)
         self._tick(self._frequencies - self.frequency)
 
@@ -248,8 +248,7 @@ class Mpc(ShiftableFootholds):
         body, yaw_rate = now.bodies.centre_velocity[:, None, :2], now.command[:, 2, None]
         passing = np.stack((yaw_rate * feet[..., 1], -yaw_rate * feet[..., 0]), axis=-1) - body
         time = (1.0 - p.duty) / self._frequencies
-        lift = p.step_height + self.gait_shift[:, 1]
-        path = swing(p, self._start, aim, passing, cycle.progress, time, lift, self.control_period, ground)
+        path = swing(p, self._start, aim, passing, cycle.progress, time, self.control_period, ground)
         spin = now.turning[:, 2, None]
         carried_along = np.stack(
             (
@@ -297,7 +296,7 @@ class Mpc(ShiftableFootholds):
             angles=np.column_stack(
                 (now.tilt[robots, 0] - np.arctan(lateral), now.tilt[robots, 1] + np.arctan(forward), zero)
             ),
-            position=np.column_stack((zero, zero, -(height + self._height[robots]))),
+            position=np.column_stack((zero, zero, -(height + self._height))),
             turning=now.turning[robots],
             velocity=bodies.centre_velocity[robots],
             mass=bodies.mass[robots],

@@ -9,7 +9,7 @@ steep or too rough to walk on it stands still.
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, ShiftableGait, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
 from policies.gait import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
 from policies.legs.following import Following
 from policies.legs.foot_path import lift, load
@@ -57,7 +57,7 @@ SHORTEST_DROP = 0.08
 """Least distance of a planned foot below the trunk's centre, m."""
 
 
-class TrotFeedback(ShiftableGait):
+class TrotFeedback(GaitedPolicy):
     """Command-following trot with feedback; steps in place at zero command."""
 
     name = "trot_feedback"
@@ -147,8 +147,7 @@ class TrotFeedback(ShiftableGait):
     @property
     def _period(self) -> Floats:
         """Of each robot's gait while nothing disturbs it, s, (n,)."""
-        frequency = self.parameters.frequency + self.gait_shift[:, 0]
-        return 1.0 / (frequency * (1.0 - self._memory["slowdown"]))
+        return 1.0 / (self.parameters.frequency * (1.0 - self._memory["slowdown"]))
 
     def _reference_velocity(self, command: Floats) -> Floats:
         """The velocity to have now, (3, n): the command, less of it on bad ground, approached within the limits."""
@@ -254,12 +253,10 @@ class TrotFeedback(ShiftableGait):
         x, y = memory["feet"]
         weight = np.maximum(load(cycle), brace)
         low = p.brace_height + memory["hold"] * (p.hold_height - p.brace_height)
-        height = p.body_height + self.gait_shift[:, 2]
-        tall = height + brace * (low - height)
+        tall = p.body_height + brace * (low - p.body_height)
         tall = tall + p.rough_height * ground.roughness + p.slope_height * ground.steepness
         lengthening = p.height_gain * (tall + ground.height) - p.height_damping * senses.velocity[2]
-        high = p.step_height + self.gait_shift[:, 1]
-        high = high + p.rough_step * ground.roughness + p.slow_step * memory["slowdown"]
+        high = p.step_height + p.rough_step * ground.roughness + p.slow_step * memory["slowdown"]
         lifted = high * lift(cycle) * (1.0 - brace)
         rising = (lifted - memory["lift"]) / self.control_period
         memory["lift"] = lifted

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.base import CONTROL_PERIOD, Actions, ShiftableGait, flat_joints, to_actions
+from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
 from policies.gait import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import held_up, leg_angles
@@ -78,7 +78,7 @@ def read_parameters(path: Path) -> TrotParameters:
     return read(path, "trot", lambda values: from_json(TrotParameters, values))
 
 
-class Trot(ShiftableGait):
+class Trot(GaitedPolicy):
     """Command-following trot; steps in place at zero command."""
 
     name = "trot"
@@ -108,7 +108,7 @@ class Trot(ShiftableGait):
         self._joints = np.where(mask[:, None], self.robot.home_pose, self._joints)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        self._tick(self.gait_shift[:, 0])
+        self._tick()
         self._follow(observation[:, OBSERVATION["command"]].astype(np.float64))
         joints = self._blended(
             self._targets(self._phase, self._gait_velocity(self._command)), self.parameters.blend_time
@@ -134,18 +134,16 @@ class Trot(ShiftableGait):
     def _targets(self, phase: Floats, velocity: Floats) -> Floats:
         """Joint targets (n, 12) in rad for a phase (n,) and a gait velocity (n, 3)."""
         p, robot = self.parameters, self.robot
-        shifted = np.array([p.frequency, p.step_height, p.body_height]) + self.gait_shift
-        frequency, step_height, body_height = shifted.T[..., None]
         cycle = self._gait.legs(phase)
         foot_x = robot.hip_positions[:, 0] + p.stance_shift
         foot_y = robot.side * (p.stance_width / 2.0)
         forward, lateral, yaw_rate = velocity[:, 0:1], velocity[:, 1:2], velocity[:, 2:3]
         # While a foot stands it passes under the body at -(v + ω × r), r from the trunk's centre to the foot.
-        stance_time = p.duty / frequency
+        stance_time = p.duty / p.frequency
         along = stride(cycle, p.duty) * stance_time
         x = p.stance_shift + along * (forward - yaw_rate * foot_y)
         y = (foot_y - robot.hip_positions[:, 1]) + along * (lateral + yaw_rate * foot_x)
-        z = step_height * lift(cycle) - body_height
+        z = p.step_height * lift(cycle) - p.body_height
         hip, thigh, calf = leg_angles(robot, x, y, z)
         force = load(cycle) * p.stance_load
         return flat_joints(np.stack(held_up(robot, hip, thigh, calf, x, y, force), axis=-1))

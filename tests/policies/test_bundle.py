@@ -332,6 +332,8 @@ TROT = {"name": "trot"}
         ({"git_revision": 5}, "git_revision"),
         ({"weights_sha256": "0" * 64}, "SHA-256"),
         ({"extra": 1}, "extra"),
+        ({"space": "feet"}, "its space is 'feet', which this version cannot do"),
+        ({"gait_authority": [0.0, 0.1, 0.0]}, "its gait_authority is [0.0, 0.1, 0.0], which this version cannot do"),
         ({"robot": "my_robot"}, "say which with --robot"),
         ({"robot": ["go1"]}, "say which with --robot"),
         ({"model_sha256": "0" * 64}, "another model of simple_quad"),

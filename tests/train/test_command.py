@@ -100,10 +100,10 @@ def test_a_residual_over_another_base_can_be_trained_and_loaded(tmp_path):
     assert policies.load(tmp_path / "run").base.parameters == policies.make("trot_feedback").parameters
 
 
-def test_a_gait_that_cannot_be_shifted_is_one_line_and_leaves_no_folder(tmp_path, capsys):
-    assert main([*TINY, "--base", "stand", "--gait-authority.frequency", "1", "--out", str(tmp_path / "run")]) == 2
+def test_footholds_that_cannot_be_shifted_are_one_line_and_leave_no_folder(tmp_path, capsys):
+    assert main([*TINY, "--base", "stand", "--foothold-authority", "0.1", "--out", str(tmp_path / "run")]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "--base stand: the gait of stand cannot be shifted" in line
+    assert "--base stand: the footholds of stand cannot be shifted" in line
     assert not (tmp_path / "run").exists()
 
 
@@ -191,7 +191,7 @@ def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp
     flat = {"success_rate": 0.5, "yaw_rate_error": 0.0, "fall_rate": 0.0}
     monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: {"flat": flat | {"velocity_error": next(errors)}})
     folder = tmp_path / "run"
-    words = ["--ppo.no-overlap", "--ppo.hold", "1", "--validation.interval", "256", "--steps", "640"]
+    words = ["--ppo.hold", "1", "--validation.interval", "256", "--steps", "640"]
     assert main([*TINY, *words, "--out", str(folder)]) == 0
     events = EventAccumulator(str(folder / "tensorboard")).Reload()
     logged = {tag: [(event.step, event.value) for event in events.Scalars(tag)] for tag in events.Tags()["scalars"]}

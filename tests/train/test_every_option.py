@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from stable_baselines3.common.callbacks import BaseCallback
 
-from policies.residual import SHIFTED
 from quad_env.config import RewardWeights
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.seeding import episode_seeds
@@ -154,11 +153,6 @@ def of_both(read: Callable[[Any], Any]) -> Reading:
 def authority(each: Any) -> list[float]:
     """Of hip, thigh and calf."""
     return [round(float(value), 6) for value in each.authority[:3]]
-
-
-def shifted(*names: str) -> Reading:
-    """Largest shifts of the base."""
-    return of_both(lambda each: [round(float(each.shift_authority[SHIFTED.index(name)]), 6) for name in names])
 
 
 def both(value: Any) -> tuple[Any, Any]:
@@ -338,20 +332,12 @@ EFFECTS = {
     "threads": Effect("--threads 5", threads, ({("training", 5), ("validation", 5)}, 0)),
     "joint_authority": Effect("--joint-authority 0.2", of_both(authority), both([0.15, 0.2, 0.2])),
     "hip_authority": Effect("--hip-authority 0.1", of_both(authority), both([0.1, 0.3, 0.3])),
-    "foot_authority": Effect("--foot-authority 0.03", of_both(authority), both([0.03] * 3), given="--space feet"),
-    "space": Effect("--space feet", of_both(lambda each: (each.space, authority(each))), both(("feet", [0.08] * 3))),
-    "command_authority": Effect("--command-authority 0.4", shifted(*SHIFTED[:3]), both([0.4] * 3)),
-    "gait_authority.frequency": Effect("--gait-authority.frequency 0.7", shifted(*SHIFTED[3:6]), both([0.7, 0, 0])),
-    "gait_authority.step_height": Effect(
-        "--gait-authority.step-height 0.03", shifted(*SHIFTED[3:6]), both([0, 0.03, 0])
-    ),
-    "gait_authority.body_height": Effect(
-        "--gait-authority.body-height 0.02", shifted(*SHIFTED[3:6]), both([0, 0, 0.02])
-    ),
     "foothold_authority": Effect(
-        "--foothold-authority 0.05", shifted(*SHIFTED[6:]), both([0.05] * 2), given="--base mpc"
+        "--foothold-authority 0.05",
+        of_both(lambda each: each.shift_authority.round(6).tolist()),
+        both(np.full(2, 0.05, np.float32).round(6).tolist()),
+        given="--base mpc",
     ),
-    "shift_time": Effect("--shift-time 0.6", of_both(lambda each: each.shift_time), both(0.6)),
     "inputs.lags": Effect("--inputs.lags 0.03", lag, 0.03),
     "inputs.averages": Effect("--inputs.averages 0.2", averaging_time, 0.2),
     "inputs.clock": Effect("--inputs.clock 4", clock, 4.0),
@@ -410,11 +396,6 @@ EFFECTS = {
     "ppo.gae_lambda": Effect(
         "--ppo.gae-lambda 0.8", learner(lambda each: (each.gae_lambda, each.rollout_buffer.gae_lambda)), both(0.8)
     ),
-    "ppo.overlap": Effect(
-        "--ppo.overlap --max-episode-steps 8 --steps 32",
-        lambda made: made.ran.learners[0].drains is not type(made.ran.learners[0]).drains,
-        True,
-    ),
     "ppo.clip_range": Effect("--ppo.clip-range 0.17", learner(lambda each: each.clip_range(1.0)), 0.17),
     "ppo.reward_scale": Effect(
         "--ppo.reward-scale 40", rewards, lambda usual: pytest.approx([4.0 * each for each in usual])
@@ -427,12 +408,6 @@ EFFECTS = {
     ),
     "ppo.log_std_final": Effect("--ppo.log-std-final -3.2 --steps 16", noise_at_the_end, (-2.2, False)),
     "ppo.privileged": Effect("--ppo.no-privileged", lambda made: made.env.privileged, 0),
-    "ppo.standardise": Effect(
-        "--ppo.standardise", learner(lambda each: type(each.policy.features_extractor).__name__), "Standardised"
-    ),
-    "ppo.symmetry": Effect(
-        "--ppo.symmetry", learner(lambda each: type(each.rollout_buffer).__name__), "MirroredRolloutBuffer"
-    ),
     "ppo.actor": Effect("--ppo.actor 6 5", widths("policy_net"), [6, 5]),
     "ppo.critic": Effect("--ppo.critic 7", widths("value_net"), [7]),
     "ppo.activation": Effect("--ppo.activation tanh", activations, ({"Tanh"}, "tanh")),

@@ -29,8 +29,8 @@ OPTIONS = (
     "--threads 1 --max-episode-steps 14 --mixture flat 0.5 push=100 0.25 rough 0.25 --validation.interval 200 "
     "--ppo.hold 1 --ppo.envs 16 --ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 2 --ppo.actor 8 --ppo.critic 8 "
     "--ppo.learning-rate-schedule adaptive --ppo.target-kl 1e-3 --ppo.log-std-final -3 --steps 640 "
-    "--ppo.overlap --ppo.learning-rate 1e-3 "
-    "--curriculum 0.4 --ppo.symmetry --rewards.foot-slip -0.1 --rewards.foot-air-time 1 --rewards.foot-impact -0.1"
+    "--ppo.learning-rate 1e-3 "
+    "--curriculum 0.4 --rewards.foot-slip -0.1 --rewards.foot-air-time 1 --rewards.foot-impact -0.1"
 )
 ROLLOUT, SEGMENT, RUN = 8, 16, 40
 """Steps of each of the 16 robots."""
@@ -166,16 +166,16 @@ def test_a_run_that_is_stopped_between_its_final_files_ends_with_the_same_bits(
     assert bits(killed) == bits(runs / "whole")
 
 
-PLAIN = OPTIONS.replace("--ppo.overlap ", "").replace("--steps 640", "--steps 768")
+LONGER = OPTIONS.replace("--steps 640", "--steps 768")
 
 
 @pytest.fixture(scope="module")
-def plain(tmp_path_factory):
-    """A run in one go whose updates are not done beside the rollouts: it can stop between any two."""
-    folder = tmp_path_factory.mktemp("runs") / "plain"
+def longer(tmp_path_factory):
+    """A run in one go, of six rollouts."""
+    folder = tmp_path_factory.mktemp("runs") / "longer"
     with pytest.MonkeyPatch.context() as patch:
         quicken(patch)
-        assert main([*PLAIN.split(), "--out", str(folder)]) == 0
+        assert main([*LONGER.split(), "--out", str(folder)]) == 0
     return folder
 
 
@@ -197,10 +197,10 @@ def interrupted_after(steps, words):
 
 @pytest.mark.parametrize("steps", [3, 9, 21, 35])  # the second at the end of a segment, the last within the last
 def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_same_bits(
-    steps, plain, tmp_path, capsys
+    steps, longer, tmp_path, capsys
 ):
     folder = tmp_path / "run"
-    interrupted_after(steps, [*PLAIN.split(), "--out", str(folder)])
+    interrupted_after(steps, [*LONGER.split(), "--out", str(folder)])
     done = -(-steps // ROLLOUT) * ROLLOUT * 16
     assert (
         f"--out {folder}; {done:,} steps are kept; the policy until now is {folder / 'last'}" in capsys.readouterr().err
@@ -209,24 +209,17 @@ def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_s
     assert policies.load(folder / "last").network
     resume(folder)
     assert f"carrying on at {done:,} steps" in capsys.readouterr().out
-    assert bits(folder) == bits(plain)
+    assert bits(folder) == bits(longer)
 
 
-def test_ctrl_c_again_and_again_loses_nothing(plain, tmp_path):
+def test_ctrl_c_again_and_again_loses_nothing(longer, tmp_path):
     folder = tmp_path / "run"
-    interrupted_after(3, [*PLAIN.split(), "--out", str(folder)])
+    interrupted_after(3, [*LONGER.split(), "--out", str(folder)])
     for steps in (2, ROLLOUT + 1, 1):  # in what is repeated; after it; from the beginning of a segment
         interrupted_after(steps, ["--resume", "--threads", "1", "--out", str(folder)])
     assert steps_done(folder) == 3 * ROLLOUT * 16
     resume(folder)
-    assert bits(folder) == bits(plain)
-
-
-def test_a_run_whose_updates_are_done_beside_the_rollouts_goes_back_to_its_checkpoint(runs, tmp_path, capsys):
-    interrupted_after(3, [*OPTIONS.split(), "--out", str(tmp_path / "run")])
-    assert "128 steps since its checkpoint will be done again" in capsys.readouterr().err
-    resume(tmp_path / "run")
-    assert bits(tmp_path / "run") == bits(runs / "whole")
+    assert bits(folder) == bits(longer)
 
 
 def test_checkpoints_stand_where_segments_begin_and_at_the_end_and_nowhere_else(tmp_path, monkeypatch):

@@ -31,7 +31,6 @@ from train.robots import TrainingRobots, make_batch, segment_steps, training_see
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
-from train.sb3.overlap import OverlappedPPO
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
 from train.validation import rank, score, success, validate
@@ -130,8 +129,9 @@ def corrected_by(network: Network, config: TrainConfig, robots: TrainingVecEnv) 
     """A fresh base corrected by the network as the robots of the run are."""
     env = cast(ResidualVectorEnv, robots.env)
     base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
-    over = (env.shift_authority, env.space, env.shift_time)
-    return ResidualPolicy(base, network, env.authority, config.policy, config.inputs, config.ppo.hold, *over)
+    return ResidualPolicy(
+        base, network, env.authority, config.policy, config.inputs, config.ppo.hold, env.shift_authority
+    )
 
 
 class Segments(BetweenRollouts):
@@ -149,8 +149,6 @@ class Segments(BetweenRollouts):
         self._end = 0
 
     def _on_training_start(self) -> None:
-        if self._config.ppo.overlap:
-            cast(OverlappedPPO, self.model).drains = lambda: self.over
         if self._actions:
             self._repeat(self._actions)
 
@@ -233,7 +231,7 @@ class ValidateAndSave(BetweenRollouts):
     def _end(self) -> None:
         """Keep all that was done, and end."""
         self._save(current_policy(self._config, self._learner), LAST)
-        if not self._segments.over and not self._config.ppo.overlap:  # else an update is under way
+        if not self._segments.over:
             self._keep(cast(TrainingVecEnv, self.model.get_env()).taken)
         again = self.num_timesteps - self._kept
         kept = f"{again:,} steps since its checkpoint will be done again" if again else f"{self._kept:,} steps are kept"

@@ -9,14 +9,11 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import FlattenExtractor, MlpExtractor
+from stable_baselines3.common.torch_layers import MlpExtractor
 from torch import nn
 
 from policies.network import Network
 from train.config import PpoConfig, TrainConfig
-from train.sb3.overlap import OverlappedPPO
-from train.sb3.standardised import Standardised
-from train.sb3.symmetry import MirroredRolloutBuffer
 from train.sb3.vec_env import TrainingVecEnv
 
 ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "elu": nn.ELU}
@@ -84,12 +81,12 @@ def _falling(rate: float, remaining: float) -> float:
     return rate * max(remaining, 0.0)
 
 
-def build(config: TrainConfig, env: TrainingVecEnv) -> OverlappedPPO:
+def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     """A fresh learner whose mean correction is zero everywhere."""
     # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
     torch.set_num_threads(1)
     ppo = config.ppo
-    model = OverlappedPPO(
+    model = PPO(
         AsymmetricPolicy,
         env,
         learning_rate=learning_rate(ppo),
@@ -107,11 +104,8 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> OverlappedPPO:
             "activation_fn": ACTIVATIONS[ppo.activation],
             "log_std_init": ppo.log_std_init,
             "ortho_init": True,
-            "features_extractor_class": Standardised if ppo.standardise else FlattenExtractor,
             "privileged": env.privileged,
         },
-        rollout_buffer_class=MirroredRolloutBuffer if ppo.symmetry else None,
-        rollout_buffer_kwargs={"mirrors": env.mirrors} if ppo.symmetry else None,
         seed=config.seed,
         device="cpu",
     )
@@ -126,10 +120,6 @@ def actor_network(model: PPO, activation: str) -> Network:
     actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
     layers = [layer for layer in actor if isinstance(layer, nn.Linear)]
     weights, biases = [layer.weight.detach() for layer in layers], [layer.bias.detach() for layer in layers]
-    if isinstance(extractor := model.policy.features_extractor, Standardised):
-        seen = weights[0].shape[1]
-        weights[0] = weights[0] / extractor.spread[:seen]
-        biases[0] = biases[0] - weights[0] @ extractor.mean[:seen]
     return Network(tuple(_array(weight.T) for weight in weights), tuple(map(_array, biases)), activation)
 
 

@@ -10,7 +10,6 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from policies.mirror import Mirror, joined, of_signs
 from train.residual_env import BoolArray, FloatArray
 
 
@@ -32,8 +31,7 @@ class TrainingVecEnv(VecEnv):
         privileged: bool = False,
     ) -> None:
         (seen,) = env.single_observation_space.shape or (0,)
-        self._privileged_mirror = env.unwrapped.privileged_mirror if privileged else of_signs()  # type: ignore[attr-defined]
-        self.privileged = len(self._privileged_mirror.sign)
+        self.privileged: int = env.unwrapped.privileged_width if privileged else 0  # type: ignore[attr-defined]
         """Last numbers of an observation, which only the value network may see."""
         space = Box(-np.inf, np.inf, (seen + self.privileged,), np.float32)
         super().__init__(env.num_envs, space, env.single_action_space)
@@ -43,12 +41,6 @@ class TrainingVecEnv(VecEnv):
         self.taken: list[FloatArray] = []
         """Actions since the robots began, each (n, k)."""
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
-
-    @property
-    def mirrors(self) -> tuple[Mirror, Mirror]:
-        """The mirrors of observations and of actions. Raises ValueError for a base that has none."""
-        features, actions = self.env.mirrors  # type: ignore[attr-defined]
-        return joined(features, self._privileged_mirror), actions
 
     def reset(self) -> FloatArray:
         """Start every robot's first episode; shape (n, m)."""

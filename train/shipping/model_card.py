@@ -80,19 +80,10 @@ def does(config: TrainConfig) -> str:
     """What the policy does to its base, in words."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     most = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
-    if config.space == "feet":
-        most = f"{config.foot_authority:g} m a foot, along each axis"
     words = f"corrects `{config.base}` at {rate:g} Hz by at most {most}"
-    gait = config.gait_authority
-    shifts = {
-        "the command that it is shown by at most {:g} m/s and rad/s": config.command_authority,
-        "its frequency by at most {:g} Hz": gait.frequency,
-        "its step height by at most {:g} m": gait.step_height,
-        "its body height by at most {:g} m": gait.body_height,
-        "where its feet land by at most {:g} m along each axis": config.foothold_authority,
-    }
-    shifted = [each.format(limit) for each, limit in shifts.items() if limit]
-    return words + (f"; it shifts {', '.join(shifted)}" if shifted else "")
+    if config.foothold_authority:
+        words += f"; it shifts where its feet land by at most {config.foothold_authority:g} m along each axis"
+    return words
 
 
 def mixture(config: TrainConfig) -> str:

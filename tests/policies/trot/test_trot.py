@@ -287,26 +287,3 @@ def test_shipped_trot_gives_the_actions_that_the_shipped_residual_stands_on():
             action = policy.act(observe(command))
     legs = [[0.065947, 1.5, -2.082401], [-0.111987, 1.179002, -2.387846], [-0.061249, 1.310344, -2.450294]]
     np.testing.assert_allclose(action[3], [*legs[0], *legs[1], *legs[2], 0.034696, 1.5, -2.094196], atol=2e-6)
-
-
-@pytest.mark.parametrize("name", ["trot", "trot_feedback", "trot_integral"])
-def test_a_shifted_gait_is_that_of_other_parameters_and_a_restarted_robot_has_its_own(name):
-    command = np.zeros((2, OBSERVATION_SIZE), np.float32)
-    command[:, OBSERVATION["command"]] = 0.8, 0.1, 0.3
-    command[:, OBSERVATION["projected_gravity"]] = 0.0, 0.0, -1.0
-    own, shifted = policies.make(name), policies.make(name)
-    p = own.parameters
-    other = type(own)(
-        replace(p, frequency=p.frequency - 1.0, step_height=p.step_height + 0.04, body_height=p.body_height + 0.1)
-    )
-    for policy in (own, other, shifted):
-        policy.reset(2)
-    for step in range(60):
-        if step == 40:
-            shifted.reset_where(np.array([True, False])), own.reset(2)
-        shifted.gait_shift[:] = (-1.0, 0.04, 0.1) if step < 40 else 0.0
-        shifted.gait_shift[1] = (-1.0, 0.04, 0.1)
-        action = shifted.act(command)
-        np.testing.assert_allclose(action[1], other.act(command)[1], atol=1e-6)
-        if step >= 40:
-            np.testing.assert_array_equal(action[0], own.act(command)[0])

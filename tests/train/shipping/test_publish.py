@@ -65,9 +65,9 @@ def test_the_command_of_the_card_repeats_the_run(kind):
 def test_the_card_says_how_often_and_how_far_the_policy_corrects_its_base():
     config = trained_run().config
     assert does(config) == "corrects `trot_integral` at 50 Hz by at most 0.3 rad a joint, 0.15 rad at the hips"
-    held = dataclasses.replace(config, command_authority=0.5, ppo=dataclasses.replace(config.ppo, hold=1))
+    held = dataclasses.replace(config, foothold_authority=0.05, ppo=dataclasses.replace(config.ppo, hold=1))
     assert does(held).startswith("corrects `trot_integral` at 100 Hz")
-    assert does(held).endswith("; it shifts the command that it is shown by at most 0.5 m/s and rad/s")
+    assert does(held).endswith("; it shifts where its feet land by at most 0.05 m along each axis")
 
 
 def test_the_card_speaks_of_motors_and_sensors_that_are_not_ideal():
