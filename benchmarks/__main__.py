@@ -9,7 +9,7 @@ from benchmarks import physics, policies, single_env, startup, vector_env
 from benchmarks.probes.physics_settings import FIRST, SHIPPED
 from benchmarks.support.bars import BARS
 from benchmarks.support.command import Outcome, Output, command
-from evaluate.terminal.launcher import launch
+from quad_env.cli.launcher import launch
 
 
 @dataclass(frozen=True)

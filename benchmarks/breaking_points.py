@@ -22,8 +22,8 @@ from evaluate.commands.plan import policies_asked_for
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.hardware import IDEAL
 from evaluate.rollouts.workers import process_pool
-from evaluate.terminal.command_line import UsageError, check_numbers
-from evaluate.terminal.launcher import launch
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.launcher import launch
 from quad_env.scenarios.axes import AXES, Axis
 
 REFERENCE, PLACED = "reference", ", placed"

@@ -29,8 +29,8 @@ from evaluate.rollouts.cluster import cluster, executor
 from evaluate.rollouts.experiment import Executor, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.hardware import IDEAL
 from evaluate.rollouts.workers import process_pool
-from evaluate.terminal.command_line import check_numbers
-from evaluate.terminal.launcher import launch
+from quad_env.cli.command_line import check_numbers
+from quad_env.cli.launcher import launch
 
 EPISODES = 1_000_000
 """What the cost is extrapolated to."""

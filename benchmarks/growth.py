@@ -19,8 +19,8 @@ from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, cores, interleave, spread
 from evaluate.records.provenance import REPOSITORY
-from evaluate.terminal.launcher import launch
-from policies.files import make_writable_folder
+from quad_env.cli.launcher import launch
+from quad_env.files.writing import make_writable_folder
 
 GIB = 2.0**30
 JUDGED = 4096

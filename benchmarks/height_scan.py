@@ -11,9 +11,9 @@ from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import cores, interleave, speed_ratio
 from benchmarks.support.progress import stage
 from benchmarks.vector_env import Walkers
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.launcher import launch
 from quad_env import SCENARIOS, HeightScan
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.launcher import launch
 
 SCANS: dict[str, HeightScan | None] = {
     "none": None,

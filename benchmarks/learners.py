@@ -24,10 +24,10 @@ from benchmarks.probes.training_run import learner
 from benchmarks.support.command import Outcome, Output, command, table
 from benchmarks.support.measure import cores
 from benchmarks.support.progress import stage
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.launcher import launch
 from policies.base import Policy
 from policies.network import Network
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.launcher import launch
 from train.config import DEFAULTS, PpoConfig, TrainConfig
 from train.run import make_env
 from train.sb3.callbacks import CallbackState, Schedules, Segments, corrected_by, current_policy

@@ -14,12 +14,12 @@ from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, interleave, spread
 from evaluate.rollouts import rollout
-from evaluate.terminal.command_line import check_numbers
-from evaluate.terminal.launcher import launch
 from policies.base import Actions
 from policies.mpc.parameters import searched_parameters
 from policies.mpc.policy import MpcWbc
 from policies.mpc.quadratic_program import Programs, Solutions, solve
+from quad_env.cli.command_line import check_numbers
+from quad_env.cli.launcher import launch
 from quad_env.config import TaskConfig
 from quad_env.seeding import episode_seeds
 

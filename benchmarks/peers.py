@@ -17,9 +17,9 @@ from benchmarks.support import bare
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread
-from evaluate.terminal.command_line import check_numbers
-from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID
+from quad_env.cli.command_line import check_numbers
+from quad_env.cli.launcher import launch
 
 ANT = "Ant-v5"
 OURS = "our batch"

@@ -17,8 +17,8 @@ from benchmarks.support.bars import ACCURACY, check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread
 from benchmarks.support.progress import stage
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.launcher import launch
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.launcher import launch
 
 
 @dataclass(frozen=True)

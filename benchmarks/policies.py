@@ -17,9 +17,9 @@ from benchmarks.support import bare
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, interleave, spread
-from evaluate.terminal.command_line import check_numbers
-from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID
+from quad_env.cli.command_line import check_numbers
+from quad_env.cli.launcher import launch
 
 PERCENTILE = 99.9
 JOINT_LOOP = "one mj_step of 2 ms"

@@ -19,10 +19,10 @@ from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Subject, interleave, speed_ratio
 from evaluate.rollouts.observers import Observer
 from evaluate.rollouts.rollout import roll_out
-from evaluate.terminal.command_line import check_numbers
-from evaluate.terminal.launcher import launch
 from live.recording.recorder import recorder_for
 from policies.base import CONTROL_PERIOD, Policy
+from quad_env.cli.command_line import check_numbers
+from quad_env.cli.launcher import launch
 
 FILES = {"MCAP": "walk.mcap", "ROS 2 bag": "walk"}
 CLOCKS = ("wall", "processor", "until closed")

@@ -12,8 +12,8 @@ import gymnasium as gym
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Subject, interleave, spread
-from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID
+from quad_env.cli.launcher import launch
 
 JUDGED = "flat"
 SCENARIOS = (JUDGED, "stairs", "rough")

@@ -20,7 +20,7 @@ from benchmarks.support.bars import check
 from benchmarks.support.command import Outcome, Output, command, table
 from benchmarks.support.progress import stage
 from evaluate.records.provenance import REPOSITORY
-from evaluate.terminal.launcher import launch
+from quad_env.cli.launcher import launch
 from train.run_folder import CHECKPOINTS, CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
 
 KILLS = 20

@@ -10,9 +10,9 @@ from benchmarks.support import bare
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import difference, interleave, speed_ratio, spread
-from evaluate.terminal.command_line import check_numbers
-from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID, MAX_EPISODE_STEPS
+from quad_env.cli.command_line import check_numbers
+from quad_env.cli.launcher import launch
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 

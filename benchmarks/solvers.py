@@ -20,10 +20,10 @@ from benchmarks.support.bars import check
 from benchmarks.support.command import Outcome, Output, command, table
 from benchmarks.support.measure import Floats
 from evaluate.rollouts import rollout
-from evaluate.terminal.command_line import UsageError, check_numbers
-from evaluate.terminal.launcher import launch
 from policies.mpc.policy import MpcWbc
 from policies.mpc.quadratic_program import EQUALITY, SOLVED, Programs, Solutions, residuals, solve
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.launcher import launch
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
 

@@ -13,7 +13,7 @@ from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Subject, interleave, spread
 from evaluate.records.provenance import REPOSITORY
-from evaluate.terminal.launcher import launch
+from quad_env.cli.launcher import launch
 
 HEAVY = ("mujoco", "torch")
 """What `import quad_env` must not load."""

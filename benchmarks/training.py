@@ -21,9 +21,9 @@ from benchmarks.support.command import Common, Outcome, command, plain, table
 from benchmarks.support.measure import cores, machine
 from benchmarks.support.progress import stage
 from evaluate.records.provenance import REPOSITORY, git_revision
-from evaluate.terminal.command_line import UsageError, check_numbers
-from evaluate.terminal.launcher import launch
-from policies.files import make_writable_folder, write_atomically
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.launcher import launch
+from quad_env.files.writing import make_writable_folder, write_atomically
 from train.config import DEFAULTS, PolicyKind, PpoConfig, TrainConfig, to_dict
 
 if TYPE_CHECKING:

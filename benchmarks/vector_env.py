@@ -18,9 +18,9 @@ from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
 from benchmarks.support.measure import Floats, Spread, cores, difference, interleave, speed_ratio, spread
 from benchmarks.support.progress import Advance, stage
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.launcher import launch
 from quad_env import ENV_ID, MAX_EPISODE_STEPS, OBSERVATION_SIZE, SCENARIOS, CommandRanges, HeightScan
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.launcher import launch
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 JUDGED = ("flat", 1024)

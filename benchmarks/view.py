@@ -23,9 +23,9 @@ import numpy as np
 
 from benchmarks.support.bars import check
 from benchmarks.support.command import Outcome, Output, command, table
-from evaluate.rollouts.progress import bar
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.launcher import launch
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.launcher import launch
+from quad_env.cli.progress import bar
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-sync")

@@ -17,9 +17,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.terminal.command_line import UsageError, parse
-from evaluate.terminal.launcher import launch
-from evaluate.terminal.program import exit_code
+from quad_env.cli.command_line import UsageError, parse
+from quad_env.cli.launcher import launch
+from quad_env.cli.program import exit_code
 
 FOLDER = Path(__file__).parent
 LONGEST = 600.0

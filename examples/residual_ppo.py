@@ -22,13 +22,13 @@ from torch import Tensor, nn
 import policies
 from evaluate.records.provenance import REPOSITORY, git_revision
 from evaluate.rollouts.hardware import IDEAL
-from evaluate.terminal.command_line import check_numbers, parse
-from evaluate.terminal.program import exit_code
 from policies import bundle
-from policies.files import make_writable_folder
 from policies.network import Network
 from policies.parameters import limits_of, number
 from policies.residual import ResidualPolicy
+from quad_env.cli.command_line import check_numbers, parse
+from quad_env.cli.program import exit_code
+from quad_env.files.writing import make_writable_folder
 from quad_env.seeding import episode_seeds
 from train.config import BaseName, Count, ValidationConfig
 from train.residual_env import ResidualVectorEnv

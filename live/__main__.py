@@ -6,14 +6,14 @@ from pathlib import Path
 if __name__ == "__main__":  # so that no `evaluate.py` of the user's is imported
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from evaluate.terminal import launcher
+from quad_env.cli import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
     launcher.check_packages("quad_env", "live")
 
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.program import Command, Program
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.program import Command, Program
 
 COMMANDS = {
     "dataset": Command("live.commands.dataset", "episodes of a policy as a Minari dataset"),

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.records.provenance import policy_digest, versions
-from evaluate.terminal.command_line import UsageError
 from policies.base import Policy
+from quad_env.cli.command_line import UsageError
 
 PACKAGES = ("minari", "h5py")
 """What the extra `dataset` installs."""

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.gait import Floats as Floats
 from policies.gait import advance, smoothstep
+from quad_env.cli.errors import UserError
 from quad_env.config import TaskConfig
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
@@ -21,7 +22,7 @@ CONTROL_PERIOD = 1.0 / TaskConfig().control_rate
 """The environment's control period unless it is told another, s."""
 
 
-class PolicyError(ValueError):
+class PolicyError(UserError, ValueError):
     """A policy that does not exist or cannot be loaded; the message is one line that names the remedy."""
 
 

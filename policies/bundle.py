@@ -22,7 +22,6 @@ from safetensors.numpy import save as format_safetensors
 from policies.activations import ACTIVATIONS
 from policies.base import CONTROL_PERIOD, Actions, PolicyError
 from policies.bases import describe, described
-from policies.files import write_atomically
 from policies.history import Inputs
 from policies.network import Network
 from policies.parameters import is_number
@@ -34,7 +33,8 @@ from policies.residual import (
     correction_width,
 )
 from quad_env import ENV_ID
-from quad_env.files import LARGEST, TEXT, parse_json, read_bytes
+from quad_env.files.reading import LARGEST, TEXT, parse_json, read_bytes
+from quad_env.files.writing import write_atomically
 from quad_env.robots.named import ROBOTS, robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from policies.base import PolicyError
 from policies.shipped import folder_of
-from quad_env.files import parse_json, read_bytes
+from quad_env.files.reading import parse_json, read_bytes
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
 

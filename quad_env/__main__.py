@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from quad_env.text import one_line
+from quad_env.files.text import one_line
 
 INTERRUPTED, FAILED = 130, 2
 COMMANDS = {
@@ -152,7 +152,7 @@ def _launched() -> int:
     if not _is_a_clone():
         return main()
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a user's `evaluate.py` is not ours
-    launcher: Any = import_module("evaluate.terminal.launcher")
+    launcher: Any = import_module("quad_env.cli.launcher")
     launcher.check_packages("quad_env", "live")
     if sys.argv[1:2] and sys.argv[1] not in COMMANDS:
         launcher.leave_on_interrupt()

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from evaluate.commands import outputs
-from evaluate.terminal.command_line import parse
+from quad_env.cli.command_line import parse
 from tests.batches import Batch, begun
 
 Reading = Callable[[Any], Any]
@@ -45,9 +45,9 @@ def robots(read: Callable[[Batch], Any]) -> Reading:
 
 WATCHED = (
     "policies:resolve",
-    "evaluate.statistics.checks:share_of_yes",
-    "evaluate.studies.gait_diagram:draw",
-    "evaluate.studies.prediction:draw",
+    "research.statistics.checks:share_of_yes",
+    "research.studies.gait_diagram:draw",
+    "research.studies.prediction:draw",
     "quad_env.physics.rendering:Camera.__init__",
 )
 """Functions of which it is noted how they are called; they do what they do."""

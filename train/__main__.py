@@ -9,7 +9,7 @@ from pathlib import Path
 if __name__ == "__main__":  # so that no `evaluate.py` of the user's is imported
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from evaluate.terminal import launcher
+from quad_env.cli import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
@@ -19,10 +19,10 @@ import argparse
 import dataclasses
 
 from evaluate.rollouts.hardware import Hardware, hardware_of
-from evaluate.terminal.command_line import UsageError, as_spelled
-from evaluate.terminal.command_line import parse as parse_options
-from evaluate.terminal.program import HELP, Command, Program
 from policies.parameters import limits_of
+from quad_env.cli.command_line import UsageError, as_spelled
+from quad_env.cli.command_line import parse as parse_options
+from quad_env.cli.program import HELP, Command, Program
 from train.config import DEFAULTS, TrainConfig, differences, likewise, load_config
 from train.run_folder import has_checkpoint, steps_done
 from train.setting_ranges import check
@@ -35,12 +35,10 @@ COMMANDS = {
     "search gait": Command("train.search.gait", "one of the gaits: walk, pace, bound, pronk or trot, by CMA-ES"),
     "search recovery": Command("train.search.recovery", "poses and times of getting up, by CMA-ES"),
     "search fall-prediction": Command("train.search.fall_prediction", "threshold of the safety layer's fall predictor"),
-    "sweep": Command("train.search.sweep", "settings of the training, by Optuna: a run a trial, a table in the end"),
-    "ablations": Command("train.search.ablations", "what each choice of the training is worth: docs/ablations.md"),
-    "trials": Command("train.search.trials", "runs of other settings beside each other: docs/trials.md"),
-    "export": Command("train.shipping.export", "a trained residual as an ONNX file"),
-    "publish": Command("train.shipping.publish", "judge finished runs, and ship the one of seed 0 with a table of all"),
+    "export": Command("train.export", "a trained residual as an ONNX file"),
 }
+MOVED = {name: f"python -m research {name}" for name in ("ablations", "publish", "sweep", "trials")}
+"""Commands that replace those of older versions."""
 
 
 def run(words: list[str]) -> int:
@@ -107,7 +105,7 @@ def _defaults(words: list[str]) -> TrainConfig:
     return defaults
 
 
-PROGRAM = Program(NAME, COMMANDS, run)
+PROGRAM = Program(NAME, COMMANDS, run, MOVED)
 main = PROGRAM.main
 
 if __name__ == "__main__":

@@ -11,11 +11,11 @@ from typing import Annotated, Any, Literal, NamedTuple
 from tyro.constructors import PrimitiveConstructorSpec
 
 from evaluate.rollouts.hardware import Hardware
-from evaluate.terminal.command_line import UsageError
 from policies.history import Inputs
 from policies.parameters import number
+from quad_env.cli.command_line import UsageError
 from quad_env.config import RewardWeights
-from quad_env.files import read_bytes
+from quad_env.files.reading import read_bytes
 from quad_env.scenarios import combination
 from quad_env.scenarios.named import Pushes
 from train.foreign.reward_term import FileTerm

@@ -9,10 +9,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.interrupt import Interrupt
-from policies.files import sole_use
 from policies.residual import NO_SHIFT, authority_of
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.interrupt import Interrupt
+from quad_env.files.writing import sole_use
 from train.config import TrainConfig
 from train.display import Display
 from train.foreign.reward_term import reported

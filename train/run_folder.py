@@ -4,8 +4,8 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from evaluate.terminal.command_line import UsageError
-from policies.files import FolderInUse, make_writable_folder, sole_use
+from quad_env.cli.command_line import UsageError
+from quad_env.files.writing import FolderInUse, make_writable_folder, sole_use
 
 CONFIG_FILE = "config.json"
 """Settings of the run."""

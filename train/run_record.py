@@ -9,8 +9,8 @@ from typing import Any
 
 from evaluate.records.provenance import model_of, versions
 from evaluate.rollouts.hardware import Hardware
-from policies.files import write_atomically
-from quad_env.files import LARGEST, read_bytes
+from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, Change, TrainConfig, differences, likewise, to_dict
 from train.foreign.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE

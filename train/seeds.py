@@ -11,8 +11,8 @@ from pathlib import Path
 from evaluate.commands.options import available_cores
 from evaluate.records.provenance import REPOSITORY, REVISION, git_revision
 from evaluate.rollouts.cluster import Report, cluster
-from evaluate.terminal.command_line import UsageError
-from policies.files import sole_use, write_atomically
+from quad_env.cli.command_line import UsageError
+from quad_env.files.writing import sole_use, write_atomically
 from train.config import TrainConfig
 from train.run import train
 from train.run_folder import CHECKPOINTS, begun, has_checkpoint, refuse_folder_in_use, steps_done, writing

@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 
 from evaluate.rollouts import hardware
-from evaluate.terminal.command_line import UsageError
 from policies.parameters import limits_of
+from quad_env.cli.command_line import UsageError
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario

@@ -22,12 +22,12 @@ import tyro
 
 from evaluate.commands.options import available_cores
 from evaluate.rollouts.hardware import hardware_of
-from evaluate.terminal.command_line import UsageError, check_numbers
 from policies import bundle
-from policies.files import make_writable_folder, write_atomically
 from policies.parameters import limits_of, number
 from policies.shipped import folder_of
-from quad_env.files import read_bytes
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.files.reading import read_bytes
+from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.robots.robot import Robot
 from train.config import BaseName, Count
 from train.run_folder import BEST, has_checkpoint, steps_done

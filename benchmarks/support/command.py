@@ -14,10 +14,10 @@ from rich.table import Table
 from benchmarks.support.bars import BARS, Check
 from benchmarks.support.measure import Spread, machine, machine_line
 from evaluate.analysis.results import without_nan
-from evaluate.terminal.command_line import UsageError, check_numbers, make_folder_of, parse
-from evaluate.terminal.program import exit_code
-from policies.files import write_atomically
 from quad_env import MAX_EPISODE_STEPS
+from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of, parse
+from quad_env.cli.program import exit_code
+from quad_env.files.writing import write_atomically
 
 WIDTH = 100
 """Columns that every table fits into."""

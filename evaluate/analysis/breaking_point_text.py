@@ -4,7 +4,7 @@ import math
 
 from evaluate.analysis.breaking_points import AxisBreakingPoint, Of
 from evaluate.analysis.severity_levels import amount
-from evaluate.terminal.format import NO_BREAK
+from quad_env.cli.format import NO_BREAK
 
 CAVEAT = (
     "An interval of a breaking point reaches from the last level shown to fail less than half the time to the first "

@@ -8,7 +8,7 @@ from evaluate.analysis.breaking_point_text import breaking_point_text, ratio_tex
 from evaluate.analysis.comparison import FALL_RATE, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, place, severity_axes
-from evaluate.terminal.format import listed, number, share
+from quad_env.cli.format import listed, number, share
 
 BETTER, WORSE, UNSHOWN = "better", "worse", "unshown"
 BREAKING_POINTS = {"success": "breaking_point_of_success", "falls": "breaking_point"}

@@ -7,7 +7,7 @@ from evaluate.analysis.comparison import RATES, Comparison
 from evaluate.analysis.gates import Gate, Rule, check, places
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
-from evaluate.terminal.format import number, p_value, percent
+from quad_env.cli.format import number, p_value, percent
 
 
 @dataclass(frozen=True)

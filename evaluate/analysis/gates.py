@@ -16,7 +16,7 @@ from typing import get_type_hints
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, SUCCESS_RATE
 from evaluate.analysis.summary import Summary
-from quad_env.text import number
+from quad_env.files.text import number
 
 SHARES = {"success": SUCCESS_RATE, "falls": FALL_RATE}
 """What a gate calls the shares of episodes -> their fields of Summary."""

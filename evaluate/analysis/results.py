@@ -19,7 +19,7 @@ from evaluate.measures.outcomes import RULES, SUCCESS_1
 from evaluate.records.provenance import versions
 from evaluate.rollouts.experiment import Cell, failure_reasons
 from evaluate.rollouts.hardware import Hardware
-from policies.files import write_atomically
+from quad_env.files.writing import write_atomically
 
 SCHEMA = 1
 

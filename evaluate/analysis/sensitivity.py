@@ -14,7 +14,7 @@ from evaluate.measures.metrics import Measures
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.intervals import Interval
 from evaluate.statistics.significance import holm
-from evaluate.terminal.format import NO_BREAK, signed
+from quad_env.cli.format import NO_BREAK, signed
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of

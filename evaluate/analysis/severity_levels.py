@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from evaluate.analysis.breaking_points import mildest_first
 from evaluate.rollouts.experiment import Cell
-from evaluate.terminal.format import NO_BREAK
+from quad_env.cli.format import NO_BREAK
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.named import Scenario
 

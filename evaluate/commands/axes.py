@@ -11,7 +11,7 @@ import tyro
 from evaluate.commands.options import PROGRAM, WALKING_POLICIES, Flag, available_cores
 from evaluate.commands.options import Options as Comparison
 from evaluate.rollouts.hardware import hardware_of
-from evaluate.terminal.command_line import UsageError, check_numbers
+from quad_env.cli.command_line import UsageError, check_numbers
 
 PICTURE = "fall_rates.svg"
 

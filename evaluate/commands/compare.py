@@ -30,9 +30,9 @@ from evaluate.records.store import read_rows, rows_of
 from evaluate.report.headings import FIRST, NARROW_DIFFERENCES
 from evaluate.report.table import console_table, row_name
 from evaluate.statistics.intervals import Floats
-from evaluate.terminal.command_line import UsageError, make_folder_of
-from evaluate.terminal.format import ABSENT, counted, interval, number, p_value, points, points_interval
-from policies.files import write_atomically
+from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.cli.format import ABSENT, counted, interval, number, p_value, points, points_interval
+from quad_env.files.writing import write_atomically
 
 
 @dataclass(frozen=True)

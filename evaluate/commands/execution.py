@@ -15,13 +15,13 @@ from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, rem
 from evaluate.report.table import print_results
 from evaluate.rollouts.cluster import ray_cluster
 from evaluate.rollouts.experiment import Cell, Executor, NotKept, Settings, TraceWriter, evaluation_seeds, run_cells
-from evaluate.rollouts.progress import show_progress
 from evaluate.rollouts.workers import WorkerLost, process_pool
-from evaluate.terminal import launcher, memory
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.interrupt import Interrupt
-from evaluate.terminal.program import words_of
-from policies.files import sole_use
+from quad_env.cli import launcher, memory
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.interrupt import Interrupt
+from quad_env.cli.program import words_of
+from quad_env.cli.progress import show_progress
+from quad_env.files.writing import sole_use
 
 
 def execute(plan: Plan, show: Show = print_results) -> int:

@@ -22,9 +22,9 @@ from evaluate.report import junit, markdown
 from evaluate.report.notes import warnings
 from evaluate.report.page import write_report
 from evaluate.report.table import print_results
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.format import counted
-from evaluate.terminal.launcher import silence_stdout
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.format import counted
+from quad_env.cli.launcher import silence_stdout
 
 Show = Callable[[Results, Console], None]
 """Prints an outcome."""

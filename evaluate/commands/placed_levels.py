@@ -6,13 +6,12 @@ from dataclasses import replace
 from evaluate.analysis.level_placement import grid, wanted
 from evaluate.commands.execution import simulate
 from evaluate.commands.outputs import Ending, conclude
-from evaluate.commands.plan import Plan
-from evaluate.commands.readme import limited
+from evaluate.commands.plan import Plan, limited
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import ChunkStore, Run, remove_chunks
 from evaluate.report.table import print_breaking_points
 from evaluate.rollouts.experiment import Cell
-from policies.files import sole_use
+from quad_env.files.writing import sole_use
 from quad_env.scenarios.axes import Axis, axes_of
 from quad_env.scenarios.named import Scenario
 

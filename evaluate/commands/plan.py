@@ -1,6 +1,6 @@
 """What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,8 +13,8 @@ from evaluate.records.manifest import CHUNKS, FILES, JUNIT, Manifest
 from evaluate.rollouts import battery, hardware
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import Hardware
-from evaluate.terminal.command_line import UsageError, check_numbers
-from policies.files import make_writable_folder, sole_use
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.files.writing import make_writable_folder, sole_use
 from quad_env.scenarios.named import Scenario
 
 LIMITS = {
@@ -96,6 +96,11 @@ def policies_asked_for(
         return tuple(LabelledPolicy(label, hardware.policy(label, trust), only) for label, only in asked)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error
+
+
+def limited(labels: Iterable[str], only_on: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """What --policies must be given for those policies, of which some are limited to scenarios."""
+    return tuple(f"{label}@{','.join(only_on[label])}" if label in only_on else label for label in labels)
 
 
 def _parts(name: str) -> tuple[str, tuple[str, ...]]:

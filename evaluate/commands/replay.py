@@ -17,8 +17,8 @@ from evaluate.records.episode_table import by_success_rule, table
 from evaluate.records.manifest import Manifest
 from evaluate.records.store import Run, read_run
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, run_cell
-from evaluate.rollouts.progress import bar
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.progress import bar
 
 DIFFERS = 1
 """Exit code where the episode did not come out as stored."""

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from evaluate.commands.options import Flag
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ def main(options: Options) -> int:
     from evaluate.commands.plan import check_baseline, check_gates
     from evaluate.records.store import read_run, remove_chunks
     from evaluate.report.table import print_results
-    from policies.files import FolderInUse, sole_use
+    from quad_env.files.writing import FolderInUse, sole_use
 
     run = read_run(options.folder)
     if not run.cells:

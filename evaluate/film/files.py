@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 
 from evaluate.film.sheet import tiled
-from evaluate.terminal.command_line import UsageError, make_folder_of
-from policies.files import write_atomically
+from quad_env.cli.command_line import UsageError, make_folder_of
+from quad_env.files.writing import write_atomically
 
 STRIP = ".png"
 KINDS = (".mp4", ".webp", ".gif", STRIP)

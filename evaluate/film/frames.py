@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.rollouts.observers import Step
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 from quad_env.physics.marks import Mark
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from evaluate.records.provenance import DIGEST, code_digest, cpu_model, model_of
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
-from evaluate.terminal.command_line import UsageError
-from policies.files import write_atomically
-from quad_env.files import parse_json, read_bytes
+from quad_env.cli.command_line import UsageError
+from quad_env.files.reading import parse_json, read_bytes
+from quad_env.files.writing import write_atomically
 from quad_env.scenarios.named import Scenario
 from quad_env.serialisation import check_types, from_plain, to_plain
 

@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from policies.files import write_atomically
-from quad_env.files import LARGEST, read_bytes
+from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.writing import write_atomically
 
 SHA256 = b"sha256"
 """Key of a table's metadata: the hash of its content."""

@@ -17,8 +17,8 @@ from evaluate.records.episode_table import cell_of, read_table, table, write_tab
 from evaluate.records.manifest import CHUNKS, FILES, JUNIT, Manifest
 from evaluate.records.parquet import is_hashed
 from evaluate.rollouts.experiment import Cell, Chunk, evaluation_seeds, join
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.format import counted
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.format import counted
 from quad_env.scenarios.named import Scenario
 
 EPISODES = "episodes.parquet"

@@ -18,8 +18,8 @@ from evaluate.report.html import image, note, section
 from evaluate.report.plots.drawing import cell_of
 from evaluate.report.sections.figures import policy_label
 from evaluate.rollouts.hardware import Hardware
-from evaluate.terminal.format import counted
 from policies.base import CONTROL_PERIOD as DT
+from quad_env.cli.format import counted
 from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.terrain import Flat
 

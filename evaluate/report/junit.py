@@ -5,7 +5,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from evaluate.analysis.gate_verdicts import Verdict, by_gate
-from policies.files import write_atomically
+from quad_env.files.writing import write_atomically
 
 
 def write(verdicts: Sequence[Verdict], path: Path) -> None:

@@ -14,8 +14,8 @@ from evaluate.analysis.summary import Summary
 from evaluate.report.headings import FIRST, IN_A_LINE
 from evaluate.report.notes import extent, warnings
 from evaluate.rollouts.hardware import words
-from evaluate.terminal.format import ABSENT, interval, number, share
-from policies.files import write_atomically
+from quad_env.cli.format import ABSENT, interval, number, share
+from quad_env.files.writing import write_atomically
 
 FIGURES = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
 """Metrics that the tables of figures show."""

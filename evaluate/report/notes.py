@@ -3,7 +3,7 @@
 from evaluate.analysis.breaking_point_text import CAVEAT
 from evaluate.analysis.results import Results
 from evaluate.measures.outcomes import SUCCESS_RULE
-from evaluate.terminal.format import counted, listed
+from quad_env.cli.format import counted, listed
 
 NOTES = (
     "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
@@ -42,7 +42,7 @@ def warnings(results: Results) -> list[str]:
     if results.success_rule != SUCCESS_RULE:
         lines.append(
             f"Success is by the older rule {results.success_rule}, under which these episodes ran: standing still can "
-            f"succeed at slow commands. python -m evaluate rescore applies {SUCCESS_RULE} to an evaluation with traces"
+            f"succeed at slow commands. python -m research rescore applies {SUCCESS_RULE} to an evaluation with traces"
         )
     return lines
 

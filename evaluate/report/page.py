@@ -23,9 +23,9 @@ from evaluate.report.sections.success_section import success
 from evaluate.report.sections.training_section import training
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
-from evaluate.terminal.format import counted, listed
-from policies.files import write_atomically
 from policies.summaries import explained
+from quad_env.cli.format import counted, listed
+from quad_env.files.writing import write_atomically
 
 FILM_PLACE = 6
 """Place of the film among the sections; it is made in another process meanwhile."""

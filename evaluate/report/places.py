@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 
 RESULTS = "results"
 """Name of a file's first place: between `<!-- results -->` and `<!-- /results -->`."""

@@ -13,7 +13,8 @@ from evaluate.report.headings import FIRST, IN_A_LINE
 from evaluate.report.markdown import FIGURES, table
 from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.hardware import Hardware, hardware_of
-from evaluate.terminal.format import (
+from policies.summaries import explained
+from quad_env.cli.format import (
     ABSENT,
     counted,
     interval,
@@ -26,7 +27,6 @@ from evaluate.terminal.format import (
     points_interval,
     share,
 )
-from policies.summaries import explained
 from quad_env.robots.robot import Robot
 
 ROWS = ("flat", "push", "push:4", "rough", "rough:4", "slope", "payload:4", "latency:4")

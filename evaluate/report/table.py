@@ -16,7 +16,7 @@ from evaluate.analysis.severity_levels import SeverityAxis, amount, place, sever
 from evaluate.analysis.summary import Summary
 from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
 from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES
-from evaluate.terminal.format import broken, counted, number, p_value, percent, points, share
+from quad_env.cli.format import broken, counted, number, p_value, percent, points, share
 
 SHOWN = "success % (falls %)"
 MOST_SCENARIOS = 6

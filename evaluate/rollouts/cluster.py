@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, simulate
 from evaluate.rollouts.workers import ENVIRONMENT, WorkerLost, worker_environment
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 
 POLL_PERIOD = 0.5
 """s between two looks at what is done."""

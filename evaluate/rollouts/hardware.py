@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 
 if TYPE_CHECKING:
     from policies.base import Policy

@@ -4,11 +4,11 @@ import runpy
 from pathlib import Path
 from typing import Any
 
-from quad_env.files import TEXT, check_file
+from quad_env.files.reading import TEXT, check_file
+from quad_env.files.text import described
 from quad_env.scenarios.combination import is_combination
 from quad_env.scenarios.named import SCENARIOS, Scenario
 from quad_env.serialisation import from_plain, to_plain
-from quad_env.text import described
 
 
 def from_file(reference: str) -> tuple[Scenario, ...]:

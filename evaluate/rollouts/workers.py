@@ -14,9 +14,9 @@ from multiprocessing.context import SpawnContext
 from typing import Any
 
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, sequential, simulate
-from evaluate.terminal.command_line import UsageError
-from policies.child_process import serve_parent, without_ctrl_c
-from quad_env.text import described
+from quad_env.cli.child_process import serve_parent, without_ctrl_c
+from quad_env.cli.command_line import UsageError
+from quad_env.files.text import described
 
 POLL_PERIOD = 0.1
 """s between two looks at whether the user has interrupted."""

@@ -139,7 +139,7 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
     Percentiles, moved outwards as far as Student's t lies outside the normal distribution and n outside n − 1
     (Hesterberg 2015, The American Statistician 69). Not BCa: most of a difference is the few episodes in which one
     policy fell, either way round, and from those it estimates a skewness that is hardly there: with 64 episodes, of
-    which a tenth fall, it covers 90 % instead of 95 % (`python -m evaluate calibration`).
+    which a tenth fall, it covers 90 % instead of 95 % (`python -m research calibration`).
     """
     from scipy.special import ndtr, stdtrit
 

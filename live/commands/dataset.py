@@ -9,11 +9,11 @@ import tyro
 import quad_env
 from evaluate.commands.options import Flag
 from evaluate.rollouts.hardware import hardware_of
-from evaluate.rollouts.progress import bar
-from evaluate.terminal.command_line import check_numbers
-from evaluate.terminal.launcher import raise_on_interrupt
 from live.commands.episode import one_scenario
 from live.dataset import check, create
+from quad_env.cli.command_line import check_numbers
+from quad_env.cli.launcher import raise_on_interrupt
+from quad_env.cli.progress import bar
 
 LIMITS = {"episodes": (1, 2000), "seed": (0, 2**63 - 1 - 2000)}
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import Hardware
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 from quad_env.config import COMMAND_BOUND
 from quad_env.scenarios.scenario import Scenario
 

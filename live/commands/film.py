@@ -16,11 +16,11 @@ from evaluate.film.shooting import film
 from evaluate.film.take import Look, Take
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL, hardware_of
-from evaluate.rollouts.progress import bar
-from evaluate.terminal.command_line import UsageError, check_numbers
-from evaluate.terminal.launcher import raise_on_interrupt
 from live.commands.episode import Command, check_command, one_scenario
 from policies.base import CONTROL_PERIOD
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.launcher import raise_on_interrupt
+from quad_env.cli.progress import bar
 
 MOST_POLICIES = 9
 LIMITS = {

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import policies
 from evaluate.rollouts.hardware import hardware_of
-from evaluate.terminal.format import counted
 from policies import bundle, shipped
 from policies.summaries import SUMMARIES
-from quad_env.files import read_bytes
+from quad_env.cli.format import counted
+from quad_env.files.reading import read_bytes
+from quad_env.files.text import one_line
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.text import one_line
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ import tyro
 from evaluate.commands.options import Flag
 from evaluate.rollouts.hardware import hardware_of
 from evaluate.rollouts.observers import Step
-from evaluate.rollouts.progress import bar
 from evaluate.rollouts.rollout import roll_out
-from evaluate.terminal.command_line import check_numbers
-from evaluate.terminal.launcher import raise_on_interrupt
 from live.commands.episode import Command, check_command, one_scenario
 from live.recording.recorder import check, recorder_for
 from policies.base import CONTROL_PERIOD
+from quad_env.cli.command_line import check_numbers
+from quad_env.cli.launcher import raise_on_interrupt
+from quad_env.cli.progress import bar
 
 LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "seed": (0, 2**63 - 1)}
 

@@ -8,9 +8,6 @@ from typing import Literal
 
 from evaluate.commands.options import Flag
 from evaluate.rollouts.hardware import hardware_of
-from evaluate.terminal.command_line import check_numbers
-from evaluate.terminal.interrupt import Interrupt
-from evaluate.terminal.launcher import raise_on_interrupt
 from live.commands.episode import one_scenario
 from live.pace import Pace
 from live.recording.recorder import check, recorder_for
@@ -20,6 +17,9 @@ from live.ros.driven import Driven
 from live.ros.link import Link
 from live.session import Session
 from policies.base import Policy
+from quad_env.cli.command_line import check_numbers
+from quad_env.cli.interrupt import Interrupt
+from quad_env.cli.launcher import raise_on_interrupt
 
 LIMITS = {"seed": (0, 2**63 - 1), "real_time_factor": (0.01, 100.0)}
 SLOW = 0.9

@@ -10,14 +10,14 @@ from typing import Literal
 
 from evaluate.commands.options import Flag
 from evaluate.rollouts.hardware import hardware_of
-from evaluate.terminal.command_line import UsageError, check_numbers
-from evaluate.terminal.launcher import raise_on_interrupt
 from live.commands.episode import Command, check_command, one_scenario
 from live.view.driver import Driver, Start
 from live.view.loop import LiveView
 from live.view.quality import Quality
 from live.view.requests import LARGEST_SEED, MOST_ROBOTS
 from live.view.server import Receive, Server, is_loopback
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.physics.rendering import shows_windows
 
 FIRST_PORT, PORTS = 8080, 20

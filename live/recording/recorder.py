@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from evaluate.rollouts.observers import Step
-from evaluate.terminal.command_line import UsageError, make_folder_of
 from live.recording.ring import Floats, Ring, memory
 from live.recording.skeleton import links_of
 from live.recording.source import Source
 from live.recording.writer import write
 from policies.base import Policy
-from policies.child_process import without_ctrl_c
+from quad_env.cli.child_process import without_ctrl_c
+from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")

@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 
 START_TIMEOUT = 30.0
 """For the process to be a node, s."""

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable
 
-from evaluate.terminal.format import counted
+from quad_env.cli.format import counted
 
 
 class Refusals:

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from typing import Any
 
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.interrupt import Interrupt
 from live.view.driver import Driver
 from live.view.keys import request_of
 from live.view.native import NativeWindow
@@ -16,6 +14,8 @@ from live.view.painter import Painter
 from live.view.quality import Quality
 from live.view.requests import Request, RequestError, parse
 from live.view.server import Receive, Server
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.interrupt import Interrupt
 
 FRAMES_A_SECOND, TELLINGS_A_SECOND = 30.0, 10.0
 WAITING = 256

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from evaluate.terminal.command_line import UsageError
 from live.view.latest import Latest
 from live.view.painter import Picture
+from quad_env.cli.command_line import UsageError
 from quad_env.physics.rendering import Window, shows_windows
 
 

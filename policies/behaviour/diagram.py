@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from policies.behaviour.transitions import TIME_LIMIT, TRANSITIONS, State, Transition
-from policies.files import write_atomically
+from quad_env.files.writing import write_atomically
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "behaviour.md"
 ANYWHERE = 3

@@ -19,8 +19,8 @@ from policies.foreign.python_file import Maker
 from policies.foreign.reference import Reference
 from policies.network import Network, Weights
 from policies.residual import ResidualPolicy
+from quad_env.files.text import described
 from quad_env.robots.robot import Robot
-from quad_env.text import described
 
 DESCRIPTION = "simple_quad_policy"
 """Key of the metadata that makes a file a residual."""

@@ -11,8 +11,8 @@ from typing import Any
 
 from policies.base import Policy, PolicyError
 from policies.foreign.reference import Reference
+from quad_env.files.text import described
 from quad_env.robots.robot import Robot
-from quad_env.text import described
 
 Act = Callable[[Any], object]
 """From an observation to an action, of one robot or of several."""

@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from policies.base import PolicyError
-from quad_env.files import check_file
+from quad_env.files.reading import check_file
 
 KINDS = {".py": "Python", ".onnx": "ONNX", ".zip": "Stable-Baselines3"}
 """What a file holds, by how its name ends."""

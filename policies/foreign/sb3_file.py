@@ -12,8 +12,8 @@ from policies.base import PolicyError
 from policies.foreign.python_file import Maker
 from policies.foreign.reference import Reference
 from quad_env.envs.home_pose import HomePoseSpace
+from quad_env.files.text import described
 from quad_env.robots.robot import Robot
-from quad_env.text import described
 
 
 def load(reference: Reference, robot: Robot) -> Maker:

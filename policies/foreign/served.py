@@ -15,9 +15,9 @@ from policies.foreign import onnx_file, python_file, sb3_file
 from policies.foreign.python_file import Act, Maker
 from policies.foreign.reference import Reference
 from policies.safety.watchdog import still_at_work
+from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.task.observations import observation_table
-from quad_env.text import described
 
 POLICY, ROBOT, BATCH = "policy", "robot", "batch"
 """Ways to ask: a `Policy`; a callable of one robot's observation; a callable of every robot's."""

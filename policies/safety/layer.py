@@ -15,7 +15,7 @@ from policies.safety.fall_prediction import fitted_threshold, next_recent, next_
 from policies.safety.stop import Stop
 from policies.safety.target_limits import SafetyLimits, limited
 from quad_env import OBSERVATION
-from quad_env.text import described
+from quad_env.files.text import described
 
 
 class Mode(IntEnum):

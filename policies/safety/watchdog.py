@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, Policy
-from policies.child_process import serve_parent, without_ctrl_c
+from quad_env.cli.child_process import serve_parent, without_ctrl_c
+from quad_env.files.text import described
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.text import described
 
 START_TIMEOUT = 60.0
 """For the process to start and make its policy, s."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.files import read_bytes
+from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
 from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot

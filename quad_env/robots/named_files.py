@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from quad_env.files import check_file, read_bytes
+from quad_env.files.reading import check_file, read_bytes
 
 _FILE = re.compile(r"""\bfile\w*\s*=\s*["']([^"'\0]+)["']""")
 _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'\0]*)["']""")

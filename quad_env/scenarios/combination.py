@@ -3,12 +3,12 @@
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
+from quad_env.files.text import number
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.scaling import scaled
 from quad_env.scenarios.scenario import Scenario
-from quad_env.text import number
 
 BETWEEN, EQUALS = "+", "="
 LARGEST = 1e6

@@ -13,8 +13,8 @@ import numpy as np
 
 from quad_env.columns import Column, Truth, Vector, anywhere, differences, exp, sqrt, sum_of_squares, total, where
 from quad_env.config import RewardTerm, RewardWeights
+from quad_env.files.text import described
 from quad_env.physics.state import Feet, QuadState
-from quad_env.text import described
 
 LINEAR_WIDTH = 0.25
 """m/s at which the linear tracking reward falls to 1/e."""

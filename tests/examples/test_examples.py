@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import examples.__main__ as command
-from evaluate.terminal.command_line import UsageError
 from examples.__main__ import EXAMPLES, FOLDER, Example, chosen, main
+from quad_env.cli.command_line import UsageError
 
 FILES = {
     path.stem: path

@@ -17,7 +17,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 import policies
 from evaluate.rollouts.rollout import run
-from policies.files import sole_use
+from quad_env.files.writing import sole_use
 from quad_env.physics import simulation
 from quad_env.seeding import episode_seeds
 from train.__main__ import COMMANDS, main, parse

@@ -7,9 +7,9 @@ from typing import get_args
 
 import pytest
 
-from evaluate.terminal.command_line import UsageError
 from policies.bases import BASES
 from policies.parameters import limits_of
+from quad_env.cli.command_line import UsageError
 from train.__main__ import parse
 from train.config import (
     DEFAULTS,

@@ -124,7 +124,7 @@ def test_what_a_learner_remembers_is_what_the_policy_will_across_falls_held_corr
     ("base", "footholds"), [("trot", 0.0), ("trot_integral", 0.0), ("mpc_wbc", 0.02), ("mpc", 0.02), ("stand", 0.0)]
 )
 def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, footholds):
-    """A network in the learner's place, and the same network in a policy: held corrections, memory, clock and shifts."""
+    """A network in the learner's place, and the same network in a policy: held corrections, memory and clock."""
     inputs, shift = Inputs((0.03,), (0.2,), 1.5), np.full(2, footholds, np.float32)
     limits = authority_of(SIMPLE_QUAD) / 5.0
     env = ResidualVectorEnv(robots(3), policies.make(base), limits, 2, inputs, shift)

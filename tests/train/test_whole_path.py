@@ -8,7 +8,7 @@ import pytest
 
 import policies
 from evaluate.rollouts.experiment import evaluation_seeds
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 from quad_env.robots.named import robot_of
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun

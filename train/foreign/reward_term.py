@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from evaluate.terminal.command_line import UsageError
 from policies.foreign import python_file
 from policies.foreign.reference import Reference
+from quad_env.cli.command_line import UsageError
 from quad_env.config import RewardTerm, TaskConfig
-from quad_env.files import read_bytes
+from quad_env.files.reading import read_bytes
 from quad_env.task.rewards import RewardTermError
 
 OPTION = "--reward-terms"

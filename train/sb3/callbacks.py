@@ -18,11 +18,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
 from evaluate.records.provenance import REPOSITORY, git_revision
-from evaluate.terminal.command_line import UsageError
-from evaluate.terminal.interrupt import Interrupt
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
 from policies.network import Network
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig, decode, to_dict
 from train.curriculum import next_shares
 from train.display import Display

@@ -23,9 +23,9 @@ from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 from stable_baselines3 import PPO
 
-from evaluate.terminal.command_line import UsageError
-from policies.files import write_atomically
-from quad_env.files import LARGEST, read_bytes
+from quad_env.cli.command_line import UsageError
+from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.writing import write_atomically
 
 SCHEMA = 2
 KEPT = 2

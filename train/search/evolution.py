@@ -12,9 +12,9 @@ from rich.progress import track
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.cluster import Report, cluster
 from evaluate.rollouts.workers import WorkerLost
-from evaluate.terminal.launcher import raise_on_interrupt
 from policies.base import Floats
 from policies.parameters import Parameters, number
+from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.seeding import episode_seeds
 
 Ranges = Mapping[str, tuple[float, float]]

@@ -16,10 +16,10 @@ from rich.progress import Progress
 import policies
 from evaluate.rollouts.observers import Observer, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
-from evaluate.terminal.command_line import UsageError
 from policies.base import CONTROL_PERIOD, Policy
 from policies.parameters import number
 from policies.safety.fall_prediction import THRESHOLD_FILE, next_recent, next_reference, velocity_deviation
+from quad_env.cli.command_line import UsageError
 from quad_env.seeding import episode_seeds
 from train.search.outcome import check, save
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from evaluate.terminal.command_line import UsageError
 from policies.gaits.parameters import OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
 from policies.parameters import number
+from quad_env.cli.command_line import UsageError
 from quad_env.seeding import episode_seeds
 from train.search.command_map import response, undone
 from train.search.evolution import EpisodeEffort, Ranges, evolve, rounded

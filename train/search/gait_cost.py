@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.rollouts.observers import Step
-from evaluate.studies.strides import Strides, walked
+from evaluate.rollouts.strides import Strides, walked
 from policies.base import Floats
 from policies.gaits.parameters import NO_LIMITS, GaitParameters, searched_parameters
 from policies.gaits.policy import Gaits

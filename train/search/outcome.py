@@ -4,10 +4,10 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from evaluate.terminal.command_line import UsageError, check_numbers
-from policies.files import make_writable_folder, write_atomically
 from policies.parameters import Parameters, limits_of
 from policies.shipped import folder_of
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.robots.robot import Robot
 
 

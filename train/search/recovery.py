@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.studies.recovery import TIME_ALLOWED, recover_with
+from evaluate.rollouts.getting_up import TIME_ALLOWED, recover_with
 from policies.base import Floats
 from policies.behaviour import Behaviour
 from policies.behaviour.recovery import PARAMETERS_FILE, RecoveryParameters, searched_parameters

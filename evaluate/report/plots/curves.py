@@ -14,7 +14,7 @@ from evaluate.report.plots.drawing import Margins, figure, same_ticks, short_nam
 from evaluate.rollouts.experiment import Cell
 from evaluate.statistics.breaking_point import LEAST_LEVELS, monotone_curve
 from evaluate.statistics.intervals import Floats
-from policies.files import write_atomically
+from quad_env.files.writing import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

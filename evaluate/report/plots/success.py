@@ -10,7 +10,7 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.score import Score
 from evaluate.measures.outcomes import RULES
 from evaluate.report.plots.drawing import Margins, figure, short_name, style, text_width
-from evaluate.terminal.format import broken
+from quad_env.cli.format import broken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ from evaluate.analysis.summary import Summary
 from evaluate.report.headings import DIFFERENCE_UNITS, FIRST, TITLES, UNITS
 from evaluate.report.html import BEST, breakable, heading, mark, table
 from evaluate.report.plots.drawing import MARKS, style
-from evaluate.terminal.format import ABSENT, interval, number, p_value, percent_interval, points, points_interval
+from quad_env.cli.format import ABSENT, interval, number, p_value, percent_interval, points, points_interval
 
 HEADINGS = {metric: heading(TITLES[metric], UNITS[metric]) for metric in METRICS}
 """Metric -> its heading."""

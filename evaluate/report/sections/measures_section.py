@@ -8,7 +8,7 @@ from evaluate.measures.outcomes import RULES
 from evaluate.report.headings import FIRST
 from evaluate.report.html import heading, note, table
 from evaluate.report.sections.figures import policy_label
-from evaluate.terminal.format import ABSENT
+from quad_env.cli.format import ABSENT
 
 
 def figures_table(results: Results, scenario: str) -> str:

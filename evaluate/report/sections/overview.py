@@ -13,7 +13,7 @@ from evaluate.report.headings import FIRST
 from evaluate.report.html import note, section, table
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
-from evaluate.terminal.format import ABSENT, NO_BREAK
+from quad_env.cli.format import ABSENT, NO_BREAK
 
 LEAD = (
     "Severities at which half of the episodes no longer succeed, and fall, with their 95 % intervals. "

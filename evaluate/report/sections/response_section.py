@@ -14,7 +14,7 @@ from evaluate.report.html import grid, heading, image, note, section, table
 from evaluate.report.plots.drawing import Margins, cell_of, figure, same_ticks, style, svg
 from evaluate.report.sections.figures import policy_label
 from evaluate.statistics.intervals import Floats
-from evaluate.terminal.format import ABSENT, number
+from quad_env.cli.format import ABSENT, number
 
 COMPONENTS = tuple((axis.replace("_", " "), unit) for axis, unit in AXES.items())
 """Component of a command, and its unit."""

@@ -9,7 +9,7 @@ from evaluate.report.html import grid, heading, image, note, section, table, wid
 from evaluate.report.plots import success as plots
 from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.figures import policy_label
-from evaluate.terminal.format import number, p_value, percent_interval, points, points_interval
+from quad_env.cli.format import number, p_value, percent_interval, points, points_interval
 
 LEAD = (
     "Episodes that succeed, in %: in each block the severities of an axis in this run, the mildest to the left. An "

@@ -8,7 +8,7 @@ from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
 from evaluate.report.headings import FIRST
 from evaluate.report.html import note, section, table
 from evaluate.report.sections.figures import HEADINGS
-from evaluate.terminal.format import interval, number, percent, percent_interval
+from quad_env.cli.format import interval, number, percent, percent_interval
 
 LEAD = (
     "Policies from folders seed-<number> of one parent count as one training, repeated. A seed is one value, its mean "

@@ -10,7 +10,7 @@ from evaluate.analysis.results import Results
 from evaluate.report.html import fold, note, section, table
 from evaluate.report.sections.figures import policy_label
 from evaluate.rollouts.experiment import Cell
-from evaluate.terminal.format import number
+from quad_env.cli.format import number
 
 LISTED = 5
 """Episodes a policy."""

@@ -17,10 +17,10 @@ from evaluate.commands.outputs import analysed
 from evaluate.records.store import read_run
 from evaluate.report.plots import curves
 from evaluate.report.table import print_levels, print_spread
-from evaluate.rollouts.progress import Forecast, duration
 from policies import bundle
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
+from quad_env.cli.progress import Forecast, duration
 from quad_env.scenarios.axes import AXES
 
 

@@ -17,9 +17,9 @@ import policies
 from evaluate.__main__ import main
 from evaluate.records.store import FILES
 from policies import bundle
-from policies.files import FolderInUse, sole_use
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
+from quad_env.files.writing import FolderInUse, sole_use
 
 PYTHON = (sys.executable, "-W", "error")
 LAUNCHERS = pytest.mark.parametrize("launcher", [("-m", "evaluate"), ("evaluate.py",)], ids=" ".join)
@@ -334,7 +334,7 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, runn
     command = [*PYTHON, "-X", "importtime", "-m", "evaluate", *arguments, "--out", str(tmp_path)]
     with running(command, cwd=repository) as process:
         # Before that it is Python starting up.
-        while not process.stderr.readline().endswith("evaluate.terminal.command_line\n"):
+        while not process.stderr.readline().endswith("quad_env.cli.command_line\n"):
             assert process.poll() is None
         time.sleep(delay)
         process.send_signal(signal.SIGINT)

@@ -11,8 +11,7 @@ from evaluate.__main__ import main
 from evaluate.analysis.gate_verdicts import judge
 from evaluate.analysis.gates import parse
 from evaluate.commands.options import DEFAULT_POLICIES, WALKING_POLICIES, Options
-from evaluate.commands.plan import check, policies_asked_for
-from evaluate.commands.readme import limited
+from evaluate.commands.plan import check, limited, policies_asked_for
 from evaluate.records.store import FILES, ChunkStore, read_run
 from evaluate.rollouts import rollout
 from evaluate.rollouts.battery import BATTERIES, resolve

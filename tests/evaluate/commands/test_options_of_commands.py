@@ -18,9 +18,9 @@ import pytest
 from PIL import Image
 
 from evaluate.__main__ import COMMANDS, main
-from evaluate.studies import estimation, prediction, safety
 from policies.gaits.parameters import OFFSETS
 from quad_env.seeding import episode_seeds
+from research.studies import estimation, prediction, safety
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual, robots
 from tests.evaluate.commands import test_placed_levels, test_readme_table
 

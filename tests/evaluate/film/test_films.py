@@ -14,8 +14,8 @@ from evaluate.film.panel import ALARM, BAD, GOOD
 from evaluate.film.shooting import film, shoot
 from evaluate.film.take import Look, Take
 from evaluate.rollouts.experiment import LabelledPolicy
-from evaluate.terminal.command_line import UsageError
 from quad_env import Pushes
+from quad_env.cli.command_line import UsageError
 
 PUSHED = quad_env.Scenario("pushed", pushes=Pushes(count=1, window=(0.1, 0.3), impulse=20.0))
 SMALL = Look(size=(160, 120))

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.commands import rescore
 from evaluate.measures import fall_rules
 from evaluate.measures.episodes import blank, uneventful
 from evaluate.measures.outcomes import SUCCESS_RULE
@@ -18,6 +17,7 @@ from evaluate.records.store import read_run
 from evaluate.statistics.intervals import wilson_interval
 from quad_env.config import FALL_RULE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from research.studies import rescore
 
 STEPS = 6
 UPRIGHT = {"height": 0.5, "tilt": 0.0, "trunk_contact": False, "leg_contact": False}

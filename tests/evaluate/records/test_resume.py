@@ -28,10 +28,10 @@ from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Cell, Chunk, LabelledPolicy, Settings, evaluation_seeds, run_cell
 from policies import bundle
-from policies.files import write_atomically
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
 from quad_env import SCENARIOS, StartNoise
+from quad_env.files.writing import write_atomically
 
 STEPS = 150
 RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "push:4", "--episodes", "5", "--seed", "2")
@@ -44,7 +44,7 @@ import os, signal, sys
 from evaluate.rollouts import rollout
 from evaluate.__main__ import main
 from evaluate.records.episode_table import read_table, write_parquet, write_table
-from policies import files
+from quad_env.files.reading import writing as files
 from evaluate.commands import outputs as ending
 from evaluate.analysis import results
 rollout.STEPS = int(sys.argv[1])

@@ -14,7 +14,7 @@ from evaluate.records import trace
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from evaluate.rollouts.hardware import Hardware
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 from quad_env.config import FALL_RULE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.alike import alike

@@ -20,7 +20,7 @@ from evaluate.report import markdown
 from evaluate.report.page import write_report
 from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.experiment import Cell
-from evaluate.terminal.format import interval, number, p_value, percent, percent_interval, points, points_interval
+from quad_env.cli.format import interval, number, p_value, percent, percent_interval, points, points_interval
 from quad_env.scenarios.named import Scenario
 from tests.evaluate.report.page_tables import PageTable, markdown_tables, page_tables
 

@@ -17,8 +17,8 @@ from evaluate.analysis.gates import parse
 from evaluate.analysis.results import analyse
 from evaluate.report.page import render
 from evaluate.report.sections.worst import worst
-from evaluate.terminal.format import interval, listed, number, p_value, percent, percent_interval, points
 from policies import summary
+from quad_env.cli.format import interval, listed, number, p_value, percent, percent_interval, points
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 

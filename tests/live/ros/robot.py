@@ -16,8 +16,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from evaluate.terminal.command_line import UsageError
 from live.ros import interpreter
+from quad_env.cli.command_line import UsageError
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.kinematics import feet_in_world
 from quad_env.robots.simple_quad import SIMPLE_QUAD

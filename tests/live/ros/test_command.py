@@ -7,10 +7,10 @@ from contextlib import closing
 
 import pytest
 
-from evaluate.terminal.command_line import UsageError
 from live.__main__ import PROGRAM
 from live.ros import interpreter
 from live.ros.link import Link, LinkLost
+from quad_env.cli.command_line import UsageError
 
 
 def test_without_ros_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

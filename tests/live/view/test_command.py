@@ -20,7 +20,7 @@ from quad_env.__main__ import main
 
 BEGUN_DEAF = """
 import multiprocessing
-from policies.child_process import without_ctrl_c
+from quad_env.cli.child_process import without_ctrl_c
 
 tell = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
 process = multiprocessing.get_context("spawn").Process(target=exec, args=(tell,))
@@ -36,7 +36,7 @@ def test_ctrl_c_while_it_loads_ends_in_one_line(delay: float, running: Any) -> N
     command = [sys.executable, "-X", "importtime", "-m", "quad_env", "view", "--no-browser", "--port", "0"]
     with running(command) as view:
         assert view.stderr is not None
-        while not view.stderr.readline().endswith(" evaluate.terminal.command_line\n"):
+        while not view.stderr.readline().endswith(" quad_env.cli.command_line\n"):
             assert view.poll() is None
         time.sleep(delay)
         view.send_signal(signal.SIGINT)

@@ -14,11 +14,11 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from evaluate.rollouts.hardware import Hardware
-from evaluate.terminal.command_line import UsageError
 from live.view.driver import KEPT_EVENTS, Driver, Start
 from live.view.requests import REQUESTS, Request
 from live.view.telemetry import KEPT_ROWS, Telemetry
 from policies.base import PolicyError
+from quad_env.cli.command_line import UsageError
 
 FAILING = """
 import numpy as np

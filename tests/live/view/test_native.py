@@ -16,12 +16,12 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from evaluate.rollouts.hardware import Hardware
-from evaluate.terminal.command_line import UsageError
 from live.view.driver import Driver, Start
 from live.view.keys import request_of
 from live.view.latest import Latest
 from live.view.native import NativeWindow
 from live.view.requests import FASTEST, Request
+from quad_env.cli.command_line import UsageError
 from tests.waiting import until
 
 UP, DOWN, LEFT, RIGHT = 265, 264, 263, 262

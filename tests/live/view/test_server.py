@@ -10,8 +10,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from evaluate.terminal.command_line import UsageError
 from live.view.server import DRAWN, KEPT_TELLINGS, LARGEST_MESSAGE, MOST_PAGES, Server
+from quad_env.cli.command_line import UsageError
 from tests.waiting import until
 
 

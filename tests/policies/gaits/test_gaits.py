@@ -7,7 +7,7 @@ import pytest
 
 import policies
 from evaluate.rollouts import rollout
-from evaluate.studies.strides import Strides, walked
+from evaluate.rollouts.strides import Strides, walked
 from policies.gaits.change import CHANGE_TIME
 from policies.gaits.parameters import (
     GAITS,

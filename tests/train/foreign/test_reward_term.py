@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 from train.__main__ import main, parse
 from train.config import DEFAULTS, from_dict, load_config, to_dict
 from train.foreign.reward_term import FileTerm

@@ -9,7 +9,7 @@ import pytest
 import torch
 from stable_baselines3.common.logger import configure
 
-from evaluate.terminal.command_line import UsageError
+from quad_env.cli.command_line import UsageError
 from train.config import PpoConfig, TrainConfig
 from train.run import make_env
 from train.sb3 import checkpoint

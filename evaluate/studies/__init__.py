@@ -1,1 +1,0 @@
-"""Studies of one subject each: gaits, recovery, jump, safety layer, pictures."""

@@ -1,1 +1,0 @@
-"""Command lines, Ctrl-C, exit codes, and figures as people read them."""

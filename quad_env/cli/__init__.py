@@ -1,0 +1,1 @@
+"""Command lines: options, one-line errors, exit codes, Ctrl-C, tables, progress."""

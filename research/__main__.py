@@ -1,0 +1,52 @@
+"""`python -m research COMMAND`: the studies behind the project's own figures, each with its own --help."""
+
+import sys
+from pathlib import Path
+
+if __name__ == "__main__":  # so that no `evaluate.py` of the user's is imported
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from quad_env.cli import launcher
+
+if __name__ == "__main__":  # before the imports that take time
+    launcher.leave_on_interrupt()
+    launcher.check_packages("research", "research")
+
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.program import Command, Program
+
+NAME = "python -m research"
+COMMANDS = {
+    "rescore": Command("research.studies.rescore", "falls of a traced run under the rules of other projects"),
+    "gaits": Command("research.studies.gaits", "what the gaits, and changes between them, do on flat ground"),
+    "gait-diagram": Command("research.studies.gait_diagram", "when the feet stand, commanded and measured"),
+    "recovery": Command("research.studies.recovery", "getting up from any pose"),
+    "jump": Command("research.studies.jump", "how high standing robots jump, and how many land standing"),
+    "safety": Command("research.studies.safety", "falls that the safety layer averts, and its false alarms"),
+    "ground": Command("research.studies.ground", "success on different surfaces of the same random ground"),
+    "estimation": Command("research.studies.estimation", "errors of estimated attitude and velocity"),
+    "straight-walking": Command("research.studies.straight_walking", "speed, pushes, uneven ground and cost of a walk"),
+    "prediction": Command("research.studies.prediction", "predictions of the MPCs against what happens"),
+    "pictures": Command("research.studies.pictures", "strips of frames and moving pictures of policies walking"),
+    "calibration": Command("research.statistics.calibration", "error rates of the intervals and tests"),
+    "readme": Command("research.pages.readme", "the README's results table"),
+    "sweep": Command("research.training.sweep", "settings of the training, searched by Optuna"),
+    "ablations": Command("research.training.ablations", "the effect of each choice of the training"),
+    "trials": Command("research.training.trials", "training runs of different settings, compared"),
+    "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
+}
+
+
+def _list(words: list[str]) -> int:
+    """Print the commands if asked to. Raises UsageError for any other words."""
+    if not words or words[0] in ("-h", "--help"):
+        print(f"{__doc__}\n{PROGRAM.listing()}")
+        return 0
+    raise UsageError(f"there is no command {words[0]}; there are {', '.join(COMMANDS)}")
+
+
+PROGRAM = Program(NAME, COMMANDS, _list)
+main = PROGRAM.main
+
+if __name__ == "__main__":
+    raise SystemExit(launcher.launch(main))

@@ -1,0 +1,1 @@
+"""Whether intervals and tests err as often as they say."""

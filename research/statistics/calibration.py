@@ -1,0 +1,109 @@
+"""`python -m research calibration`: do intervals cover, and tests cry wolf, as often as they say?
+
+Every row repeats one interval or test on made-up data sets whose truth is known, or one test on random halves of the
+episodes of one policy.
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.files.reading import LARGEST, read_bytes
+from research.statistics import checks
+from research.statistics.checks import Check
+
+LIMITS = {"sets": (2, 10_000_000), "episodes": (2, 1_000_000), "fall_probabilities": (0.001, 0.999), "seed": (0, 2**31)}
+"""Smallest and largest value of each number of the options."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to repeat, and how often."""
+
+    sets: int = 2000
+    """Data sets of each row (count)."""
+    episodes: tuple[int, ...] = (64, 128)
+    """Episodes of a data set (counts)."""
+    fall_probabilities: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+    """Fall probabilities of the made-up policies."""
+    only: str = ""
+    """Rows whose name contains this; all, if empty."""
+    real: Path | None = None
+    """An episodes.parquet: each policy on each scenario in it is split at random into halves, and those are tested."""
+    seed: int = 0
+    """Which data sets (whole number from 0)."""
+
+
+def main(options: Options) -> int:
+    """Repeat and print; the exit code."""
+    rows = [check for check in _checks(options) if options.only in check.name]
+    if not rows:
+        raise UsageError(f"--only: no row is named like {options.only}")
+    _run(rows, options)
+    return 0
+
+
+def _checks(options: Options) -> Iterator[Check]:
+    if not options.episodes or not options.fall_probabilities:
+        raise UsageError("--episodes and --fall-probabilities must each have at least one value")
+    check_numbers(options, LIMITS)
+    if options.real is None:
+        yield from checks.all_checks(options.episodes, options.fall_probabilities)
+    else:
+        yield from _real(options.real)
+
+
+def _real(path: Path) -> Iterator[Check]:
+    """Checks of every policy on every scenario of an episodes.parquet."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        content = pa.py_buffer(read_bytes(path, LARGEST))
+        rows = pq.read_table(content, columns=["policy", "scenario", "fell", "velocity_error"]).to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        raise UsageError(f"cannot read {path}: {error}") from error
+    cells: dict[str, list[tuple[bool, float]]] = {}
+    for row in rows:
+        cells.setdefault(f"{row['policy']} on {row['scenario']}", []).append((row["fell"], row["velocity_error"]))
+    for label, outcomes in cells.items():
+        fell, errors = zip(*outcomes, strict=True)
+        yield from checks.split_checks(label, np.array(fell), np.array(errors))
+
+
+def _run(rows: list[Check], options: Options) -> None:
+    """A line a row, as it is done; on stderr how long the rest will take."""
+    standard_error = 100.0 * np.sqrt(0.05 * 0.95 / options.sets)
+    print(f"share of {options.sets} data sets, %; its standard error is {standard_error:.1f}")
+    print(
+        f"{'interval holds the truth, or test claims a difference':54} {'n':>4} {'falls':>6} {'share':>6} {'meant':>6}"
+    )
+    start, outside = time.perf_counter(), 0
+    for number, check in enumerate(rows, 1):
+        share = checks.share_of_yes(check, options.sets, options.seed)
+        low, high = check.bounds
+        outside += not low <= share <= high
+        values = (check.fall_probability, share, check.expected)
+        figures = " ".join(f"{'' if np.isnan(value) else f'{100 * value:.1f}':>6}" for value in values)
+        verdict = "" if low <= share <= high else f"  not in {100 * low:g} to {100 * high:g}"
+        print(f"{check.name:54} {check.count:4} {figures}{verdict}", flush=True)
+        elapsed = time.perf_counter() - start
+        left = elapsed / number * (len(rows) - number)
+        print(f"[{number}/{len(rows)}] {elapsed:.0f} s, about {left:.0f} s left", file=sys.stderr, flush=True)
+    by_chance = sum(_outside_by_chance(check, options.sets) for check in rows)
+    print(f"{outside} of {len(rows)} rows out of bounds; {by_chance:.1f} are expected by chance if all is as meant")
+
+
+def _outside_by_chance(check: Check, sets: int) -> float:
+    from scipy.stats import binom
+
+    if np.isnan(check.expected):
+        return 0.0
+    shares = np.arange(sets + 1) / sets
+    low, high = check.bounds
+    return float(binom.pmf(np.arange(sets + 1), sets, check.expected)[(shares < low) | (shares > high)].sum())

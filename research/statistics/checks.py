@@ -1,0 +1,278 @@
+"""Checks of intervals and tests: what is done with one made-up data set, and how often the outcome should be yes."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from evaluate.statistics.breaking_point import breaking_point, breaking_ratio, next_level
+from evaluate.statistics.improvement import improvement_by_episode, interquartile_mean, interquartile_mean_interval
+from evaluate.statistics.intervals import (
+    Bools,
+    Floats,
+    Interval,
+    bootstrap_interval,
+    difference_interval,
+    newcombe_interval,
+    share_difference_interval,
+    two_sample_interval,
+    wilson_interval,
+)
+from evaluate.statistics.significance import mcnemar, relabelling_test, sign_flip_test
+from research.statistics.exact_size import (
+    SIGNIFICANT,
+    attainable_barnard,
+    attainable_mcnemar,
+    barnard_p_value,
+    discordance,
+    mcnemar_p_value,
+)
+from research.statistics.synthetic import LARGE, Axis, Episodes, Kind, episodes, mean_error
+
+COVERS = (0.93, 0.97)
+"""Bounds of the share of 95 % intervals that hold the truth."""
+HOLDS_LEVEL = (0.04, 0.06)
+"""Bounds of the share of tests that are significant where there is no difference."""
+DISCRETE = (0.0, 0.06)
+"""The same of tests of a count, whose p-value can jump past 5 %: exact ones stay below it."""
+EASIER = 0.8
+"""Fall probability of the second policy, over the first's."""
+AT_LEAST = (0.93, 1.0)
+"""Bounds of the share of 95 % intervals that may hold the truth more often."""
+PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)
+HALF = (Kind(0.495, 25.0, 20.0), Kind(0.01, 49.5, 90.0), Kind(0.495, 60.0, 60.0))
+STRETCH = (Kind(0.45, 30.0, 12.0), Kind(0.55, 75.0, 12.0))
+AXES = {
+    "": Axis(PUSHES, (Kind(1.0, 55.0, 4.0),)),
+    ", a sixth falls anyway": Axis(PUSHES, (Kind(1 / 6, 0.0), Kind(5 / 6, 55.0, 6.0))),
+    ", less is harder": Axis((1.0, 0.7, 0.5, 0.35, 0.25), (Kind(1.0, 0.45, 5.0),)),
+    ", one half at a level": Axis((20.0, 50.0, 65.0, 140.0), HALF),
+    ", flat below one half": Axis(PUSHES, STRETCH),
+    ", flat below one half, three levels": Axis((35.0, 65.0, 100.0), STRETCH),
+    ", an edge": Axis(PUSHES, (Kind(0.1, 0.0), Kind(0.8, 57.0, 100.0), Kind(0.1, np.inf))),
+    ", two fifths never fall": Axis(PUSHES, (Kind(0.6, 45.0, 6.0), Kind(0.4, np.inf))),
+}
+"""Logistic curves, and shapes that no model has."""
+
+Outcome = Callable[[np.random.Generator], bool]
+
+
+@dataclass(frozen=True)
+class Check:
+    """A yes or no asked of many data sets."""
+
+    name: str
+    count: int
+    """Episodes of a data set."""
+    fall_probability: float
+    """NaN where it has none of its own."""
+    outcome: Outcome
+    bounds: Interval
+    """Bounds of the share of yes."""
+    expected: float = 0.95
+    """Share of yes if all is well; NaN where it is not known."""
+
+
+def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
+    """Does the interval hold the truth?"""
+    rules: dict[str, Outcome] = {
+        "Wilson, falls": partial(_fall_rate, count, fall_probability),
+        "BCa bootstrap, mean error": partial(_mean, count, fall_probability),
+        "score, paired difference of falls": partial(_fall_difference, count, fall_probability),
+        "bootstrap, paired difference of errors": partial(_mean_difference, count, fall_probability),
+        "Newcombe, falls of disjoint episodes": partial(_disjoint_fall_difference, count, fall_probability),
+        "bootstrap, errors of disjoint episodes": partial(_disjoint_mean_difference, count, fall_probability),
+        "bootstrap, interquartile mean": partial(_interquartile_mean, count, fall_probability),
+        "score, improvement by episode": partial(_improvement_by_episode, count, fall_probability),
+    }
+    for name, outcome in rules.items():
+        yield Check(name, count, fall_probability, outcome, COVERS)
+
+
+def breaking_checks(count: int) -> Iterator[Check]:
+    """Does the interval hold the true breaking point, or ratio of two?"""
+    for name, axis in AXES.items():
+        rules: dict[str, Outcome] = {f"breaking point{name}": partial(_breaking_point, count, axis)}
+        if axis.severities == PUSHES:
+            rules[f"placed levels{name}"] = partial(_placed_levels, count, axis.kinds)
+        for words, outcome in rules.items():
+            yield Check(words, count, np.nan, outcome, AT_LEAST, np.nan)
+    ratio = partial(_breaking_ratio, count, AXES[""], 1.2)
+    yield Check("ratio of breaking points", count, np.nan, ratio, AT_LEAST, np.nan)
+
+
+def null_checks(count: int, fall_probability: float) -> Iterator[Check]:
+    """Is a difference claimed where there is none?"""
+    exact = attainable_mcnemar(count, discordance(fall_probability))
+    rules: dict[str, tuple[Outcome, Interval, float]] = {
+        "sign flips, exchangeable pairs": (partial(_sign_flip, count, fall_probability), HOLDS_LEVEL, SIGNIFICANT),
+        "McNemar, exchangeable pairs": (partial(_mcnemar, count, fall_probability), DISCRETE, exact),
+        "McNemar, ties by lot": (partial(_mcnemar_by_lot, count, fall_probability), HOLDS_LEVEL, SIGNIFICANT),
+        "relabelling, disjoint episodes": (partial(_relabelling, count, fall_probability), HOLDS_LEVEL, SIGNIFICANT),
+        "Barnard, disjoint episodes": (partial(_barnard, count, fall_probability), DISCRETE, np.nan),
+    }
+    for name, (outcome, bounds, expected) in rules.items():
+        yield Check(name, count, fall_probability, outcome, bounds, expected)
+
+
+def split_checks(label: str, fell: Bools, error: Floats) -> Iterator[Check]:
+    """Is a difference claimed between random halves of the episodes of one policy?"""
+    half = len(fell) // 2
+    fell, error = fell[: 2 * half], error[: 2 * half]
+
+    def halves(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        order = generator.permutation(2 * half)
+        return order[:half], order[half:]
+
+    def errors_differ(generator: np.random.Generator) -> bool:
+        a, b = halves(generator)
+        return relabelling_test(error[a], error[b]) < SIGNIFICANT
+
+    def falls_differ(generator: np.random.Generator) -> bool:
+        a, b = halves(generator)
+        return barnard_p_value(half, int(fell[a].sum()), int(fell[b].sum())) < SIGNIFICANT
+
+    rate = float(fell.mean())
+    yield Check(f"relabelling, halves of {label}", half, rate, errors_differ, HOLDS_LEVEL, SIGNIFICANT)
+    exact = attainable_barnard(half, int(fell.sum()))
+    bounds = (exact - SIGNIFICANT / 5, exact + SIGNIFICANT / 5)
+    yield Check(f"Barnard, halves of {label}", half, rate, falls_differ, bounds, exact)
+
+
+def share_of_yes(check: Check, sets: int, seed: int) -> float:
+    """Over that many data sets, each of a generator of its own."""
+    return float(np.mean([check.outcome(np.random.default_rng([seed, number])) for number in range(sets)]))
+
+
+def _within(interval: Interval, truth: float) -> bool:
+    return interval[0] <= truth <= interval[1]
+
+
+def _one_policy(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
+    return episodes(generator, (fall_probability,), count)
+
+
+def _two_policies(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
+    return episodes(generator, (fall_probability, EASIER * fall_probability), count)
+
+
+def _two_disjoint(generator: np.random.Generator, count: int, fall_probability: float) -> list[Episodes]:
+    """The same two policies on different episodes."""
+    return [_one_policy(generator, count, p) for p in (fall_probability, EASIER * fall_probability)]
+
+
+def _equal_policies(generator: np.random.Generator, count: int, fall_probability: float) -> Episodes:
+    return episodes(generator, (fall_probability, fall_probability), count)
+
+
+def _fall_rate(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    fell = _one_policy(generator, count, fall_probability).fell[0]
+    return _within(wilson_interval(int(fell.sum()), count), fall_probability)
+
+
+def _mean(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    error = _one_policy(generator, count, fall_probability).error[0]
+    return _within(bootstrap_interval(error), mean_error(fall_probability))
+
+
+def _fall_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = _two_policies(generator, count, fall_probability).fell
+    interval = share_difference_interval(int((a & ~b).sum()), int((b & ~a).sum()), count)
+    return _within(interval, (1.0 - EASIER) * fall_probability)
+
+
+def _mean_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = _two_policies(generator, count, fall_probability).error
+    return _within(difference_interval(a - b), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
+
+
+def _disjoint_fall_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = (each.fell[0] for each in _two_disjoint(generator, count, fall_probability))
+    return _within(newcombe_interval(b, a), (1.0 - EASIER) * fall_probability)
+
+
+def _disjoint_mean_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = (each.error[0] for each in _two_disjoint(generator, count, fall_probability))
+    return _within(two_sample_interval(b, a), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
+
+
+@cache
+def _true_interquartile_mean(fall_probability: float) -> float:
+    return interquartile_mean(_one_policy(np.random.default_rng(0), LARGE, fall_probability).error[0])
+
+
+def _interquartile_mean(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    error = _one_policy(generator, count, fall_probability).error[0]
+    return _within(interquartile_mean_interval(error), _true_interquartile_mean(fall_probability))
+
+
+@cache
+def _true_improvement(fall_probability: float) -> float:
+    a, b = _two_policies(np.random.default_rng(1), LARGE, fall_probability).error
+    return float((a > b).mean())
+
+
+def _improvement_by_episode(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = _two_policies(generator, count, fall_probability).error
+    return _within(improvement_by_episode(a, b)[1], _true_improvement(fall_probability))
+
+
+def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> bool:
+    point = breaking_point(np.array(axis.severities), axis.falls(generator, count))
+    return _within(point.ci, axis.breaking_point)
+
+
+def _placed_levels(count: int, kinds: tuple[Kind, ...], generator: np.random.Generator) -> bool:
+    """The same where the levels between are placed one after the other, by what those before them showed."""
+    axis = Axis(tuple(np.geomspace(PUSHES[0], PUSHES[-1], 4 * 16 + 1)), kinds)
+    severities, fell, run = np.array(axis.severities), axis.falls(generator, count), [0, 16, 32, 48, 64]
+    while (level := next_level(severities, run, fell[run])) is not None:
+        run = sorted((*run, level))
+    return _within(breaking_point(severities[run], fell[run]).ci, axis.breaking_point)
+
+
+def _breaking_ratio(count: int, axis: Axis, ratio: float, generator: np.random.Generator) -> bool:
+    """Whether the interval holds the ratio of a policy that withstands severities larger by it, with the same luck."""
+    severities, stronger = np.array(axis.severities), np.array(axis.severities) / ratio
+    fell = Axis((*axis.severities, *stronger), axis.kinds).falls(generator, count)
+    levels = len(severities)
+    a, b = breaking_point(severities, fell[levels:]), breaking_point(severities, fell[:levels])
+    return _within(breaking_ratio(a, b)[1], ratio)
+
+
+def _sign_flip(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    a, b = _equal_policies(generator, count, fall_probability).error
+    return sign_flip_test(a - b) < SIGNIFICANT
+
+
+def _mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    return mcnemar(*_equal_policies(generator, count, fall_probability).fell) < SIGNIFICANT
+
+
+def _mcnemar_by_lot(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    """A lot decides how much of the chance of the very outcome that was seen counts: exact at every level."""
+    a, b = _equal_policies(generator, count, fall_probability).fell
+    rarer, discordant = sorted((int((a & ~b).sum()), int((b & ~a).sum())))[0], int((a ^ b).sum())
+    p_value = mcnemar_p_value(rarer, discordant)
+    rarer_still = mcnemar_p_value(rarer - 1, discordant) if rarer else 0.0
+    return rarer_still + generator.random() * (p_value - rarer_still) < SIGNIFICANT
+
+
+def _relabelling(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    error = _one_policy(generator, 2 * count, fall_probability).error[0]
+    return relabelling_test(error[:count], error[count:]) < SIGNIFICANT
+
+
+def _barnard(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
+    fell = _one_policy(generator, 2 * count, fall_probability).fell[0]
+    return barnard_p_value(count, int(fell[:count].sum()), int(fell[count:].sum())) < SIGNIFICANT
+
+
+def all_checks(counts: Sequence[int], fall_probabilities: Sequence[float]) -> Iterator[Check]:
+    """Every check on made-up data."""
+    for count in counts:
+        for rules in (coverage_checks, null_checks):
+            for fall_probability in fall_probabilities:
+                yield from rules(count, fall_probability)
+        yield from breaking_checks(count)

@@ -1,0 +1,274 @@
+"""How well the sensors' readings tell attitude and velocity: `python -m research estimation`.
+
+The same episodes of a trot that walks by what is estimated, at 0.5 to 1 m/s, once with each estimator. An error is that
+of the estimate of the moment that all sensors have reported, or of what the observation shows, which is a control step
+later with sensors of that delay; roots of mean squares over robots and control steps, after the first second and before
+a fall.
+
+NEES is the normalised estimation error squared eᵀ P⁻¹ e of the tilt, two entries, and the velocity, three, P being the
+covariance that the estimator claims: 5 on average if it claims what is true. Of the mean over n runs 95 % lie in the
+band that χ² of 5 n degrees of freedom has (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
+Navigation, 2001).
+
+A second table says what policies lose by walking on estimates: `policies_on_estimates`.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import policies
+from evaluate.report.places import RESULTS, insert, page_with
+from evaluate.rollouts import battery
+from evaluate.rollouts.hardware import Hardware, check
+from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.rollout import STEPS, roll_out
+from policies.base import Floats, PolicyError
+from policies.legs.level_frame import level_frame
+from quad_env import SCENARIOS, SENSORS
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.format import ABSENT
+from quad_env.files.writing import write_atomically
+from quad_env.scenarios.scenario import Scenario
+from quad_env.seeding import episode_seeds
+from quad_env.sensing.channel import steps_late
+from quad_env.sensing.error_state import TILT, VELOCITY
+from quad_env.sensing.estimators import ESTIMATORS
+from research.studies import policies_on_estimates
+from research.studies.ground import elsewhere
+
+SETTLING = 100
+"""Control steps from the start that do not count."""
+ENTRIES = 5
+"""Of the error that NEES is of."""
+FORWARD, YAW_RATE = (0.5, 1.0), (-1.2, 1.2)
+"""Commands, m/s and rad/s."""
+_LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure the estimators."""
+
+    tables: tuple[Literal["errors", "success"], ...] = ("errors", "success")
+    """What is measured: errors of the estimators, success of policies on estimates."""
+    policy: str = "trot"
+    """Policy that walks for the errors: a name or a folder, as of python -m evaluate."""
+    policies: tuple[str, ...] = ("trot_feedback", "residual", "mpc_wbc")
+    """Policies whose success is measured, likewise."""
+    scenarios: tuple[str, ...] = ("flat", "push", "rough")
+    """Scenarios that they walk on, as of python -m evaluate."""
+    sensors: str = "typical"
+    """Sensors that are walked by, one of quad_env.SENSORS: ideal or typical."""
+    episodes: int = 32
+    """Episodes of 10 s in each row (count)."""
+    seed: int = 0
+    """Which set of episodes (whole number from 0)."""
+    seeds: Literal["search", "validation", "evaluation"] = "validation"
+    """Family of seeds."""
+    ground: int = 1
+    """Field of random ground: 0 is the evaluation's, 1 that of validations, 2 that of searches."""
+    threads: int = 1
+    """Threads of the simulation."""
+    page: Path | None = None
+    """File with the lines <!-- results --> and <!-- /results -->, and the same of success, between which the tables go,
+    such as docs/estimation.md."""
+
+
+class Errors(NamedTuple):
+    """Of one estimator in n episodes; entries after a fall are not a number."""
+
+    tilt: Floats
+    """Roll and pitch of the moment of the readings, rad, (steps, n, 2)"""
+    velocity: Floats
+    """Of that moment, m/s, (steps, n, 3)"""
+    shown: Floats
+    """Velocity that the observation shows, m/s, (steps, n, 3)"""
+    nees: Floats
+    """(steps, n); not a number where no covariance is claimed"""
+    height: Floats
+    """Of the trunk above the ground, of that moment, m, (steps, n); not a number where it is not estimated"""
+    height_claimed: Floats
+    """Its standard deviation by the estimator, likewise"""
+
+
+def main(options: Options) -> int:
+    """Measure, print, and write the tables; the exit code. Raises UsageError."""
+    check_numbers(options, _LIMITS)
+    try:
+        check(Hardware(sensors=options.sensors, estimator=ESTIMATORS[-1]))
+    except ValueError as error:
+        raise UsageError(f"--sensors: {error}") from error
+    makers = {"errors": (RESULTS, table), "success": ("success", _success)}
+    chosen = [makers[name] for name in options.tables]
+    if "success" in options.tables:
+        _check_success(options)
+    text = None if options.page is None else page_with(options.page, *(place for place, _ in chosen))
+    for place, lines_of in chosen:
+        lines = []
+        for line in lines_of(options):  # shown as they come: a row takes minutes
+            print(line, flush=True)
+            lines.append(line)
+        if options.page is not None and text is not None:
+            text = insert(text, lines, place)
+            write_atomically(options.page, text.encode())
+    return 0
+
+
+def _check_success(options: Options) -> None:
+    """Raise UsageError, before anything walks, where the second table's policies or scenarios are none."""
+    try:
+        battery.resolve(options.scenarios)
+    except ValueError as error:
+        raise UsageError(f"--scenarios: {error}") from error
+    try:
+        for name in options.policies:
+            policies.resolve(name)
+    except PolicyError as error:
+        raise UsageError(f"--policies: {error}") from error
+
+
+def _success(options: Options) -> Iterator[str]:
+    """Lines of the second table."""
+    scenarios = [elsewhere(scenario, options.ground) for scenario in battery.resolve(options.scenarios)]
+    seeds = episode_seeds(options.seeds, options.seed, options.episodes)
+    yield from policies_on_estimates.table(options.policies, scenarios, seeds, options.sensors, options.threads)
+    yield ""
+    yield f"Sensors `{options.sensors}`, {options.episodes} episodes of each cell, {options.seeds} seeds."
+
+
+def table(options: Options) -> Iterator[str]:
+    """Lines of a Markdown table: a row a ground and estimator."""
+    columns = ("walk", "estimator", "velocity, m/s", "shown", "of it level", "roll, pitch, °", "NEES", "steps within")
+    yield f"| {' | '.join((*columns, 'height, mm'))} |"
+    yield "|---" * (len(columns) + 1) + "|"
+    for name, scenario in walks(options.ground).items():
+        for estimator in ESTIMATORS:
+            found = errors(options, scenario, estimator)
+            roll, pitch = np.degrees(rms(found.tilt[..., 0])), np.degrees(rms(found.tilt[..., 1]))
+            velocity, shown, level = map(norm, (found.velocity, found.shown, found.shown[..., :2]))
+            cells = [name, estimator, *(f"{each:.3f}" for each in (velocity, shown, level)), f"{roll:.2f}, {pitch:.2f}"]
+            yield f"| {' | '.join([*cells, *consistency(found.nees), _height(found)])} |"
+    low, high = band(options.episodes)
+    words = f"`{options.policy}`, sensors `{options.sensors}`, {options.episodes} episodes of each row"
+    yield ""
+    yield f"{words}, {options.seeds} seeds; 95 % band of NEES {low:.2f} to {high:.2f}."
+
+
+def _height(found: Errors) -> str:
+    """Error of the height, mm, and what is claimed of it; a dash where there is none."""
+    if np.isnan(found.height).all():
+        return ABSENT
+    return f"{1e3 * rms(found.height):.1f} ({1e3 * rms(found.height_claimed):.1f} claimed)"
+
+
+def walks(ground: int) -> dict[str, Scenario]:
+    """What is walked, by name; the rough ground is the field of that number."""
+    flat, rough = (_forward(elsewhere(SCENARIOS[name], ground)) for name in ("flat", "rough"))
+    straight = replace(flat, commands=replace(flat.commands, yaw_rate=(0.0, 0.0)))
+    return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
+
+
+def _forward(scenario: Scenario) -> Scenario:
+    commands = replace(scenario.commands, forward=FORWARD, lateral=(0.0, 0.0), yaw_rate=YAW_RATE, zero_fraction=0.0)
+    return replace(scenario, commands=commands)
+
+
+def errors(options: Options, scenario: Scenario, estimator: str) -> Errors:
+    """Errors of that estimator in the walks of the options."""
+    suite = SENSORS[options.sensors]
+    hardware = Hardware(sensors=options.sensors, estimator=estimator)
+    policy = hardware.policy(options.policy)
+    parts = suite.imu, suite.encoders, suite.feet
+    late = max(steps_late(part.delay, 1 / policy.control_period) for part in parts)
+    seeds = episode_seeds(options.seeds, options.seed, options.episodes)
+    falls, watch = Falls(len(seeds), STEPS), _Watch(late)
+    roll_out(policy, scenario, seeds, falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
+    return watch.errors(falls.step)
+
+
+def rms(values: Floats) -> float:
+    """Root of the mean square of all that are numbers."""
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def norm(vectors: Floats) -> float:
+    """Root of the mean squared length, (…, k)."""
+    return float(np.sqrt(np.nanmean((vectors**2).sum(axis=-1))))
+
+
+def band(runs: int) -> tuple[float, float]:
+    """95 % of the means of NEES over so many runs lie between these."""
+    from scipy.stats import chi2
+
+    low, high = chi2.ppf((0.025, 0.975), ENTRIES * runs) / runs
+    return float(low), float(high)
+
+
+def consistency(nees: Floats) -> tuple[str, str]:
+    """Mean of NEES, (steps, n), over runs and steps, and the share of the steps whose mean over runs is in the band."""
+    if np.isnan(nees).all():
+        return ABSENT, ABSENT
+    means, (low, high) = np.nanmean(nees, axis=1), band(nees.shape[1])
+    return f"{np.nanmean(nees):.2f}", f"{((means >= low) & (means <= high)).mean():.0%}"
+
+
+class _Watch:
+    """Observer of the errors of what is estimated `late` control steps ago and shown now."""
+
+    def __init__(self, late: int) -> None:
+        self._truths: deque[tuple[Floats, Floats, Floats]] = deque(maxlen=late + 1)
+        self._rows: list[tuple[Floats, ...]] = []
+
+    def __call__(self, step: Step) -> None:
+        count = len(step.observation)
+        state, estimator = step.env.simulation.state((np.zeros(count),) * 3), step.env.estimator
+        assert estimator is not None
+        gravity, velocity = np.transpose(state.projected_gravity), np.transpose(state.linear_velocity)
+        self._truths.append((gravity, velocity, np.array(state.height)))
+        if step.number <= SETTLING:
+            return
+        then, (true_gravity, true_velocity, true_height) = estimator.then, self._truths[0]
+        turned, moved = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
+        tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)
+        nees, height, claimed = np.full((3, count), np.nan)
+        if (above := estimator.height) is not None:
+            height, claimed = true_height - above.value, above.deviation
+        if (covariance := estimator.covariance) is not None:
+            nees = normalised(then.gravity, turned, moved, covariance)
+        self._rows.append((tilt, moved, velocity - estimator.velocity, nees, height, claimed))
+
+    def errors(self, fall_step: NDArray[np.int64]) -> Errors:
+        """The finished record, but for what follows falls."""
+        found = Errors._make(np.array(column) for column in zip(*self._rows, strict=True))
+        fallen = np.arange(SETTLING, SETTLING + len(found.nees))[:, None] >= fall_step
+        for each in found:
+            each[fallen] = np.nan
+        return found
+
+
+def roll_pitch(gravity: Floats) -> Floats:
+    """Angles of unit vectors of gravity in the base frame, rad, (…, 3) to (…, 2): left side up, and nose down."""
+    frame = level_frame(np.moveaxis(gravity, -1, 0))
+    return np.stack((frame.roll, frame.pitch), axis=-1)
+
+
+def normalised(gravity: Floats, turned: Floats, moved: Floats, covariance: Floats) -> Floats:
+    """NEES of errors of tilt, rad, and velocity, m/s, (n, 3) each, beside estimates of gravity, (n,).
+
+    The tilt about gravity itself is none; the two entries are along axes across it.
+    """
+    across = np.cross(gravity, (1.0, 0.0, 0.0))
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    entries = np.zeros((len(gravity), ENTRIES, 6))
+    entries[:, 0, :3], entries[:, 1, :3], entries[:, 2:, 3:] = across, np.cross(gravity, across), np.eye(3)
+    places = np.r_[TILT, VELOCITY]
+    error = (entries @ np.concatenate((turned, moved), axis=1)[..., None])[..., 0]
+    claimed = entries @ covariance[:, places][:, :, places] @ np.swapaxes(entries, -1, -2)
+    weighed: Floats = (error[:, None] @ np.linalg.solve(claimed, error[..., None]))[:, 0, 0]
+    return weighed

@@ -1,0 +1,246 @@
+"""What the predictive controllers foresee beside what happens: `python -m research prediction`.
+
+At every control step the plan says where the robot, as one rigid body, is to be after each step of the horizon, and
+what its feet bear on the way. The same is read from MuJoCo when that time has come: centre of mass, velocities and
+attitude of the whole robot, forces of the contacts. All is told in the level frame of the moment of the plan. A plan is
+carried out for one control step alone, then comes the next one: what is compared is the model together with the steps
+that the controller has yet to decide, as it counts on them.
+
+A forecast is worth something if it errs less than "it goes on as it is": the same height, velocities and attitude.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluate.report.places import insert, page_with
+from evaluate.report.plots.drawing import COLOURS
+from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.rollout import STEPS, roll_out
+from policies.base import Floats
+from policies.mpc.policy import HORIZON, Mpc, MpcWbc
+from quad_env import SCENARIOS
+from quad_env.cli.command_line import check_numbers, make_room_for_picture
+from quad_env.files.writing import write_atomically
+from quad_env.physics.dynamics import WholeBody, whole_body
+from quad_env.scenarios.scenario import Scenario
+from quad_env.seeding import episode_seeds
+from research.studies.estimation import roll_pitch
+from research.studies.ground import elsewhere
+
+SETTLING = 100
+"""Control steps from the start that do not count."""
+GROUNDS = ("flat", "rough", "push")
+AHEAD = (1, 5, 10)
+"""Steps of the horizon after which errors are told."""
+COMMAND = (0.5, 0.0, 0.0)
+"""Of the stride that is drawn, m/s, m/s and rad/s."""
+_LIMITS = {"episodes": (1, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "start": (SETTLING, STEPS - 100)}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Compare what is foreseen with what happens."""
+
+    policy: Literal["mpc", "mpc_wbc"] = "mpc_wbc"
+    """Policy that walks."""
+    episodes: int = 8
+    """Episodes of 10 s on each ground (count)."""
+    seed: int = 0
+    """Which set of validation episodes (whole number from 0)."""
+    ground: int = 1
+    """Field of the rough ground: 0 is the evaluation's, 1 that of validations, 2 that of searches."""
+    start: int = 400
+    """The stride that is drawn is the first one from this control step on."""
+    out: Path = Path("results/prediction.png")
+    """PNG to write."""
+    page: Path | None = None
+    """File with the lines <!-- prediction --> and <!-- /prediction -->, between which the table goes, such as
+    docs/mpc.md."""
+
+
+class Walk(NamedTuple):
+    """What n robots did and were to do."""
+
+    measured: WholeBody
+    """Before each control step, and after the last one."""
+    rise: Floats
+    """Foreseen rise of the centre of mass after each step of the horizon, (steps, n, N), m."""
+    velocity: Floats
+    """Foreseen velocity in the level frame of the plan's moment, (steps, n, N, 3), m/s."""
+    tilt: Floats
+    """Foreseen change of roll and pitch, (steps, n, N, 2), rad."""
+    forces: Floats
+    """Planned forces of the feet in that frame, (steps, n, N, 4, 3), N."""
+    phase: Floats
+    """The policy's clock at each plan, (steps, n), rad."""
+    fall_step: NDArray[np.int64]
+    """Control step of each robot's fall, or the number of steps, (n,)."""
+
+
+def main(options: Options) -> int:
+    """Walk, print, draw, and write the table; the exit code. Raises UsageError."""
+    check_numbers(options, _LIMITS)
+    make_room_for_picture(options.out, "--out")
+    text = None if options.page is None else page_with(options.page, "prediction")
+    policy = MpcWbc() if options.policy == "mpc_wbc" else Mpc()
+    lines = list(table(policy, options))
+    seeds = episode_seeds("validation", options.seed, 1)
+    draw(policy, walk(policy, "flat", seeds, COMMAND), options.start, options.out)
+    if options.page is not None and text is not None:
+        write_atomically(options.page, insert(text, lines, "prediction").encode())
+    print("\n".join([*lines, str(options.out)]))
+    return 0
+
+
+def table(policy: Mpc, options: Options) -> Iterator[str]:
+    """Lines of a Markdown table: a row a ground and time ahead."""
+    yield "| ground | ahead, s | height, mm | forward, lateral, m/s | upward, m/s | roll, pitch, ° |"
+    yield "|---|---|---|---|---|---|"
+    period = policy.parameters.horizon_step
+    for name in GROUNDS:
+        seeds = episode_seeds("validation", options.seed, options.episodes)
+        found = walk(policy, elsewhere(SCENARIOS[name], options.ground), seeds)
+        for steps in AHEAD:
+            foreseen, same = (errors(found, steps, period, policy.control_period, still) for still in (False, True))
+            cells = (f"{a:.{n}f} ({b:.{n}f})" for a, b, n in zip(foreseen, same, (1, 3, 3, 2), strict=True))
+            yield f"| {name} | {steps * period:.2f} | {' | '.join(cells)} |"
+    yield ""
+    yield (
+        f"`{policy.name}`, {options.episodes} validation episodes on each ground; root mean square errors, in brackets "
+        "those of going on as it is."
+    )
+
+
+def walk(
+    policy: Mpc, scenario: str | Scenario, seeds: NDArray[np.int64], command: Any = None, steps: int = STEPS
+) -> Walk:
+    """An episode of `policy` for each seed; what follows a fall means nothing."""
+    falls, watch = Falls(len(seeds), steps), _Watch(policy)
+    roll_out(policy, scenario, seeds, falls, watch, command=command, steps=steps)
+    return watch.walk(falls.step)
+
+
+def errors(found: Walk, steps: int, horizon_step: float, control_period: float, still: bool = False) -> Floats:
+    """Root mean square errors of a forecast so many steps of the horizon ahead: height, mm, horizontal and upward
+    velocity, m/s, roll and pitch together, °; `still`: of one that says that nothing changes."""
+    late, at = round(steps * horizon_step / control_period), steps - 1
+    heading = turned_back(found.measured.rotation[:-late])
+    counts = np.arange(len(heading))[:, None]
+    good = (counts >= SETTLING) & (counts + late <= found.fall_step)
+    now, then = (WholeBody(*(each[part] for each in found.measured)) for part in (slice(-late), slice(late, None)))
+    rise = 0.0 if still else found.rise[: len(heading), :, at]
+    before = np.einsum("snij,snj->sni", heading, now.velocity)
+    velocity = before if still else found.velocity[: len(heading), :, at]
+    tilt = 0.0 if still else found.tilt[: len(heading), :, at]
+    height = 1e3 * (then.centre[..., 2] - now.centre[..., 2] - rise)
+    moved = np.einsum("snij,snj->sni", heading, then.velocity) - velocity
+    leant = np.degrees(tilt_of(then.rotation) - tilt_of(now.rotation) - tilt)
+    return np.array(
+        [
+            np.sqrt(np.nanmean(each[good] ** 2))
+            for each in (
+                height,
+                np.hypot(moved[..., 0], moved[..., 1]),
+                moved[..., 2],
+                np.hypot(*leant.transpose(2, 0, 1)),
+            )
+        ]
+    )
+
+
+def turned_back(rotation: Floats) -> Floats:
+    """From the world frame to the level frame at each heading, (…, 3, 3), of rotations from the base."""
+    yaw = np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0])
+    cosine, sine, zero = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)
+    rows = ((cosine, sine, zero), (-sine, cosine, zero), (zero, zero, zero + 1.0))
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def tilt_of(rotation: Floats) -> Floats:
+    """Roll and pitch, (…, 2), rad, of rotations from the base to the world frame, (…, 3, 3)."""
+    return roll_pitch(-rotation[..., 2, :])
+
+
+class _Watch:
+    """Observer that records what becomes a `Walk`."""
+
+    def __init__(self, policy: Mpc) -> None:
+        self._policy = policy
+        self._measured: list[WholeBody] = []
+        self._foreseen: list[tuple[Floats, ...]] = []
+
+    def __call__(self, step: Step) -> None:
+        count = len(step.observation)
+        simulation = step.env.simulation
+        robots = [whole_body(simulation.robot, simulation.model, simulation.snapshot(i)) for i in range(count)]
+        self._measured.append(WholeBody(*map(np.stack, zip(*robots, strict=True))))
+        if not step.number:
+            return
+        # The action of the step that is done was chosen before it: by what was measured one step ago.
+        forecast = self._policy.forecast()
+        start, path = forecast.body, forecast.path
+        foreseen = (
+            path.position[..., 2] - start.position[:, None, 2],
+            path.velocity,
+            path.angles[..., :2] - start.angles[:, None, :2],
+            forecast.forces,
+        )
+        row = [np.full((count, *each.shape[1:]), np.nan) for each in foreseen]
+        for whole, part in zip(row, foreseen, strict=True):
+            whole[forecast.robots] = part
+        self._foreseen.append((*row, self._policy.phase.copy()))
+
+    def walk(self, fall_step: NDArray[np.int64]) -> Walk:
+        """The finished record."""
+        measured = WholeBody(*(np.array(each) for each in zip(*self._measured, strict=True)))
+        rise, velocity, tilt, forces, phase = (np.array(each) for each in zip(*self._foreseen, strict=True))
+        return Walk(measured, rise, velocity, tilt, forces, phase, fall_step)
+
+
+def draw(policy: Mpc, found: Walk, start: int, out: Path) -> None:
+    """Write the picture of the first robot's first stride from control step `start` on."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    first = start + int(
+        np.argmin(found.phase[start : start + round(1.0 / (policy.frequency * policy.control_period)), 0])
+    )
+    late = round(policy.parameters.horizon_step / policy.control_period)
+    last = first + HORIZON * late
+    measured = WholeBody(*(each[first : last + 1, 0] for each in found.measured))
+    heading = turned_back(measured.rotation[0])
+    times = policy.control_period * np.arange(last - first + 1)
+    ends = policy.parameters.horizon_step * np.arange(HORIZON + 1)
+    velocity = measured.velocity @ heading.T
+    lean = np.degrees(tilt_of(measured.rotation) - tilt_of(measured.rotation[0]))
+    foreseen_tilt = np.degrees(found.tilt[first, 0])
+    figure, panels = plt.subplots(2, 4, figsize=(12, 5), layout="constrained", sharex=True)
+    shown = (
+        (
+            "rise of the centre of mass, mm",
+            1e3 * (measured.centre[:, 2] - measured.centre[0, 2]),
+            1e3 * found.rise[first, 0],
+        ),
+        ("forward velocity, m/s", velocity[:, 0], found.velocity[first, 0, :, 0]),
+        ("upward velocity, m/s", velocity[:, 2], found.velocity[first, 0, :, 2]),
+        ("change of pitch, °", lean[:, 1], foreseen_tilt[:, 1]),
+    )
+    for axes, (title, happened, foreseen) in zip(panels[0], shown, strict=True):
+        axes.plot(times, happened, color=COLOURS[0], label="measured")
+        axes.plot(ends, (happened[0], *foreseen), "o--", color=COLOURS[1], markersize=4, label="foreseen")
+        axes.set_title(title, fontsize=10, loc="left")
+    for leg, axes in enumerate(panels[1]):
+        axes.plot(times, measured.forces[:, leg, 2], color=COLOURS[0])
+        axes.stairs(found.forces[first, 0, :, leg, 2], ends, color=COLOURS[1], linestyle="--", baseline=None)
+        axes.set_title(f"{policy.robot.leg_names[leg]}, upward force, N", fontsize=10, loc="left")
+        axes.set_xlabel("time, s")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper right", frameon=False, ncols=2)
+    figure.savefig(out, dpi=90)
+    plt.close(figure)

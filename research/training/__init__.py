@@ -1,0 +1,1 @@
+"""Runs that compare training choices, and publishing of trained policies."""

@@ -1,0 +1,179 @@
+"""MODEL.md of a trained policy: what it is, how it was trained, what it is worth beside its base and other seeds."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
+from evaluate.analysis.results import Results
+from evaluate.analysis.summary import Summary
+from evaluate.report import markdown
+from evaluate.report.headings import IN_A_LINE
+from evaluate.report.results_page import score_table
+from evaluate.rollouts import hardware
+from policies.base import CONTROL_PERIOD
+from quad_env.cli.format import number, p_value, percent, points, share
+from train.config import TrainConfig
+from train.run_record import command
+
+BOTH = (FALL_RATE, "velocity_error", "yaw_rate_error")
+"""Metrics of which the figure of the base stands in one cell with that of the policy."""
+SIGNIFICANT = 0.05
+"""Largest p-value, corrected, with which a difference is one."""
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """A finished run as the card speaks of it."""
+
+    label: str
+    config: TrainConfig
+    minutes: float
+    """Training time, validation included."""
+    git_revision: str
+    bundle: Path
+    """Folder of the weights of its best validation."""
+
+
+def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """The whole MODEL.md of a policy that ships by that name; `runs` are all that were judged, and policies of
+    `results` that are no run are baselines."""
+    config = shipped.config
+    kinds: dict[str, str] = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
+    tables = "\n\n".join(
+        table(called, [run for run in runs if run.config.policy == kind], shipped, results)
+        for kind, called in kinds.items()
+    )
+    return f"""# {name}
+
+A {" × ".join(map(str, config.ppo.actor))} network ({config.ppo.activation}) that {does(config)}. \
+`policy.json` says what it reads, on what base and with which settings it was trained; `policy.safetensors` \
+holds its weights. Nothing in this folder is code.
+
+## Training
+
+    {command(config)}
+
+{config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {shipped.minutes:.1f} min, \
+source {shipped.git_revision}.{hardware.words(config.hardware)} The shipped seed is {config.seed}, \
+fixed beforehand, and of its run the weights of the best validation, on seeds and ground that neither training nor \
+evaluation uses.
+
+## Results
+
+{results.episodes} episodes of 10 s a scenario, the same for every policy (`--seed {results.seed}`); in brackets 95 % \
+intervals and p-values, which are paired by episode and corrected by Holm's method over the comparisons of a column. \
+Success is by the rule `{results.success_rule}`; every step after a fall counts with the largest error.
+
+{tables}
+
+{scores(kinds, runs, shipped, results)}
+
+## Where it is better than its base, and where it is weak
+
+{verdicts(shipped, results)}
+"""
+
+
+def does(config: TrainConfig) -> str:
+    """What the policy does to its base, in words."""
+    rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
+    most = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
+    words = f"corrects `{config.base}` at {rate:g} Hz by at most {most}"
+    if config.foothold_authority:
+        words += f"; it shifts where its feet land by at most {config.foothold_authority:g} m along each axis"
+    return words
+
+
+def mixture(config: TrainConfig) -> str:
+    """Scenarios and shares in words."""
+    total = sum(share for _, share in config.mixture)
+    return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
+
+
+def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """The seeds of one policy beside the shipped one's base, a row for each scenario, in Markdown."""
+    first, *others = sorted(runs, key=lambda run: run is not shipped)
+    base, name = shipped.config.base, f"{called} {seed(first, shipped)}"
+    rest = ", ".join(str(run.config.seed) for run in others)
+    heads = {"scenario": "scenario", "before": f"success, `{base}`", "after": f"success, {name}"}
+    heads |= {"seeds": f"seeds {rest}", "median": "median"} if others else {}
+    heads[SUCCESS_RATE] = f"{name} minus `{base}`, points"
+    heads |= {metric: f"{IN_A_LINE[metric]}, `{base}` / {name}" for metric in BOTH}
+    return markdown.table(heads, (_row(scenario, base, (first, *others), results) for scenario in results.scenarios))
+
+
+def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+    """Scores of the shipped one's base and of each run, the highest first, in Markdown; `called`: what to call a policy
+    of each kind."""
+    labels = {run.label: f"{called[run.config.policy]} {seed(run, shipped)}" for run in runs}
+    return "\n".join(score_table(results.scores, shipped.config.base, labels)) if results.scores else ""
+
+
+def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:
+    """Figures of the base, of the first of the runs beside it, and the successes of the others, by column."""
+    before, *after = (results.summaries[scenario, policy] for policy in (base, *(run.label for run in runs)))
+    shown = after[0]
+    seeds = [percent(each.success_rate) for each in after[1:]]
+    found = {metric: difference(_against(base, scenario, runs[0], metric, results)) for metric in METRICS}
+    return {
+        "scenario": scenario,
+        "before": share(before.success_rate, before.success_rate_ci),
+        "after": share(shown.success_rate, shown.success_rate_ci),
+        "seeds": ", ".join(seeds),
+        "median": percent(median(each.success_rate for each in after)),
+        SUCCESS_RATE: found[SUCCESS_RATE],
+        **{metric: f"{_figure(before, metric)} / {_figure(shown, metric)}, {found[metric]}" for metric in BOTH},
+    }
+
+
+def _figure(summary: Summary, metric: str) -> str:
+    return str(summary.falls) if metric == FALL_RATE else number(getattr(summary, metric))
+
+
+def _against(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:
+    """The run's difference from the base."""
+    return next(
+        each
+        for each in results.comparisons
+        if (each.scenario, each.a, each.b, each.metric) == (scenario, run.label, base, metric)
+    )
+
+
+def verdicts(shipped: TrainedRun, results: Results) -> str:
+    """Scenarios by what the shipped policy does there beside its base, in Markdown."""
+    base = shipped.config.base
+    found = {
+        (metric, scenario): _against(base, scenario, shipped, metric, results)
+        for metric in (SUCCESS_RATE, FALL_RATE)
+        for scenario in results.scenarios
+    }
+
+    def where(metric: str, sign: float) -> str:
+        names = [
+            scenario
+            for (of, scenario), each in found.items()
+            if of == metric and sign * each.difference > 0.0 and each.p_value_holm <= SIGNIFICANT
+        ]
+        return f"{', '.join(names) or 'nowhere'} ({len(names)} of {len(results.scenarios)})"
+
+    weak = [name for name in results.scenarios if results.summaries[name, shipped.label].success_rate < 0.5]
+    return "\n".join(
+        (
+            f"- Succeeds more often than `{base}`, p of at most {SIGNIFICANT:g}: {where(SUCCESS_RATE, 1.0)}.",
+            f"- Succeeds less often: {where(SUCCESS_RATE, -1.0)}. Falls more often: {where(FALL_RATE, 1.0)}.",
+            f"- Succeeds in less than half of the episodes: {', '.join(weak) or 'nowhere'}.",
+        )
+    )
+
+
+def difference(comparison: Comparison) -> str:
+    """A difference and its p-value, corrected for the number of comparisons."""
+    digits = points if comparison.metric in RATES else number
+    return f"{digits(comparison.difference)} ({p_value(comparison.p_value_holm)})"
+
+
+def seed(run: TrainedRun, shipped: TrainedRun) -> str:
+    """A run's seed, marked where it is the one that ships."""
+    return f"{run.config.seed}{' (shipped)' if run is shipped else ''}"

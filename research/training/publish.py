@@ -1,0 +1,177 @@
+"""`python -m research publish`: evaluate finished runs and ship the one of seed 0, with the table of all in MODEL.md.
+
+A policy that has been shipped, such as models/go1/residual, is evaluated again in the same way: its MODEL.md is written
+again from what it says of its training and from today's episodes.
+"""
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+import policies
+from evaluate.analysis.results import Results
+from evaluate.commands.options import Flag, available_cores
+from evaluate.commands.options import Options as Evaluation
+from evaluate.commands.plan import check
+from evaluate.records.store import read_run
+from policies import bundle
+from policies.bases import describe
+from policies.parameters import limits_of, number
+from policies.shipped import folder_of
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.files.reading import read_bytes
+from quad_env.files.writing import make_writable_folder, write_atomically
+from quad_env.scenarios.combination import likewise
+from research.training.model_card import TrainedRun, model_card
+from train.config import differences, from_dict, load_config
+from train.run_folder import BEST, CHECKPOINTS
+
+CARD = "MODEL.md"
+SHIPPED_SEED = 0
+"""Fixed before any run, so that what ships is not the luckiest."""
+
+SCENARIOS = (
+    "flat",
+    "flat=3",
+    "push",
+    "push=65",
+    "rough",
+    "rough=0.24",
+    "slope",
+    "slippery=0.1",
+    "latency=0.08",
+    "noise=0.8",
+    "dropout=0.8",
+    "payload=20",
+    "force=60",
+    "weak_motors=10",
+    "slow_motors=2",
+    "soft=0.04",
+    "stairs=0.2",
+    "surprise",
+    "surprise=2",
+)
+"""What a policy is judged on: every axis where robots begin to fail, and four of them at their nominal severity."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to judge and where to put it."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders of finished runs: the seeds of one policy, and others to show beside it (such as end-to-end). Or the
+    folder of a shipped policy, whose MODEL.md is to be written again."""
+    to: Path | None = None
+    """Folder that gets policy.json, policy.safetensors and MODEL.md; by default POLICY among the models of the robot,
+    such as models/residual and models/go1/residual."""
+    policy: str = "residual"
+    """Which kind of policy ships."""
+    scenarios: tuple[str, ...] | None = None
+    """Scenarios judged on; by default every axis where robots begin to fail."""
+    episodes: int = number(512, limits=(1, 1_000_000))
+    """Episodes of each policy on each scenario."""
+    seed: int = number(0, limits=(0, 2**63 - 1))
+    """Seed of the evaluation's episodes."""
+    out: Path = Path("results/publish")
+    """Folder of the evaluation, with its report."""
+    resume: Flag = False
+    """Carry on the interrupted evaluation in --out."""
+    threads: int = number(available_cores(), limits=(1, 256))
+    """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
+
+
+def main(options: Options) -> int:
+    """Judge the runs, then write the shipped one's bundle and card; the exit code. Raises UsageError."""
+    check_numbers(options, limits_of(options))
+    if not options.runs:
+        raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
+    runs = [trained_run(folder) for folder in options.runs]
+    shipped = choose(runs, options.policy)
+    base, robot = shipped.config.base, shipped.config.hardware.quadruped
+    if describe(policies.load(shipped.bundle, robot).base) != describe(policies.make(base, robot=robot)):
+        raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
+    to = options.to or folder_of(robot) / options.policy.replace("-", "_")
+    make_writable_folder(to)
+    card = model_card(to.resolve().name, runs, shipped, judge(options, runs, shipped))
+    if to.resolve() != shipped.bundle.resolve():
+        bundle.copy(shipped.bundle, to)
+    write_atomically(to / CARD, card.encode())
+    print(card)
+    return 0
+
+
+def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
+    """What the runs and the shipped one's base do in the evaluation's episodes.
+
+    Raises UsageError, and KeyboardInterrupt after a Ctrl-C, once all is kept.
+    """
+    # Only now, so that --help and mistakes answer at once.
+    from evaluate.commands.execution import execute
+    from evaluate.commands.outputs import analysed
+
+    base, robot = shipped.config.base, shipped.config.hardware.quadruped
+    evaluation = Evaluation(
+        policies=(base, *(run.label for run in runs)),
+        robot=shipped.config.robot,
+        scenarios=options.scenarios or tuple(likewise(name, robot) for name in SCENARIOS),
+        episodes=options.episodes,
+        seed=options.seed,
+        out=options.out,
+        resume=options.resume,
+        baseline=base,
+        film=False,
+        threads=options.threads,
+    )
+    execute(check(evaluation))
+    return analysed(read_run(options.out), base)
+
+
+def trained_run(folder: Path) -> TrainedRun:
+    """What a finished run's folder says about it. Raises UsageError for one that is unfinished, damaged or none."""
+    # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
+    if (folder / CARD).is_file():
+        return _shipped(folder)
+    from train.sb3.callbacks import CallbackState
+    from train.sb3.checkpoint import load
+
+    config = load_config(folder)
+    progress = load(folder / CHECKPOINTS).progress
+    if progress["steps"] < config.steps:
+        raise UsageError(f"{folder} is unfinished ({progress['steps']:,} of {config.steps:,} steps): --resume it first")
+    minutes = CallbackState.read(progress["remembered"]).seconds / 60
+    try:
+        policies.load(folder / BEST, config.hardware.quadruped)
+    except policies.PolicyError as error:
+        raise UsageError(str(error)) from None
+    description = json.loads(read_bytes(folder / BEST / "policy.json"))
+    return TrainedRun(str(folder), config, minutes, description["git_revision"], folder / BEST)
+
+
+def _shipped(folder: Path) -> TrainedRun:
+    """The run that a shipped policy comes from, by its bundle and its card. Raises UsageError."""
+    try:
+        description = json.loads(read_bytes(folder / "policy.json"))
+        config = from_dict(description["training"])
+        minutes = re.search(r"([\d.]+) min, source", read_bytes(folder / CARD).decode())
+        policies.load(folder, config.hardware.quadruped)
+        return TrainedRun(str(folder), config, float(minutes[1]), description["git_revision"], folder)  # type: ignore[index]
+    except (OSError, ValueError, KeyError, TypeError, policies.PolicyError) as error:
+        raise UsageError(f"{folder} holds no shipped policy with its {CARD}: {error}") from None
+
+
+def choose(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
+    """The run that ships. Raises UsageError unless the policy's runs are one a seed and else alike."""
+    candidates = [run for run in runs if run.config.policy == policy]
+    seeds = [run.config.seed for run in candidates]
+    if seeds.count(SHIPPED_SEED) != 1 or len(set(seeds)) < len(seeds):
+        raise UsageError(f"what ships is seed {SHIPPED_SEED} of {policy}: name its run, and no seed twice; got {seeds}")
+    shipped = candidates[seeds.index(SHIPPED_SEED)]
+    for run in candidates:
+        if changed := differences(shipped.config, replace(run.config, seed=SHIPPED_SEED)):
+            raise UsageError(f"{run.label} is no other seed of {shipped.label}: {'; '.join(map(str, changed))}")
+    return shipped

@@ -1,0 +1,188 @@
+"""A program of several commands: each is called by its words, and all end alike."""
+
+import errno
+import os
+import subprocess
+import sys
+import types
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from policies.base import PolicyError
+from quad_env.cli.command_line import UsageError, parse
+from quad_env.cli.program import Command, Program
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the command."""
+
+    count: int = 3
+    """How many (count)."""
+    share: float = 1.0
+    """How much of it."""
+    out: Path = Path("results")
+    """Where."""
+
+
+EMPTY = "a value is empty, which names no file, folder or number; see `python -m thing publish --help`"
+
+
+def otherwise(words: list[str]) -> int:
+    raise UsageError(f"no policy {words[0]}")
+
+
+PROGRAM = Program(
+    "python -m thing",
+    {"search trot": Command("made_up_command", "searches a trot"), "publish": Command("made_up_command", "ships")},
+    otherwise,
+)
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
+    """A module with the options above whose `main` a test chooses."""
+    module = types.ModuleType("made_up_command", "What it does.")
+    module.Options = Options
+    module.main = lambda options: print(options.count) or 0
+    monkeypatch.setitem(sys.modules, "made_up_command", module)
+    return module
+
+
+@pytest.mark.usefixtures("command")
+def test_a_command_is_called_by_its_words_and_gets_the_rest(capsys) -> None:
+    assert PROGRAM.main(["search", "trot", "--count", "5"]) == 0
+    assert capsys.readouterr().out == "5\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["search"], "there is no command search; there are search trot"),
+        (["search", "gallop"], "there is no command search gallop; there are search trot"),
+        (["publsh"], "no policy publsh; did you mean the command publish?"),
+        (["galloping"], "no policy galloping"),
+        (
+            ["publish", "--count", "1_0"],
+            "Error parsing --count: '1_0' is no number; see `python -m thing publish --help`",
+        ),
+        (
+            ["publish", "--count", "2.5"],
+            "Error parsing --count: '2.5' is no whole number; see `python -m thing publish --help`",
+        ),
+        (
+            ["publish", "--share", "1_0.5"],
+            "Error parsing --share: '1_0.5' is no number; see `python -m thing publish --help`",
+        ),
+        (["publish", "--out", ""], EMPTY),
+        (["publish", "--out="], EMPTY),
+        (["publish", "--cuont"], "Unrecognized options: --cuont; see `python -m thing publish --help`"),
+    ],
+)
+@pytest.mark.usefixtures("command")
+def test_what_is_no_command_is_one_line(capsys, words, said) -> None:
+    assert PROGRAM.main(words) == 2
+    assert capsys.readouterr().err == f"error: {said}\n"
+
+
+@pytest.mark.usefixtures("command")
+def test_numbers_are_taken_as_they_are_written(command, capsys) -> None:
+    command.main = lambda options: print(options) or 0
+    assert PROGRAM.main(["publish", "--count", "-7", "--share", "1e-3"]) == 0
+    assert "count=-7, share=0.001" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("width", ["0", "000"])
+def test_a_terminal_of_no_width_is_printed_on(command, capsys, monkeypatch, width) -> None:
+    monkeypatch.setenv("COLUMNS", width)
+    command.main = lambda _: Console().print("what it found") or 0
+    assert PROGRAM.main(["publish"]) == 0
+    assert capsys.readouterr().out == "what it found\n"
+
+
+@dataclass(frozen=True)
+class OfSeveral:
+    """Options of a command that takes several policies and one scenario."""
+
+    policies: tuple[str, ...] = ()
+    """Policies."""
+    scenario: str = "flat"
+    """Scenario."""
+
+
+@dataclass(frozen=True)
+class OfBoth(OfSeveral):
+    """Options of a command that has both."""
+
+    policy: str = "trot"
+    """Policy."""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--policies", "trot", "stand", "--scenario", "push"],
+        ["--policy", "trot", "stand", "--scenarios", "push"],
+        ["--scenarios=push", "--policy", "trot", "stand"],
+    ],
+)
+def test_policies_and_scenarios_are_named_alike_whether_a_command_takes_one_or_several(words: list[str]) -> None:
+    found = parse(OfSeveral, words, program="python -m thing", description="What it does.")
+    assert found == OfSeveral(("trot", "stand"), "push")
+
+
+def test_a_command_that_has_both_takes_each_as_it_is() -> None:
+    words = ["--policy", "stand", "--policies", "trot"]
+    found = parse(OfBoth, words, program="python -m thing", description="What it does.")
+    assert (found.policy, found.policies) == ("stand", ("trot",))
+
+
+def test_help_of_several_commands_lists_them(capsys) -> None:
+    assert PROGRAM.main(["search", "--help"]) == 0
+    assert capsys.readouterr().out.endswith("  search trot  searches a trot\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (UsageError("two\nlines"), 2, "error: two lines"),
+        (UsageError("\x1b]0;title\x07\x1b[31mred\x9b0m"), 2, "error: ]0;title [31mred 0m"),
+        (PolicyError("no such policy"), 2, "error: no such policy"),
+        (PermissionError(errno.EACCES, "Permission denied", "a/b"), 2, "error: cannot use a/b (Permission denied)"),
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), 2, f"error: cannot go on ({os.strerror(errno.ENOSPC)})"),
+        (OSError("b is no picture"), 2, "error: b is no picture"),
+        (KeyboardInterrupt(), 130, "interrupted: no further file was written"),
+        (KeyboardInterrupt("kept 3 parts"), 130, "interrupted: kept 3 parts"),
+    ],
+)
+def test_every_command_ends_alike(command, capsys, error, code, said) -> None:
+    def fail(_: Options) -> int:
+        raise error
+
+    command.main = fail
+    assert PROGRAM.main(["publish"]) == code
+    assert capsys.readouterr().err == f"{said}\n"
+
+
+@pytest.mark.parametrize("error", [ValueError("a bug"), TypeError("a bug"), BrokenPipeError(errno.EPIPE, "Broken")])
+def test_what_is_no_mistake_of_the_users_is_not_hidden(command, error) -> None:
+    def fail(_: Options) -> int:
+        raise error
+
+    command.main = fail
+    with pytest.raises(type(error)):
+        PROGRAM.main(["publish"])
+
+
+@pytest.mark.parametrize("command", [("quad_env", "view", "--port", "0"), ("evaluate", "--quick")])
+def test_a_backend_that_mujoco_does_not_know_is_one_line(command: tuple[str, ...], tmp_path: Path) -> None:
+    chosen = {**os.environ, "MUJOCO_GL": "nonsense"}
+    run = subprocess.run(
+        [sys.executable, "-m", *command], cwd=tmp_path, env=chosen, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 2
+    assert run.stderr.startswith("error: MuJoCo cannot be loaded with MUJOCO_GL=nonsense")
+    assert run.stderr.count("\n") == 1

@@ -1,0 +1,82 @@
+"""Files of users are read whole or refused at once: pipes, devices and what is too large are no files to read."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from quad_env.files.reading import check_file, parse_json, read_bytes
+from quad_env.robots.anatomy import ModelError
+from quad_env.robots.robot import Robot
+
+if not hasattr(os, "mkfifo"):
+    pytest.skip("the system has no such pipes", allow_module_level=True)
+
+ODD = ("pipe", "device", "huge", "folder", "nothing")
+
+
+def odd(folder: Path, kind: str, name: str = "odd") -> Path:
+    """A path of that kind; the huge file takes no room on the disk."""
+    path = folder / name
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    elif kind == "huge":
+        with path.open("wb") as file:
+            file.truncate(2**43)
+    elif kind == "folder":
+        path.mkdir()
+    return path
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_what_cannot_be_read_whole_is_refused_at_once(tmp_path, kind) -> None:
+    path = odd(tmp_path, kind)
+    for read in (read_bytes, check_file):
+        with pytest.raises(OSError, match=r"regular|larger than|directory") as error:
+            read(path)
+        assert error.value.filename in (str(path), path)
+
+
+def test_a_file_is_read_up_to_its_limit(tmp_path) -> None:
+    path = tmp_path / "some"
+    path.write_bytes(b"12345")
+    assert read_bytes(path, 5) == b"12345"
+    for read in (read_bytes, check_file):
+        with pytest.raises(OSError, match="larger than"):
+            read(path, 4)
+    assert read_bytes(Path("/proc/self/status"), 10**6).startswith(b"Name")  # whose size is said to be 0
+    with pytest.raises(OSError, match="larger than"):
+        read_bytes(Path("/proc/self/status"), 4)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"a": 1, "b": {"c": 1, "c": 2}}', "'c' is given twice"),
+        ("[" * 100_000, "nested too deeply"),
+        ("{", "line 1"),
+    ],
+)
+def test_json_is_refused_in_words(text, words) -> None:
+    with pytest.raises(ValueError, match=words):
+        parse_json(text)
+    assert parse_json(b'{"a": [1, {"a": 2}]}') == {"a": [1, {"a": 2}]}
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "huge"])
+@pytest.mark.parametrize("element", ['<include file="{}"/>', '<asset><hfield name="h" file="{}"/></asset>'])
+def test_a_robot_whose_model_names_such_a_file_is_refused(tmp_path, kind, element) -> None:
+    odd(tmp_path, kind, "part.xml")
+    model = tmp_path / "robot.xml"
+    model.write_text("<mujoco><!-- --><include file='more.xml'/></mujoco>")
+    (tmp_path / "more.xml").write_text(f"<mujoco>{element.format('part.xml')}</mujoco>")
+    with pytest.raises(ModelError, match=r"cannot read .*part.xml \(it is (no regular file|larger than)"):
+        Robot.from_mjcf(model)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_a_robots_figures_are_read_from_a_file(tmp_path, kind) -> None:
+    with pytest.raises(FileNotFoundError, match="is no file"):
+        Robot.from_mjcf(odd(tmp_path, kind, "robot.toml"))

@@ -1,0 +1,68 @@
+"""The study of what each choice of the training is worth."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from research.training import ablations
+from research.training.ablations import DEFAULT, VARIANTS, Found, Options, config, page
+from train.__main__ import main
+from train.config import DEFAULTS, differences
+from train.run import make_env
+
+OPTIONS = Options(steps=64, seeds=2, episodes=1)
+TINY = "--ppo.envs 8 --ppo.rollout-steps 4 --ppo.minibatch 16 --ppo.epochs 1 --mixture flat 1 --max-episode-steps 8"
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_variant_differs_from_the_default_in_its_options_alone(name):
+    run, default = config(OPTIONS, name, 1), config(OPTIONS, DEFAULT, 1)
+    changed = {each.option for each in differences(default, run)}
+    named = {word.replace("no-", "") for word in VARIANTS[name].split() if word.startswith("--")}
+    assert changed == named
+    assert run.validation == default.validation
+    assert run.folder.name == "seed-1"
+    assert differences(DEFAULTS["residual"], default)[0].option == "--steps"
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_variant_can_be_trained(name):
+    run = config(OPTIONS, name, 0)
+    make_env(dataclasses.replace(run, ppo=dataclasses.replace(run.ppo, envs=16))).close()
+
+
+def test_the_page_by_hand():
+    """Means 60 and 50 of spreads 1 and 1: Welch's 95 % for 2 and 2 is 10 ± 4.303 · 1."""
+    found = [
+        Found(DEFAULT, (50.0 - np.sqrt(0.5), 50.0 + np.sqrt(0.5)), (0.1, 0.2), (1.0, 3.0)),
+        Found("no memory", (60.0 - np.sqrt(0.5), 60.0 + np.sqrt(0.5)), (0.3, 0.5), (1.0, 2.0)),
+    ]
+    first, second = page(OPTIONS, found).splitlines()[-2:]
+    assert first == "| default |  | 49.3, 50.7 | 50.0 |  | 0.150 | 2.0 |"
+    assert "| 60.0 | +10.0 (+5.7 … +14.3) | 0.400 | 1.5 |" in second
+    assert f"`{VARIANTS['no memory']}`" in second
+
+
+def test_a_study_trains_what_is_missing_and_writes_its_page(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(ablations, "VARIANTS", {DEFAULT: TINY, "no memory": f"{TINY} --ppo.hold 3"})
+    options = ["--variants", "no memory", "--steps", "64", "--seeds", "2", "--episodes", "1", "--threads", "1"]
+    words = ["ablations", *options, "--out", str(tmp_path / "runs"), "--page", str(tmp_path / "page.md")]
+    monkeypatch.setattr(ablations, "judged_scenarios", lambda: ("flat",))
+    assert main(words) == 0
+    text = (tmp_path / "page.md").read_text(encoding="utf-8")
+    assert "| no memory |" in text
+    trained = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("policy.safetensors")}
+    assert len(trained) >= 4
+    capsys.readouterr()
+    assert main(words) == 0
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == text
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("policy.safetensors")} == trained
+    assert main([*words, "--steps", "128"]) == 2
+    assert "holds a run of other settings" in capsys.readouterr().err
+
+
+def test_an_unknown_variant_is_answered_with_the_valid_ones(capsys):
+    assert main(["ablations", "--variants", "no brain"]) == 2
+    assert "'no memory'" in capsys.readouterr().err
+    assert dataclasses.replace(OPTIONS).variants == tuple(VARIANTS)

@@ -1,0 +1,109 @@
+"""Strips of frames: they show the robot moving; mistakes are one line before anything is drawn."""
+
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+from evaluate.__main__ import main
+from tests.quad_env.robots.alike import alike
+
+
+@pytest.mark.rendering
+def test_a_row_for_each_policy_shows_it_moving(tmp_path, capsys) -> None:
+    out = tmp_path / "new" / "strip.png"
+    arguments = ["--policies", "stand", "trot", "--scenarios", "flat", "--start", "0.5", "--every", "0.1"]
+    assert main(["pictures", *arguments, "--frames", "3", "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    with Image.open(out) as image:
+        picture = np.asarray(image.convert("RGB")).astype(int)
+    assert picture.shape == (2 * 200, 3 * 240, 3)
+    frames = picture.reshape(2, 200, 3, 240, 3).swapaxes(1, 2)[:, :, 40:]  # below the label
+    assert frames.std(axis=(2, 3)).min() > 5.0  # something is to be seen
+    moved = (np.abs(np.diff(frames, axis=1)).max(axis=-1) > 40).mean(axis=(2, 3))
+    assert moved[1].min() > 0.005  # the trot's legs
+    assert moved[1].min() > 2.0 * moved[0].max()  # and the other one stands
+
+
+@pytest.mark.rendering
+def test_policies_move_side_by_side_over_and_over(tmp_path) -> None:
+    out = tmp_path / "walking.webp"
+    arguments = ["pictures", "--policies", "stand", "trot", "--scenarios", "flat", "--start", "0.5", "--every", "0.1"]
+    assert main([*arguments, "--frames", "3", "--out", str(out)]) == 0
+    with Image.open(out) as picture:
+        assert (picture.size, picture.n_frames, picture.info["loop"]) == ((2 * 240, 200), 3, 0)
+        frames = np.array([frame.convert("RGB") for frame in ImageSequence.Iterator(picture)]).astype(int)
+        assert picture.info["duration"] == 100
+    tiles = frames[:, 40:].reshape(3, 160, 2, 240, 3)
+    moved = (np.abs(np.diff(tiles, axis=0)).max(axis=-1) > 40).mean(axis=(0, 1, 3))
+    assert moved[1] > 0.005 > 2.0 * moved[0]  # the trot's legs; the other one stands
+
+
+@pytest.mark.rendering
+def test_robots_walk_side_by_side(tmp_path) -> None:
+    alike(tmp_path)
+    out = tmp_path / "robots.png"
+    robots = ["--robots", "simple_quad", str(tmp_path / "alike.xml"), "--policies", "trot", "--scenarios", "flat"]
+    assert main(["pictures", *robots, "--start", "0.5", "--every", "0.1", "--frames", "2", "--out", str(out)]) == 0
+    with Image.open(out) as image:
+        picture = np.asarray(image.convert("RGB")).astype(int)
+    ours, theirs = picture.reshape(2, 200, 2, 240, 3).swapaxes(1, 2)[:, :, 40:]
+    assert np.abs(ours - theirs).mean() > 1.0
+    for frames in (ours, theirs):
+        assert (np.abs(np.diff(frames, axis=0)).max(axis=-1) > 40).mean() > 0.005  # each walks
+
+
+@pytest.mark.rendering
+def test_a_policy_that_falls_is_shown_where_it_lies(tmp_path) -> None:
+    arguments = ["--policies", "document", "--scenarios", "flat", "--start", "0", "--every", "1.0", "--frames", "4"]
+    assert main(["pictures", *arguments, "--out", str(tmp_path / "strip.png")]) == 0
+    with Image.open(tmp_path / "strip.png") as picture:
+        assert picture.size == (4 * 240, 200)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--policies", "trott"], "trott"),
+        (["--policies", "trot", "trott"], "trott"),
+        (["--policies"], "--policies"),
+        (["--scenarios", "ice"], "ice"),
+        (["--scenarios"], "--scenarios"),
+        (["--frames", "0"], "--frames"),
+        (["--frames", "1000000000"], "--frames"),
+        (["--every", "0"], "--every"),
+        (["--every", "nan"], "--every"),
+        (["--start", "-1"], "--start"),
+        (["--start", "inf"], "--start"),
+        (["--out", "strip.nonsense"], "--out"),
+        (["--nonsense"], "--nonsense"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_mistake_is_one_line_and_nothing_is_drawn(tmp_path, capsys, monkeypatch, arguments, word) -> None:
+    def drawn(_options) -> None:
+        raise AssertionError("a picture was drawn")
+
+    monkeypatch.setattr("research.studies.pictures.draw", drawn)
+    monkeypatch.chdir(tmp_path)
+    defaults = [] if "--policies" in arguments else ["--policies", "trot"]
+    assert main(["pictures", *defaults, *arguments]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("error: ")
+    assert printed.err.count("\n") == 1
+    assert word in printed.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_in_the_place_of_the_picture_is_refused(tmp_path, capsys) -> None:
+    tmp_path.joinpath("strip.png").mkdir()
+    assert main(["pictures", "--policies", "trot", "--out", str(tmp_path / "strip.png")]) == 2
+    assert "--out" in capsys.readouterr().err
+
+
+@pytest.mark.rendering
+def test_an_unknown_camera_is_one_line(tmp_path, capsys) -> None:
+    assert main(["pictures", "--policies", "trot", "--camera", "selfie", "--out", str(tmp_path / "strip.png")]) == 2
+    error = capsys.readouterr().err
+    assert "selfie" in error
+    assert error.count("\n") == 1

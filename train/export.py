@@ -1,0 +1,37 @@
+"""`python -m train export`: a trained residual as one ONNX file, which every command takes where it takes policies."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from evaluate.rollouts.hardware import hardware_of
+from policies.foreign import onnx_file
+from quad_env.cli.command_line import UsageError, make_folder_of
+
+CHECKED = 10_000
+"""Observations at which the file must answer as the bundle does."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to export."""
+
+    folder: Annotated[Path, tyro.conf.Positional] = Path("models/residual")
+    """Folder of a trained policy, or of a training run."""
+    robot: str | None = None
+    """Its robot, where it is a user's: the path of its MJCF or TOML."""
+    out: Path = Path("results/residual.onnx")
+    """File to write: the network, and as metadata its base and everything else that makes it a policy."""
+
+
+def main(options: Options) -> int:
+    """Write the file; the exit code. Raises UsageError, PolicyError or OSError."""
+    if options.out.suffix != ".onnx":
+        raise UsageError(f"--out must be an .onnx, not {options.out}")
+    make_folder_of(options.out, "--out")
+    robot = None if options.robot is None else hardware_of(options.robot).quadruped
+    found = onnx_file.export(options.folder, options.out, CHECKED, robot)
+    print(f"{options.out}: as the bundle at {CHECKED:,} random observations, to {found:.1e} of the authority")
+    return 0
