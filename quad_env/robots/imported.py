@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
+from quad_env.robots.figures import Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.robot import Robot
+from quad_env.robots.reference import REFERENCE, REFERENCE_MASS
 from quad_env.robots.shapes import corners, geoms_of
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
 
@@ -26,8 +26,8 @@ LEAST_BEND = 0.1
 """Middle of a calf's range, rad, that tells which way its knee bends."""
 
 
-def robot_from(path: Path, name: str | None = None, **figures: Any) -> Robot:
-    """The robot of an MJCF, see `Robot.from_mjcf`."""
+def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
+    """The figures of the robot of an MJCF, see `Robot.from_mjcf`."""
     source, own = path, path.stem
     if path.suffix == ".toml":
         path, figures = _told(path, figures)
@@ -41,27 +41,27 @@ def robot_from(path: Path, name: str | None = None, **figures: Any) -> Robot:
         raise ModelError(f"{path}: {error}") from error
 
 
-def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Robot:
+def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     _, model, found = read(path)
     if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]
     length = leg.thigh_length + leg.calf_length
-    longer = length / SIMPLE_QUAD.leg_length
+    longer = length / REFERENCE.leg_length
     mass = float(model.body_subtreemass[found.root])
-    stiffness = SIMPLE_QUAD.servo_stiffness * longer * mass / SIMPLE_QUAD.mass
+    stiffness = REFERENCE.servo_stiffness * longer * mass / REFERENCE_MASS
     stiffness = figures.get("servo_stiffness", stiffness)
-    in_time = SIMPLE_QUAD.servo_damping / SIMPLE_QUAD.servo_stiffness * float(np.sqrt(longer))
+    in_time = REFERENCE.servo_damping / REFERENCE.servo_stiffness * float(np.sqrt(longer))
     inferred: dict[str, Callable[[], Any]] = {
         "home_pose": lambda: np.zeros(len(found.joints)),
         "knee_direction": lambda: _knee_direction(model, found),
-        "rated_speed": lambda: SIMPLE_QUAD.rated_speed / float(np.sqrt(longer)),
+        "rated_speed": lambda: REFERENCE.rated_speed / float(np.sqrt(longer)),
         "rated_torque": lambda: _rated_torque(model, found),
         "servo_damping": lambda: stiffness * in_time,
         "servo_stiffness": lambda: stiffness,
     }
     trunk_centre, trunk_size = found.trunk_box(model)
-    robot = Robot(
+    robot = Figures(
         name=name,
         mjcf=path,
         urdf=None,
@@ -81,7 +81,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Robot:
     )
     if "home_pose" not in figures:
         stand = _stand(model, found)
-        height = SIMPLE_QUAD.home_hip_height * longer if stand is None else _height(leg, stand)
+        height = REFERENCE.home_hip_height * longer if stand is None else _height(leg, stand)
         robot = replace(robot, home_pose=_home_pose(robot, height))
     lower, upper = found.limits(model)
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
@@ -184,7 +184,7 @@ def _height(leg: Leg, angles: Floats) -> float:
     return float(leg.thigh_length * np.cos(angles[1]) + leg.calf_length * np.cos(angles[1] + angles[2]))
 
 
-def _home_pose(robot: Robot, height: float) -> Floats:
+def _home_pose(robot: Figures, height: float) -> Floats:
     """Feet below the thigh joints, these at that height above them, m; (12,), rad."""
     upper, lower = robot.thigh_length, robot.calf_length
     height = float(np.clip(height, abs(upper - lower) + 1e-3, robot.leg_length))

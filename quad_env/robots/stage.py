@@ -18,23 +18,23 @@ from numpy.typing import NDArray
 
 from quad_env.robots.anatomy import LINKS, Anatomy, Leg
 from quad_env.robots.collisions import GROUND_BIT, HERE, OWN, Parts, Rules, meet_the_ground, renamed, watched
+from quad_env.robots.figures import Figures
 from quad_env.robots.joint_names import numbered
 from quad_env.robots.model_file import read
-from quad_env.robots.robot import Robot
+from quad_env.robots.reference import REFERENCE
 from quad_env.robots.shapes import surface
-from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
 
 
-def spec_of(robot: Robot) -> Any:
+def spec_of(robot: Figures) -> Any:
     """The robot on flat ground, as a `mujoco.MjSpec` of its own. Raises ModelError."""
     import mujoco  # here, since it takes long
 
     if not robot.imported:
         return mujoco.MjSpec.from_file(str(robot.mjcf))
     own, model, found = read(robot.mjcf)
-    stage = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
+    stage = mujoco.MjSpec.from_file(str(REFERENCE.mjcf))
     parts = Parts(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
     _keep_masses(parts, model, found)
     _turn_joints(parts, model, found)
@@ -112,7 +112,7 @@ def _unit(joint: Any) -> float:
     return float(np.rad2deg(1.0)) if joint.compiler.degree else 1.0
 
 
-def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Robot) -> None:
+def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> None:
     """Mark what the simulation looks for by its name; each leg gets two sites, a trunk that does not collide a box."""
     for kind, named in (("body", parts.bodies), ("geom", parts.geoms)):
         for number, part in named.items():
@@ -159,10 +159,10 @@ def _sole(model: Any, leg: Leg) -> dict[str, Any]:
     return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}
 
 
-def _equip(trunk: Any, stage: Any, robot: Robot) -> None:
+def _equip(trunk: Any, stage: Any, robot: Figures) -> None:
     """SimpleQuad's IMU, and its cameras and lamp, as far from the trunk as the robot is larger."""
     trunk.add_site(name=HERE + "imu", rgba=(0.0, 0.0, 0.0, 0.0))
-    larger = max(robot.leg_length / SIMPLE_QUAD.leg_length, robot.trunk_size[0] / SIMPLE_QUAD.trunk_size[0])
+    larger = max(robot.leg_length / REFERENCE.leg_length, robot.trunk_size[0] / REFERENCE.trunk_size[0])
     model = stage.compile()
     for camera in stage.cameras:
         seen = {"pos": larger * np.array(camera.pos), "quat": model.cam_quat[camera.id], "fovy": camera.fovy}
@@ -172,7 +172,7 @@ def _equip(trunk: Any, stage: Any, robot: Robot) -> None:
         trunk.add_light(name=HERE + light.name, pos=larger * np.array(light.pos), **shown)
 
 
-def _drive(stage: Any, robot: Robot) -> None:
+def _drive(stage: Any, robot: Figures) -> None:
     """Joint servos, in the order of the joints."""
     import mujoco
 
@@ -184,7 +184,7 @@ def _drive(stage: Any, robot: Robot) -> None:
         servo.forcelimited, servo.forcerange = 1, (-robot.rated_torque, robot.rated_torque)
 
 
-def _sense(stage: Any, robot: Robot, sensors: Sequence[_Sensor], sensed: dict[str, list[Any]]) -> None:
+def _sense(stage: Any, robot: Figures, sensors: Sequence[_Sensor], sensed: dict[str, list[Any]]) -> None:
     """SimpleQuad's sensors on the parts of these names, those of the joints on the joints at their places, those of
     contacts on all that is `sensed`, those of touch on whole soles."""
     import mujoco

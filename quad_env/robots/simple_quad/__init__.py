@@ -1,32 +1,8 @@
-"""SimpleQuad, the robot of the source article; every figure is tested against its compiled model."""
+"""SimpleQuad, the robot of the source article."""
 
-from pathlib import Path
-
-import numpy as np
-
+from quad_env.robots.reference import REFERENCE
 from quad_env.robots.robot import Robot
 
-_MJCF = Path(__file__).parent / "simple_quad.xml"
-_LEGS = ("fl", "fr", "hl", "hr")
-
-SIMPLE_QUAD = Robot(
-    name="simple_quad",
-    mjcf=_MJCF,
-    urdf=_MJCF.with_suffix(".urdf"),
-    leg_names=_LEGS,
-    joint_names=tuple(f"{leg}_{link}_joint" for leg in _LEGS for link in ("hip", "thigh", "calf")),
-    home_pose=np.tile((0.0, 0.5, -1.0), 4),
-    hip_positions=np.array(((0.25, 0.15, 0.0), (0.25, -0.15, 0.0), (-0.25, 0.15, 0.0), (-0.25, -0.15, 0.0))),
-    hip_offset=0.1,
-    thigh_length=0.3,
-    calf_length=0.3,
-    foot_radius=0.02,
-    thigh_radius=0.03,
-    trunk_size=np.array((0.6, 0.3, 0.1)),
-    servo_stiffness=300.0,
-    servo_damping=10.0,
-    rated_torque=100.0,
-    rated_speed=10.0,
-)
+SIMPLE_QUAD = Robot(**REFERENCE.by_name)
 JOINT_NAMES = SIMPLE_QUAD.joint_names
 """In the order of actions."""

@@ -1,0 +1,135 @@
+"""What is known of a robot with four legs of three joints each, as numbers: lengths, home pose, servos, names.
+
+Frames: base frame x forward, y left, z up, origin at the trunk's centre. Joint angles are zero with the legs hanging
+straight down; hips turn about +x (abduction), thighs and calves about +y. Lengths in m, angles in rad, masses in kg.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from quad_env.robots.feet import depths
+
+Floats = NDArray[np.float64]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Figures:
+    """Figures of a robot; legs are in the order of `leg_names`, joints in that of `joint_names`, three a leg."""
+
+    name: str
+    mjcf: Path
+    urdf: Path | None
+    leg_names: tuple[str, ...]
+    """In the order of the model; SimpleQuad's has front before hind, left before right."""
+    joint_names: tuple[str, ...]
+    """Hip, thigh and calf of each leg, as in the MJCF."""
+    home_pose: Floats
+    """Standing pose, shape (12,), rad."""
+    hip_positions: Floats
+    """Hip joints in the base frame, shape (4, 3), m."""
+    hip_offset: float
+    """From the hip joint outboard to the thigh joint, m."""
+    thigh_length: float
+    """From the thigh joint to the calf joint, m."""
+    calf_length: float
+    """From the calf joint to the centre of the foot, m."""
+    foot_radius: float
+    """Radius of the ball that is the foot, or stands for one of another shape, see `feet`, m."""
+    thigh_radius: float
+    """From an end of a thigh to the farthest point of its shape there, rounded up, m."""
+    trunk_size: Floats
+    """Full lengths of the trunk's box along x, y, z, shape (3,), m."""
+    servo_stiffness: float
+    """Gain of the joint servos on the angle, N·m/rad."""
+    servo_damping: float
+    """Gain of the joint servos on the speed, N·m·s/rad."""
+    rated_torque: float
+    """Largest joint torque, N·m."""
+    rated_speed: float
+    """Rated joint speed, rad/s; reported, not enforced, with the ideal actuator."""
+    knee_direction: Floats = field(default_factory=lambda: np.array(-1.0))
+    """Sign of each calf's angle when the knee is bent, shape (4,); given as one number where all bend alike."""
+    trunk_centre: Floats = field(default_factory=lambda: np.zeros(3))
+    """Centre of the trunk's box in the base frame, shape (3,), m."""
+    foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
+    """Points of the hull of each foot that is no ball, from its centre, base frame with the legs straight down, shape
+    (4, k, 3), m."""
+    imported: bool = False
+    """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.stage`)."""
+    source: Path | None = None
+    """File of a user's that it was read from, its MJCF or a TOML; None of a robot that has a name here."""
+
+    def __post_init__(self) -> None:
+        for name in ("home_pose", "hip_positions", "trunk_size", "trunk_centre", "foot_points"):
+            object.__setattr__(self, name, constant(getattr(self, name)))
+        knees = np.broadcast_to(self.knee_direction, len(self.leg_names))
+        object.__setattr__(self, "knee_direction", constant(knees))
+
+    @property
+    def by_name(self) -> dict[str, Any]:
+        """The figures by the names of the fields."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @cached_property
+    def side(self) -> Floats:
+        """+1 for left legs, -1 for right legs, shape (4,)."""
+        return constant(np.sign(self.hip_positions[:, 1]))
+
+    def in_leg_order(self, corners: Sequence[T]) -> tuple[T, ...]:
+        """What is told of the front left, front right, hind left and hind right leg, in the order of the legs."""
+        before, left = (np.sign(self.hip_positions[:, axis]) for axis in (0, 1))
+        return tuple(corners[2 * int(b < 0) + int(side < 0)] for b, side in zip(before, left, strict=True))
+
+    @cached_property
+    def diagonals(self) -> tuple[tuple[int, int], ...]:
+        """Places of the front and the hind leg of each diagonal pair."""
+        before, left = (np.sign(self.hip_positions[:, axis]) for axis in (0, 1))
+        pairs = [np.flatnonzero((before == -1) & (left == -side)) for side in left[before == 1]]
+        return tuple((int(front), int(hind)) for front, (hind,) in zip(np.flatnonzero(before == 1), pairs, strict=True))
+
+    @property
+    def leg_length(self) -> float:
+        """From the thigh joint to the centre of the foot with the knee straight, m."""
+        return self.thigh_length + self.calf_length
+
+    @cached_property
+    def home_hip_height(self) -> float:
+        """Hip joints above the centres of the feet in the home pose, m."""
+        _, thigh, calf = self.home_pose[:3]
+        return float(self.thigh_length * np.cos(thigh) + self.calf_length * np.cos(thigh + calf))
+
+    @cached_property
+    def home_height(self) -> float:
+        """Origin of the base frame above flat ground in the home pose with the feet just touching, m."""
+        return self.home_hip_height + self.foot_depth - self.hip_rise
+
+    @cached_property
+    def hip_rise(self) -> float:
+        """Hip joints above the origin of the base frame, mean over the legs, m."""
+        return float(self.hip_positions[:, 2].mean())
+
+    @cached_property
+    def foot_depth(self) -> float:
+        """Lowest point of a foot below its centre in the home pose, m: its radius where it is a ball."""
+        if not self.foot_points.size:
+            return self.foot_radius
+        return float(depths(self.foot_points, self.home_pose.reshape(-1, 3), np.array((0.0, 0.0, 1.0))).max())
+
+
+def constant(values: ArrayLike) -> Floats:
+    """A copy of the values that cannot be written to."""
+    array = np.array(values, dtype=np.float64)
+    array.flags.writeable = False
+    return array
