@@ -10,7 +10,7 @@ from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Observer, Step
 from live.outcome import POLICY_FAILED
 from policies.base import Actions, Policy, PolicyError
-from policies.gait import smoothstep
+from policies.gait_cycle import smoothstep
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.scenario import Scenario
 

@@ -13,7 +13,6 @@ from pathlib import Path
 
 from policies import shipped
 from policies.base import CONTROL_PERIOD, Policy, PolicyError
-from policies.bases import BASES
 from policies.behaviour import Behaviour
 from policies.bundle import DESCRIPTION, load
 from policies.foreign import Foreign, is_reference, unsupported
@@ -22,6 +21,7 @@ from policies.mpc.policy import MpcWbc
 from policies.mpc.sighted import SightedMpcWbc
 from policies.poses import Stand
 from policies.residual import ResidualPolicy
+from policies.residual_bases import BASES
 from policies.safety import Safe, SafetyLimits
 from policies.summaries import SUMMARIES
 from policies.trot.open_loop import Trot

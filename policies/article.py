@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
-from policies.gait import TROT_OFFSETS, Floats, leg_phases
+from policies.gait_cycle import TROT_OFFSETS, Floats, leg_phases
 from policies.legs.kinematics import joint_angles, shortest_leg
 from policies.parameters import Parameters, number
 from quad_env.robots.named import robot_of

@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.gait import Floats as Floats
-from policies.gait import advance, smoothstep
+from policies.gait_cycle import Floats as Floats
+from policies.gait_cycle import advance, smoothstep
 from quad_env.cli.errors import UserError
 from quad_env.config import TaskConfig
 from quad_env.robots.named import robot_of

@@ -19,11 +19,9 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_safetensors
 from safetensors.numpy import save as format_safetensors
 
-from policies.activations import ACTIVATIONS
 from policies.base import CONTROL_PERIOD, Actions, PolicyError
-from policies.bases import describe, described
 from policies.history import Inputs
-from policies.network import Network
+from policies.network import ACTIVATIONS, Network
 from policies.parameters import is_number
 from policies.residual import (
     NO_SHIFT,
@@ -32,6 +30,7 @@ from policies.residual import (
     check_shiftable,
     correction_width,
 )
+from policies.residual_bases import describe, described
 from quad_env import ENV_ID
 from quad_env.files.reading import LARGEST, TEXT, parse_json, read_bytes
 from quad_env.files.writing import write_atomically

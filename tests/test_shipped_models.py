@@ -12,7 +12,7 @@ import policies
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from evaluate.rollouts.hardware import IDEAL, Hardware
-from policies.bases import describe
+from policies.residual_bases import describe
 from quad_env.robots.named import EXTRA, WHEEL
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice

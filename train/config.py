@@ -68,7 +68,7 @@ BaseName = Literal[
     "trot_integral",
     "walk",
 ]
-"""A name of `policies.bases.BASES`; written out, so that --help lists them at once."""
+"""A name of `policies.residual_bases.BASES`; written out, so that --help lists them at once."""
 
 LARGEST_SEED = 2**32 - 1
 _LOG_STD = (-20.0, 2.0)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from evaluate.rollouts.observers import Falls, Observer, Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import CONTROL_PERIOD, Floats
-from policies.gait import TURN
+from policies.gait_cycle import TURN
 from policies.gaits.policy import Gaits
 from policies.legs.contacts import Contacts, duty_factors, landing_offsets, landings, wrapped
 

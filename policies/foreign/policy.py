@@ -1,4 +1,4 @@
-"""A policy from outside, in a watched process of its own: its failures cost its own robots the episode, nobody else."""
+"""A policy from outside, in a watched process of its own: its failures cost its own robots the episode, no others."""
 
 import hashlib
 from functools import partial
@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, PolicyError, within_limits
-from policies.foreign.prints import limited
 from policies.foreign.reference import checked
-from policies.foreign.served import PATIENCE_AT_FIRST, Answer, serve
+from policies.foreign.served import PATIENCE_AT_FIRST, Answer, limited, serve
 from policies.safety.watchdog import START_TIMEOUT, DeadlineMissed, PolicyProcessError, Watched
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
@@ -20,7 +19,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 DEADLINE = 5.0
 """Longest time that one call may take, s; six times as long for the first."""
 GRACE = 2.0
-"""How much later a process is ended that does not answer even then, whatever the number of robots, s."""
+"""Added to the deadline before a process without an answer is ended, s; the episodes of all its robots then fail."""
 
 
 class Foreign(Policy):
@@ -123,10 +122,13 @@ class Foreign(Policy):
             answer = self._process.ask((call, *arguments), patience + GRACE)
             self._stepped |= call == "step"
             return answer
-        except (DeadlineMissed, PolicyProcessError) as error:
-            self._stepped = False
-            self._note(dict.fromkeys(range(self.num_envs), f"gave no answer: {error}"))
-            return None
+        except DeadlineMissed:
+            reason = f"gave no answer within {patience:g} s"
+        except PolicyProcessError as error:
+            reason = f"gave no answer: {error}"
+        self._stepped = False
+        self._note(dict.fromkeys(range(self.num_envs), reason))
+        return None
 
     def _note(self, failures: dict[int, str]) -> None:
         for robot, reason in failures.items():

@@ -1,11 +1,11 @@
 """A policy from outside as its process serves it: asked robot by robot or all at once, its failures noted."""
 
-import signal
+import io
+import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TextIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,8 @@ SIGNALS = ("phase", "correction", "base_action", "stopped")
 PATIENCE_AT_FIRST = 6
 """How many deadlines the first call may last, in which some compile themselves."""
 LONGEST_REASON = 200
-LEAST_PATIENCE = 1e-3
-"""s"""
 REPORT_PERIOD = 1.0
 """At most, between two signs of life while many robots are asked, s."""
-
-
-class _Late(BaseException):
-    """Raised within a call that has lasted too long."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +66,10 @@ class Served:
     def __init__(self, loaded: Policy | Maker, way: str, robot: Robot, deadline: float) -> None:
         self.way = way
         self._loaded, self._robot = loaded, robot
-        self._deadline, self._called = deadline, False
-        self._late = 0
-        """Calls without an answer, of those that the present question takes."""
+        self._deadline = deadline
         self._reported = time.monotonic()
         self._acts: list[Act] = []
         self._failed = np.zeros(0, np.bool_)
-        if hasattr(signal, "SIGALRM"):
-            signal.signal(signal.SIGALRM, _interrupt)
 
     def find_way(self, reference: Reference) -> None:
         """Find out how it is to be asked; PolicyError if no way gives actions."""
@@ -108,14 +98,12 @@ class Served:
 
     def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
         """Start so many robots anew; why it failed, robot by robot."""
-        self._late = 0
         self._failed = np.zeros(num_envs, np.bool_)
         self._acts = [_nothing] * (num_envs if self.way == ROBOT else 1)
         return self._begin(np.ones(num_envs, np.bool_), seed)
 
     def reset_where(self, mask: Mask) -> dict[int, str]:
         """Start those robots anew; a callable of a batch goes on as it is."""
-        self._late = 0
         self._failed[mask] = False
         if self.way == BATCH:
             return {}
@@ -138,12 +126,7 @@ class Served:
         return failures
 
     def step(self, observation: NDArray[np.float32]) -> Answer:
-        """Actions for the observations (n, k) of all robots.
-
-        Calls that give no answer take 2 deadlines together, however many there are: each halves the patience with those
-        after it.
-        """
-        self._late = 0
+        """Actions for the observations (n, k) of all robots."""
         count, joints = len(observation), self._robot.num_joints
         actions, failures = np.zeros((count, joints), np.float32), dict[int, str]()
         if self.way == ROBOT:
@@ -156,7 +139,6 @@ class Served:
             answer, reason = self._ask(self._acts[0], observation, actions.shape)
             failures |= self._fail(range(count), reason)
             actions = actions if answer is None else answer
-        self._called = True
         wild = np.flatnonzero(~np.isfinite(actions).all(axis=1) & ~self._failed).tolist()
         failures |= self._fail(wild, "gave targets that are not finite")
         return Answer(actions, failures, self.signals())
@@ -188,46 +170,63 @@ class Served:
             return answer.astype(np.float32), None
 
     def _tried(self, call: Any, *arguments: Any) -> tuple[Any, str | None]:
-        """What a call gives, or why it gave nothing."""
-        deadline = self._deadline * (1 if self._called else PATIENCE_AT_FIRST)
+        """The result of a call, or why it has none.
+
+        A call without an end is not ended here: the process that waits for the answer ends this one, see `Foreign`.
+        """
         try:
-            with _within(max(deadline * 0.5**self._late, LEAST_PATIENCE)):
-                return _result(call, arguments)
-        except _Late:
-            self._late += 1
-            return None, f"gave no answer within {deadline:g} s"
+            return call(*arguments), None
+        except BaseException as error:  # SystemExit as well: it must not end the process with the other robots
+            return None, f"raised {described(error)}"[:LONGEST_REASON]
         finally:
             if (now := time.monotonic()) - self._reported > min(REPORT_PERIOD, 0.2 * self._deadline):
                 self._reported = now
                 still_at_work()
 
 
-def _result(call: Any, arguments: tuple[Any, ...]) -> tuple[Any, str | None]:
-    """What a call gives, or what it raised."""
-    try:
-        return call(*arguments), None
-    except _Late:
-        raise
-    except BaseException as error:
-        return None, f"raised {described(error)}"[:LONGEST_REASON]
-
-
 def _nothing(_: Any) -> object:
     raise RuntimeError("not made yet")
 
 
-@contextmanager
-def _within(patience: float) -> Iterator[None]:
-    """Raises _Late in what lasts longer, s; where the system has no such clock, the process is ended from outside."""
-    if not hasattr(signal, "setitimer"):
-        yield
-        return
-    signal.setitimer(signal.ITIMER_REAL, patience, patience)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+T = TypeVar("T")
+
+MOST = 1000
+"""Characters that a policy's process may print."""
 
 
-def _interrupt(*_: object) -> None:
-    raise _Late
+class Prints(io.TextIOBase):
+    """A stream that passes on so much and no more, nothing that steers a terminal among it."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream, self._left = stream, MOST
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """That of the stream."""
+        return self._stream.encoding
+
+    def writable(self) -> bool:
+        """Yes."""
+        return True
+
+    def fileno(self) -> int:
+        """That of the stream."""
+        return self._stream.fileno()
+
+    def write(self, text: str) -> int:
+        """Pass on what may still be printed; the length of the text."""
+        if self._left > 0:
+            shown = text[: self._left]
+            self._stream.write("".join(sign if sign.isprintable() or sign in "\n\t" else " " for sign in shown))
+            self._left -= len(text)
+            if self._left <= 0:
+                self._stream.write("\n… what else the policy prints is left out\n")
+            self._stream.flush()
+        return len(text)
+
+
+def limited(make: Callable[[], T]) -> T:
+    """What `make` gives, in a process that from now on prints so much, all of it on stderr."""
+    if sys.stderr is not None:
+        sys.stdout = sys.stderr = Prints(sys.stderr)
+    return make()

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.gait import TURN, Floats, smoothstep
+from policies.gait_cycle import TURN, Floats, smoothstep
 
 CHANGE_TIME = 1.0
 """From one gait to another, s."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from policies.gait import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
+from policies.gait_cycle import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
 from policies.parameters import Parameters, from_json, likewise, number, read
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot

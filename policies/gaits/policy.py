@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, chosen, flat_joints, to_actions
-from policies.gait import TURN, Floats, LegCycle, mapped
+from policies.gait_cycle import TURN, Floats, LegCycle, mapped
 from policies.gaits.change import GaitChange
 from policies.gaits.parameters import (
     GAITS,

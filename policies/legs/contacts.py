@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.gait import TURN, Floats
+from policies.gait_cycle import TURN, Floats
 
 Contacts = NDArray[np.bool_]
 

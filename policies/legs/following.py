@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from policies.legs.memory import Memory, taken_in
 
 MEMORY_TIME = 0.3

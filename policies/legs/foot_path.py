@@ -7,7 +7,7 @@ with, so a foot that moves with the ground neither scuffs at lift-off nor brakes
 
 import numpy as np
 
-from policies.gait import Floats, LegCycle, smoothstep
+from policies.gait_cycle import Floats, LegCycle, smoothstep
 from quad_env.config import GRAVITY
 
 

@@ -5,7 +5,7 @@ In the level frame (see `policies.legs.level_frame`), legs along the first axis:
 
 import numpy as np
 
-from policies.gait import Floats, smoothstep
+from policies.gait_cycle import Floats, smoothstep
 from policies.legs.level_frame import Vector
 
 Planar = tuple[Floats, Floats]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from policies.legs.ground_plane import above, carried, fitted, renewed, total
 from policies.legs.level_frame import Vector
 from policies.legs.memory import Memory, taken_in

@@ -6,7 +6,7 @@ Everything is in the level frame (see `policies.legs.level_frame`), legs along t
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from policies.legs.level_frame import Vector
 
 STEEPEST = 1.2

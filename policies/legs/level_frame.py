@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 
 Vector = tuple[Floats, Floats, Floats]
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 
 
 def taken_in(control_period: float, time_constant: float) -> float:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from policies.legs.kinematics import foot_positions
 from policies.legs.level_frame import LevelFrame, Vector, level_frame, vector
 from quad_env import OBSERVATION

@@ -6,9 +6,11 @@ the wrench of a push, a load or the wind. A momentum observer in its simplest fo
 robot collision detection and hybrid force/motion control", ICRA 2005.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats, LegCycle
 from policies.legs.memory import at_first_a_mean, taken_in
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
@@ -132,3 +134,38 @@ def as_accelerations(bodies: RigidBodies, rotation: Floats, wrench: Floats) -> F
     turn = np.einsum("nij,nj->ni", rotation, wrench[:, 3:]) - np.cross(bodies.centre, force)
     angular = np.linalg.solve(bodies.rotational_inertia, turn[..., None])[..., 0]
     return np.concatenate((force / bodies.mass[:, None], angular), axis=1)
+
+
+LATEST = 0.5
+"""Share of a stance up to which a foot in the air is still on its way down; later the gait goes on without it."""
+EARLIEST = 0.6
+"""Share of a swing from which on a foot may land."""
+
+
+class ContactStates(NamedTuple):
+    """Which feet stand, and why; (n, 4)."""
+
+    standing: Mask
+    """That bear the robot now."""
+    late: Mask
+    """That should stand and have not touched the ground yet."""
+    landed: Mask
+    """Whose places tell of the ground."""
+
+
+def contact_states(
+    p: MpcParameters, cycle: LegCycle, felt: LegCycle, force: Floats, new: Mask, *, flies: bool
+) -> ContactStates:
+    """Contacts by the gait now and when the vertical forces of the feet were `felt`, (n, 4), N.
+
+    `new`: robots that have felt nothing yet, (n,); `flies`: whether all feet may be in the air together.
+    """
+    old = ~new[:, None]
+    touching = force > p.touch_force
+    late = ~cycle.swing & ~felt.swing & ~touching & (cycle.progress < LATEST) & old
+    early = cycle.swing & felt.swing & (force > p.early_force) & (felt.progress > EARLIEST)
+    standing = (~cycle.swing & ~late) | early
+    if not flies:
+        # Something has to bear the robot, even in the plan of one that is thrown up.
+        standing = np.where(standing.any(axis=1, keepdims=True), standing, ~cycle.swing)
+    return ContactStates(standing, late, (~cycle.swing & touching & ~late) | early | ~old)

@@ -4,7 +4,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from policies.gait import Floats, smoothstep
+from policies.gait_cycle import Floats, smoothstep
 from policies.legs.footholds import swung
 from policies.legs.ground_plane import at
 from policies.mpc.motion import Motion

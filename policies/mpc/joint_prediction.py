@@ -9,7 +9,7 @@ of loops with dead time, 1957), and each late reading corrects what it had predi
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from quad_env import OBSERVATION
 from quad_env.columns import Mask
 

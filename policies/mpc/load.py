@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import RigidBodies
 from quad_env.physics.rotations import skew

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from policies.legs.level_frame import level_frame
 from quad_env import OBSERVATION
 from quad_env.columns import of_robots

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from policies.legs.ground_plane import above
 from policies.legs.level_frame import vector
 from policies.legs.memory import at_first_a_mean, taken_in

@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, ShiftableFootholds, to_actions
-from policies.gait import TURN, Floats, Gait, LegCycle
+from policies.behaviour.motion import Stop
+from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.gaits.parameters import OFFSETS
 from policies.legs.ground_plane import above, carried, fitted, renewed, total
 from policies.legs.level_frame import vector
 from policies.legs.memory import taken_in
-from policies.mpc.contact import ContactSense, as_accelerations
-from policies.mpc.contact_states import ContactStates, contact_states
+from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
 from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
 from policies.mpc.joint_prediction import JointPrediction
-from policies.mpc.leg_torques import leg_torques
 from policies.mpc.load import Load, loaded, told_by
 from policies.mpc.motion import Motion
 from policies.mpc.observer import Observer
@@ -27,8 +26,7 @@ from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
 from policies.mpc.quadratic_program import Solver, solve
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights
-from policies.mpc.whole_body import Priorities, Torques, Wish, torques
-from policies.safety.stop import Stop
+from policies.mpc.whole_body import Priorities, Torques, Wish, leg_torques, torques
 from quad_env import OBSERVATION
 from quad_env.columns import Mask, Rows
 from quad_env.config import GRAVITY

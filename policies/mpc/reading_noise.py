@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from policies.legs.memory import at_first_a_mean, taken_in
 from quad_env import OBSERVATION
 from quad_env.columns import Mask

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from policies.gait import Floats
+from policies.gait_cycle import Floats
 from policies.mpc.motion import Motion
 from quad_env.columns import Mask
 from quad_env.robots.robot import Robot

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
-from policies.gait import Floats, smoothstep
+from policies.gait_cycle import Floats, smoothstep
 from policies.legs.memory import taken_in
 from policies.mpc.footing import Ground, Terrain
 from policies.mpc.motion import Motion

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from policies.mpc.quadratic_program import Programs, Solver, solve
 from policies.mpc.rigid_body import Friction, alike, friction_rows
 from quad_env.columns import Mask, Rows
+from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import RigidBodies
 
 Floats = NDArray[np.float64]
@@ -121,3 +122,30 @@ def programs(
         lower = np.concatenate((-most - bias[robots], lower), axis=1)
         upper = np.concatenate((most - bias[robots], upper), axis=1)
         yield robots, Programs(hessian, gradient, rows, lower, upper, equalities=6)
+
+
+_SINGULAR = 1e-4
+"""Added to the squared Jacobian of a leg, m²: a straight one does not accelerate along itself."""
+
+
+def leg_torques(bodies: RigidBodies, wish: Wish, wrench: Floats, limit: float) -> Torques:
+    """Torques without a program: each leg bears its planned force and follows its path; the trunk moves as planned.
+
+    τ = M q̈ + h - Jᵀf, with q̈ of the trunk from the planned forces and of each leg such that its foot has the wished
+    acceleration. What one leg's motion does to the others is left out; friction is the plan's; torques are clipped to
+    `limit`, N·m. `wrench`: on the trunks, (n, 6), N and N·m.
+    """
+    forces = np.where(wish.standing[..., None], wish.forces, 0.0)
+    linear = (forces.sum(axis=1) + wrench[:, :3]) / bodies.mass[:, None] - (0.0, 0.0, GRAVITY)
+    trunk = np.concatenate((linear, wish.turning), axis=1)
+    carried = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk)
+    legs = bodies.leg_jacobians
+    across = legs.swapaxes(2, 3)
+    squares = np.matmul(across, legs) + _SINGULAR * np.eye(3)
+    asked = np.matmul(across, (wish.feet - bodies.drift - carried)[..., None])
+    joints = np.linalg.solve(squares, asked)[..., 0].reshape(len(trunk), 12)
+    motion = np.concatenate((trunk, joints), axis=1)
+    needed = np.einsum("nij,nj->ni", bodies.inertia[:, 6:], motion) + bodies.bias[:, 6:]
+    borne = np.matmul(across, forces[..., None])[..., 0].reshape(joints.shape)
+    torque = np.clip(needed - borne, -limit, limit)
+    return Torques(torque, joints, np.isfinite(torque).all(axis=1))

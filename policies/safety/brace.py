@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, Mask
-from policies.gait import smoothstep
+from policies.gait_cycle import smoothstep
 from policies.legs.kinematics import joint_targets
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot

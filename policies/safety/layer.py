@@ -3,16 +3,14 @@
 from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Actions, Floats, Mask, Policy, chosen, to_actions
-from policies.behaviour.motion import Damp, Motion
+from policies.behaviour.motion import Damp, Motion, Stop
 from policies.safety.brace import Brace
 from policies.safety.fall_prediction import fitted_threshold, next_recent, next_reference, velocity_deviation
-from policies.safety.stop import Stop
 from policies.safety.target_limits import SafetyLimits, limited
 from quad_env import OBSERVATION
 from quad_env.files.text import described
@@ -27,9 +25,7 @@ class Mode(IntEnum):
     """The brace, until the robot is at rest, and back to the policy from there: a fall was predicted."""
     STOP = 2
     """Controlled stop, until a reset."""
-    FALLBACK = 3
-    """The fallback policy, until a reset."""
-    DAMP = 4
+    DAMP = 3
     """Joints damped: too far over, or stopped at once by request."""
 
 
@@ -39,7 +35,6 @@ NOT_FINITE = "policy returned non-finite targets"
 PREDICTED = "fall predicted"
 RESTED = "at rest again"
 REQUESTED = "emergency stop requested"
-STALE = "command timed out"
 TOO_FAR_OVER = "too far over"
 STARTED = "started anew"
 
@@ -66,9 +61,6 @@ class Safe(Policy):
         policy: what to guard; put it into `policies.safety.Watched` if it might hang.
         limits: of every target.
         alarm_above: `velocity_deviation` at which a fall is predicted, m/s; None for the fitted one.
-        on_failure: what takes over for good when the policy fails.
-        fallback: the policy of `on_failure="fallback"`; made for the same robot and control period.
-        command_timeout: s without `command_received` after which the command counts as zero; None for never.
     """
 
     def __init__(
@@ -76,22 +68,12 @@ class Safe(Policy):
         policy: Policy,
         limits: SafetyLimits | None = None,
         alarm_above: float | None = None,
-        on_failure: Literal["stop", "damp", "fallback"] = "stop",
-        fallback: Policy | None = None,
-        command_timeout: float | None = None,
     ) -> None:
-        if (on_failure == "fallback") != (fallback is not None):
-            raise ValueError("on_failure='fallback' and a fallback policy belong together")
         super().__init__(robot=policy.robot, control_period=policy.control_period)
-        if fallback is not None:
-            fallback.check_fits(self.robot, self.control_period)
         self.policy = policy
         self.name, self.height_scan = f"safe:{policy.name}", policy.height_scan
         self._limits = limits or SafetyLimits.of(self.robot)
         self._alarm_above = alarm_above if alarm_above is not None else fitted_threshold()
-        self._after_failure = {"stop": Mode.STOP, "damp": Mode.DAMP, "fallback": Mode.FALLBACK}[on_failure]
-        self._fallback = fallback
-        self._timeout = np.inf if command_timeout is None else command_timeout / self.control_period
         self._motions: dict[Mode, Motion] = {
             Mode.STOP: Stop(self.robot, self.control_period),
             Mode.DAMP: Damp(self.robot, self.control_period),
@@ -115,7 +97,7 @@ class Safe(Policy):
         return np.isin(self._mode, (Mode.STOP, Mode.DAMP))
 
     def events(self) -> list[Event]:
-        """The latest changes of mode and time-outs, oldest first."""
+        """The latest changes of mode, oldest first."""
         return list(self._log)
 
     def failures(self) -> list[str]:
@@ -126,22 +108,16 @@ class Safe(Policy):
         """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
         self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, REQUESTED)
 
-    def command_received(self, mask: ArrayLike | None = None) -> None:
-        """Note that those robots' commands are fresh."""
-        self._silence[chosen(mask, self.num_envs)] = 0
-
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
         """Start `num_envs` robots anew, the policy included; what it raises, it raises here."""
         super().reset(num_envs, seed)
         self.policy.reset(num_envs, seed)
-        if self._fallback is not None:
-            self._fallback.reset(num_envs, seed)
 
     def _allocate(self, num_envs: int) -> None:
         self._step = 0
         self._mode = np.zeros(num_envs, np.int8)
         self._entered = np.zeros(num_envs, np.bool_)
-        self._targets, self._silence = np.tile(self.robot.home_pose, (num_envs, 1)), np.zeros(num_envs, np.int64)
+        self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
         self._reference, self._recent = np.zeros((num_envs, 2)), np.zeros((num_envs, 2))
         self._log, self._failures = deque[Event](maxlen=LOG_CAPACITY), deque[str](maxlen=64)
         self._brace.reset(num_envs)
@@ -150,15 +126,12 @@ class Safe(Policy):
 
     def _restart(self, mask: Mask) -> None:
         self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, STARTED)
-        self._targets[mask], self._silence[mask] = self.robot.home_pose, 0
+        self._targets[mask] = self.robot.home_pose
         self._reference[mask], self._recent[mask] = 0.0, 0.0
         self.policy.reset_where(mask)
-        if self._fallback is not None:
-            self._fallback.reset_where(mask)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._step += 1
-        observation = self._with_fresh_commands(observation)
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
         self._watch(observation, rows)
@@ -179,7 +152,7 @@ class Safe(Policy):
         return to_actions(self.robot, self._targets)
 
     def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:
-        """Targets (n, 12) of the policy, or of its fallback, for the robots that follow one; the others' are spare."""
+        """Targets (n, 12) of the policy for the robots that follow it; the others keep theirs."""
         targets = self._targets.copy()
         following = self._mode <= Mode.CATCH
         if following.any():
@@ -187,24 +160,21 @@ class Safe(Policy):
                 answer = self.policy.act(self._slowed(observation))
             except Exception as error:
                 self._failures.append(f"step {self._step}: {described(error)}")
-                self._enter(following, self._after_failure, RAISED)
+                self._enter(following, Mode.STOP, RAISED)
             else:
                 self._accept(answer, following, targets)
-        if self._fallback is not None:  # walks along all the time, so as to take over in step
-            own = self._fallback.act(observation).astype(np.float64)
-            targets = np.where((self._mode == Mode.FALLBACK)[:, None], own, targets)
         return targets
 
     def _accept(self, answer: object, following: Mask, targets: Floats) -> None:
         """Put what the policy answered for the following robots into `targets`, if it is good."""
         if not isinstance(answer, np.ndarray) or answer.shape != targets.shape or answer.dtype.kind != "f":
-            self._enter(following, self._after_failure, MISSHAPEN)
+            self._enter(following, Mode.STOP, MISSHAPEN)
             return
         finite = np.isfinite(answer).all(axis=1)
         good = following & finite
         targets[good] = answer[good]
         if not finite.all():
-            self._enter(following & ~finite, self._after_failure, NOT_FINITE)
+            self._enter(following & ~finite, Mode.STOP, NOT_FINITE)
 
     def _slowed(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observation, the command nearer to zero as far as a robot is braced."""
@@ -231,23 +201,8 @@ class Safe(Policy):
             self._enter(tilted & (self._mode == Mode.CATCH), Mode.FOLLOW, TOO_FAR_OVER)
         self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, TOO_FAR_OVER)
 
-    def _with_fresh_commands(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The observation, stale commands zeroed."""
-        if np.isinf(self._timeout):
-            return observation
-        self._silence += 1
-        stale = self._silence > self._timeout
-        new = self._silence == np.floor(self._timeout) + 1
-        self._note(new, STALE)
-        observation = observation.copy()
-        observation[stale, OBSERVATION["command"]] = 0.0
-        return observation
-
     def _enter(self, mask: Mask, mode: Mode, reason: str) -> None:
         self._mode[mask] = mode
         self._entered |= mask
-        self._note(mask, reason)
-
-    def _note(self, mask: Mask, reason: str) -> None:
         for robot in np.flatnonzero(mask)[-LOG_CAPACITY:]:
             self._log.append(Event(self._step, int(robot), Mode(self._mode[robot]), reason))

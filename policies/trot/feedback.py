@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
-from policies.gait import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
+from policies.gait_cycle import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
 from policies.legs.following import Following
 from policies.legs.foot_path import lift, load
 from policies.legs.footholds import Planar, captured, passing, raibert, swung, within_reach

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
-from policies.gait import TROT_OFFSETS, Floats, Gait, mapped
+from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, mapped
 from policies.legs.foot_path import lift, load, stride
 from policies.legs.kinematics import held_up, leg_angles
 from policies.parameters import Parameters, from_json, in_force, number, read, search_ranges_of

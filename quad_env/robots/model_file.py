@@ -1,6 +1,7 @@
 """A user's model file: read as MuJoCo compiles it, what it holds besides the robot, the digest of a robot's model."""
 
 import hashlib
+import re
 import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -8,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from quad_env.files.reading import check_file, read_bytes
 from quad_env.robots.anatomy import Anatomy, ModelError, anatomy
 from quad_env.robots.collisions import GROUND_BIT
-from quad_env.robots.named_files import check_named
 from quad_env.robots.shapes import SHAPES
 
 LARGEST_FILE = 50_000_000
@@ -103,3 +104,23 @@ def log_to_the_console() -> None:
     if log.logfile == _DEFAULT_LOG:
         log.logto_file = False
         log.set()
+
+
+_FILE = re.compile(r"""\bfile\w*\s*=\s*["']([^"'\0]+)["']""")
+_FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'\0]*)["']""")
+_MODELS = ".xml", ".urdf"
+
+
+def check_named(path: Path) -> None:
+    """Raise OSError if the MJCF, or a file that it names, is no regular file or too large; what is missing is MuJoCo's
+    to say."""
+    todo, texts = [path], dict[Path, str]()
+    while todo:
+        file = todo.pop()
+        text = texts[file] = read_bytes(file).decode(errors="replace")
+        folders = {"", *(folder for each in texts.values() for folder in _FOLDER.findall(each))}
+        for place in {path.parent / folder / name for folder in folders for name in _FILE.findall(text)}:
+            if place.exists():
+                check_file(place)
+                if place.suffix.lower() in _MODELS and place not in texts:
+                    todo.append(place)

@@ -20,8 +20,8 @@ from evaluate.commands.options import Options as Evaluation
 from evaluate.commands.plan import check
 from evaluate.records.store import read_run
 from policies import bundle
-from policies.bases import describe
 from policies.parameters import limits_of, number
+from policies.residual_bases import describe
 from policies.shipped import folder_of
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.reading import read_bytes

@@ -27,6 +27,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task import rewards
+from tests.planted_faults.harness import Faults, Plant, tests_of
 
 FORWARD = {"command": (0.5, 0.0, 0.0)}
 TILTED = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(tilt=0.4))
@@ -257,9 +258,6 @@ def check_latency_delays_actions_and_readings_by_its_whole_steps() -> None:
     assert first["latency:3"] == (first["flat"][0] + 4, first["flat"][1] + 8)
 
 
-Plant = Callable[[pytest.MonkeyPatch], None]
-
-
 def reward_term(name: str, change: Callable[[Any], Any]) -> Plant:
     """The term is `change` of itself."""
     key = f"reward_{name}"
@@ -416,72 +414,50 @@ def purposes_share_their_seeds(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("evaluate.rollouts.experiment.episode_seeds", faulty)
 
 
-CHECKS = [value for name, value in sorted(globals().items()) if name.startswith("check_")]
-
-FAULTS: list[tuple[Plant, Callable[[], None]]] = [
-    (world_for_heading_frame, check_heading_velocity_is_the_displacement_seen_along_the_nose),
-    (roll_for_pitch_in_gravity, check_gravity_reads_as_the_trunk_is_tilted),
-    (roll_rate_for_pitch_rate, check_turning_rates_are_about_their_own_axes),
-    (two_joints_swapped_in_readings, check_joints_are_read_under_their_own_names),
-    (two_joints_swapped_in_targets, check_joints_move_when_their_own_target_does),
-    (reading_one_step_old, check_readings_are_of_this_step),
-    (time_out_counted_as_fall, check_standing_to_the_time_limit_is_no_fall),
-    (error_only_while_upright, check_an_earlier_fall_costs_more),
-    (steps_after_a_fall_billed_nothing, check_an_earlier_fall_costs_more),
-    (evaluation_draws_training_seeds, check_evaluation_seeds_are_never_drawn_elsewhere),
-    (purposes_share_their_seeds, check_evaluation_seeds_are_never_drawn_elsewhere),
-    (
+FAULTS: Faults = {
+    "world for heading frame": (
+        world_for_heading_frame,
+        check_heading_velocity_is_the_displacement_seen_along_the_nose,
+    ),
+    "roll for pitch": (roll_for_pitch_in_gravity, check_gravity_reads_as_the_trunk_is_tilted),
+    "roll rate for pitch rate": (roll_rate_for_pitch_rate, check_turning_rates_are_about_their_own_axes),
+    "two joints swapped in the readings": (two_joints_swapped_in_readings, check_joints_are_read_under_their_own_names),
+    "two joints swapped in the targets": (two_joints_swapped_in_targets, check_joints_move_when_their_own_target_does),
+    "a one-step-old reading": (reading_one_step_old, check_readings_are_of_this_step),
+    "time-out counted as fall": (time_out_counted_as_fall, check_standing_to_the_time_limit_is_no_fall),
+    "an early fall lowers the error: upright steps alone": (error_only_while_upright, check_an_earlier_fall_costs_more),
+    "an early fall lowers the error: nothing billed": (
+        steps_after_a_fall_billed_nothing,
+        check_an_earlier_fall_costs_more,
+    ),
+    "evaluation on training seeds": (evaluation_draws_training_seeds, check_evaluation_seeds_are_never_drawn_elsewhere),
+    "one family of seeds for every purpose": (
+        purposes_share_their_seeds,
+        check_evaluation_seeds_are_never_drawn_elsewhere,
+    ),
+    "tracking reward negated": (
         reward_term("linear_velocity_tracking", lambda term: lambda state: -term(state)),
         check_rewards_are_their_terms_of_this_step,
     ),
-    (reward_term("yaw_rate_tracking", forward_for_yaw), check_rewards_are_their_terms_of_this_step),
-    (weight_of("tilt", 0.5), check_rewards_are_their_terms_of_this_step),
-    (weight_of("fall", 1.0), check_a_fall_is_paid_for_once_with_one),
-    (command_turned(1), check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands),
-    (command_turned(2), check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands),
-    (dropped("ground"), check_what_a_scenario_asks_for_reaches_the_physics),
-    (dropped("motors"), check_what_a_scenario_asks_for_reaches_the_physics),
-    (dropped("payload"), check_what_a_scenario_asks_for_reaches_the_physics),
-    (latency_one_step_short, check_latency_delays_actions_and_readings_by_its_whole_steps),
-]
-IDS = (
-    "world for heading frame",
-    "roll for pitch",
-    "roll rate for pitch rate",
-    "two joints swapped in the readings",
-    "two joints swapped in the targets",
-    "a one-step-old reading",
-    "time-out counted as fall",
-    "an early fall lowers the error: upright steps alone",
-    "an early fall lowers the error: nothing billed",
-    "evaluation on training seeds",
-    "one family of seeds for every purpose",
-    "tracking reward negated",
-    "yaw term reads another index",
-    "tilt is paid for",
-    "falls are paid for",
-    "lateral command with the other sign",
-    "yaw rate command with the other sign",
-    "friction of the scenario dropped",
-    "torque limit of the scenario dropped",
-    "payload of the scenario dropped",
-    "latency a step short",
-)
+    "yaw term reads another index": (
+        reward_term("yaw_rate_tracking", forward_for_yaw),
+        check_rewards_are_their_terms_of_this_step,
+    ),
+    "tilt is paid for": (weight_of("tilt", 0.5), check_rewards_are_their_terms_of_this_step),
+    "falls are paid for": (weight_of("fall", 1.0), check_a_fall_is_paid_for_once_with_one),
+    "lateral command with the other sign": (
+        command_turned(1),
+        check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands,
+    ),
+    "yaw rate command with the other sign": (
+        command_turned(2),
+        check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands,
+    ),
+    "friction of the scenario dropped": (dropped("ground"), check_what_a_scenario_asks_for_reaches_the_physics),
+    "torque limit of the scenario dropped": (dropped("motors"), check_what_a_scenario_asks_for_reaches_the_physics),
+    "payload of the scenario dropped": (dropped("payload"), check_what_a_scenario_asks_for_reaches_the_physics),
+    "latency a step short": (latency_one_step_short, check_latency_delays_actions_and_readings_by_its_whole_steps),
+}
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("check_"))
-def test_the_code_passes(check: Callable[[], None]) -> None:
-    check()
-
-
-@pytest.mark.parametrize(("plant", "check"), FAULTS, ids=IDS)
-def test_the_fault_turns_its_check_red(
-    plant: Plant, check: Callable[[], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    plant(monkeypatch)
-    with pytest.raises(AssertionError):
-        check()
-
-
-def test_every_check_has_a_fault_that_turns_it_red() -> None:
-    assert {check for _, check in FAULTS} == set(CHECKS)
+test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = tests_of(globals(), FAULTS)

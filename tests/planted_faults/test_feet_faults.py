@@ -18,6 +18,7 @@ from quad_env.physics import footsteps
 from quad_env.physics.footsteps import Footsteps
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.planted_faults.harness import Faults, Plant, tests_of
 
 SPINNING = replace(quad_env.SCENARIOS["rough"], start=quad_env.StartNoise(tilt=0.3, angular_velocity=3.0))
 LEGS = len(SIMPLE_QUAD.leg_names)
@@ -124,9 +125,6 @@ def check_an_episode_that_ends_by_itself_leaves_no_swing_to_the_next() -> None:
         assert not shown[-1]["swing_time"].any()
 
 
-Plant = Callable[[pytest.MonkeyPatch], None]
-
-
 def motion(fault: Callable[..., tuple[np.ndarray, np.ndarray]]) -> Plant:
     """Where feet are and how they move is `fault` of the true function and its arguments."""
     true_motion = footsteps.feet_motion_in_world
@@ -211,8 +209,7 @@ def begun(change: Callable[[Any], Any]) -> Plant:
     return plant
 
 
-CHECKS = [value for name, value in sorted(globals().items()) if name.startswith("check_")]
-FAULTS: dict[str, tuple[Plant, Callable[[], None]]] = {
+FAULTS: Faults = {
     "two legs swapped": (motion(legs_swapped), check_feet_are_where_and_as_fast_as_mujoco_says),
     "velocity in the base frame": (motion(in_base_frame), check_feet_are_where_and_as_fast_as_mujoco_says),
     "velocity without the trunk's turning": (motion(not_turning), check_feet_are_where_and_as_fast_as_mujoco_says),
@@ -233,18 +230,4 @@ FAULTS: dict[str, tuple[Plant, Callable[[], None]]] = {
 }
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("check_"))
-def test_the_code_passes(check: Callable[[], None]) -> None:
-    check()
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_the_fault_turns_its_check_red(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    plant, check = FAULTS[fault]
-    plant(monkeypatch)
-    with pytest.raises(AssertionError):
-        check()
-
-
-def test_every_check_has_a_fault_that_turns_it_red() -> None:
-    assert {check for _, check in FAULTS.values()} == set(CHECKS)
+test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = tests_of(globals(), FAULTS)

@@ -18,6 +18,7 @@ from quad_env.scenarios.named import SCENARIOS, scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, episode_seeds
+from tests.planted_faults.harness import Faults, Plant, tests_of
 from train import validation
 from train.config import PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env, train
@@ -25,7 +26,6 @@ from train.sb3.ppo import build
 from train.search import evolution, feedback_cost, trot_cost
 from train.search.evolution import EpisodeEffort, evolve
 
-Plant = Callable[[pytest.MonkeyPatch], None]
 SETTINGS = PpoConfig(
     envs=6,
     rollout_steps=2,
@@ -276,8 +276,7 @@ def the_same_episodes_in_every_generation(patch: pytest.MonkeyPatch) -> None:
     )
 
 
-CHECKS = [value for name, value in sorted(globals().items()) if name.startswith("check_")]
-FAULTS: dict[str, tuple[Plant, Callable[[], None]]] = {
+FAULTS: Faults = {
     "best checkpoint on evaluation seeds": (
         seeds_of_evaluation("train.validation"),
         check_validation_is_on_its_own_episodes_and_ground,
@@ -347,18 +346,4 @@ FAULTS: dict[str, tuple[Plant, Callable[[], None]]] = {
 }
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("check_"))
-def test_the_code_passes(check: Callable[[], None]) -> None:
-    check()
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_the_fault_turns_its_check_red(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    plant, check = FAULTS[fault]
-    plant(monkeypatch)
-    with pytest.raises(AssertionError):
-        check()
-
-
-def test_every_check_has_a_fault_that_turns_it_red() -> None:
-    assert {check for _, check in FAULTS.values()} == set(CHECKS)
+test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = tests_of(globals(), FAULTS)

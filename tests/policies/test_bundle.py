@@ -11,11 +11,11 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 import policies
-from policies.bases import BASES
 from policies.bundle import DESCRIPTION, WEIGHTS, load, save
 from policies.history import Inputs
 from policies.network import Network
 from policies.residual import Features, ResidualPolicy
+from policies.residual_bases import BASES
 from policies.shipped import MODELS, folder_of
 from policies.trot.integral import integral_parameters
 from policies.trot.open_loop import Trot, TrotParameters

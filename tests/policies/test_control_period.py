@@ -148,8 +148,6 @@ def test_policies_within_a_policy_are_of_its_control_period():
     assert policies.Safe(slow()).control_period == 0.02
     with pytest.raises(ValueError, match=r"0.02 s"):
         policies.Behaviour(gait=slow())
-    with pytest.raises(ValueError, match=r"0.02 s"):
-        policies.Safe(policies.make("trot"), on_failure="fallback", fallback=slow())
     watched = Watched(slow)
     with pytest.raises(PolicyProcessError, match=r"0.02 s"):
         watched.reset()

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from policies.activations import LIMIT, lines_of, piece
-from policies.network import Network
+from policies.network import LIMIT, Network, lines_of, piece
 
 
 def random_network(activation="tanh", sizes=(62, 128, 128, 12)):

@@ -7,8 +7,8 @@ from typing import get_args
 
 import pytest
 
-from policies.bases import BASES
 from policies.parameters import limits_of
+from policies.residual_bases import BASES
 from quad_env.cli.command_line import UsageError
 from train.__main__ import parse
 from train.config import (

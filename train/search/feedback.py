@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from evaluate.measures.tracking import SETTLING_TIME
 from policies.base import CONTROL_PERIOD, Floats, Policy
-from policies.bases import BASES
 from policies.mpc import parameters as mpc_parameters
 from policies.parameters import Parameters, number
+from policies.residual_bases import BASES
 from policies.trot import feedback_parameters, integral
 from quad_env.seeding import episode_seeds
 from train.search.evolution import EpisodeEffort, Ranges, changes, evolve, judged, last

@@ -95,12 +95,6 @@ class Stops(Faulty):
     def fault(self):
         os.kill(os.getpid(), signal.SIGSTOP)
 
-class AllHang(Counts):
-    def __call__(self, observation):
-        action = super().__call__(observation)
-        time.sleep(60.0 * (self.calls == 3))
-        return action
-
 class Slow(Counts):
     def __call__(self, observation):
         time.sleep(0.02)
@@ -220,11 +214,10 @@ def test_a_policy_of_ours_in_a_file_acts_as_it_does_here(file: Path) -> None:
         ("Words", "gave <U4 of shape (12,), not numbers of shape (12,)"),
         ("Nan", "gave targets that are not finite"),
         ("Huge", "gave targets that are not finite"),
-        ("Hangs", "gave no answer within 0.5 s"),
     ],
 )
 def test_a_failure_is_that_of_one_robot(file: Path, name: str, reason: str) -> None:
-    of = served(file, name, deadline=0.5)
+    of = served(file, name)
     actions, failures = third_step(of)
     assert failures == {1: reason}
     np.testing.assert_allclose(actions[OTHERS], 0.03)
@@ -233,30 +226,22 @@ def test_a_failure_is_that_of_one_robot(file: Path, name: str, reason: str) -> N
     np.testing.assert_allclose(again.actions[OTHERS], 0.04)
 
 
-def test_calls_that_give_no_answer_take_two_deadlines_however_many_they_are(file: Path) -> None:
-    of, observations = served(file, "AllHang", deadline=1.0), np.zeros((30, OBSERVATION_SIZE), np.float32)
-    of.reset(30, 0)
-    for _ in range(2):
-        assert of.step(observations).failures == {}
-    began = time.monotonic()
-    assert of.step(observations).failures == dict.fromkeys(range(30), "gave no answer within 1 s")
-    assert time.monotonic() - began < 15.0  # 2 s, with room for a busy machine
+NO_SIGNALS = pytest.mark.skipif(sys.platform == "win32", reason="stops a process by a signal")
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="stops a process by a signal")
-@pytest.mark.parametrize("robots", [3, 256])
-def test_a_process_that_stops_is_ended_within_a_deadline_whatever_the_number_of_robots(
-    file: Path, robots: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("name", "robots"), [pytest.param("Stops", 3, marks=NO_SIGNALS), pytest.param("Hangs", 256)])
+def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_number_of_robots(
+    file: Path, name: str, robots: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("policies.foreign.policy.GRACE", 0.5)
     observations = np.resize(OBSERVATIONS, (robots, OBSERVATION_SIZE))
-    with closing(Foreign(f"{file}:Stops", deadline=1.0)) as policy:
+    with closing(Foreign(f"{file}:{name}", deadline=1.0)) as policy:
         policy.reset(robots)
         for _ in range(2):
             policy.act(observations)
         began = time.monotonic()
         policy.act(observations)
-        assert policy.failure.tolist() == ["gave no answer: no answer within 1500 ms"] * robots
+        assert policy.failure.tolist() == ["gave no answer within 1 s"] * robots
         assert time.monotonic() - began < 20.0  # a bound for a busy machine
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from policies.gait import PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Gait, advance, leg_phases
+from policies.gait_cycle import PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Gait, advance, leg_phases
 
 phases = st.floats(0.0, 2.0 * math.pi, exclude_max=True)
 duties = st.floats(0.3, 0.8)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from policies.gait import WALK_OFFSETS, Gait
+from policies.gait_cycle import WALK_OFFSETS, Gait
 from policies.legs.contacts import duty_factors, landing_offsets, landings, wrapped
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from policies.gait import Gait, LegCycle
+from policies.gait_cycle import Gait, LegCycle
 from policies.legs.foot_path import SWING_PATHS, hip_height, lift, load, stride, swing_path
 
 LEG = (0.0, 0.0, 0.0, 0.0)

@@ -8,10 +8,10 @@ import pytest
 import policies
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import roll_out
-from policies.gait import TURN, leg_phases
+from policies.gait_cycle import TURN, leg_phases
 from policies.gaits.parameters import OFFSETS
 from policies.legs.contacts import duty_factors, landing_offsets, landings, wrapped
-from policies.mpc.contact_states import contact_states
+from policies.mpc.contact import contact_states
 from policies.mpc.parameters import OTHER_GAITS, MpcParameters
 from policies.mpc.policy import Mpc, MpcWbc
 from quad_env.seeding import episode_seeds

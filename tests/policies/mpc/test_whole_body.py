@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from policies.mpc.leg_torques import leg_torques
 from policies.mpc.quadratic_program import solve
 from policies.mpc.rigid_body import Friction
-from policies.mpc.whole_body import Priorities, Torques, Wish, programs, torques
+from policies.mpc.whole_body import Priorities, Torques, Wish, leg_torques, programs, torques
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics, RigidBodies
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT

@@ -115,19 +115,6 @@ def test_the_same_faults_without_the_layer_reach_the_robot():
         drive(Breaking(all_nan))
 
 
-def test_failing_policy_may_be_followed_by_the_trot_or_by_damping():
-    walking = Safe(Breaking(raising), on_failure="fallback", fallback=policies.make("trot"))
-    trace, _ = drive(walking)
-    assert (trace.upright[-1] > 0.9).all()
-    assert walking.mode.tolist() == [Mode.FALLBACK] * 3
-    damped = Safe(Breaking(raising), on_failure="damp")
-    trace, torque = drive(damped)
-    assert torque <= SIMPLE_QUAD.rated_torque
-    assert (trace.joint_speed[-1] < 0.5).all()
-    with pytest.raises(ValueError, match="fallback"):
-        Safe(policies.make("trot"), on_failure="fallback")
-
-
 def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped():
     watched = Watched(functools.partial(policies.make, "trot"), deadline=5.0)
     policy = Safe(watched)
@@ -216,26 +203,6 @@ def test_emergency_stop_of_a_walking_robot_is_a_controlled_stop():
 
     trace, _ = drive(policy, before_step=stop)
     assert controlled_stops(trace, np.full(3, 350), 0.01).all()
-
-
-def test_stale_command_counts_as_zero_until_a_fresh_one_comes():
-    seen = []
-    spy = Breaking(lambda action: action, after=0)
-    spy._trot.act = lambda observation: (
-        seen.append(observation[:, OBSERVATION["command"]].copy()) or np.zeros((2, 12), np.float32)
-    )
-    policy = Safe(spy, alarm_above=100.0, command_timeout=0.1)
-    policy.reset(2)
-    observation = np.zeros((2, OBSERVATION_SIZE), np.float32)
-    observation[:, OBSERVATION["command"]] = 1.0
-    for step in range(15):
-        policy.command_received(np.array([True, False]))
-        policy.act(observation)
-        assert seen[-1].any(axis=1).tolist() == [True, step < 10]
-    assert [(event.robot, event.step) for event in policy.events() if event.reason == "command timed out"] == [(1, 11)]
-    policy.command_received()
-    policy.act(observation)
-    assert seen[-1].all()
 
 
 joint_rows = st.lists(st.floats(-3.0, 3.0), min_size=12, max_size=12)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import policies
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from policies.gait import TROT_OFFSETS, Gait
+from policies.gait_cycle import TROT_OFFSETS, Gait
 from policies.legs.foot_path import lift
 from policies.legs.kinematics import foot_positions
 from policies.parameters import limits_of

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import policies
-from policies.bases import BASES
 from policies.gaits.parameters import GaitParameters
 from policies.mpc.parameters import MpcParameters
 from policies.parameters import Parameters, likewise, likewise_ranges
+from policies.residual_bases import BASES
 from policies.trot.feedback_parameters import FeedbackParameters
 from policies.trot.integral import IntegralParameters
 from policies.trot.open_loop import SEARCH_RANGES, TrotParameters, searched_parameters

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 import policies
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import DIVERGED, FELL, OFF_COMMAND, POLICY_ERROR, STALLED, SUCCEEDED
-from policies.bases import BASES
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from policies.parameters import limits_of
+from policies.residual_bases import BASES
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds

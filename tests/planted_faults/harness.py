@@ -1,0 +1,35 @@
+"""Faults planted into the real code: each must turn a named check red that passes on the code as it is."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import pytest
+
+Plant = Callable[[pytest.MonkeyPatch], None]
+Check = Callable[[], None]
+Faults = Mapping[str, tuple[Plant, Check]]
+"""What plants a fault and the check that must fail with it, by the fault's name."""
+
+
+def tests_of(module: Mapping[str, Any], faults: Faults) -> tuple[Callable[..., None], ...]:
+    """Three tests of a module's `check_…` functions and of these faults, for pytest to find in the module.
+
+    Every check passes on the code as it is, every fault turns its check red, and no check is without a fault.
+    """
+    checks = [value for name, value in sorted(module.items()) if name.startswith("check_")]
+
+    @pytest.mark.parametrize("check", checks, ids=lambda check: check.__name__.removeprefix("check_"))
+    def the_code_passes(check: Check) -> None:
+        check()
+
+    @pytest.mark.parametrize("fault", faults)
+    def the_fault_turns_its_check_red(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        plant, check = faults[fault]
+        plant(monkeypatch)
+        with pytest.raises(AssertionError):
+            check()
+
+    def every_check_has_a_fault_that_turns_it_red() -> None:
+        assert {check for _, check in faults.values()} == set(checks)
+
+    return the_code_passes, the_fault_turns_its_check_red, every_check_has_a_fault_that_turns_it_red
