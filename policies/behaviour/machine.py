@@ -15,7 +15,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LOG_CAPACITY = 4096
-"""Entries of each log; older ones are dropped."""
+"""Entries of the log; older ones are dropped."""
 
 _SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
 for _number, _row in enumerate(TRANSITIONS):
@@ -43,17 +43,6 @@ class Change:
     reason: str
 
 
-@dataclass(frozen=True)
-class Refusal:
-    """One request refused."""
-
-    step: int
-    robot: int
-    state: State
-    request: str
-    reason: str
-
-
 class BehaviourMachine:
     """States of n robots. `request` asks, `observe` looks and lets happen what happens by itself."""
 
@@ -73,14 +62,14 @@ class BehaviourMachine:
         self.reset(num_envs)
 
     def reset(self, num_envs: int) -> None:
-        """All robots anew, logs emptied."""
+        """All robots at the start, the log empty."""
         self.step = 0
         self._state = np.full(num_envs, self._start, np.int8)
         self.ticks = np.zeros(num_envs, np.int64)
         """Control steps that each robot has been in its state, (n,)."""
         self._changed = np.ones(num_envs, np.bool_)
         self._conditions = {guard: np.zeros(num_envs, np.bool_) for guard in GUARDS}
-        self._log, self._refusals = deque[Change](maxlen=self._capacity), deque[Refusal](maxlen=self._capacity)
+        self._log = deque[Change](maxlen=self._capacity)
 
     def restart(self, mask: Mask) -> None:
         """Start those robots anew; logged."""
@@ -112,13 +101,9 @@ class BehaviourMachine:
         asked = chosen(mask, len(self._state))
         rows = self._rows(name, asked)
         refused: Mask = asked & (rows < 0)
-        if refused.any():
-            robots = np.flatnonzero(refused)
-            for robot in robots[-self._capacity :]:
-                state = State(self._state[robot])
-                self._refusals.append(Refusal(self.step, int(robot), state, name, refusal_reason(state, name)))
-            if mask is None:
-                raise RequestRefused(f"robot {robots[0]}: {refusal_reason(State(self._state[robots[0]]), name)}")
+        if mask is None and refused.any():
+            first = int(np.flatnonzero(refused)[0])
+            raise RequestRefused(f"robot {first}: {refusal_reason(State(self._state[first]), name)}")
         self._apply(rows)
         return refused
 
@@ -132,10 +117,6 @@ class BehaviourMachine:
     def changes(self) -> list[Change]:
         """The latest transitions, oldest first."""
         return list(self._log)
-
-    def refusals(self) -> list[Refusal]:
-        """The latest refused requests, oldest first."""
-        return list(self._refusals)
 
     def _rows(self, request: str, asked: Mask) -> NDArray[np.int64]:
         """Number of the row that each robot asked takes, (n,); -1 for none."""

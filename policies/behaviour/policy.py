@@ -28,7 +28,7 @@ _COMMAND = OBSERVATION["command"]
 
 
 class Behaviour(Policy):
-    """n robots, each in one `State`: ask with `request`, read `state`, `machine.changes()` and `machine.refusals()`.
+    """n robots, each in one `State`: ask with `request`, read `state` and `machine.changes()`.
 
     Args:
         start: state after a reset.

@@ -1,6 +1,6 @@
 """The gaits by name: footfall pattern and numbers of each, and frequency and duty factor by the speed asked for."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -130,15 +130,6 @@ def stepping(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, Flo
     frequency = values[:, column["frequency"]] + values[:, column["frequency_rise"]] * pace
     duty = values[:, column["duty"]] - values[:, column["duty_fall"]] * pace
     return np.clip(frequency, SLOWEST, FASTEST), np.clip(duty, SHORTEST_DUTY, LONGEST_DUTY)
-
-
-def held(parameters: GaitParameters, frequency: float | None, duty: float | None) -> GaitParameters:
-    """The parameters with the given frequency, Hz, and duty factor at every speed, where they are given."""
-    if frequency is not None:
-        parameters = replace(parameters, frequency=frequency, frequency_rise=0.0)
-    if duty is not None:
-        parameters = replace(parameters, duty=duty, duty_fall=0.0)
-    return parameters
 
 
 def row(parameters: GaitParameters) -> Floats:

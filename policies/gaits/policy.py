@@ -22,14 +22,13 @@ from policies.gaits.parameters import (
     OFFSETS,
     STAND,
     GaitParameters,
-    held,
     row,
     searched_parameters,
     slowed,
     stand_parameters,
     stepping,
 )
-from policies.legs.foot_path import SWING_PATHS, hip_height, load, swing_path
+from policies.legs.foot_path import cycloid, hip_height, load
 from policies.legs.kinematics import held_up, leg_angles
 from quad_env import OBSERVATION
 from quad_env.config import GRAVITY
@@ -80,7 +79,6 @@ class Gaits(GaitedPolicy):
         gait: the gait after a reset, one of `gait_parameters.GAITS`.
         name: the policy's name.
         parameters: of every gait that steps by name; None for the searched ones.
-        path: of the feet through the air, one of `foot_path.SWING_PATHS`.
     """
 
     swing: Mask
@@ -97,17 +95,13 @@ class Gaits(GaitedPolicy):
         gait: str = "trot",
         name: str = "gaits",
         parameters: Mapping[str, GaitParameters] | None = None,
-        path: str = "cycloid",
         *,
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
         robot = robot_of(robot)
         _known(gait)
-        if path not in SWING_PATHS:
-            raise ValueError(f"unknown foot path {path!r}; there are {', '.join(SWING_PATHS)}")
         self.name = name
-        self.path = path
         searched = searched_parameters(robot) if parameters is None else parameters
         self.parameters = {STAND: stand_parameters(robot), **searched}
         self.frequency = self.parameters[gait].frequency
@@ -137,18 +131,14 @@ class Gaits(GaitedPolicy):
         gait: str,
         mask: ArrayLike | None = None,
         *,
-        frequency: float | None = None,
-        duty: float | None = None,
         parameters: GaitParameters | None = None,
     ) -> None:
         """Have the robots where `mask`, (n,) of bool, is true change to a gait from now on; all robots without a mask.
 
-        Frequency, Hz, and duty factor follow from the commanded speed unless they are given; `parameters` stand in for
-        the gait's own.
-        Raises ValueError for a gait that does not exist or numbers out of range.
+        `parameters` replace the gait's own. Raises ValueError for a gait that does not exist.
         """
         _known(gait)
-        self._send(gait, chosen(mask, self.num_envs), held(parameters or self.parameters[gait], frequency, duty))
+        self._send(gait, chosen(mask, self.num_envs), parameters or self.parameters[gait])
 
     def _allocate(self, num_envs: int) -> None:
         super()._allocate(num_envs)
@@ -200,7 +190,7 @@ class Gaits(GaitedPolicy):
         p, robot = Columns(values), self.robot
         beat = self._beat(values)
         self._move_feet(beat, p, mapped(p, *(self._command[:, i, None] for i in range(3))))
-        _, lift = swing_path(beat.cycle.progress, self.path)
+        _, lift = cycloid(beat.cycle.progress)
         z = np.where(self.swing, p.step_height * lift, 0.0) - p.body_height
         z = z - hip_height(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
         y = self._y + p.sway * beat.sway
@@ -247,7 +237,7 @@ class Gaits(GaitedPolicy):
         half = 0.5 * beat.stance_time
         landing_x = middle_x + np.clip(half * ahead_x, -LONGEST_REACH, LONGEST_REACH)
         landing_y = middle_y + np.clip(half * ahead_y, -LONGEST_REACH, LONGEST_REACH)
-        share, _ = swing_path(beat.cycle.progress, self.path)
+        share, _ = cycloid(beat.cycle.progress)
         # Over the ground the foot is carried by `share` of the way, while the ground goes by evenly.
         gone = beat.swing_time * (share - beat.cycle.progress)
         air_x = self._left_x + (landing_x - self._left_x) * share + gone * ahead_x

@@ -37,22 +37,13 @@ def load(cycle: LegCycle) -> Floats:
     return np.where(cycle.swing, 0.0, 1.0 - edge * edge)
 
 
-SWING_PATHS = ("cycloid", "half-sine")
-"""Paths of a foot over the ground from lift-off to touch-down."""
-
-
-def swing_path(progress: Floats, path: str) -> tuple[Floats, Floats]:
+def cycloid(progress: Floats) -> tuple[Floats, Floats]:
     """Share of the way over the ground and of the step height at a swing progress from 0 to 1; shapes of `progress`.
 
-    The half-sine is the document's: even speed forward and sin(πt) up, so that the foot meets the ground at speed. The
-    cycloid, t - sin(2πt)/2π forward and sin²(πt) up, leaves the ground and lands on it at rest.
+    t - sin(2πt)/2π forward and sin²(πt) up: the foot leaves the ground and lands on it at rest.
     """
-    if path == "half-sine":
-        return progress, np.sin(np.pi * progress)
-    if path == "cycloid":
-        turn = 2.0 * np.pi * progress
-        return progress - np.sin(turn) / (2.0 * np.pi), 0.5 - 0.5 * np.cos(turn)
-    raise ValueError(f"unknown foot path {path!r}; there are {', '.join(SWING_PATHS)}")
+    turn = 2.0 * np.pi * progress
+    return progress - np.sin(turn) / (2.0 * np.pi), 0.5 - 0.5 * np.cos(turn)
 
 
 def hip_height(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce: Floats) -> Floats:

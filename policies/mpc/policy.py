@@ -69,8 +69,7 @@ class Mpc(ShiftableFootholds):
     Args:
         parameters: gait, cost and gains; None for those of `parameters_of`.
         gait: whose footfalls it has, by name.
-        solver: of its programs; `functools.partial(solve, deadline=0.002)` is one whose answers are late after 2 ms on
-            the wall clock, so that actions depend on the machine.
+        solver: of its programs.
         late: control steps by which joints are older than the moment at which it is shown them.
 
     A robot without a solution, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.

@@ -1,7 +1,6 @@
 """Small dense quadratic programs of one shape: minimise ½ xᵀHx + gᵀx where lower ≤ Ax ≤ upper."""
 
 from collections.abc import Callable
-from time import perf_counter
 from typing import NamedTuple
 
 import daqp
@@ -14,8 +13,6 @@ EQUALITY = 5
 """How DAQP marks a row that holds with equality."""
 SOLVED = 1
 """DAQP's answer where it has found the optimum."""
-LATE = 0
-"""No answer of DAQP's: it came after the deadline."""
 LARGEST_RESIDUAL = 1e-4
 """Up to which a solution is one: any of `Residuals`."""
 MOST_ITERATIONS = 300
@@ -72,25 +69,21 @@ class Solutions(NamedTuple):
 Solver = Callable[[Programs], Solutions]
 
 
-def solve(programs: Programs, deadline: float | None = None) -> Solutions:
+def solve(programs: Programs) -> Solutions:
     """The minima, by DAQP's dual active-set method, program by program; the residuals are worked out here.
 
-    A program without an answer within `MOST_ITERATIONS`, or within `deadline` s on the wall clock, is not solved.
+    A program without an answer within `MOST_ITERATIONS` is not solved.
     """
     hessian, gradient, rows, lower, upper = (np.ascontiguousarray(part) for part in programs[:5])
     value, multipliers = np.empty_like(gradient), np.empty_like(lower)
     sense = np.zeros(lower.shape[1], dtype=np.intc)
     sense[: programs.equalities] = EQUALITY
-    limits = {"iter_limit": MOST_ITERATIONS} | ({} if deadline is None else {"time_limit": deadline})
     answers = np.empty(len(gradient), np.int64)
     for i in range(len(gradient)):
-        began = perf_counter()
         value[i], _, answers[i], info = daqp.solve(
-            hessian[i], gradient[i], rows[i], upper[i], lower[i], sense.copy(), **limits
+            hessian[i], gradient[i], rows[i], upper[i], lower[i], sense.copy(), iter_limit=MOST_ITERATIONS
         )
         multipliers[i] = info["lam"]
-        if deadline is not None and perf_counter() - began > deadline:  # DAQP looks at the clock now and then only
-            answers[i] = LATE
     found = residuals(programs, value, multipliers)
     return Solutions(value, multipliers, (answers == SOLVED) & (found.worst < LARGEST_RESIDUAL), found)
 

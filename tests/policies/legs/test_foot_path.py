@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from policies.gait_cycle import Gait, LegCycle
-from policies.legs.foot_path import SWING_PATHS, hip_height, lift, load, stride, swing_path
+from policies.legs.foot_path import cycloid, hip_height, lift, load, stride
 
 LEG = (0.0, 0.0, 0.0, 0.0)
 
@@ -52,30 +52,16 @@ def test_load_is_taken_up_and_given_back_without_a_step_by_hand():
     np.testing.assert_allclose(load(cycle), [0.0, 0.0, 0.9375, 1.0, 0.0])  # 1 - (2·0.25 - 1)⁴ = 15/16
 
 
-@pytest.mark.parametrize("path", SWING_PATHS)
-def test_swing_paths_go_all_the_way_over_the_full_step_height(path):
-    share, up = swing_path(np.array([0.0, 0.5, 1.0]), path)
-    np.testing.assert_allclose(share, [0.0, 0.5, 1.0], atol=1e-12)
-    np.testing.assert_allclose(up, [0.0, 1.0, 0.0], atol=1e-12)
+def test_the_cycloid_is_a_rolling_circles_point_by_hand():
+    share, up = cycloid(np.array([0.0, 0.25, 0.5, 1.0]))
+    np.testing.assert_allclose(share, [0.0, 0.25 - 0.5 / np.pi, 0.5, 1.0], atol=1e-12)
+    np.testing.assert_allclose(up, [0.0, 0.5, 1.0, 0.0], atol=1e-12)
 
 
-def test_half_sine_is_the_documents_and_the_cycloid_a_rolling_circles_point_by_hand():
-    quarter = np.array([0.25])
-    np.testing.assert_allclose(swing_path(quarter, "half-sine"), [[0.25], [np.sqrt(0.5)]])
-    np.testing.assert_allclose(swing_path(quarter, "cycloid"), [[0.25 - 0.5 / np.pi], [0.5]])
-
-
-def test_the_cycloid_leaves_and_meets_the_ground_at_rest_where_the_half_sine_does_not():
+def test_the_cycloid_leaves_and_meets_the_ground_at_rest():
     h = 1e-4
     for end in (np.array([0.0, h]), np.array([1.0 - h, 1.0])):
-        assert np.abs(np.diff(swing_path(end, "cycloid")) / h).max() < 1e-3
-        # 1 along and ±π up, per swing.
-        np.testing.assert_allclose(np.abs(np.diff(swing_path(end, "half-sine")) / h), [[1.0], [np.pi]], rtol=1e-6)
-
-
-def test_unknown_swing_path_is_answered_with_the_valid_ones():
-    with pytest.raises(ValueError, match=r"square.*cycloid, half-sine"):
-        swing_path(np.zeros(1), "square")
+        assert np.abs(np.diff(cycloid(end)) / h).max() < 1e-3
 
 
 def thrown(fraction, bounce=1.0):

@@ -89,8 +89,3 @@ def test_one_without_a_solution_leaves_the_others_theirs() -> None:
 def test_a_program_beyond_the_limit_of_iterations_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(quadratic_program, "MOST_ITERATIONS", 2)
     assert not solve(programs()).solved.any()
-
-
-def test_a_program_beyond_its_deadline_is_not_solved() -> None:
-    assert not solve(programs(1, 400), deadline=1e-9).solved.any()
-    assert solve(programs(1, 400), deadline=60.0).solved.all()
