@@ -11,12 +11,16 @@ Faults = Mapping[str, tuple[Plant, Check]]
 """What plants a fault and the check that must fail with it, by the fault's name."""
 
 
-def tests_of(module: Mapping[str, Any], faults: Faults) -> tuple[Callable[..., None], ...]:
-    """Three tests of a module's `check_…` functions and of these faults, for pytest to find in the module.
+def checks_of(module: Mapping[str, Any]) -> list[Check]:
+    """The functions of a module, given by its `globals()`, whose names begin with `check_`."""
+    return [value for name, value in sorted(module.items()) if name.startswith("check_")]
+
+
+def tests_of(checks: list[Check], faults: Faults) -> tuple[Callable[..., None], ...]:
+    """Three tests of these checks and faults, for pytest to find in the module that they are assigned in.
 
     Every check passes on the code as it is, every fault turns its check red, and no check is without a fault.
     """
-    checks = [value for name, value in sorted(module.items()) if name.startswith("check_")]
 
     @pytest.mark.parametrize("check", checks, ids=lambda check: check.__name__.removeprefix("check_"))
     def the_code_passes(check: Check) -> None:

@@ -1,7 +1,6 @@
 import itertools
 from dataclasses import asdict, fields, replace
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -173,13 +172,6 @@ def test_targets_of_a_loaded_leg_differ_by_the_work_of_the_force():
         np.testing.assert_allclose(
             targets[:, joint] - joints[:, joint], -force * slope / SIMPLE_QUAD.servo_stiffness, atol=1e-8
         )
-
-
-def test_servo_stiffness_is_the_models():
-    env = gym.make("SimpleQuad-v0")
-    gains = env.unwrapped.model.actuator_gainprm[:, 0]
-    env.close()
-    assert (gains == SIMPLE_QUAD.servo_stiffness).all()
 
 
 def limited(parameters, command):

@@ -94,13 +94,6 @@ def test_every_joint_drops_out_and_every_dropout_lies_in_its_window() -> None:
     assert ((first >= 100 + 200 * np.arange(4)) & (first + 50 <= 300 + 200 * np.arange(4))).all()
 
 
-def test_wires_and_sensors_start_afresh_with_the_episode() -> None:
-    scenario = Scenario("late", latency=Latency(0.05, 0.05))
-    env = SimpleQuadVectorEnv(1, scenario)
-    twice = [[env.reset(seed=3)[0]] + [env.step(action[:1])[0] for action in ACTIONS[:20]] for _ in range(2)]
-    np.testing.assert_array_equal(*twice)
-
-
 def test_a_steady_force_pushes_all_the_time_in_its_own_direction() -> None:
     env = SimpleQuadVectorEnv(64, Scenario("wind", force=SteadyForce(30.0)))
     env.reset(seed=0)

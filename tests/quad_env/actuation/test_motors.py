@@ -1,7 +1,5 @@
 """Torque limit, bandwidth and payload, each measured."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -19,60 +17,12 @@ def start(simulation: Simulation, loads: np.ndarray | None = None) -> Simulation
     return simulation
 
 
-def largest_torque(motors: Motors) -> float:
-    simulation, rng = (
-        start(Simulation(SIMPLE_QUAD, Scenario("made", motors=motors), 1, 1, 100.0)),
-        np.random.default_rng(0),
-    )
-    torques = []
-    for _ in range(50):
-        simulation.step(rng.uniform(SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper, (1, 12)), None)
-        torques.append(simulation.state_of_one((0.0, 0.0, 0.0), simulation.motion_of_one()).joint_torque)
-    return float(np.abs(torques).max())
-
-
-@pytest.mark.parametrize("limit", [8.0, 40.0, 100.0])
-def test_torque_reaches_its_limit_and_never_goes_above(limit: float) -> None:
-    assert largest_torque(Motors(torque_limit=limit)) == limit
-
-
-@pytest.mark.parametrize("bandwidth", [2.0, 10.0])
-def test_a_slow_servo_goes_63_percent_of_a_step_in_one_time_constant(bandwidth: float) -> None:
-    """Torque kp (heard - q) - kv q̇ tells what target the servo goes by."""
-    simulation = start(Simulation(SIMPLE_QUAD, Scenario("made", motors=Motors(bandwidth=bandwidth)), 1, 1, 100.0))
-    for step in range(1, 21):
-        simulation.step(TARGET[None], None)
-        data = simulation.snapshot(0)
-        heard = (data.actuator_force + 10 * data.qvel[6:]) / 300 + data.qpos[7:]
-        share = 1 - math.exp(-0.01 * step * 2 * math.pi * bandwidth)
-        np.testing.assert_allclose(heard, SIMPLE_QUAD.home_pose + share * 0.1, atol=1e-9)
-
-
 def test_a_restarted_robot_with_slow_servos_stands() -> None:
     simulation = start(Simulation(SIMPLE_QUAD, Scenario("made", motors=Motors(bandwidth=2.0)), 2, 1, 100.0))
     for _ in range(30):
         simulation.step(np.tile(TARGET, (2, 1)), None)
     start(simulation).step(np.tile(SIMPLE_QUAD.home_pose, (2, 1)), None)
     assert np.abs(simulation.state(np.zeros((3, 2))).joint_torque).max() < 15
-
-
-def test_a_payload_adds_its_mass_where_it_is() -> None:
-    loads = np.array([(0.2, 0.0), (-0.1, 0.1)])
-    simulation = start(Simulation(SIMPLE_QUAD, Scenario("made", payload=Payload(6.0)), 2, 1, 100.0), loads)
-    for robot, load in enumerate(loads):
-        data = simulation.snapshot(robot)
-        trunk = simulation.model.body("base_link").id
-        assert simulation.model.body_subtreemass[trunk] == pytest.approx(SIMPLE_QUAD.mass + 6.0)
-        along, left = data.subtree_com[trunk, :2] - data.xpos[trunk, :2]
-        legs = com_of_the_bare_robot()
-        np.testing.assert_allclose(
-            (along, left), (6 * load + SIMPLE_QUAD.mass * legs) / (SIMPLE_QUAD.mass + 6), atol=1e-9
-        )
-
-
-def com_of_the_bare_robot() -> np.ndarray:
-    data = start(Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)).snapshot(0)
-    return np.array(data.subtree_com[1, :2] - data.xpos[1, :2])
 
 
 def test_a_payloads_mass_is_where_its_cube_is_drawn() -> None:

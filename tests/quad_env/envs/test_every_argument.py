@@ -715,23 +715,6 @@ def test_the_weight_of_each_reward_term_is_what_a_robot_earns_by(alone: bool) ->
 
 
 @BOTH
-def test_a_reset_can_hold_a_command(alone: bool) -> None:
-    asked = (0.4, -0.3, 0.2)
-    robot = Robot(alone, {"command": asked if alone else [(1.0, 1.0, 1.0), asked]}, **scene(commands=STRAIGHT))
-    np.testing.assert_allclose(series(command)(robot), np.tile(asked, (STEPS + 1, 2, 1)), rtol=1e-6)
-
-
-def test_a_reset_can_start_some_robots_alone() -> None:
-    robot = Robot(alone=False)
-    kept = after(lambda robot: robot.now.qpos.copy(), steps=3)(robot)
-    robot.env.reset(seed=SEED, options={"reset_mask": np.array([True, False])})
-    first, second = (robot.base.simulation.snapshot(row) for row in range(2))
-    np.testing.assert_array_equal(first.qpos, Robot(alone=True).now.qpos)
-    np.testing.assert_array_equal(second.qpos, kept)
-    np.testing.assert_array_equal(robot.env.reset()[0][1], Robot(alone=True).env.reset()[0], "its own seed's next")
-
-
-@BOTH
 def test_an_accelerometer_with_a_bias_says_where_down_is_at_first(alone: bool) -> None:
     robot = Robot(alone, **suite("imu")(replace(IDEAL.imu, accelerometer_bias=0.5)))
     up = np.array((0.0, 0.0, 9.81)) + 0.5 * BIAS[PLACES["accelerometer"]]

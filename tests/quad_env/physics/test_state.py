@@ -115,23 +115,6 @@ def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(terrain: Terra
     assert 0 < touches < 200, "the trunk must have touched the ground for this to show anything"
 
 
-def test_linear_and_heading_velocity_are_the_trunks_displacement_over_time(moving: Simulation) -> None:
-    before = moving.state(np.zeros((3, 3)))
-    moving.step(np.tile(SIMPLE_QUAD.home_pose, (3, 1)), np.zeros((3, 2)))
-    after = moving.state(np.zeros((3, 3)))
-    displacement = np.subtract(after.position, before.position) / 0.01
-    mean_velocity = (
-        np.einsum("ijn,jn->in", before.rotation, before.linear_velocity)
-        + np.einsum("ijn,jn->in", after.rotation, after.linear_velocity)
-    ) / 2
-    np.testing.assert_allclose(displacement, mean_velocity, atol=0.1)
-    nose = (np.array(before.rotation)[:2, 0] + np.array(after.rotation)[:2, 0]) / 2
-    nose /= np.linalg.norm(nose, axis=0)
-    forward, left = (nose * displacement[:2]).sum(axis=0), nose[0] * displacement[1] - nose[1] * displacement[0]
-    heading = (np.array(before.heading_velocity) + np.array(after.heading_velocity)) / 2
-    np.testing.assert_allclose(heading[:2], (forward, left), atol=0.1)
-
-
 def test_knee_torques_hold_the_weight() -> None:
     simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))

@@ -131,17 +131,6 @@ TOWER = (
 )
 
 
-def test_a_model_in_degrees_is_the_one_in_radians(tmp_path: Path) -> None:
-    for name, made in (("plain", Made()), ("turned", Made(signs=(-1, 1, -1), zeros=(0.2, 0.7, -1.4)))):
-        one = robot_of_text(tmp_path, made.xml(), name=name)
-        limits = one.joint_lower, one.joint_upper, one.model.actuator_ctrlrange
-        other = robot_of_text(tmp_path, in_degrees(made.xml()), name=name)
-        theirs_all = other.joint_lower, other.joint_upper, other.model.actuator_ctrlrange
-        for ours, theirs in zip(limits, theirs_all, strict=True):
-            np.testing.assert_allclose(ours, theirs, atol=1e-12)
-        standing(other)
-
-
 SCENE = {
     "a crate": ('<body name="crate" pos="3 0 1"><geom type="box" size="1 1 1" mass="600"/></body>', "body crate"),
     "a ball that rolls": (

@@ -184,12 +184,6 @@ def test_it_is_as_late_as_it_says_and_a_scenario_s_latency_comes_on_top() -> Non
     np.testing.assert_array_equal(both, then)
 
 
-def test_between_two_samples_it_stays_the_same() -> None:
-    now, sampled = scans(SMALL), scans(replace(SMALL, rate=25.0))
-    for step in range(len(now)):
-        np.testing.assert_array_equal(sampled[step], now[step - step % 4])
-
-
 def test_noise_has_its_size_and_is_white_and_no_two_robots_alike() -> None:
     added = scans(replace(SMALL, noise=0.05), 6, 120).astype(float) - scans(SMALL, 6, 120)
     assert added.std() == pytest.approx(0.05, rel=0.03)
