@@ -1,6 +1,6 @@
 """Controllers of the SimpleQuad: batched, from observations to joint targets, in NumPy alone.
 
-One is made for an environment, and asked at every control step:
+Make one for an environment and ask it at every control step:
 
     policy = policies.make("trot", robot=env.robot, control_period=env.dt)
     policy.reset(num_envs=n)
@@ -66,7 +66,7 @@ _MAKERS: dict[str, Callable[..., Policy]] = {
 }
 """What makes a policy for a `robot` and a `control_period`, s, by its name."""
 _PREDICTING = ("mpc", "mpc_wbc", "mpc_wbc_sighted", *_OTHER_GAITS)
-"""Those that are told by how many control steps the joints that they are shown are `late`."""
+"""Those that are given by how many control steps the observed joints are `late`."""
 
 SAFE = "safe:"
 """Before the name of any policy: that policy within the safety layer."""

@@ -19,7 +19,7 @@ Actions = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 CONTROL_PERIOD = 1.0 / TaskConfig().control_rate
-"""The environment's control period unless it is told another, s."""
+"""The environment's default control period, s."""
 
 
 class PolicyError(UserError, ValueError):
@@ -38,8 +38,8 @@ class Policy(ABC):
 
     name: str
     needed: Mask | None = None
-    """Robots whose actions somebody reads, (n,), all of them for None; a policy may save the work for the others, which
-    start anew before they are needed again."""
+    """Robots whose actions are used, (n,); None for all. A policy may save the work for the others, which are restarted
+    before their actions are used again."""
     height_scan: HeightScan | None = None
     """The scan that its environment is to have; None: it is shown none."""
 
@@ -64,14 +64,14 @@ class Policy(ABC):
             )
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Start `num_envs` robots anew. `seed` is for policies that draw; none here does."""
+        """Restart the policy for `num_envs` robots. `seed` is for policies that draw; none here does."""
         if num_envs < 1:
             raise ValueError(f"num_envs must be at least 1, not {num_envs}")
         self.num_envs, self.needed = num_envs, None
         self._allocate(num_envs)
 
     def reset_where(self, mask: ArrayLike) -> None:
-        """Start anew the robots where `mask`, shape (num_envs,) of bool, is true; the others go on."""
+        """Restart the robots where `mask`, shape (num_envs,) of bool, is true; the others go on."""
         self._restart(chosen(np.asarray(mask), self.num_envs))
 
     def act(self, observation: ArrayLike) -> Actions:

@@ -44,19 +44,19 @@ class Parameters:
                 raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
 
 
-def likewise(parameters: P, robot: Robot) -> P:
+def scaled_parameters(parameters: P, robot: Robot) -> P:
     """SimpleQuad's parameters for a robot, by dynamic similarity. Raises PolicyError for one of a size beyond any."""
     values = ((each.name, each.metadata["unit"], getattr(parameters, each.name)) for each in fields(parameters))
     try:
-        return replace(parameters, **{name: similarity.likewise(robot, value, unit) for name, unit, value in values})
+        return replace(parameters, **{name: similarity.scaled(robot, value, unit) for name, unit, value in values})
     except ValueError as error:
         raise PolicyError(f"SimpleQuad's parameters are none for {robot.name}: {error}") from None
 
 
-def likewise_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:
+def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:
     """Bounds of a search of SimpleQuad's parameters of that kind, for a robot."""
     units = {each.name: each.metadata["unit"] for each in fields(kind)}
-    ends = {name: [similarity.likewise(robot, end, units[name]) for end in bounds] for name, bounds in ranges.items()}
+    ends = {name: [similarity.scaled(robot, end, units[name]) for end in bounds] for name, bounds in ranges.items()}
     return {name: (min(both), max(both)) for name, both in ends.items()}
 
 
@@ -64,7 +64,7 @@ def in_force(robot: Robot, file: Path, decode: Callable[[Path], P]) -> P:
     """The robot's parameters: those of a file of that name in its own folder, or without one SimpleQuad's, of that
     file, by dynamic similarity. Raises PolicyError for a damaged file."""
     own = folder_of(robot) / file.name
-    return decode(own) if own.is_file() else likewise(decode(file), robot)
+    return decode(own) if own.is_file() else scaled_parameters(decode(file), robot)
 
 
 def from_json(kind: type[P], values: Any) -> P:

@@ -162,7 +162,7 @@ class ResidualPolicy(Policy):
         return self.base.phase if isinstance(self.base, GaitedPolicy) else None
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Start `num_envs` robots anew, base included."""
+        """Restart the policy, base included, for `num_envs` robots."""
         super().reset(num_envs, seed)
         self.base.reset(num_envs, seed)
         self.features.reset(num_envs)

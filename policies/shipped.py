@@ -11,7 +11,7 @@ name, in a folder a robot."""
 
 
 def folder_of(robot: Robot) -> Path:
-    """Folder of what was found for a robot: one of its name, for a user's beside the file that it was read from."""
+    """Folder of what was found for a robot: one of its name, next to the file of a user's robot."""
     if robot == SIMPLE_QUAD:
         return MODELS
     return (MODELS if robot.source is None else robot.source.parent) / robot.name

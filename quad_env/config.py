@@ -136,7 +136,7 @@ class RewardWeights:
 
 @dataclass(frozen=True)
 class RewardTerm:
-    """A reward term of your own, beside those of `RewardWeights`."""
+    """A reward term of your own, added to those of `RewardWeights`."""
 
     name: str
     """`reward_<name>` in the infos"""

@@ -290,7 +290,7 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
 
 def likewise(config: TrainConfig, hardware: Hardware) -> TrainConfig:
     """SimpleQuad's settings for another robot: the same shares on scenarios as hard for it."""
-    mixture = tuple((combination.likewise(name, hardware.quadruped), share) for name, share in config.mixture)
+    mixture = tuple((combination.scaled_name(name, hardware.quadruped), share) for name, share in config.mixture)
     return dataclasses.replace(config, robot=hardware.robot, mixture=mixture)
 
 

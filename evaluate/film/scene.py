@@ -10,7 +10,7 @@ from evaluate.rollouts.observers import Step
 from quad_env.columns import Array
 from quad_env.config import GRAVITY
 from quad_env.physics.marks import Arrow, Colour, Mark
-from quad_env.robots.similarity import likewise
+from quad_env.robots.similarity import scaled
 
 COMMAND: Colour = (0.25, 0.95, 0.35, 1.0)
 VELOCITY: Colour = (1.0, 0.8, 0.1, 1.0)
@@ -70,21 +70,21 @@ class Scene:
         trunk, terrain = self._step.infos["position"][0], env.scenario.terrain
         ghost = self.path.ghost(robot, terrain, GHOST)
         payload = env.scenario.payload
-        above = likewise(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
+        above = scaled(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
         yaw = heading(self._step)
-        ahead, cos, sin = likewise(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
+        ahead, cos, sin = scaled(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
         found: list[Mark] = [ghost, self._arrow(trunk, np.array(ghost.position) - trunk, THREAD, 0.3)]
         for (forward, left, _), colour, lift in (
             (self._step.infos["command"][0], COMMAND, above),
-            (self.velocity, VELOCITY, above + likewise(robot, 3.0 * _RADIUS, "m")),
+            (self.velocity, VELOCITY, above + scaled(robot, 3.0 * _RADIUS, "m")),
         ):
             way = ahead * np.array([cos * forward - sin * left, sin * forward + cos * left, 0.0])
             found.append(self._arrow(trunk + np.array([0.0, 0.0, lift]), way, colour))
         if self.pushed:
             weights = self._push / (robot.mass * GRAVITY)
-            found.append(self._arrow(trunk, likewise(robot, _FORCE, "m") * np.array([*weights, 0.0]), PUSH, 1.5))
+            found.append(self._arrow(trunk, scaled(robot, _FORCE, "m") * np.array([*weights, 0.0]), PUSH, 1.5))
         return found
 
     def _arrow(self, start: Array, way: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
-        radius = thickness * likewise(self._step.env.robot, _RADIUS, "m")
+        radius = thickness * scaled(self._step.env.robot, _RADIUS, "m")
         return Arrow(tuple(start.tolist()), tuple((start + way).tolist()), radius, colour)

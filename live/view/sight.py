@@ -11,7 +11,7 @@ from live.session import Session
 from live.view.orbit import Orbit
 from live.view.painter import Picture
 from quad_env.physics.marks import Ball, Colour, Ghost, Mark
-from quad_env.robots.similarity import likewise
+from quad_env.robots.similarity import scaled
 
 FOOTHOLDS = 24
 """Footholds of the first robot that stay to be seen."""
@@ -48,7 +48,7 @@ class Sight:
         else:
             self._scene.advance(step)
         if step.number:
-            radius = likewise(step.env.robot, _FOOTHOLD_RADIUS, "m")
+            radius = scaled(step.env.robot, _FOOTHOLD_RADIUS, "m")
             for place in step.infos["foot_position"][0][touching & ~self._touching]:
                 self._footholds.append(Ball(tuple(place.tolist()), radius, _FOOTHOLD))
         self._command, self._touching = command.copy(), touching.copy()

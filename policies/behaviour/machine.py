@@ -72,10 +72,10 @@ class BehaviourMachine:
         self._log = deque[Change](maxlen=self._capacity)
 
     def restart(self, mask: Mask) -> None:
-        """Start those robots anew; logged."""
+        """Restart those robots; logged."""
         for robot in np.flatnonzero(mask)[-self._capacity :]:
             source = State(self._state[robot])
-            self._log.append(Change(self.step, int(robot), source, self._start, "started anew"))
+            self._log.append(Change(self.step, int(robot), source, self._start, "restarted"))
         self._enter(mask, self._start)
         for holds in self._conditions.values():
             holds[mask] = False

@@ -1,4 +1,4 @@
-"""Motions of the legs that end: each is asked for targets of the robots that are in it, and starts them anew."""
+"""Motions of the legs with an end: each gives the targets of the robots in it, and can restart them."""
 
 from abc import ABC, abstractmethod
 from typing import Any
@@ -27,7 +27,7 @@ class Motion(ABC):
         self._target, self._ticks = np.tile(self._robot.home_pose, (num_envs, 1)), np.zeros(num_envs, np.int64)
 
     def start(self, mask: Mask, joints: Floats) -> None:
-        """Begin anew with those robots, whose joints (k, 12), rad, are where the motion starts from."""
+        """Start the motion of those robots from their joint angles (k, 12), rad."""
         self._target[mask], self._ticks[mask] = joints, 0
 
     @abstractmethod

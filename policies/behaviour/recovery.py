@@ -56,12 +56,12 @@ class RecoveryParameters(Parameters):
     land: Legs
     tuck: Legs
     gather_blend: float
-    """From the pose before, s; likewise the other blends."""
+    """Blend from the pose before, s; the other blends too."""
     land_blend: float
     tuck_blend: float
     stand_blend: float
     gather_time: float
-    """In the phase, s; likewise the other times."""
+    """In the phase, s; the other times too."""
     kick_time: float
     """Longest time in the phase, s."""
     land_time: float

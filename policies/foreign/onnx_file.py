@@ -116,8 +116,8 @@ def _difference(model: _Model, network: Network, count: int) -> float:
     """Largest difference of the two networks' corrections over so many features; infinite for other shapes, and NaN for
     what is none."""
     features = np.random.default_rng(0).standard_normal((count, network.sizes[0])).astype(np.float32)
-    told = np.array([model.one(row) for row in features])
-    return float(np.abs(told - network(features)).max()) if told.shape == (count, network.sizes[-1]) else np.inf
+    found = np.array([model.one(row) for row in features])
+    return float(np.abs(found - network(features)).max()) if found.shape == (count, network.sizes[-1]) else np.inf
 
 
 def export(folder: Path, file: Path, checked: int, robot: Robot | None = None) -> float:

@@ -81,7 +81,7 @@ class Foreign(Policy):
 
     @property
     def stopped(self) -> NDArray[np.bool_] | None:
-        """Which robots it has stopped itself, (n,); None if it does not tell."""
+        """Which robots it has stopped itself, (n,); None if it does not report that."""
         return self._signals.get("stopped")
 
     def close(self) -> None:
@@ -90,7 +90,7 @@ class Foreign(Policy):
         self._stepped = False
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Start `num_envs` robots anew."""
+        """Restart the policy for `num_envs` robots."""
         super().reset(num_envs, seed)
         self._note(self._asked("reset", num_envs, seed) or {})
         self._signals = self._asked("signals") or {}
@@ -141,8 +141,8 @@ def _found_way(process: Watched) -> str:
     try:
         way: str = process.ask(("found_way",), START_TIMEOUT)
     except (DeadlineMissed, PolicyProcessError) as error:
-        told = str(error).removeprefix("PolicyError: ")
-        raise PolicyError(told if told != str(error) else f"cannot load {process.name}: {told}") from None
+        reason = str(error).removeprefix("PolicyError: ")
+        raise PolicyError(reason if reason != str(error) else f"cannot load {process.name}: {reason}") from None
     finally:
         process.close()
     return way

@@ -51,7 +51,7 @@ def found(reference: Reference) -> Any:
 
 
 def _run(reference: Reference) -> ModuleType:
-    """The file as a module, which finds those beside it."""
+    """The file as a module, which can import its neighbours."""
     file = reference.file.resolve()
     sys.path.insert(0, str(file.parent))
     name = f"policy_of_{file.stem}"

@@ -19,9 +19,9 @@ from quad_env.robots.robot import Robot
 def load(reference: Reference, robot: Robot) -> Maker:
     """Gives the model's deterministic action for one observation, as joint targets of the robot, rad.
 
-    Raises PolicyError, one line, for what is no model, and for actions of which the file does not tell what they mean.
+    Raises PolicyError, one line, for what is no model, and for actions whose meaning the file does not give.
     """
-    # By name: judging imports no learner, except where it is asked to judge a learner's own file.
+    # By name: evaluating imports no learner, except for a learner's own file.
     torch: Any = import_module("torch")
     files: Any = import_module("stable_baselines3.common.save_util")
     torch.set_num_threads(1)
@@ -54,8 +54,8 @@ def _normaliser(reference: Reference, space: Any) -> Callable[[Any], Any]:
         normalised: Callable[[Any], Any] = found.normalize_obs
         shape = normalised(np.zeros(space.shape, np.float32)).shape
     except Exception as error:
-        told = f"{type(error).__name__}: {error}"
-        raise PolicyError(f"{reference.normaliser} is no VecNormalize of {reference.file.name} ({told})") from error
+        reason = f"{type(error).__name__}: {error}"
+        raise PolicyError(f"{reference.normaliser} is no VecNormalize of {reference.file.name} ({reason})") from error
     if shape != space.shape:
         raise PolicyError(f"{reference.normaliser} is of observations {shape}, and {reference.file} of {space.shape}")
     return normalised
@@ -69,8 +69,8 @@ def _meaning(space: Any, reference: Reference, robot: Robot) -> Callable[[Any], 
         return space.targets
     if isinstance(space, Box) and (space.low == -1.0).all() and (space.high == 1.0).all():
         raise PolicyError(
-            f"{reference} gives actions from -1 to 1, and does not tell which joint targets these stand for: train it "
-            "in quad_env.HomePoseActions, or turn its actions into rad in a class of a Python file"
+            f"{reference} gives actions from -1 to 1, and the file does not say which joint targets these stand for: "
+            "train it in quad_env.HomePoseActions, or turn its actions into rad in a class of a Python file"
         )
     return _as_they_are
 

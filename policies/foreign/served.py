@@ -22,7 +22,7 @@ from quad_env.task.observations import observation_table
 POLICY, ROBOT, BATCH = "policy", "robot", "batch"
 """Ways to ask: a `Policy`; a callable of one robot's observation; a callable of every robot's."""
 SIGNALS = ("phase", "correction", "base_action", "stopped")
-"""What some policies tell of themselves, (n, …)."""
+"""Signals that some policies report, (n, …)."""
 PATIENCE_AT_FIRST = 6
 """How many deadlines the first call may last, in which some compile themselves."""
 LONGEST_REASON = 200
@@ -97,13 +97,13 @@ class Served:
         """Nothing, for `serve` has checked it."""
 
     def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
-        """Start so many robots anew; why it failed, robot by robot."""
+        """Restart the policy for so many robots; why it failed, by robot."""
         self._failed = np.zeros(num_envs, np.bool_)
         self._acts = [_nothing] * (num_envs if self.way == ROBOT else 1)
         return self._begin(np.ones(num_envs, np.bool_), seed)
 
     def reset_where(self, mask: Mask) -> dict[int, str]:
-        """Start those robots anew; a callable of a batch goes on as it is."""
+        """Restart those robots; a callable of a batch goes on as it is."""
         self._failed[mask] = False
         if self.way == BATCH:
             return {}
@@ -195,7 +195,7 @@ MOST = 1000
 
 
 class Prints(io.TextIOBase):
-    """A stream that passes on so much and no more, nothing that steers a terminal among it."""
+    """A stream that passes on MOST characters and no control characters."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream, self._left = stream, MOST

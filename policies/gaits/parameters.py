@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from policies.gait_cycle import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
-from policies.parameters import Parameters, from_json, likewise, number, read
+from policies.parameters import Parameters, from_json, number, read, scaled_parameters
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import WIDE
@@ -146,4 +146,4 @@ def searched_parameters(robot: Robot = SIMPLE_QUAD) -> dict[str, GaitParameters]
             raise ValueError(f"it has {', '.join(gaits)} instead of {', '.join(OFFSETS)}")
         return {name: from_json(GaitParameters, values) for name, values in gaits.items()}
 
-    return {name: likewise(each, robot) for name, each in read(PARAMETERS_FILE, "gait", decoded).items()}
+    return {name: scaled_parameters(each, robot) for name, each in read(PARAMETERS_FILE, "gait", decoded).items()}

@@ -1,4 +1,4 @@
-"""How far the joints follow their targets: slow or weak motors move them less than they are told to."""
+"""How far the joints follow their targets: slow or weak motors move them less than they are commanded."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from policies.legs.memory import Memory, taken_in
 MEMORY_TIME = 0.3
 """Time constant of both movements, s: about two strides."""
 AT_FIRST = 10.0
-"""Speed of each joint at the start, both told and made, rad/s: nothing is known yet."""
+"""Speed of each joint at the start, both commanded and made, rad/s: nothing is known yet."""
 
 
 class Following:
@@ -17,21 +17,21 @@ class Following:
     def __init__(self, joints: int, control_period: float) -> None:
         self._share = taken_in(control_period, MEMORY_TIME)
         first = AT_FIRST * control_period * joints
-        self.memory = Memory(told=first, made=first, targets=np.zeros(joints), joints=np.zeros(joints))
+        self.memory = Memory(commanded=first, made=first, targets=np.zeros(joints), joints=np.zeros(joints))
 
     def read(self, joints: Floats, walking: Floats) -> None:
-        """The joints' places, (joints, n), rad, one control period after `tell`; what a robot learns from them counts
-        as far as it is `walking`, 0 … 1, (n,)."""
+        """The joints' places, (joints, n), rad, one control period after `command`; the robot's share of walking
+        weighs them, `walking`, 0 … 1, (n,)."""
         self._move("made", "joints", joints, walking)
 
-    def tell(self, targets: Floats, walking: Floats) -> None:
+    def command(self, targets: Floats, walking: Floats) -> None:
         """The new targets, (joints, n), rad, from the pose that all joints start in, as their places are."""
-        self._move("told", "targets", targets, walking)
+        self._move("commanded", "targets", targets, walking)
 
     @property
     def ratio(self) -> Floats:
-        """Movement made per movement told, (n,): 1 of joints that do as they are told, 0 of those that do not move."""
-        return self.memory["made"] / np.maximum(self.memory["told"], 1e-9)
+        """Movement made per movement commanded, (n,): 1 where all joints follow their targets, 0 where none moves."""
+        return self.memory["made"] / np.maximum(self.memory["commanded"], 1e-9)
 
     def _move(self, movement: str, places: str, now: Floats, walking: Floats) -> None:
         memory = self.memory

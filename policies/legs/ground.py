@@ -1,4 +1,4 @@
-"""The ground that a robot walks on, as far as its feet tell: height, slope, and how uneven it is."""
+"""The ground that a robot walks on, estimated from its feet: height, slope, and how uneven it is."""
 
 import numpy as np
 from numpy.typing import NDArray

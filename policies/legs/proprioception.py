@@ -1,4 +1,4 @@
-"""What a legged robot feels, from its observation: attitude, velocity, turning, and where its feet are."""
+"""What a legged robot measures of itself, from its observation: attitude, velocity, turning, and where its feet are."""
 
 from typing import NamedTuple
 

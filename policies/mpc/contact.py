@@ -1,7 +1,7 @@
-"""What a robot feels without a sensor in its feet: the force on each, what else pushes it, and how slippery it is.
+"""Contact estimated without sensors in the feet: the force on each foot, other pushes, and the friction.
 
 Over the last control period the equations of motion hold on average. What the motion needed less what the servos gave
-is the ground's: the leg joints' part tells the force on each foot, and what these forces leave of the trunk's part is
+is the ground's: the leg joints' part gives the force on each foot, and what these forces leave of the trunk's part is
 the wrench of a push, a load or the wind. A momentum observer in its simplest form; see De Luca and Mattone, "Sensorless
 robot collision detection and hybrid force/motion control", ICRA 2005.
 """
@@ -23,7 +23,7 @@ LARGEST_WRENCH = np.array([80.0, 80.0, 400.0, 15.0, 15.0, 15.0])
 LARGEST_LIFT = 40.0
 """The same upward, N: loads press."""
 IMPACT = 300.0
-"""Force of a foot, N, from which a control period is an impact, too short to tell of anything else."""
+"""Force of a foot, N, from which a control period is an impact, too short for any other estimate."""
 FIRM = 30.0
 """Force of a foot that stands firmly, N; a robot that does not stand on two such feet, tilted or in the air, may touch
 the ground with whatever it likes."""
@@ -38,11 +38,11 @@ LEAST_GRIP = 0.05
 SLIP_SHARE = 0.3
 """Of what a slip shows, what is taken in within a control period."""
 _SINGULAR = 1e-4
-"""Added to the squared Jacobian of a leg, m²: a straight one feels no force along itself."""
+"""Added to the squared Jacobian of a leg, m²: a straight leg shows no force along itself."""
 
 
 class ContactSense:
-    """Feels n robots, control period by control period."""
+    """Contact estimates of n robots, updated at every control period."""
 
     def __init__(self, robot: Robot, parameters: MpcParameters, period: float) -> None:
         self._robot, self._parameters, self._period = robot, parameters, period
@@ -71,7 +71,7 @@ class ContactSense:
         self.wrench[mask] = 0.0
         self.grip[mask] = self._parameters.friction
 
-    def feel(self, motion: Motion, weight: Floats) -> Floats:
+    def estimate(self, motion: Motion, weight: Floats) -> Floats:
         """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.
 
         `weight`: of the loads that the motion's bodies have already, as a wrench, (n, 6).
@@ -88,7 +88,7 @@ class ContactSense:
         shares = at_first_a_mean(self._shares, FIRST + self._looks[:, None])
         self.wrench += np.where(telling[:, None], shares, 0.0) * (bounded - self.wrench)
         self._looks += telling
-        self._feel_slip(forces, motion.feet_velocity)
+        self._estimate_friction(forces, motion.feet_velocity)
         return forces
 
     def _explained(self, motion: Motion) -> tuple[Floats, Floats]:
@@ -115,7 +115,7 @@ class ContactSense:
         forces = np.where(forces[..., 2:] < 0.0, 0.0, forces)
         return forces, needed[:, :6] - np.einsum("nlxk,nlx->nk", bodies.jacobians[..., :6], forces)
 
-    def _feel_slip(self, forces: Floats, velocity: Floats) -> None:
+    def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
         """Take the ratio of the forces of a foot that slides for the friction; forget it slowly."""
         p = self._parameters
         speed, across = np.hypot(velocity[..., 0], velocity[..., 1]), np.hypot(forces[..., 0], forces[..., 1])
@@ -150,15 +150,15 @@ class ContactStates(NamedTuple):
     late: Mask
     """That should stand and have not touched the ground yet."""
     landed: Mask
-    """Whose places tell of the ground."""
+    """Whose places show the ground."""
 
 
 def contact_states(
     p: MpcParameters, cycle: LegCycle, felt: LegCycle, force: Floats, new: Mask, *, flies: bool
 ) -> ContactStates:
-    """Contacts by the gait now and when the vertical forces of the feet were `felt`, (n, 4), N.
+    """Contacts by the gait now and at the time of the estimated vertical forces of the feet, `felt`, (n, 4), N.
 
-    `new`: robots that have felt nothing yet, (n,); `flies`: whether all feet may be in the air together.
+    `new`: robots without an estimate yet, (n,); `flies`: whether all feet may be in the air together.
     """
     old = ~new[:, None]
     touching = force > p.touch_force

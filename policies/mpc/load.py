@@ -1,4 +1,4 @@
-"""The load that a robot carries, told from the wrench that its feet do not explain, as a mass in its rigid bodies.
+"""The load that a robot carries, estimated from the wrench that its feet do not explain, as a mass in its rigid bodies.
 
 A load is a point fixed to the trunk: with J its Jacobian and a its acceleration at zero generalised acceleration, the
 inertia matrix gains m Jᵀ J and the bias m Jᵀ (a + g).
@@ -16,7 +16,7 @@ from quad_env.physics.rotations import skew
 MOST = 40.0
 """Largest load that is believed, kg."""
 REACH = 0.25
-"""Farthest ahead of or beside the trunk's centre that a load is taken to be, m."""
+"""Farthest from the trunk's centre, forward or lateral, that a load is taken to be, m."""
 LEAST = 0.5
 """kg from which a load is believed to be one; less is what the model is wrong by."""
 
@@ -38,7 +38,7 @@ class Load(NamedTuple):
         return np.concatenate((force, moment), axis=1)
 
 
-def told_by(wrench: Floats, height: float) -> Load:
+def estimated_load(wrench: Floats, height: float) -> Load:
     """The load whose weight is the downward force of a lasting wrench, (n, 6), `height` m above the trunk's centre."""
     mass = np.clip(-wrench[:, 2] / GRAVITY, 0.0, MOST)
     mass = np.where(mass < LEAST, 0.0, mass)

@@ -39,7 +39,7 @@ class Motion(NamedTuple):
 
 
 def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> Motion:
-    """Motion that observations (n, k) tell of."""
+    """Motion of observations (n, k)."""
     felt = observation.astype(np.float64)
     frame = level_frame(felt[:, OBSERVATION["projected_gravity"]].T)
     roll, pitch = frame.roll, frame.pitch

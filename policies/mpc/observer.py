@@ -1,11 +1,10 @@
-"""What a robot does when the next targets take effect, from readings that are noisy and late by nobody knows how much.
+"""What a robot does when the next targets take effect, from readings with unknown noise and delay.
 
-Nobody tells the controller of noise and delays; both show. Targets are known, and what joints do by them within a
-control period is foretold by the robot's dynamics (`servo_step`): of the delays from target to reading the one is
-believed whose targets explain the joints' speeds best. From the readings the motion is carried on over that delay by
-the targets that are on their way (a Smith predictor, "Closer control of loops with dead time", 1957, of the whole
-body). Where readings are noisy (`reading_noise`), a Kalman filter takes them in as far as they are better than what was
-foretold; readings without noise it takes as they are.
+The controller estimates noise and delay from the readings. Targets are known, and the robot's dynamics (`servo_step`)
+predict the joints' motion within a control period: the delay from target to reading is the one whose targets explain
+the joints' speeds best. From the readings the motion is predicted over that delay with the targets that are on their
+way (a Smith predictor, "Closer control of loops with dead time", 1957, of the whole body). Where readings are noisy
+(`reading_noise`), a Kalman filter weighs them against the prediction; readings without noise are taken as they are.
 """
 
 from typing import Any, TypeVar
@@ -41,14 +40,14 @@ NOISE_GAIN = 0.1
 """... and on top of that this share of the noise's own mean square."""
 MODEL_ERROR = 0.05
 """Mean square of the joints' speeds that no delay explains, rad²/s²."""
-FIRST_FORETOLD = 2
-"""Readings until one has been foretold from another that was."""
+FIRST_PREDICTED = 2
+"""Readings until one has been predicted from another predicted one."""
 DELAY_LOOKS = 16
 """Control steps before another delay is believed."""
 LISTENING = 4, 8
-"""Control steps at the start that tell whether readings are noisy, and how noisy if they are."""
+"""Control steps at the start in which the noise of the readings is measured."""
 UNFORESEEN = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
-"""What a control step brings of each group beyond what was foretold, standard deviations."""
+"""What a control step brings of each group beyond the prediction, standard deviations."""
 BOUNDS = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [3, 3, 3, 12, 12])
 """Largest readings that a motion is carried on to."""
 FAR = 10.0
@@ -67,7 +66,7 @@ class Observer:
         """Fresh state for so many robots."""
         self._noise.allocate(num_envs)
         self.listening = np.ones(num_envs, np.bool_)
-        """Robots that had better stand until it is known how noisy their readings are, (n,)."""
+        """Robots that stand until the noise of their readings is known, (n,)."""
         self.delays = np.zeros(num_envs, np.int64)
         """Control steps from the reading on which a target rests to when it takes effect, (n,)."""
         self._unexplained = np.zeros((LONGEST + 1, num_envs))
@@ -102,7 +101,7 @@ class Observer:
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
         noise = self._noise.variances(readings)
         if self._read is not None:
-            state = np.where((self.looks == 1)[:, None], readings, self._foretold(self._read, readings, noise, wrench))
+            state = np.where((self.looks == 1)[:, None], readings, self._predicted(self._read, readings, noise, wrench))
             seen[:, SENSED] = self._taken_in(state, readings, noise)
         shortly, longer = LISTENING
         self.listening = self.looks <= np.where(noise.any(axis=1), longer, shortly)
@@ -137,12 +136,12 @@ class Observer:
         """Of what was kept, (LONGEST + 1, n, …), that which led to the readings."""
         return kept[self.delays, np.arange(len(self.delays))]
 
-    def _foretold(self, before: Motion, readings: Floats, noise: Floats, wrench: Floats) -> Floats:
+    def _predicted(self, before: Motion, readings: Floats, noise: Floats, wrench: Floats) -> Floats:
         """Readings, (n, 33), as the motion a control step before lets them be; and the delay, as they show it."""
         step = response(self._robot, before, self._acted(self._standing), wrench, self._period)
         missed = step.velocity(self._targets)[..., 6:] - readings[:, SPEEDS]
         missed = (missed * missed).mean(axis=2)
-        known = self.looks - FIRST_FORETOLD
+        known = self.looks - FIRST_PREDICTED
         share = at_first_a_mean(taken_in(self._period, DELAY_TIME), known)
         self._unexplained += np.where(known > 0, share * (missed - self._unexplained), 0.0)
         best, left = self._unexplained.argmin(axis=0), self._acted(self._unexplained)
@@ -153,14 +152,14 @@ class Observer:
         return np.clip(carried(self._robot, before, velocity, self._period), -BOUNDS, BOUNDS)
 
     def _taken_in(self, state: Floats, readings: Floats, noise: Floats) -> Floats:
-        """What was foretold, (n, 33), corrected by the readings, of which each group has that noise, (n, 5)."""
+        """The prediction, (n, 33), corrected by the readings, of which each group has that noise, (n, 5)."""
         missed, out = readings - state, state.copy()
         doubt = self._doubt + UNFORESEEN[:3] ** 2
         share = doubt / (doubt + noise[:, :3])
         self._doubt = (1.0 - share) * doubt
         for number, group in enumerate(GROUPS[:3]):
             out[:, group] += share[:, number, None] * missed[:, group]
-        # A joint's angle tells of its speed, too.
+        # A joint's angle is information on its speed, too.
         step = np.array([[1.0, self._period], [0.0, 1.0]])
         joint_doubt = step @ self._joint_doubt @ step.T + np.diag(UNFORESEEN[3:] ** 2)
         shares = joint_doubt @ np.linalg.inv(joint_doubt + noise[:, 3:, None] * np.eye(2))

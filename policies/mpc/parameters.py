@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from policies.parameters import Parameters, from_json, in_force, likewise, number, read, search_ranges_of
+from policies.parameters import Parameters, from_json, in_force, number, read, scaled_parameters, search_ranges_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import LONG, WIDE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -112,7 +112,7 @@ def parameters_of(gait: str, robot: Robot = SIMPLE_QUAD) -> MpcParameters:
         return searched_parameters(robot)
     if gait not in OTHER_GAITS:
         raise ValueError(f"unknown gait {gait!r}; there are {', '.join(sorted((TROT, *OTHER_GAITS)))}")
-    return likewise(OTHER_GAITS[gait], robot)
+    return scaled_parameters(OTHER_GAITS[gait], robot)
 
 
 SEARCH_RANGES = search_ranges_of(MpcParameters)

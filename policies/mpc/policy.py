@@ -19,7 +19,7 @@ from policies.legs.memory import taken_in
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
 from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
 from policies.mpc.joint_prediction import JointPrediction
-from policies.mpc.load import Load, loaded, told_by
+from policies.mpc.load import Load, estimated_load, loaded
 from policies.mpc.motion import Motion
 from policies.mpc.observer import Observer
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
@@ -154,9 +154,9 @@ class Mpc(ShiftableFootholds):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p = self.parameters
-        load = told_by(self.sense.wrench, p.load_height)
+        load = estimated_load(self.sense.wrench, p.load_height)
         read = _bearing(load, self.observer.read(self._joints.now(observation), self.sense.wrench))
-        forces = self.sense.feel(read, load.pressing(read.rotation))
+        forces = self.sense.estimate(read, load.pressing(read.rotation))
         touching = forces[..., 2] > p.touch_force
         now = _bearing(load, self.observer.ahead(self.sense.wrench, touching, self._slope))
         self._hurry(now)

@@ -1,7 +1,7 @@
-"""How noisy readings are, told from the readings alone.
+"""Noise of the readings, estimated from the readings alone.
 
 White noise turns back at once: neighbouring second differences of it have opposite signs, their covariance is -4 σ².
-Those of a motion change little from one control step to the next. Autocorrelation tells the variance in adaptive
+Those of a motion change little from one control step to the next. Autocorrelation gives the variance in adaptive
 filters since Mehra, "On the identification of variances and adaptive Kalman filtering", 1970.
 """
 
@@ -62,9 +62,9 @@ class ReadingNoise:
         seeming = np.stack([product[:, group].mean(axis=1) for group in self._groups], axis=-1)
         self._last = np.stack((readings, last, bent))
         self.looks += 1
-        told = self.looks - FIRST
-        share = np.where(told > 0, at_first_a_mean(self._share, told), 0.0)
+        known = self.looks - FIRST
+        share = np.where(known > 0, at_first_a_mean(self._share, known), 0.0)
         self._seeming += share[:, None] * (seeming - self._seeming)
-        quiet = self._quiet**2 * (1.0 + EARLY / np.maximum(told, 1))[:, None]
+        quiet = self._quiet**2 * (1.0 + EARLY / np.maximum(known, 1))[:, None]
         variances: Floats = np.maximum(self._seeming - quiet, 0.0)
         return variances

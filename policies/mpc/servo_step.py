@@ -1,4 +1,4 @@
-"""What joint servos and the ground make of a robot within a control period, foretold in one implicit step.
+"""Motion of a robot within a control period under its joint servos and the ground, predicted in one implicit step.
 
 M (v⁺ - v) = T (w - h + τ) + Jᵀ p, with τ = k (u - q - T v⁺) - d v⁺ the servos' law at the period's end and p the
 impulses of the feet that touch the ground; these neither slip nor leave it: J v⁺ + T J̇ v = 0. It is the time stepping
@@ -20,7 +20,7 @@ would have to pull."""
 FASTEST_LANDING = 0.5
 """At which a foot comes down to the ground within a step, m/s."""
 _SOFT = 1e-6
-"""Velocity of a foot on the ground per impulse, 1/kg: four feet do not tell how they share a weight."""
+"""Velocity of a foot on the ground per impulse, 1/kg: how four feet share a weight is undetermined."""
 
 
 class Response(NamedTuple):

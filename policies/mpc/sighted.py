@@ -22,7 +22,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
 
 SCAN = HeightScan(ahead=14, behind=14, aside=10, spacing=0.05)
-"""What it is shown unless it is told another."""
+"""The default scan."""
 LEVELLING_TIME = 0.1
 """Time constant with which the trunk takes that ground in, s."""
 QUIET = 0.02

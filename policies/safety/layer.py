@@ -36,7 +36,7 @@ PREDICTED = "fall predicted"
 RESTED = "at rest again"
 REQUESTED = "emergency stop requested"
 TOO_FAR_OVER = "too far over"
-STARTED = "started anew"
+STARTED = "restarted"
 
 TOO_FAR = np.deg2rad(65.0)
 """Tilt past which no fall is caught and no stop is under control any more: 5° before the fall rule, `FallRule.tilt`."""
@@ -83,7 +83,7 @@ class Safe(Policy):
 
     @property
     def failure(self) -> NDArray[np.object_] | None:
-        """Why its policy failed each robot, (n,), see `policies.Foreign`; None of a policy that does not tell."""
+        """Why its policy failed each robot, (n,), see `policies.Foreign`; None if it does not report that."""
         return getattr(self.policy, "failure", None)
 
     @property
@@ -109,7 +109,7 @@ class Safe(Policy):
         self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, REQUESTED)
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Start `num_envs` robots anew, the policy included; what it raises, it raises here."""
+        """Restart the layer and its policy for `num_envs` robots; exceptions of the policy pass through."""
         super().reset(num_envs, seed)
         self.policy.reset(num_envs, seed)
 

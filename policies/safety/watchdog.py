@@ -29,7 +29,7 @@ class DeadlineMissed(RuntimeError):
 
 
 class PolicyProcessError(RuntimeError):
-    """The policy raised an exception in its process, or the process is gone; the message tells which."""
+    """The policy raised an exception in its process, or the process is gone; the message says which."""
 
 
 class Watched(Policy):
@@ -78,7 +78,7 @@ class Watched(Policy):
             self._connection = None
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Start `num_envs` robots anew, in a fresh process if there is none."""
+        """Restart the policy for `num_envs` robots, in a fresh process if there is none."""
         super().reset(num_envs, seed)
         if self._process is None:
             self._launch()

@@ -1,4 +1,4 @@
-"""A diagonal trot that feels: footholds by velocity error, legs by attitude and height, the plan by the ground.
+"""A diagonal trot with feedback: footholds by velocity error, legs by attitude and height, the plan by the ground.
 
 The feet are planned in the level frame (see `policies.legs.level_frame`). A standing foot passes under the trunk at the
 reference velocity there; a swinging one goes to a foothold that moves with the velocity error until it lands. A robot
@@ -36,7 +36,7 @@ BRACE_TIME = 0.03
 BRACE_RANGE = 0.4
 """Excess speed from the beginning of bracing to all feet down, m/s."""
 RECOVERY_TIME = 0.6
-"""From the end of an excess speed, or a jump of the command, until what the feet feel is the ground again, s."""
+"""From the end of an excess speed, or a jump of the command, until the feet measure the ground again, s."""
 STEEP_RANGE = 0.1
 """The same of the ground's slope."""
 ROUGH_RANGE = 0.005
@@ -48,7 +48,7 @@ LARGEST_LEAD = 0.1
 LARGEST_TILT_ERROR = 0.5
 """Tilt that the legs answer to, rad."""
 FELT = ("linear_velocity", "angular_velocity", "projected_gravity", "joint_position")
-"""Terms of the observation that are smoothed: all that is felt."""
+"""Terms of the observation that are smoothed: all readings of sensors."""
 SLOWDOWN_RATE = 3.0
 """Change of the slowing down of the gait, as a share of its frequency, a second and missing share of movement, 1/s."""
 LARGEST_SLOWDOWN = 0.6
@@ -126,11 +126,11 @@ class TrotFeedback(GaitedPolicy):
         weight = np.maximum(load(cycle), brace)
         joints = _joints(self.robot, self._levelled(senses, feet, weight, brace), self._force(cycle, brace))
         targets = self._blended(joints, self.parameters.blend_time)
-        self.following.tell((targets - self.robot.home_pose).T, 1.0 - brace)
+        self.following.command((targets - self.robot.home_pose).T, 1.0 - brace)
         return to_actions(self.robot, targets)
 
     def _smoothed(self, columns: Floats) -> Floats:
-        """Observations (k, n) in which what is felt lags by the sensors' filter."""
+        """Observations (k, n) whose sensor readings lag by the sensors' filter."""
         memory, now = self._memory, columns[self._felt_rows]
         share = taken_in(self.control_period, self.parameters.sensor_filter)
         former = np.where(self._ticks == 0.0, now, memory["felt"])

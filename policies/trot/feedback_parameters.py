@@ -76,7 +76,7 @@ class FeedbackParameters(Parameters):
     raibert_gain: float = number(0.04, limits=_GAIN, search=(0.0, 0.2), unit="s")
     """Foothold ahead of the neutral point per forward velocity error, s."""
     raibert_lateral: float = number(0.04, limits=_GAIN, search=(0.0, 0.2), unit="s")
-    """Foothold beside the neutral point per lateral velocity error, s."""
+    """Lateral foothold from the neutral point per lateral velocity error, s."""
     yaw_step: float = number(0.05, limits=_GAIN, search=(0.0, 0.2), unit="s")
     """Turn of the footholds about the trunk per yaw-rate error, s."""
     capture_threshold: float = number(0.632, limits=(0.0, 100.0), search=(0.2, 1.2), unit="m/s")

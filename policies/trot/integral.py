@@ -20,11 +20,11 @@ from policies.trot.open_loop import Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import likewise
+from quad_env.robots.similarity import scaled
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("trot_integral.json")
-"""The parameters in force; TROT_INTEGRAL.md tells where they come from."""
+"""The parameters in force; TROT_INTEGRAL.md says where they come from."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class TrotIntegral(Trot):
         robot = robot_of(robot)
         own = parameters if parameters is not None else integral_parameters(robot)
         # The same number is of m/s and of rad/s, which are not alike on other robots than SimpleQuad.
-        self._each = np.array([1.0, 1.0, likewise(robot, 1.0, "rad/s") / likewise(robot, 1.0, "m/s")])
+        self._each = np.array([1.0, 1.0, scaled(robot, 1.0, "rad/s") / scaled(robot, 1.0, "m/s")])
         self._gains = np.array([own.integral_gain, own.integral_gain, own.yaw_integral_gain])
         super().__init__(own, robot=robot, control_period=control_period)
 

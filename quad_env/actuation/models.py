@@ -87,9 +87,9 @@ class Thermal:
 
     From `derating` to `shutdown` the torque limit falls linearly to the share `derated` of itself; a motor that reaches
     `shutdown` is switched off: its winding is open, it gives no torque and does not brake, until the end of the
-    episode, however much it cools. Drives do so: moteus (`derate_temperature`, `derate_current_A`, then a fault at
+    episode, however much it cools. Real drives do so: moteus (`derate_temperature`, `derate_current_A`, then a fault at
     `fault_temperature`), and ODrive 0.5, where the limit falls to zero and an axis that is hotter still stays off until
-    somebody clears the error. An episode starts at `ambient`.
+    its error is cleared. An episode starts at `ambient`.
 
     The default figures are those of the winding and the case of a small leg motor, its case taken to stay at ambient
     temperature: resistance 1.07 K/W, 16.3 J/K, at most 115 °C with a soft border of 15 °C below it (opensourceleg,

@@ -71,7 +71,7 @@ class Windings:
         self._force_range[ids] = self._full_range[ids] * share[..., None]
 
 
-class Drives:
+class ActuatorModels:
     """The drives of n robots, a lag and windings or one of them, around the motors of a batch."""
 
     def __init__(self, lag: Lag | None, windings: Windings | None, bind: Bind, substeps: int) -> None:
@@ -100,13 +100,13 @@ class Drives:
         return None if self._windings is None else self._windings.temperature.copy()
 
 
-def drives_of(
+def actuator_models_of(
     robot: Robot, motors: Motors, actuator: Actuator, bind: Bind, expand: Bind, substeps: int, timestep: float
-) -> Drives | None:
+) -> ActuatorModels | None:
     """The drives of those motors, or None where MuJoCo's own servos do all that is asked for."""
     curve, thermal, bandwidth = actuator.curve, actuator.thermal, weaker(motors.bandwidth, actuator.bandwidth)
     if curve is None or (thermal is None and bandwidth is None):
         return None
     lag = None if bandwidth is None else Lag(bandwidth, timestep, len(bind("ctrl")), robot.home_pose)
     windings = None if thermal is None else Windings(thermal, curve.on(robot), timestep, expand("actuator_forcerange"))
-    return Drives(lag, windings, bind, substeps)
+    return ActuatorModels(lag, windings, bind, substeps)

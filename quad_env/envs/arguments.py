@@ -23,7 +23,7 @@ def check_frame(width: int, height: int) -> None:
 
 
 def warn_of_no_render_mode(modes: Sequence[str]) -> None:
-    """Gymnasium's own environments warn likewise, and render nothing."""
+    """Gymnasium's own environments warn too, and render nothing."""
     gym.logger.warn(f"render() without a render_mode gives None; make the environment with one of {', '.join(modes)}")
 
 

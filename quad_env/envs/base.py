@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from quad_env.actuation.delay import wires_of
+from quad_env.actuation.delay import action_delay_of
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as find_actuator
 from quad_env.columns import Column, Rows, Vector
@@ -89,7 +89,7 @@ class QuadEnvBase:
         self.simulation = Simulation(
             *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet), self.config.timestep
         )
-        self._wires = wires_of(robot, self.scenario, num_envs, self.dt)
+        self._action_delay = action_delay_of(robot, self.scenario, num_envs, self.dt)
         self._sensors = shown_by(suite, estimator, self.simulation, self.scenario, num_envs, rate)
         scan = _setting(height_scan)
         self._scanner = scanner_of(scan, self.scenario, num_envs, rate)
@@ -107,7 +107,7 @@ class QuadEnvBase:
     def _start(self, rows: Rows, episodes: Sequence[Episode]) -> None:
         """Start these episodes of those robots."""
         self.simulation.reset(rows, *at_reset(episodes))
-        for part in (self._wires, self._sensors, self._scanner):
+        for part in (self._action_delay, self._sensors, self._scanner):
             if part is not None:
                 part.begin(rows, episodes)
 

@@ -154,9 +154,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         if self._terminated:
             observation, info = self._still()
             return observation, 0.0, True, False, info
-        wires = self._wires
-        heard = None if wires is None else wires.heard(targets[None], np.array([self._clock]), _ROW)
-        self.simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), heard=heard)
+        action_delay = self._action_delay
+        received = None if action_delay is None else action_delay.received(targets[None], np.array([self._clock]), _ROW)
+        self.simulation.step(targets[None], self._episode.pushes.force_at([self._clock]), received=received)
         self._clock += 1
         state = self._judge()
         terms = reward_terms(state, self._terminated, self._diverged, self._weights, self.config.reward_terms)

@@ -23,7 +23,7 @@ AUTHORITY = 0.5
 class HomePoseSpace(Box):
     """Offsets from a robot's home pose in shares of the largest, -1 … 1, (12,): a space that knows what they stand for.
 
-    A learner's file that keeps its action space, as Stable-Baselines3's does, so tells how its actions become joint
+    A learner's file that keeps its action space, as Stable-Baselines3's does, so says how its actions become joint
     targets.
 
     Args:

@@ -145,9 +145,10 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         targets = arguments.joint_targets(actions, (self.num_envs, self.robot.num_joints), self._lower, self._upper)
         done = self._terminated | self._truncated
         moving = np.flatnonzero(~done) if done.any() else ALL
-        wires, schedule = self._wires, self._schedule
-        heard = None if wires is None else wires.heard(targets, schedule.clock[moving], self._rows[moving])
-        self.simulation.step(targets, schedule.force(), moving, heard)
+        schedule, received = self._schedule, None
+        if self._action_delay is not None:
+            received = self._action_delay.received(targets, schedule.clock[moving], self._rows[moving])
+        self.simulation.step(targets, schedule.force(), moving, received)
         schedule.clock[moving] += 1
         paid = self._judge(moving)
         rewards = columns.total(paid[key] for key in self._weights)
@@ -169,7 +170,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._schedule.steer(arguments.commands(command, self.num_envs, "command"))
 
     def push(self, force: ArrayLike, duration: float) -> None:
-        """Push the trunks with this force, world frame, (2,) or (n, 2), N, for a duration, s, beside the scenario's
+        """Push the trunks with this force, world frame, (2,) or (n, 2), N, for a duration, s, added to the scenario's
         pushes; ends one that is still on.
 
         Raises:

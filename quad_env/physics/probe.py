@@ -21,7 +21,7 @@ class Probe:
     """Looks at the present state of a MuJoCo batch, whose model evaluates the sensors `probed`.
 
     After a step MuJoCo's outputs are those of the state before the last substep. To see the present ones they have to
-    be computed again; whoever wants those of the last substep is given copies.
+    be computed again; readers of the last substep get copies.
     """
 
     def __init__(self, robot: Robot, batch: Any, dt: float) -> None:

@@ -10,7 +10,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator
-from quad_env.actuation.runtime import drives_of
+from quad_env.actuation.runtime import actuator_models_of
 from quad_env.columns import Array, Column, Ids, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
 from quad_env.physics.footsteps import Footsteps, touching
 from quad_env.physics.model import (
@@ -106,7 +106,7 @@ class Simulation:
         self._history = self._batch.bind("history") if self.model.nhistory else None
         self._past = history_of(self.model, robot.home_pose) if self.model.nhistory else None
         rows, timestep = (self._batch.bind, self._batch.expand), self.model.opt.timestep
-        self._drives = drives_of(robot, scenario.motors, actuator, *rows, self.substeps, timestep)
+        self._actuators = actuator_models_of(robot, scenario.motors, actuator, *rows, self.substeps, timestep)
         self._force: Array | None = None
         self._alignment = slope_quaternion(self.terrain) if isinstance(self.terrain, Slope) else None
         self._action = np.tile(robot.home_pose, (num_envs, 1))
@@ -136,8 +136,8 @@ class Simulation:
             self._filtered[ids] = robot.home_pose
         if self._history is not None:
             self._history[ids] = self._past
-        if self._drives is not None:
-            self._drives.begin(ids)
+        if self._actuators is not None:
+            self._actuators.begin(ids)
         if force is not None:
             self._force = np.zeros_like(self._push) if self._force is None else self._force
             self._force[ids] = self._push[ids] = force
@@ -166,22 +166,22 @@ class Simulation:
         ]
         return cast("Array", np.concatenate(lifts, axis=1).max(axis=1))
 
-    def step(self, action: Array, push: Array | None, ids: Ids = ALL, heard: Array | None = None) -> None:
+    def step(self, action: Array, push: Array | None, ids: Ids = ALL, received: Array | None = None) -> None:
         """Advance those robots by one control period with joint targets (n, 12) and trunk forces (n, 2), N, of all.
 
-        None instead of forces leaves them as they are: since the reset, where nobody ever pushes. `heard` are the
+        None instead of forces leaves them as they are: since the reset, without any push. `received` are the
         targets that the servos hear, (n, 12), where they are not those of the action.
         """
         self._previous_action[ids] = self._action[ids]
         self._action[ids] = action[ids]
-        targets = (action if heard is None else heard)[ids]
+        targets = (action if received is None else received)[ids]
         self._ctrl[ids] = targets
         if push is not None:
             self._push[ids] = push[ids] if self._force is None else push[ids] + self._force[ids]
-        if self._drives is None:
+        if self._actuators is None:
             self._advance(ids, self.substeps)
         else:
-            self._drives.advance(targets, ids, self._advance)
+            self._actuators.advance(targets, ids, self._advance)
         if self._footsteps is not None:
             self._footsteps.advance(ids)
         if self.probe is not None:
@@ -207,8 +207,8 @@ class Simulation:
 
     def park(self, ids: NDArray[np.intp]) -> None:
         """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
-        if self._drives is not None:
-            self._drives.begin(ids)
+        if self._actuators is not None:
+            self._actuators.begin(ids)
         self._batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
         if self._footsteps is not None:
             self._footsteps.begin(ids)
@@ -262,7 +262,7 @@ class Simulation:
     @property
     def winding_temperature(self) -> Array | None:
         """Winding temperature of every motor, (n, 12), °C; None where motors have no thermal model."""
-        return None if self._drives is None else self._drives.temperature
+        return None if self._actuators is None else self._actuators.temperature
 
     def ground_contacts(self) -> tuple[Mask, Mask]:
         """Whether each foot, (n, 4), and whether a thigh or calf, (n,), touched the ground in the last substep."""

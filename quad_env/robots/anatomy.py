@@ -145,8 +145,8 @@ def anatomy(mujoco: Any, model: Any) -> Anatomy:
     for length in ("hip_offset", "thigh_length", "calf_length", "foot_radius"):
         found = [getattr(leg, length) for leg in legs]
         if np.ptp(found) > _SAME * (legs[0].thigh_length + legs[0].calf_length):
-            told = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, found, strict=True))
-            raise ModelError(f"the legs differ in {length.replace('_', ' ')}, m: {told}")
+            each = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, found, strict=True))
+            raise ModelError(f"the legs differ in {length.replace('_', ' ')}, m: {each}")
     base = data.xmat[trunk].reshape(3, 3)
     places, axes = (data.xpos - data.xpos[trunk]) @ base, base.T @ data.xmat.reshape(-1, 3, 3)
     return Anatomy(root, trunk, descendants(model, root), meets, places, axes, legs)
@@ -188,11 +188,11 @@ def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
             first = int(model.body_parentid[first])
         chains.setdefault(first, []).append(int(joint))
     if nameless := [joint for chain in chains.values() for joint in chain if not model.joint(joint).name]:
-        raise ModelError(f"joints are told apart by their names; number {nameless[0]} of this model has none")
+        raise ModelError(f"joints are identified by their names; number {nameless[0]} of this model has none")
     count = sum(map(len, chains.values()))
     if count != LEGS * JOINTS_PER_LEG or len(chains) != LEGS:
-        told = ", ".join(f"{len(c)} below {_name(model.body(root))}" for root, c in chains.items())
-        raise ModelError(f"four legs of three hinges are wanted; this model has {count} hinges: {told or 'none'}")
+        counts = ", ".join(f"{len(c)} below {_name(model.body(root))}" for root, c in chains.items())
+        raise ModelError(f"four legs of three hinges are wanted; this model has {count} hinges: {counts or 'none'}")
     for root, chain in chains.items():
         bodies = [int(model.jnt_bodyid[joint]) for joint in chain]
         pairs = zip(bodies, (trunk, *bodies), strict=False)
@@ -212,12 +212,12 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     base, origin = data.xmat[trunk].reshape(3, 3), data.xpos[trunk]
     hip, thigh, knee = ((data.xanchor[joint] - origin) @ base for joint in chain)
     axes = [data.xaxis[joint] @ base for joint in chain]
-    told = [_name(model.joint(joint)) for joint in chain]
+    names = [_name(model.joint(joint)) for joint in chain]
     if abs(axes[0][0]) < _PARALLEL:
-        raise ModelError(f"joint {told[0]}, the hip, turns about {_rounded(axes[0])}, not about the trunk's x axis")
+        raise ModelError(f"joint {names[0]}, the hip, turns about {_rounded(axes[0])}, not about the trunk's x axis")
     if abs(axes[1] @ axes[2]) < _PARALLEL or abs(axes[1][0]) > 1.0 - _PARALLEL or axes[1][1] == 0.0:
         raise ModelError(
-            f"joints {told[1]} and {told[2]} turn about {_rounded(axes[1])} and {_rounded(axes[2])}, "
+            f"joints {names[1]} and {names[2]} turn about {_rounded(axes[1])} and {_rounded(axes[2])}, "
             "not both about the leg's y axis"
         )
     signs = np.array([np.sign(axes[0][0]), np.sign(axes[1][1]), np.sign(axes[2] @ axes[1]) * np.sign(axes[1][1])])
@@ -226,15 +226,15 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     shin = int(model.jnt_bodyid[chain[-1]])
     sole = foot(model, data, chain[-1], geoms_of(model, welded(model, shin), meets))
     if sole is None:
-        raise ModelError(f"below joint {told[2]} nothing collides with the ground: no foot")
+        raise ModelError(f"below joint {names[2]} nothing collides with the ground: no foot")
     turn = data.xmat[sole.body].reshape(3, 3)
     at = (data.xpos[sole.body] + turn @ sole.place - origin) @ base
     across, upper, lower = leg @ (thigh - hip), leg @ (knee - thigh), leg @ (at - knee)
     lengths = [float(np.hypot(link[0], link[2])) for link in (upper, lower)]
     if min(lengths) < 1e-3:
-        raise ModelError(f"a link below joint {told[1]} has no length")
+        raise ModelError(f"a link below joint {names[1]} has no length")
     if abs(across[2]) > _SAME * sum(lengths):
-        raise ModelError(f"joint {told[1]} lies {across[2]:+.3f} m beside the height of the hip's axis in its leg")
+        raise ModelError(f"joint {names[1]} lies {across[2]:+.3f} m off the height of the hip's axis in its leg")
     turned, bent = (float(np.arctan2(-link[0], -link[2])) for link in (upper, lower))
     zeros = np.array([np.arctan2(lateral[2], lateral[1]), turned, bent - turned])
     side = float(across[1] + upper[1] + lower[1])
@@ -279,8 +279,8 @@ def _named(legs: list[Leg]) -> tuple[Leg, ...]:
         (leg.hip[0] > 0) == (leg.name[0] == "f") and (leg.hip[1] > 0) == (leg.name[1] == "l") for leg in named
     )
     if len({leg.name for leg in named}) < LEGS or not between:
-        told = ", ".join(str(_rounded(leg.hip)) for leg in named)
-        raise ModelError(f"hips are wanted at four corners about the origin of the trunk; they are at {told} m")
+        places = ", ".join(str(_rounded(leg.hip)) for leg in named)
+        raise ModelError(f"hips are wanted at four corners about the origin of the trunk; they are at {places} m")
     return named
 
 

@@ -88,7 +88,7 @@ class Figures:
         return constant(np.sign(self.hip_positions[:, 1]))
 
     def in_leg_order(self, corners: Sequence[T]) -> tuple[T, ...]:
-        """What is told of the front left, front right, hind left and hind right leg, in the order of the legs."""
+        """Values of the front left, front right, hind left and hind right leg, in the order of the legs."""
         before, left = (np.sign(self.hip_positions[:, axis]) for axis in (0, 1))
         return tuple(corners[2 * int(b < 0) + int(side < 0)] for b, side in zip(before, left, strict=True))
 

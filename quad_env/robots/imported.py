@@ -1,4 +1,4 @@
-"""The figures of somebody's robot, inferred from its MJCF or told in a TOML file beside it."""
+"""The figures of a user's robot, inferred from its MJCF or given in a TOML file."""
 
 import tomllib
 from collections.abc import Callable
@@ -19,18 +19,18 @@ from quad_env.robots.shapes import corners, geoms_of
 Floats = NDArray[np.float64]
 
 FIGURES = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"
-"""Fields of a robot that may be told instead of being inferred."""
+"""Fields of a robot that may be given instead of being inferred."""
 SHORTEST_BEND, LONGEST_BEND = 0.5, 0.97
 """Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
 LEAST_BEND = 0.1
-"""Middle of a calf's range, rad, that tells which way its knee bends."""
+"""Middle of a calf's range, rad, that shows which way its knee bends."""
 
 
 def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
     """The figures of the robot of an MJCF, see `Robot.from_mjcf`."""
     source, own = path, path.stem
     if path.suffix == ".toml":
-        path, figures = _told(path, figures)
+        path, figures = _given(path, figures)
         own = figures.pop("name", own)
     try:
         robot = _inferred(
@@ -86,28 +86,28 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     lower, upper = found.limits(model)
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
     if outside.any():
-        told = ", ".join(name for name, out in zip(robot.joint_names, outside, strict=True) if out)
-        raise ModelError(f"the home pose lies outside the limits of {told}")
+        names = ", ".join(name for name, out in zip(robot.joint_names, outside, strict=True) if out)
+        raise ModelError(f"the home pose lies outside the limits of {names}")
     return robot
 
 
-def _told(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
+def _given(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
     """The MJCF that a TOML file names, and its figures under those given."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     try:
-        told = tomllib.loads(read_bytes(path).decode())
+        given = tomllib.loads(read_bytes(path).decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ModelError(f"{path} is no TOML: {error}") from error
-    if not isinstance(mjcf := told.pop("mjcf", None), str):
+    if not isinstance(mjcf := given.pop("mjcf", None), str):
         raise ModelError(f'{path} names no model: it wants a line such as mjcf = "my_robot.xml"')
-    return path.parent / mjcf, {"name": path.stem, **told, **figures}
+    return path.parent / mjcf, {"name": path.stem, **given, **figures}
 
 
 def _figure(name: str, value: Any) -> Any:
     """A figure as `Robot` has it; ModelError for what is none."""
     if name not in FIGURES:
-        raise ModelError(f"a robot's {name!r} cannot be told; what can: {', '.join(FIGURES)}")
+        raise ModelError(f"a robot's {name!r} cannot be given; what can: {', '.join(FIGURES)}")
     try:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -164,7 +164,7 @@ def _rated_torque(model: Any, found: Anatomy) -> float:
             largest[joint] = min(largest[joint], float(np.abs(model.jnt_actfrcrange[joint]).min()))
     least = float(largest[found.joints].min())
     if not np.isfinite(least) or least <= 0.0:
-        raise ModelError("the actuators of the joints do not tell their largest torques: give rated_torque, N·m")
+        raise ModelError("the actuators of the joints do not give their largest torques: give rated_torque, N·m")
     return least
 
 

@@ -97,7 +97,7 @@ def _keep_parts(mujoco: Any, spec: Any) -> None:
 
 
 def log_to_the_console() -> None:
-    """Keep MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder; a file that somebody has chosen is kept."""
+    """Keep MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder; a log file that the user chose is kept."""
     import mujoco
 
     log = mujoco.MjLogConfig.get()

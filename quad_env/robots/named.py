@@ -27,7 +27,7 @@ FIGURES: dict[str, dict[str, Any]] = {
     "pegasus": {},
     "spot": {},
 }
-"""Names of the wheel's models of twelve joints, and what these do not tell."""
+"""Names of the wheel's models of twelve joints, and figures that these do not give."""
 
 
 class _Robots(Mapping[str, Robot]):
@@ -66,7 +66,7 @@ def _read(path: Path, _changed: int) -> Robot:
 
 
 ROBOTS: Mapping[str, Robot] = _Robots()
-"""Robots by name, in the order in which they are told."""
+"""Robots by name, in the order of listings."""
 
 
 def robot_of(robot: str | Robot) -> Robot:

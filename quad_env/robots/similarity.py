@@ -58,7 +58,7 @@ def servo_gains(robot: Robot) -> tuple[float, float]:
     return stiffer * SIMPLE_QUAD.servo_stiffness, stiffer * ratio(robot, "s") * SIMPLE_QUAD.servo_damping
 
 
-def likewise(robot: Robot, value: float, unit: str) -> float:
+def scaled(robot: Robot, value: float, unit: str) -> float:
     """A figure of SimpleQuad's, in that unit, for the robot."""
     if robot == SIMPLE_QUAD:
         return value  # to the last bit

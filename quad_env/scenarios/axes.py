@@ -2,7 +2,7 @@
 
 A severity is in the axis's own physical unit, its levels chosen for SimpleQuad: the last is one at which every shipped
 policy that walks falls in four of five episodes, or what is physically beyond, which is said at the axis; on `slow`
-nobody falls. `push` is the axis at its nominal severity, `push:3` its third level; for another robot both are what is
+no robot falls. `push` is the axis at its nominal severity, `push:3` its third level; for another robot both are what is
 as hard for it, `axes_of`.
 """
 
@@ -80,11 +80,11 @@ class Axis:
         return replace(
             self,
             at=lambda severity: scaled(self.at(severity / larger), robot),
-            levels=tuple(self.likewise(level, robot) for level in self.levels),
-            nominal=self.likewise(self.nominal, robot),
+            levels=tuple(self.scaled(level, robot) for level in self.levels),
+            nominal=self.scaled(self.nominal, robot),
         )
 
-    def likewise(self, severity: float, robot: Robot) -> float:
+    def scaled(self, severity: float, robot: Robot) -> float:
         """What is as hard for that robot as a severity is for SimpleQuad."""
         return self._larger(robot) * severity
 
@@ -111,8 +111,8 @@ def _axis(
     sentence of its docstring."""
 
     def add(at: AtSeverity) -> AtSeverity:
-        name, told = at(nominal).name, " ".join((at.__doc__ or "").split())
-        sentence = told.partition(". ")[0].rstrip(".") + "."
+        name, text = at(nominal).name, " ".join((at.__doc__ or "").split())
+        sentence = text.partition(". ")[0].rstrip(".") + "."
         AXES[name] = Axis(name, at, quantity, unit, levels, nominal, sentence, scales)
         return at
 
@@ -225,11 +225,11 @@ def _noise(gyro: float) -> Scenario:
     return Scenario("noise", noise=SensorNoise(gyro))
 
 
-@_axis("time that a joint hears nothing", "s", (0.1, 0.2, 0.4, 0.8, 1.4, 2.0), nominal=0.4)
+@_axis("time that a joint receives no targets", "s", (0.1, 0.2, 0.4, 0.8, 1.4, 2.0), nominal=0.4)
 def _dropout(duration: float) -> Scenario:
-    """Four times an episode one joint's servo hears nothing and holds its last target.
+    """Four times an episode one joint's servo receives no targets and holds its last target.
 
-    Until, from the first second on, some joint always hears nothing.
+    Until, from the first second on, some joint always receives none.
     """
     return Scenario("dropout", dropouts=Dropouts(duration=duration))
 

@@ -41,12 +41,12 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
     return alone[0] if len(alone) == 1 else _together(written, alone, robot)
 
 
-def likewise(name: str, robot: Robot) -> str:
+def scaled_name(name: str, robot: Robot) -> str:
     """The name of what is as hard for a robot, to three digits, as the scenario of that name is for SimpleQuad."""
     if not is_combination(name):
         return name
     parts = (_part(text, name, AXES) for text in name.split(BETWEEN))
-    scaled_parts = ((axis.name, float(f"{axis.likewise(severity, robot):.3g}")) for axis, severity in parts)
+    scaled_parts = ((axis.name, float(f"{axis.scaled(severity, robot):.3g}")) for axis, severity in parts)
     return BETWEEN.join(f"{axis}{EQUALS}{_number(severity)}" for axis, severity in scaled_parts)
 
 

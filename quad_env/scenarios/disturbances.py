@@ -157,7 +157,7 @@ class SensorNoise:
 
     @property
     def height_scan(self) -> float:
-        """m, standard deviation of each point of a height scan, where there is one: legged_gym's 0.1 m likewise."""
+        """m, standard deviation of each point of a height scan, where there is one: legged_gym has 0.1 m too."""
         return 0.5 * self.gyro
 
     @property
@@ -174,7 +174,7 @@ class SensorNoise:
 
 @dataclass(frozen=True)
 class Dropouts:
-    """Moments in which one joint's servo hears nothing and holds its last target.
+    """Moments in which one joint's servo receives no targets and holds its last target.
 
     The window is cut into `count` equal parts with one dropout in each, at a random time, of a random joint.
     """

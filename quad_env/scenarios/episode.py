@@ -26,7 +26,7 @@ class PushPlan:
     """World frame, x and y, (…, count, 2), N."""
 
     def force_at(self, step: ArrayLike) -> Array | None:
-        """Forces on the trunk during those control steps, (n,); world frame, (n, 2), N. None where nobody is pushed."""
+        """Forces on the trunk during those control steps, (n,); world frame, (n, 2), N. None without pushes."""
         if not self.steps:
             return None
         since = np.asarray(step)[..., None] - self.first_step
@@ -41,7 +41,7 @@ class DropoutPlan:
     first_step: NDArray[np.int64]
     """Control step at which each dropout begins, (count,)."""
     joint: NDArray[np.int64]
-    """The joint whose servo hears nothing, (count,)."""
+    """The joint whose servo receives no targets, (count,)."""
 
 
 class Episode:

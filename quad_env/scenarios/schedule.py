@@ -65,11 +65,11 @@ class Schedule:
         self.command[:], self._held[:] = commands, True
 
     def shove(self, forces: Array, steps: int) -> None:
-        """Push the trunks with these forces, world frame, (n, 2), N, for so many control steps, beside their pushes."""
+        """Push the trunks with these forces, world frame, (n, 2), N, for some control steps, added to their pushes."""
         self._shove, self._shove_end = forces, self.clock + steps
 
     def force(self) -> Array | None:
-        """Pushing force on every trunk in the coming step, world frame, (n, 2), N; None where nobody ever pushed."""
+        """Pushing force on every trunk in the coming step, world frame, (n, 2), N; None before the first push."""
         planned = self.pushes.force_at(self.clock)
         if self._shove is None:
             return planned

@@ -1,4 +1,4 @@
-"""A sensor's samples on their way to whoever reads it: taken at its rate, seen late."""
+"""A sensor's samples on their way to its reader: taken at its rate, seen late."""
 
 import math
 

@@ -9,7 +9,7 @@ complementary filter for attitude estimation of a fixed-wing UAV, IROS 2008):
 
     g ← g + dt g × ω,    g ← g + dt/TILT_TIME ((ω × v - f)/G - g),    g ← g/|g|
 
-The force is not normalised first, and none is left out for its size: over strides the mean of f is what tells gravity,
+The force is not normalised first, and none is left out for its size: over strides the mean of f gives gravity,
 and either would bend it (0.06 rad in a trot). A steady acceleration along a line is taken for a tilt.
 
 Velocity: dv/dt = f + G g - ω × v, corrected by the standing feet, of which the point on the ground rests (Bloesch et

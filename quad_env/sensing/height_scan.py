@@ -49,7 +49,7 @@ class HeightScan(Sampled):
     noise: float = 0.0
     """m, standard deviation of the white noise on each point of each sample"""
     dropouts: float = 0.0
-    """Share of the points, 0 to 1, that a sample does not see, drawn for each point of each sample anew"""
+    """Share of the points, 0 to 1, that a sample does not see, drawn for each point of each sample"""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

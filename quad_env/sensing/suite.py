@@ -43,11 +43,11 @@ class Imu(Sampled):
     gyro_range: float = 34.9
     """rad/s; readings saturate at ± this"""
     accelerometer_bias: float = 0.2
-    """m/s², likewise"""
+    """m/s²"""
     accelerometer_noise: float = 0.012
-    """m/s², likewise"""
+    """m/s²"""
     accelerometer_range: float = 235.0
-    """m/s², likewise"""
+    """m/s²"""
     position: tuple[float, float, float] = (0.01, 0.01, 0.01)
     """m, base frame: from the trunk's centre, where it is taken to be, to where it is. It reads the specific force
     there: α × r + ω × (ω × r) more than at the centre."""

@@ -14,7 +14,7 @@ from quad_env.sensing.error_state import FEET, TILT, VELOCITY, BodyMotion, times
 from quad_env.sensing.estimator import Height, cross
 
 STANDS = 0.5
-"""Probability, summed over the feet, from which they tell the height."""
+"""Probability, summed over the feet, from which the height is known."""
 
 
 class TrunkHeight:

@@ -162,7 +162,7 @@ def step_weights(weights: RewardWeights, dt: float, own: Sequence[RewardTerm] = 
     """Key of each term in the infos -> its weight in one step, in the order of `reward_terms`.
 
     Terms that accrue with time are multiplied by the control period, so that their sum over a second is their rate;
-    `fall` is paid once.
+    `fall` counts once.
     """
     rates = {f"{REWARD}{name}": weight for name, weight in asdict(weights).items()}
     fall = rates.pop(FALL)

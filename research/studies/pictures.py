@@ -23,7 +23,7 @@ from evaluate.rollouts.rollout import roll_out
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder, write_atomically
-from quad_env.robots.similarity import likewise
+from quad_env.robots.similarity import scaled
 
 EPISODE = 10.0
 """Length of an episode, s."""
@@ -132,7 +132,7 @@ def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> li
         steps, found = first + (options.count - 1) * every, hardware.policy(policy, options.trust)
         how = found, scenario, np.array([options.seed])
         units = zip(options.command, ("m/s", "m/s", "rad/s"), strict=True)
-        command = [likewise(hardware.quadruped, value, unit) for value, unit in units]
+        command = [scaled(hardware.quadruped, value, unit) for value, unit in units]
         roll_out(*how, frames, steps=steps, command=command, terminate_on_fall=False, hardware=hardware)
     taken = frames.taken + frames.taken[-1:] * (options.count - len(frames.taken))
     robots, several = len(options.robots) > 1, len(options.policies) > 1

@@ -25,7 +25,7 @@ from quad_env.cli.format import ABSENT, number, share
 from quad_env.config import CommandRanges
 from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import likewise
+from quad_env.robots.similarity import scaled
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
 
@@ -77,7 +77,7 @@ def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
     for name in GROUNDS:
         ground = scenario(name, robot)
         for speed in speeds:
-            ahead = likewise(robot, speed, "m/s")
+            ahead = scaled(robot, speed, "m/s")
             straight = CommandRanges.straight(ahead)
             found.append(replace(ground, name=f"{name} at {ahead:.2f} m/s", axis="", commands=straight))
     return found

@@ -26,7 +26,7 @@ from policies.shipped import folder_of
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
-from quad_env.scenarios.combination import likewise
+from quad_env.scenarios.combination import scaled_name
 from research.training.model_card import TrainedRun, model_card
 from train.config import differences, from_dict, load_config
 from train.run_folder import BEST, CHECKPOINTS
@@ -118,7 +118,7 @@ def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> 
     evaluation = Evaluation(
         policies=(base, *(run.label for run in runs)),
         robot=shipped.config.robot,
-        scenarios=options.scenarios or tuple(likewise(name, robot) for name in SCENARIOS),
+        scenarios=options.scenarios or tuple(scaled_name(name, robot) for name in SCENARIOS),
         episodes=options.episodes,
         seed=options.seed,
         out=options.out,

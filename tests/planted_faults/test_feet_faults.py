@@ -150,12 +150,12 @@ def not_turning(true_motion: Callable[..., Any], robot: Any, rotation: Any, qpos
 def one_step_old(patch: pytest.MonkeyPatch) -> None:
     """Feet are looked at before the step instead of after it."""
 
-    def faulty(self: Simulation, action: np.ndarray, push: Any, ids: Any = slice(None), heard: Any = None) -> None:
+    def faulty(self: Simulation, action: np.ndarray, push: Any, ids: Any = slice(None), received: Any = None) -> None:
         if self._footsteps is not None:
             self._footsteps._look(ids)
         with pytest.MonkeyPatch.context() as inner:
             inner.setattr(Footsteps, "_look", lambda *_: None)
-            true_step(self, action, push, ids, heard)
+            true_step(self, action, push, ids, received)
 
     true_step = Simulation.step
     patch.setattr(Simulation, "step", faulty)
@@ -175,10 +175,10 @@ def height_above_the_origin(patch: pytest.MonkeyPatch) -> None:
 def advanced_before_the_step(patch: pytest.MonkeyPatch) -> None:
     """Contacts are those of the control step before."""
 
-    def faulty(self: Simulation, action: np.ndarray, push: Any, ids: Any = slice(None), heard: Any = None) -> None:
+    def faulty(self: Simulation, action: np.ndarray, push: Any, ids: Any = slice(None), received: Any = None) -> None:
         footsteps_now, self._footsteps = self._footsteps, None
         footsteps_now.advance(ids)
-        true_step(self, action, push, ids, heard)
+        true_step(self, action, push, ids, received)
         self._footsteps = footsteps_now
 
     true_step = Simulation.step

@@ -15,7 +15,7 @@ from rich.progress import track
 from evaluate.measures.tracking import SETTLING_TIME
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
 from policies.base import CONTROL_PERIOD, Floats
-from policies.parameters import likewise, likewise_ranges, number
+from policies.parameters import number, scaled_parameters, scaled_ranges
 from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, TrotParameters, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -81,7 +81,7 @@ def search(options: Options, start: TrotParameters) -> TrotParameters:
 
 def ranges(options: Options) -> Ranges:
     """Bounds of the robot's search."""
-    return likewise_ranges(SEARCH_RANGES, TrotParameters, options.hardware.quadruped)
+    return scaled_ranges(SEARCH_RANGES, TrotParameters, options.hardware.quadruped)
 
 
 def account(options: Options, before: TrotParameters, after: TrotParameters) -> str:
@@ -114,7 +114,7 @@ def main(options: Options) -> int:
     own = robot == SIMPLE_QUAD
     out = options.out or (PARAMETERS_FILE if own else own_folder(robot) / PARAMETERS_FILE.name)
     check(options, out, ACCOUNT)
-    before = TrotParameters() if own else likewise(searched_parameters(), robot)
+    before = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
     after = search(options, before)
     try:
         save(out, as_json(after))

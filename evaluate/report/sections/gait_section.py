@@ -14,7 +14,7 @@ from evaluate.rollouts.hardware import Hardware
 from policies.base import CONTROL_PERIOD
 from quad_env.config import CommandRanges
 from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import likewise
+from quad_env.robots.similarity import scaled
 from quad_env.scenarios.named import Scenario
 
 SPEED = 0.7
@@ -25,7 +25,7 @@ START, END = 3.0, 5.0
 
 def steady(robot: Robot) -> Scenario:
     """Straight ahead on level ground."""
-    return Scenario("steady", commands=CommandRanges.straight(likewise(robot, SPEED, "m/s")))
+    return Scenario("steady", commands=CommandRanges.straight(scaled(robot, SPEED, "m/s")))
 
 
 def gaits(results: Results) -> str:

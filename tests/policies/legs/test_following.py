@@ -16,7 +16,7 @@ def followed(share, delay=0, walking=1.0, robots=1):
         targets = 0.3 * np.sin(0.3 * step + np.arange(JOINTS))[:, None] * np.ones(robots)
         late = 0.3 * np.sin(0.3 * (step - delay) + np.arange(JOINTS))[:, None] * np.ones(robots)
         following.read(share * late, walks)
-        following.tell(targets, walks)
+        following.command(targets, walks)
     return following
 
 
@@ -40,5 +40,5 @@ def test_joints_and_targets_at_rest_are_no_division_by_zero():
     following = Following(JOINTS, 0.01)
     for _ in range(30_000):
         following.read(np.zeros((JOINTS, 1)), np.ones(1))
-        following.tell(np.zeros((JOINTS, 1)), np.ones(1))
+        following.command(np.zeros((JOINTS, 1)), np.ones(1))
     assert np.isfinite(following.ratio).all()

@@ -86,7 +86,7 @@ def test_forces_of_the_feet_are_felt_without_sensors() -> None:
     felt, true = [], []
     for step in range(150):
         now = robot.step()
-        forces = sense.feel(now, NO_LOAD)[0]
+        forces = sense.estimate(now, NO_LOAD)[0]
         if step >= 50:
             felt.append(forces)
             true.append(robot.turned(robot.forces))
@@ -108,7 +108,7 @@ def test_a_steady_force_on_the_trunk_is_felt_in_the_robot_s_own_frame(force: tup
     felt, true, accelerations = [], [], []
     for step in range(250):
         now = robot.step()
-        sense.feel(now, NO_LOAD)
+        sense.estimate(now, NO_LOAD)
         if step >= 150:
             felt.append(sense.wrench[0, :3])
             true.append(robot.turned(np.array(force)))
@@ -123,7 +123,7 @@ def test_a_push_is_hardly_taken_for_a_lasting_force() -> None:
     largest = 0.0
     for step in range(250):
         robot.data.xfrc_applied[robot.trunk, 1] = 350.0 if 100 <= step < 110 else 0.0
-        sense.feel(robot.step(), NO_LOAD)
+        sense.estimate(robot.step(), NO_LOAD)
         if step >= 100:
             largest = max(largest, float(np.abs(sense.wrench[0, :2]).max()))
     assert largest < 40.0
@@ -134,7 +134,7 @@ def test_feet_bear_the_weight_of_a_standing_robot() -> None:
     robot, sense = Trotting(), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
     robot.policy = policies.make("stand")
     for _ in range(100):
-        forces = sense.feel(robot.step(), NO_LOAD)[0]
+        forces = sense.estimate(robot.step(), NO_LOAD)[0]
     assert forces[:, 2].sum() == pytest.approx(SIMPLE_QUAD.mass * GRAVITY, rel=0.02)
     np.testing.assert_allclose(sense.wrench[0], 0.0, atol=1.5)
 
@@ -145,14 +145,14 @@ def test_a_slip_lowers_what_is_relied_on_and_is_forgotten() -> None:
     sense.allocate(2)
     forces = np.tile([8.0, 0.0, 80.0], (2, 4, 1))
     velocity[1, 2, 0] = 0.5  # one foot of the second robot slides, at a tenth of its load
-    sense._feel_slip(forces, velocity)
+    sense._estimate_friction(forces, velocity)
     assert (sense.grip == parameters.friction).all()  # a foot that lands slides for a moment
     for _ in range(30):
-        sense._feel_slip(forces, velocity)
+        sense._estimate_friction(forces, velocity)
     assert sense.grip[0] == parameters.friction
     assert sense.grip[1] == pytest.approx(0.07, abs=0.03)
     for _ in range(300):
-        sense._feel_slip(forces, 0.0 * velocity)
+        sense._estimate_friction(forces, 0.0 * velocity)
     assert sense.grip[1] > 0.9 * parameters.friction
 
 
@@ -160,13 +160,13 @@ def test_a_restarted_robot_has_no_past() -> None:
     robot, sense = Trotting((0.0, 40.0, 0.0)), ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
     for _ in range(50):
         now = robot.step()
-        sense.feel(now, NO_LOAD)
+        sense.estimate(now, NO_LOAD)
     assert np.abs(sense.wrench).max() > 5.0
     sense.restart(np.array([True]))
     assert not sense.wrench.any()
-    first = sense.feel(now, NO_LOAD)
+    first = sense.estimate(now, NO_LOAD)
     again = ContactSense(SIMPLE_QUAD, MpcParameters(), PERIOD)
-    np.testing.assert_array_equal(first, again.feel(now, NO_LOAD))
+    np.testing.assert_array_equal(first, again.estimate(now, NO_LOAD))
 
 
 @pytest.mark.parametrize("yaw_rate", [0.0, 1.5, -1.5])
@@ -176,7 +176,7 @@ def test_what_pushes_stays_where_it_is_in_the_world(yaw_rate: float) -> None:
     now = Trotting().step()
     tilted = now._replace(tilt=np.full((1, 2), 0.5), turning=np.array([[0.0, 0.0, yaw_rate]]))  # nothing new is felt
     for _ in range(100):
-        sense.feel(tilted, NO_LOAD)
+        sense.estimate(tilted, NO_LOAD)
     cos, sin = np.cos(yaw_rate), np.sin(yaw_rate)  # the level frame has turned by this in a second
     world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ sense.wrench[0, :3]
     np.testing.assert_allclose(world, [40.0, 10.0, -20.0], atol=1e-9)

@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from policies.mpc.load import LEAST, MOST, Load, loaded, told_by
+from policies.mpc.load import LEAST, MOST, Load, estimated_load, loaded
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY
@@ -64,7 +64,7 @@ def test_no_load_changes_nothing(state: dict[str, np.ndarray]) -> None:
 
 def test_a_level_robots_load_is_told_by_its_weight() -> None:
     load = Load(np.array([MASS, 0.0]), np.stack((PLACE, (0.0, 0.0, PLACE[2]))))
-    found = told_by(load.pressing(np.stack((np.eye(3),) * 2)), PLACE[2])
+    found = estimated_load(load.pressing(np.stack((np.eye(3),) * 2)), PLACE[2])
     np.testing.assert_allclose(found.mass, load.mass)
     np.testing.assert_allclose(found.place, load.place)
 
@@ -78,7 +78,7 @@ def test_a_level_robots_load_is_told_by_its_weight() -> None:
     ],
 )
 def test_loads_are_bounded(force: float, mass: float) -> None:
-    assert told_by(np.array([[0.0, 0.0, force, 0.0, 0.0, 0.0]]), 0.15).mass == mass
+    assert estimated_load(np.array([[0.0, 0.0, force, 0.0, 0.0, 0.0]]), 0.15).mass == mass
 
 
 def test_a_walking_robot_feels_what_it_carries() -> None:
@@ -91,6 +91,6 @@ def test_a_walking_robot_feels_what_it_carries() -> None:
     for _ in range(200):
         observation, _, fell, _, _ = env.step(policy.act(observation))
         assert not fell
-        felt.append(told_by(policy.sense.wrench, policy.parameters.load_height))
+        felt.append(estimated_load(policy.sense.wrench, policy.parameters.load_height))
     assert np.mean([load.mass for load in felt[100:]]) == pytest.approx(15.0, rel=0.1)
     assert np.abs(np.mean([load.place[0, :2] for load in felt[100:]], axis=0)).max() < 0.03

@@ -38,7 +38,7 @@ def test_it_does_what_it_is_asked_to_do_on_flat_ground(policy: type[Mpc]) -> Non
 
 def test_it_stays_up_on_slippery_ground_by_what_it_feels(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not walked("slippery=0.1").fell.any()
-    monkeypatch.setattr(ContactSense, "_feel_slip", lambda *_: None)
+    monkeypatch.setattr(ContactSense, "_estimate_friction", lambda *_: None)
     assert walked("slippery=0.1").fell.any()
 
 

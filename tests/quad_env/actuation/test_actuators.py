@@ -160,7 +160,7 @@ def test_robots_that_rest_keep_the_state_of_their_motors() -> None:
         np.testing.assert_array_equal(together.winding_temperature[robot], alone[robot].winding_temperature[0])
 
 
-def heard(simulation: Simulation, target: np.ndarray) -> np.ndarray:
+def received(simulation: Simulation, target: np.ndarray) -> np.ndarray:
     """The target that the servos of the only robot go by in the next physics step, rad, which it takes."""
     position, speed = simulation._qpos[0, 7:].copy(), simulation._qvel[0, 6:].copy()
     simulation.step(target[None], None)
@@ -178,7 +178,8 @@ def test_at_the_bandwidth_a_sine_loses_3_decibels_and_45_degrees(
     simulation = simulate(Actuator(curve, bandwidth=own), motors=motors)
     angle = 2 * math.pi * 8.0 * SUBSTEP * np.arange(1250)  # 20 periods
     found = (
-        np.array([heard(simulation, SIMPLE_QUAD.home_pose + 0.02 * math.sin(a)) for a in angle]) - SIMPLE_QUAD.home_pose
+        np.array([received(simulation, SIMPLE_QUAD.home_pose + 0.02 * math.sin(a)) for a in angle])
+        - SIMPLE_QUAD.home_pose
     )
     settled = slice(625, None)
     transfer = 2 * np.mean(found[settled] * np.exp(-1j * angle[settled])[:, None], axis=0) / 0.02 * 1j

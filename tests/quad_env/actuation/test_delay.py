@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quad_env.actuation.delay import Wires
+from quad_env.actuation.delay import ActionDelay
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Latency, SteadyForce
@@ -52,15 +52,15 @@ def test_a_reading_is_seen_exactly_so_many_steps_later_and_nothing_else_is_late(
 def test_a_joint_that_hears_nothing_holds_its_last_target() -> None:
     dropouts = Dropouts(count=2, duration=0.2, window=(0.2, 1.1))
     scenario = Scenario("lost", dropouts=dropouts)
-    heard = ACTIONS.copy()
+    received = ACTIONS.copy()
     for robot in range(ROBOTS):
         plan = Episode(SIMPLE_QUAD, scenario, FIRST_SEED + robot, 0, 0.01).dropouts
         assert plan is not None
         for first, joint in zip(plan.first_step, plan.joint, strict=True):
-            heard[first : first + 20, robot, joint] = heard[first - 1, robot, joint]
-    assert (heard != ACTIONS).sum() == ROBOTS * 2 * 20
+            received[first : first + 20, robot, joint] = received[first - 1, robot, joint]
+    assert (received != ACTIONS).sum() == ROBOTS * 2 * 20
     lost = observations(scenario)
-    np.testing.assert_array_equal(lost[..., SENSED], observations(PLAIN, heard)[..., SENSED])
+    np.testing.assert_array_equal(lost[..., SENSED], observations(PLAIN, received)[..., SENSED])
     assert (lost != observations(PLAIN)).any()
 
 
@@ -70,19 +70,19 @@ def test_robots_that_move_on_without_the_others_lose_their_own_targets() -> None
         "lost", latency=Latency(action=0.02), dropouts=Dropouts(count=2, duration=0.2, window=(0.2, 1.1))
     )
     episodes = [Episode(SIMPLE_QUAD, scenario, FIRST_SEED + robot, 0, 0.01) for robot in range(ROBOTS)]
-    together, rows, behind = Wires(SIMPLE_QUAD, scenario, ROBOTS, 0.01), np.array([1, 3]), np.array([0, 31])
+    together, rows, behind = ActionDelay(SIMPLE_QUAD, scenario, ROBOTS, 0.01), np.array([1, 3]), np.array([0, 31])
     together.begin(np.arange(ROBOTS), episodes)
-    alone = [Wires(SIMPLE_QUAD, scenario, 1, 0.01) for _ in rows]
-    for wires, robot in zip(alone, rows, strict=True):
-        wires.begin(np.arange(1), [episodes[robot]])
+    alone = [ActionDelay(SIMPLE_QUAD, scenario, 1, 0.01) for _ in rows]
+    for action_delay, robot in zip(alone, rows, strict=True):
+        action_delay.begin(np.arange(1), [episodes[robot]])
     for step in range(31, STEPS):
         clock, targets = step - behind, ACTIONS[step]
-        heard = together.heard(targets, clock, rows)[rows]
+        received = together.received(targets, clock, rows)[rows]
         expected = [
-            wires.heard(targets[robot : robot + 1], clock[place : place + 1], np.arange(1))[0]
-            for place, (wires, robot) in enumerate(zip(alone, rows, strict=True))
+            action_delay.received(targets[robot : robot + 1], clock[place : place + 1], np.arange(1))[0]
+            for place, (action_delay, robot) in enumerate(zip(alone, rows, strict=True))
         ]
-        np.testing.assert_array_equal(heard, expected)
+        np.testing.assert_array_equal(received, expected)
 
 
 def test_every_joint_drops_out_and_every_dropout_lies_in_its_window() -> None:

@@ -257,7 +257,7 @@ def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> Non
     assert (robot.name, robot.knee_direction.tolist(), robot.rated_torque) == ("mine", 4 * [1.0], 12.5)
     assert robot.home_pose[2] > 0.0
     for line, said in {
-        "servo_stifness = 3": "'servo_stifness' cannot be told; what can: home_pose, ",
+        "servo_stifness = 3": "'servo_stifness' cannot be given; what can: home_pose, ",
         'name = "../../elsewhere"': "a robot's name is that of a folder too",
         "name = 3": "a robot's name is that of a folder too",
         "knee_direction = 0": "knee_direction is -1 or 1, or one of these a leg, got 0",

@@ -14,7 +14,7 @@ import pytest
 import policies
 from policies.gaits.parameters import GaitParameters
 from policies.mpc.parameters import MpcParameters
-from policies.parameters import Parameters, likewise, likewise_ranges
+from policies.parameters import Parameters, scaled_parameters, scaled_ranges
 from policies.residual_bases import BASES
 from policies.trot.feedback_parameters import FeedbackParameters
 from policies.trot.integral import IntegralParameters
@@ -24,7 +24,7 @@ from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.combination import likewise as likewise_name
+from quad_env.scenarios.combination import scaled_name
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 from train.config import DEFAULTS
@@ -107,17 +107,17 @@ def test_a_trot_moves_both_robots_alike_in_their_own_time(name: str, small: Robo
 
 def test_simple_quads_own_parameters_are_left_alone() -> None:
     found = searched_parameters()
-    assert likewise(found, SIMPLE_QUAD) == found
-    assert likewise_ranges(SEARCH_RANGES, TrotParameters, SIMPLE_QUAD) == SEARCH_RANGES
+    assert scaled_parameters(found, SIMPLE_QUAD) == found
+    assert scaled_ranges(SEARCH_RANGES, TrotParameters, SIMPLE_QUAD) == SEARCH_RANGES
 
 
 def test_feet_that_stand_under_their_hips_do_so_on_every_robot(tmp_path: Path) -> None:
     robot = Robot.from_mjcf(Made().write(tmp_path))
     straight, apart = 0.5 * (SIMPLE_QUAD.hip_positions[0, 1] + SIMPLE_QUAD.hip_offset), 0.1 + 0.08
-    assert similarity.likewise(robot, 4.0 * straight, similarity.WIDE) == pytest.approx(2.0 * apart)
-    beyond = similarity.likewise(robot, 4.0 * straight + 0.1, similarity.WIDE) - 2.0 * apart
+    assert similarity.scaled(robot, 4.0 * straight, similarity.WIDE) == pytest.approx(2.0 * apart)
+    beyond = similarity.scaled(robot, 4.0 * straight + 0.1, similarity.WIDE) - 2.0 * apart
     assert beyond == pytest.approx(0.1 * robot.leg_length / SIMPLE_QUAD.leg_length)
-    assert similarity.likewise(robot, 0.5, similarity.LONG) == pytest.approx(0.4)
+    assert similarity.scaled(robot, 0.5, similarity.LONG) == pytest.approx(0.4)
 
 
 def test_what_hangs_on_the_knees_is_the_other_way_round_where_they_bend_forward(tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_what_hangs_on_the_knees_is_the_other_way_round_where_they_bend_forward(
     for name in ("stance_shift", "forward_bias", "yaw_per_lateral"):
         assert getattr(theirs, name) == pytest.approx(-getattr(ours, name)) != 0.0, name
     assert theirs.body_height == pytest.approx(ours.body_height)
-    low, high = likewise_ranges(SEARCH_RANGES, TrotParameters, forward)["stance_shift"]
+    low, high = scaled_ranges(SEARCH_RANGES, TrotParameters, forward)["stance_shift"]
     assert low < theirs.stance_shift < high
 
 
@@ -171,7 +171,7 @@ def test_robots_of_every_size_have_policies_scenarios_and_a_training(
     for name in BASES:
         assert policies.make(name, robot=robot).robot == robot
     for name, _ in DEFAULTS["residual"].mixture:
-        assert scenario(likewise_name(name, robot), robot).name
+        assert scenario(scaled_name(name, robot), robot).name
 
 
 def test_a_size_beyond_any_is_one_line(tmp_path: Path) -> None:

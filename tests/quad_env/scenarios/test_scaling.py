@@ -20,7 +20,7 @@ from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.axes import AS_THE_ROBOT, AXES, axes_of
-from quad_env.scenarios.combination import likewise
+from quad_env.scenarios.combination import scaled_name
 from quad_env.scenarios.scaling import scaled
 from quad_env.task.terminations import fall_code
 from tests.quad_env.robots.alike import alike
@@ -96,7 +96,7 @@ def test_slow_commands_are_those_of_the_rule_of_success_for_every_robot(small: R
     assert [name for name, axis in AXES.items() if not axis.scales] == ["slow"]
     for name in ("slow", "slow=0.05"):
         assert scenario(name, small) == scenario(name)
-    assert likewise("slow=0.05", small) == "slow=0.05"
+    assert scaled_name("slow=0.05", small) == "slow=0.05"
 
 
 def test_simple_quads_scenarios_are_the_very_ones_that_they_were(small: Robot) -> None:
@@ -121,9 +121,9 @@ def test_what_a_user_writes_in_physical_units_stays_as_it_is(small: Robot) -> No
 
 
 def test_a_physical_name_can_be_said_for_another_robot(small: Robot) -> None:
-    assert likewise("payload=20+slope=10", small) == "payload=2+slope=10"
-    assert likewise("push", small) == "push"
-    assert likewise("payload=20", SIMPLE_QUAD) == "payload=20"
+    assert scaled_name("payload=20+slope=10", small) == "payload=2+slope=10"
+    assert scaled_name("push", small) == "push"
+    assert scaled_name("payload=20", SIMPLE_QUAD) == "payload=20"
 
 
 def test_no_motor_gets_more_torque_than_it_has(small: Robot) -> None:

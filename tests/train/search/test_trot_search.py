@@ -11,7 +11,7 @@ import policies
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.rollout import run
-from policies.parameters import likewise
+from policies.parameters import scaled_parameters
 from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
@@ -213,7 +213,10 @@ def test_a_robots_search_goes_to_its_own_folder_and_begins_with_its_own_size(tmp
     own = tmp_path / "alike"
     told = (own / "TROT.md").read_text(encoding="utf-8")
     assert f"search trot --seed 0 --robot {path}" in told
-    start, found = likewise(searched_parameters(), robot), json.loads((own / "trot.json").read_text(encoding="utf-8"))
+    start, found = (
+        scaled_parameters(searched_parameters(), robot),
+        json.loads((own / "trot.json").read_text(encoding="utf-8")),
+    )
     assert f"| blend_time | fixed | {start.blend_time:.9g} | {found['blend_time']:.9g} |" in told
     low, high = (robot.leg_length / 0.6 * end for end in SEARCH_RANGES["body_height"])
     assert low <= found["body_height"] <= high < 0.22
