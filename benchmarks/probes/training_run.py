@@ -95,7 +95,7 @@ def bare(config: TrainConfig, steps: int) -> float:
 
         def advance(simulation: Simulation, held: Array) -> None:
             simulation._ctrl[:] = held
-            simulation._batch.step(None, config.ppo.hold * simulation.substeps)
+            simulation.batch.step(None, config.ppo.hold * simulation.substeps)
 
         with ThreadPoolExecutor(config.threads if side_by_side(config) else 1) as pool:
             begin = time.perf_counter()

@@ -17,7 +17,8 @@ class Following:
     def __init__(self, joints: int, control_period: float) -> None:
         self._share = taken_in(control_period, MEMORY_TIME)
         first = AT_FIRST * control_period * joints
-        self.memory = Memory(commanded=first, made=first, targets=np.zeros(joints), joints=np.zeros(joints))
+        # The names of the movements are part of the digest by which results know the policy.
+        self.memory = Memory(told=first, made=first, targets=np.zeros(joints), joints=np.zeros(joints))
 
     def read(self, joints: Floats, walking: Floats) -> None:
         """The joints' places, (joints, n), rad, one control period after `command`; the robot's share of walking
@@ -26,12 +27,12 @@ class Following:
 
     def command(self, targets: Floats, walking: Floats) -> None:
         """The new targets, (joints, n), rad, from the pose that all joints start in, as their places are."""
-        self._move("commanded", "targets", targets, walking)
+        self._move("told", "targets", targets, walking)
 
     @property
     def ratio(self) -> Floats:
         """Movement made per movement commanded, (n,): 1 where all joints follow their targets, 0 where none moves."""
-        return self.memory["made"] / np.maximum(self.memory["commanded"], 1e-9)
+        return self.memory["made"] / np.maximum(self.memory["told"], 1e-9)
 
     def _move(self, movement: str, places: str, now: Floats, walking: Floats) -> None:
         memory = self.memory

@@ -79,33 +79,36 @@ class Simulation:
         soles = [contact_sensors(self.model, f"{leg}_foot") for leg in robot.leg_names if contacts or feet]
         links = [contact_sensors(self.model, f"{leg}_{link}") for leg in robot.leg_names for link in _LINKS if contacts]
         read = [*trunk, *itertools.chain(*soles, *links), *(() if imu is None else probed(robot))]
-        self._batch = Batch(stepped_model(self.model, read), num_envs, nthread)
-        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
-        self._ctrl = self._batch.bind("ctrl")
-        self._push = self._batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
-        self._torque = self._batch.bind("actuator_force")
-        at = (robot, self.terrain, period, self._qpos, self._qvel)
-        steps = [[self._batch.sensor(name).data for name in names] for names in soles]
+        self.batch = Batch(stepped_model(self.model, read), num_envs, nthread)
+        """The robots as MuJoCo steps them."""
+        self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        """Positions, (n, 19), and velocities, (n, 18), in MuJoCo's order; what is written there moves the robots."""
+        self._ctrl = self.batch.bind("ctrl")
+        self._push = self.batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
+        self.torque = self.batch.bind("actuator_force")
+        """Torques of the servos in the last physics step, (n, 12), N·m."""
+        at = (robot, self.terrain, period, self.qpos, self.qvel)
+        steps = [[self.batch.sensor(name).data for name in names] for names in soles]
         self._footsteps = Footsteps(*at, steps) if feet else None  # before the probe computes contacts again
-        self.probe = None if imu is None else Probe(robot, self._batch, period)
+        self.probe = None if imu is None else Probe(robot, self.batch, period)
         if self.probe is not None:  # which computes the outputs of the last substep again
-            self._torque = self.probe.copy(self._torque)
+            self.torque = self.probe.copy(self.torque)
         self._trunk_contacts = self._sensed(trunk)
         self._foot_contacts = [self._sensed(names) for names in soles]
         self._link_contacts = self._sensed(itertools.chain(*links))
-        self._warnings = self._batch.warning[:, _DIVERGENCE, 1]
+        self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
         self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
         self._thighs = [self.model.body(f"{leg}_{link}_link").id for link in _LINKS for leg in robot.leg_names]
         self._corners = trunk_corners(self.model)
         bumpy = isinstance(self.terrain, SmoothRandom)
         self._clear = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
-        self._sites, self._bodies = self._batch.bind("site_xpos"), self._batch.bind("xpos")
-        self._filtered = self._batch.bind("act") if self.model.na else None
+        self._sites, self._bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
+        self._filtered = self.batch.bind("act") if self.model.na else None
         load = None if scenario.payload is None else self.model.body(PAYLOAD).id
-        self._load = None if load is None else self._batch.expand("body_pos")[:, load, :2]
-        self._history = self._batch.bind("history") if self.model.nhistory else None
+        self._load = None if load is None else self.batch.expand("body_pos")[:, load, :2]
+        self._history = self.batch.bind("history") if self.model.nhistory else None
         self._past = history_of(self.model, robot.home_pose) if self.model.nhistory else None
-        rows, timestep = (self._batch.bind, self._batch.expand), self.model.opt.timestep
+        rows, timestep = (self.batch.bind, self.batch.expand), self.model.opt.timestep
         self._actuators = actuator_models_of(robot, scenario.motors, actuator, *rows, self.substeps, timestep)
         self._force: Array | None = None
         self._alignment = slope_quaternion(self.terrain) if isinstance(self.terrain, Slope) else None
@@ -120,8 +123,8 @@ class Simulation:
         frame.
         """
         robot = self.robot
-        self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self._batch.warning[ids] = 0
+        self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self.batch.warning[ids] = 0
         qpos = np.empty((len(ids), self.model.nq))
         qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], robot.home_height
         qpos[:, 3:7] = quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
@@ -129,8 +132,8 @@ class Simulation:
             qpos[:, 3:7] = product(self._alignment, qpos[:, 3:7])
         offsets, velocities = np.split(rows[:, 5:], [robot.num_joints], axis=1)
         qpos[:, 7:] = np.clip(robot.home_pose + offsets, robot.joint_lower, robot.joint_upper)
-        self._qpos[ids] = qpos
-        self._qvel[ids] = velocities
+        self.qpos[ids] = qpos
+        self.qvel[ids] = velocities
         self._ctrl[ids] = self._action[ids] = self._previous_action[ids] = robot.home_pose
         if self._filtered is not None:
             self._filtered[ids] = robot.home_pose
@@ -143,11 +146,11 @@ class Simulation:
             self._force[ids] = self._push[ids] = force
         if self._load is not None:
             self._load[ids] = 0.0 if load is None else load
-            self._batch.set_const(ids)
+            self.batch.set_const(ids)
         qpos[:, 2] += self._clear
-        self._qpos[ids, 2] = qpos[:, 2]
-        self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
-        self._qpos[ids, 2] += self._lift(ids, qpos)
+        self.qpos[ids, 2] = qpos[:, 2]
+        self.batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        self.qpos[ids, 2] += self._lift(ids, qpos)
         if self._footsteps is not None:
             self._footsteps.begin(ids)
         if self.probe is not None:
@@ -189,17 +192,17 @@ class Simulation:
 
     def _advance(self, ids: Ids, substeps: int) -> None:
         try:
-            self._batch.step(None if ids is ALL else ids, substeps)
+            self.batch.step(None if ids is ALL else ids, substeps)
         except SimulationError as error:
             self._warnings[error.ids] += 1
 
     def diverged(self, ids: Ids = ALL) -> Mask:
         """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite."""
-        return cast("Mask", _diverged(*(of_robots(rows[ids]) for rows in (self._warnings, self._qpos, self._qvel))))
+        return cast("Mask", _diverged(*(of_robots(rows[ids]) for rows in (self._warnings, self.qpos, self.qvel))))
 
     def motion_of_one(self) -> Motion[float]:
         """Motion of the only robot of a batch of one."""
-        return of_robot(self._qpos), of_robot(self._qvel)
+        return of_robot(self.qpos), of_robot(self.qvel)
 
     def one_diverged(self, motion: Motion[float]) -> bool:
         """`diverged` of the only robot of a batch of one, whose motion it is."""
@@ -209,7 +212,7 @@ class Simulation:
         """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
         if self._actuators is not None:
             self._actuators.begin(ids)
-        self._batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
+        self.batch.reset(ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
         if self._footsteps is not None:
             self._footsteps.begin(ids)
         if self.probe is not None:
@@ -217,7 +220,7 @@ class Simulation:
 
     def state(self, command: Vector[Array], ids: Ids = ALL) -> QuadState[Array]:
         """Readings of those robots now; `command`, (3) is the one they were following."""
-        motion = of_robots(self._qpos[ids]), of_robots(self._qvel[ids])
+        motion = of_robots(self.qpos[ids]), of_robots(self.qvel[ids])
         return self._readings(lambda rows: of_robots(rows[ids]), motion, command)
 
     def state_of_one(self, command: Vector[float], motion: Motion[float] | None = None) -> QuadState[float]:
@@ -241,7 +244,7 @@ class Simulation:
             vertical_velocity=qvel[2],
             joint_position=qpos[7:],
             joint_velocity=qvel[6:],
-            joint_torque=columns(self._torque),
+            joint_torque=columns(self.torque),
             trunk_contact=total(columns(found)[0] for found in self._trunk_contacts) > 0,
             command=command,
             action=columns(self._action),
@@ -252,7 +255,7 @@ class Simulation:
     @property
     def quaternion(self) -> Array:
         """Orientation of every trunk in the world frame, (n, 4), w x y z."""
-        return cast("Array", self._qpos[:, 3:7].copy())
+        return cast("Array", self.qpos[:, 3:7].copy())
 
     @property
     def push(self) -> Array:
@@ -266,12 +269,12 @@ class Simulation:
 
     def ground_contacts(self) -> tuple[Mask, Mask]:
         """Whether each foot, (n, 4), and whether a thigh or calf, (n,), touched the ground in the last substep."""
-        links = sum(self._link_contacts, np.zeros((len(self._qpos), 1)))
+        links = sum(self._link_contacts, np.zeros((len(self.qpos), 1)))
         return touching(self._foot_contacts, ALL), np.asarray(links[:, 0] > 0)
 
     def _sensed(self, names: Iterable[str]) -> list[Array]:
         """What contact sensors of those names found in the last substep, (n, 1) each."""
-        found = [self._batch.sensor(name).data for name in names]
+        found = [self.batch.sensor(name).data for name in names]
         return found if self.probe is None else [self.probe.copy(each) for each in found]
 
     def show_load(self, robot: int) -> None:
@@ -279,13 +282,13 @@ class Simulation:
         if self._load is not None or self.winding_temperature is not None:
             stages, start = self.model.sensor_needstage.copy(), self.model.qpos0.copy()
             flags = self.model.opt.disableflags
-            self._batch.get_model(robot, self.model)
+            self.batch.get_model(robot, self.model)
             self.model.sensor_needstage[:], self.model.qpos0[:], self.model.opt.disableflags = stages, start, flags
 
     def snapshot(self, robot: int) -> mujoco.MjData:
         """A copy of one robot's simulation with every derived field current, to be looked at with `model`."""
         self.show_load(robot)
-        data = self._batch.get_data(robot)
+        data = self.batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
         return data
 

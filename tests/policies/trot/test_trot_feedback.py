@@ -404,7 +404,7 @@ def test_the_same_actions_whatever_the_heading():
     """Two robots of one seed, one turned by 90° about the vertical with all its motion: the same actions."""
     env = SimpleQuadVectorEnv(2)
     env.reset(seed=[3, 3])
-    qpos, qvel = env.simulation._qpos, env.simulation._qvel
+    qpos, qvel = env.simulation.qpos, env.simulation.qvel
     (w, x, y, z), (speed_x, speed_y) = qpos[0, 3:7].copy(), (0.2, 0.9)
     quarter = np.sqrt(0.5)
     qpos[1, 3:7] = quarter * np.array([w - z, x - y, y + x, z + w])

@@ -36,16 +36,16 @@ def wild(steps: int) -> np.ndarray:
 
 
 def motion(simulation: Simulation) -> np.ndarray:
-    return np.concatenate([simulation._qpos[0], simulation._qvel[0]])
+    return np.concatenate([simulation.qpos[0], simulation.qvel[0]])
 
 
 def torque_at(speed: float, target: np.ndarray, actuator: Actuator, motors: Motors | None = None) -> np.ndarray:
     """Torques of a robot with its joints at their middle, turning at that speed, at the first physics step."""
     simulation = simulate(actuator, motors=motors)
-    simulation._qpos[0, 7:] = (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2
-    simulation._qvel[0, 6:] = speed
+    simulation.qpos[0, 7:] = (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2
+    simulation.qvel[0, 6:] = speed
     simulation.step(target[None], None)
-    return simulation._torque[0]
+    return simulation.torque[0]
 
 
 @pytest.mark.parametrize(
@@ -82,9 +82,9 @@ def test_no_physics_step_of_a_control_step_leaves_the_curve() -> None:
     largest = 0.0
     for target in wild(100):
         for _ in range(5):
-            speed = fine._qvel[0, 6:].copy()
+            speed = fine.qvel[0, 6:].copy()
             fine.step(target, None)
-            torque = fine._torque[0]
+            torque = fine.torque[0]
             assert (torque <= np.clip(100 * (1 - speed / 10), -100, 100) + 1e-9).all()
             assert (torque >= np.clip(-100 * (1 + speed / 10), -100, 100) - 1e-9).all()
             largest = max(largest, float(np.abs(speed).max()))
@@ -99,7 +99,7 @@ def test_of_two_torque_limits_the_weaker_holds(stall: float, limit: float, weake
     torques = []
     for target in wild(50):
         simulation.step(target, None)
-        torques.append(np.abs(simulation._torque).max())
+        torques.append(np.abs(simulation.torque).max())
     assert max(torques) == weaker
 
 
@@ -142,7 +142,7 @@ def test_a_restarted_robot_with_a_delay_holds_its_home_pose_first() -> None:
     for target in wild(5):
         simulation.step(np.repeat(target, 2, axis=0), None)
         fresh.step(target, None)
-        np.testing.assert_array_equal(simulation._qpos[1], fresh._qpos[0])
+        np.testing.assert_array_equal(simulation.qpos[1], fresh.qpos[0])
 
 
 def test_robots_that_rest_keep_the_state_of_their_motors() -> None:
@@ -156,15 +156,15 @@ def test_robots_that_rest_keep_the_state_of_their_motors() -> None:
         for robot in moving:
             alone[robot].step(targets[robot : robot + 1], None)
     for robot in range(3):
-        np.testing.assert_array_equal(together._qpos[robot], alone[robot]._qpos[0])
+        np.testing.assert_array_equal(together.qpos[robot], alone[robot].qpos[0])
         np.testing.assert_array_equal(together.winding_temperature[robot], alone[robot].winding_temperature[0])
 
 
 def received(simulation: Simulation, target: np.ndarray) -> np.ndarray:
     """The target that the servos of the only robot go by in the next physics step, rad, which it takes."""
-    position, speed = simulation._qpos[0, 7:].copy(), simulation._qvel[0, 6:].copy()
+    position, speed = simulation.qpos[0, 7:].copy(), simulation.qvel[0, 6:].copy()
     simulation.step(target[None], None)
-    return (simulation._torque[0] + 10 * speed) / 300 + position
+    return (simulation.torque[0] + 10 * speed) / 300 + position
 
 
 @pytest.mark.parametrize("curve", [None, CURVE])
@@ -194,7 +194,7 @@ def test_windings_heat_at_every_physics_step_by_their_torque() -> None:
     for target in wild(60):
         for _ in range(5):
             fine.step(target, None)
-            torques.append(fine._torque[0].copy())
+            torques.append(fine.torque[0].copy())
         coarse.step(target, None)
     age = SUBSTEP * np.arange(len(torques))[::-1, None]
     share = math.exp(-SUBSTEP / 17.4)
@@ -213,20 +213,20 @@ def test_a_hot_motor_gives_less_then_nothing_until_the_next_episode() -> None:
         temperature = simulation.winding_temperature[0]
         off |= temperature >= 115
         limit = np.where(off, 0.0, 25 + 75 * np.clip((115 - temperature) / 15, 0, 1))
-        simulation._qpos[0], simulation._qvel[0] = held, 0.0
+        simulation.qpos[0], simulation.qvel[0] = held, 0.0
         simulation.step(SIMPLE_QUAD.joint_upper[None] if step < 1000 else SIMPLE_QUAD.joint_lower[None], None)
-        np.testing.assert_allclose(simulation._torque[0], limit if step < 1000 else 0.0, atol=1e-9)
-        torques.append(simulation._torque[0, 0])
+        np.testing.assert_allclose(simulation.torque[0], limit if step < 1000 else 0.0, atol=1e-9)
+        torques.append(simulation.torque[0, 0])
     assert sum(25 < torque < 99 for torque in torques) > 5
     assert off.all()
     assert (simulation.winding_temperature < 100).all()
     simulation.step(SIMPLE_QUAD.joint_upper[None], None)
-    assert (simulation._torque == 0).all()
+    assert (simulation.torque == 0).all()
     assert simulation.snapshot(0).actuator_force == pytest.approx(np.zeros(12))
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     assert (simulation.winding_temperature == 25).all()
     simulation.step(SIMPLE_QUAD.joint_upper[None], None)
-    assert (simulation._torque > 20).all()
+    assert (simulation.torque > 20).all()
 
 
 @pytest.mark.parametrize("name", ACTUATORS)

@@ -12,7 +12,7 @@ TARGET = SIMPLE_QUAD.home_pose + 0.1
 
 
 def start(simulation: Simulation, loads: np.ndarray | None = None) -> Simulation:
-    robots = len(simulation._qpos)
+    robots = len(simulation.qpos)
     simulation.reset(np.arange(robots), np.zeros((robots, 35)), load=loads)
     return simulation
 

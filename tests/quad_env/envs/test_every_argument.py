@@ -606,7 +606,7 @@ ALONE = {
 }
 BATCHED = {
     "num_envs": Effect(3, lambda robot: len(robot.base.simulation.quaternion), 3),
-    "nthread": Effect(3, lambda robot: robot.base.simulation._batch.nthread, 3, {"num_envs": 4}),
+    "nthread": Effect(3, lambda robot: robot.base.simulation.batch.nthread, 3, {"num_envs": 4}),
     "autoreset_mode": Effect(
         "SAME_STEP", after(lambda robot: "final_obs" in robot.infos), True, {"max_episode_steps": 1}
     ),

@@ -23,7 +23,7 @@ def make(num_envs: int = 3, **kwargs: Any) -> SimpleQuadVectorEnv:
 
 def drop_robot(env: SimpleQuadVectorEnv, robot: int) -> None:
     """Turn one robot on its back."""
-    env.simulation._batch.bind("qpos")[robot, 3:7] = (0, 1, 0, 0)
+    env.simulation.batch.bind("qpos")[robot, 3:7] = (0, 1, 0, 0)
 
 
 def test_make_vec_gives_the_native_batch_with_its_time_limit() -> None:
@@ -291,7 +291,7 @@ def test_a_fallen_robot_goes_on_when_asked_to_and_a_time_out_is_no_fall() -> Non
 def test_divergence_ends_the_episode_with_finite_readings_and_leaves_the_others_alone(poison: float) -> None:
     env, twin = make(2), make(2)
     env.reset(seed=0), twin.reset(seed=0)
-    env.simulation._batch.bind("qvel")[0, 3] = poison
+    env.simulation.batch.bind("qvel")[0, 3] = poison
     action = np.tile(HOME, (2, 1))
     observation, reward, terminated, _, info = env.step(action)
     expected = twin.step(action)

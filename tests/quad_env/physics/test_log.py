@@ -15,7 +15,7 @@ from quad_env.scenarios.terrain import Flat
 def diverge():
     simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))
-    simulation._batch.bind("qvel")[0, 4] = 1e12
+    simulation.batch.bind("qvel")[0, 4] = 1e12
     simulation.step(np.zeros((1, 12)), None)
     assert simulation.diverged().all()
 

@@ -137,8 +137,8 @@ def test_a_single_env_falls_diverges_and_stands_still_as_its_row_in_a_batch(
     for step, action in enumerate(random_actions(2)[:100]):
         if step == 5:
             for simulation, row in ((single.simulation, 0), (batch.simulation, 1)):
-                simulation._batch.bind("qpos")[row, 3:7] = (0.6, 0.8, 0, 0)
-                simulation._batch.bind("qvel")[row, 4] += velocity
+                simulation.batch.bind("qpos")[row, 3:7] = (0.6, 0.8, 0, 0)
+                simulation.batch.bind("qvel")[row, 4] += velocity
         *result, info = single.step(action)
         row = digest(*batch.step(np.tile(action, (3, 1))), row=1)
         assert digest(*([part] for part in result), batched(info), 0) == row, step

@@ -284,7 +284,7 @@ def test_each_colliding_geom_of_each_robot_s_trunk_on_the_ground_is_a_fall(name:
     """Each, when it alone of the robot can meet the ground and does: within three control steps, by trunk contact."""
     robot = ROBOTS[name]
     env = SimpleQuadVectorEnv(1, robot=robot, nthread=1)
-    model, batch = env.simulation.model, env.simulation._batch
+    model, batch = env.simulation.model, env.simulation.batch
     stepped = copy.copy(batch.model)
     solid = (model.geom_contype | model.geom_conaffinity) != 0
     trunk = np.isin(model.geom_bodyid, welded(model, model.body("base_link").id)) & solid
@@ -300,7 +300,7 @@ def test_each_colliding_geom_of_each_robot_s_trunk_on_the_ground_is_a_fall(name:
         env.reset(seed=0, options={"command": np.zeros((1, 3))})
         start = data.qpos.copy()
         start[2] -= mujoco.mj_geomDistance(model, data, int(geom), model.geom("ground").id, 10.0, None) + 0.005
-        env.simulation._qpos[0], env.simulation._qvel[0] = start, 0.0
+        env.simulation.qpos[0], env.simulation.qvel[0] = start, 0.0
         for _ in range(3):
             *_, terminated, _, info = env.step(robot.home_pose[None].astype(np.float32))
             if terminated[0]:

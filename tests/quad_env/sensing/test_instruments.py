@@ -41,7 +41,7 @@ def flying(suite: SensorSuite, spin: tuple[float, float, float], yaw: float = 0.
     """Readings and MuJoCo's own state of a robot that spins in the air, `spin` in its own axes, rad/s, step by step."""
     env = env_of(suite, 1)
     env.reset(seed=0)
-    batch = env.simulation._batch
+    batch = env.simulation.batch
     batch.bind("qpos")[0, 2] = 5.0
     batch.bind("qpos")[0, 3:7] = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
     batch.bind("qvel")[0, 3:6] = spin

@@ -77,7 +77,7 @@ def test_feet_are_looked_at_where_a_term_asks_for_them() -> None:
 
 
 def _is_sensed(simulation: Simulation, name: str) -> bool:
-    stepped = simulation._batch.get_model(0)
+    stepped = simulation.batch.get_model(0)
     return bool(stepped.sensor_needstage[stepped.sensor(name).id] != mujoco.mjtStage.mjSTAGE_NONE)
 
 
