@@ -7,6 +7,7 @@ from pathlib import Path
 import policies
 from evaluate.rollouts.hardware import hardware_of
 from policies import bundle, shipped
+from policies.description import parsed
 from policies.summaries import SUMMARIES
 from quad_env.cli.format import counted
 from quad_env.files.reading import read_bytes
@@ -50,7 +51,7 @@ def _lines(robot: Robot) -> Iterator[str]:
 def _trained(folder: Path) -> Iterator[str]:
     """What a bundle corrects and how it was trained; what is wrong with it, if anything is."""
     try:
-        told = bundle.parsed(folder, read_bytes(folder / bundle.DESCRIPTION))
+        told = parsed(folder, read_bytes(folder / bundle.DESCRIPTION))
         base, training = told["base"]["name"], told["training"]
         yield (
             f"base {base}, at most {max(told['authority']):.2g} rad a joint; {training['steps']:,} steps of training, "

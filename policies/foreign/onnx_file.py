@@ -15,6 +15,7 @@ import numpy as np
 
 from policies import bundle
 from policies.base import Policy, PolicyError
+from policies.description import assembled, network_of, parsed
 from policies.foreign.python_file import Maker
 from policies.foreign.reference import Reference
 from policies.network import Network, Weights
@@ -97,10 +98,10 @@ def _input(session: Any, reference: Reference) -> tuple[str, int, type[np.floati
 def _residual(file: Path, description: str, model: _Model, robot: Robot) -> ResidualPolicy:
     onnx = _package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
-    found = bundle.parsed(file, description.encode())
+    found = parsed(file, description.encode())
 
     def network(inputs: int, outputs: int) -> Network:
-        network = bundle.network_of(file, found["network"], tensors, inputs, outputs)
+        network = network_of(file, found["network"], tensors, inputs, outputs)
         try:
             off = _difference(model, network, PROBES)
         except Exception as error:
@@ -109,7 +110,7 @@ def _residual(file: Path, description: str, model: _Model, robot: Robot) -> Resi
             raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
         return network
 
-    return bundle.assembled(file, found, network, robot)
+    return assembled(file, found, network, robot)
 
 
 def _difference(model: _Model, network: Network, count: int) -> float:
