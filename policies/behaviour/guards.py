@@ -69,8 +69,8 @@ def conditions(
 
 
 def leg_height(robot: Robot, gravity: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Trunk's centre above the underside of its lowest foot, (n,), m: that of the fall rule above level ground, felt by
-    the legs, from gravity (n, 3) and joint angles (n, 12)."""
+    """Trunk's centre above the underside of its lowest foot, (n,), m, from gravity (n, 3) and joint angles (n, 12): the
+    height of the fall rule where the ground is level."""
     feet = foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3)) + robot.hip_positions
     depth = feet[:, :, 0] * gravity[:, 0:1] + feet[:, :, 1] * gravity[:, 1:2] + feet[:, :, 2] * gravity[:, 2:3]
     height: NDArray[np.float64] = depth.max(axis=1) + robot.foot_depth

@@ -11,7 +11,7 @@ from policies.legs.proprioception import Senses, length
 from quad_env.robots.robot import Robot
 
 EVEN = 0.02
-"""Unevenness, m, that a trot on a plane feels too."""
+"""Unevenness, m, that a trot on a plane shows too."""
 LARGEST_ROUGHNESS = 0.15
 """m"""
 ROUGHNESS_MEMORY = 2.0
@@ -33,7 +33,7 @@ class GroundSense:
     def update(self, senses: Senses, standing: NDArray[np.bool_], undisturbed: NDArray[np.bool_]) -> None:
         """One control period later, with the standing legs, (4, n), on the ground; at first all are.
 
-        What a robot that is disturbed, (n,), feels of unevenness is its own tumbling. The slope that a robot finds at
+        The unevenness under a disturbed robot, (n,), is its own tumbling. The slope that a robot finds at
         its start is no change of slope.
         """
         memory, share = self.memory, self._share

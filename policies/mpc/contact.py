@@ -154,16 +154,16 @@ class ContactStates(NamedTuple):
 
 
 def contact_states(
-    p: MpcParameters, cycle: LegCycle, felt: LegCycle, force: Floats, new: Mask, *, flies: bool
+    p: MpcParameters, cycle: LegCycle, earlier: LegCycle, force: Floats, new: Mask, *, flies: bool
 ) -> ContactStates:
-    """Contacts by the gait now and at the time of the estimated vertical forces of the feet, `felt`, (n, 4), N.
+    """Contacts by the gait now and `earlier`, when the estimated vertical forces of the feet, (n, 4), N, acted.
 
     `new`: robots without an estimate yet, (n,); `flies`: whether all feet may be in the air together.
     """
     old = ~new[:, None]
     touching = force > p.touch_force
-    late = ~cycle.swing & ~felt.swing & ~touching & (cycle.progress < LATEST) & old
-    early = cycle.swing & felt.swing & (force > p.early_force) & (felt.progress > EARLIEST)
+    late = ~cycle.swing & ~earlier.swing & ~touching & (cycle.progress < LATEST) & old
+    early = cycle.swing & earlier.swing & (force > p.early_force) & (earlier.progress > EARLIEST)
     standing = (~cycle.swing & ~late) | early
     if not flies:
         # Something has to bear the robot, even in the plan of one that is thrown up.

@@ -40,15 +40,15 @@ class Motion(NamedTuple):
 
 def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> Motion:
     """Motion of observations (n, k)."""
-    felt = observation.astype(np.float64)
-    frame = level_frame(felt[:, OBSERVATION["projected_gravity"]].T)
+    rows = observation.astype(np.float64)
+    frame = level_frame(rows[:, OBSERVATION["projected_gravity"]].T)
     roll, pitch = frame.roll, frame.pitch
     orientation = _quaternion(roll, pitch)
     rotation = np.moveaxis(np.array(rotation_matrix(of_robots(orientation))), -1, 0)
-    turning = felt[:, OBSERVATION["angular_velocity"]]
-    velocity = np.einsum("nij,nj->ni", rotation, felt[:, OBSERVATION["linear_velocity"]])
-    angles = felt[:, OBSERVATION["joint_position"]] + robot.home_pose
-    speeds = felt[:, OBSERVATION["joint_velocity"]]
+    turning = rows[:, OBSERVATION["angular_velocity"]]
+    velocity = np.einsum("nij,nj->ni", rotation, rows[:, OBSERVATION["linear_velocity"]])
+    angles = rows[:, OBSERVATION["joint_position"]] + robot.home_pose
+    speeds = rows[:, OBSERVATION["joint_velocity"]]
     generalised = np.concatenate((velocity, turning, speeds), axis=1)
     bodies = dynamics.at(orientation, velocity, turning, angles, speeds)
     return Motion(
@@ -58,8 +58,8 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
         turning=np.einsum("nij,nj->ni", rotation, turning),
         generalised=generalised,
         angles=angles,
-        targets=felt[:, OBSERVATION["previous_action"]] + robot.home_pose,
-        command=felt[:, OBSERVATION["command"]],
+        targets=rows[:, OBSERVATION["previous_action"]] + robot.home_pose,
+        command=rows[:, OBSERVATION["command"]],
         bodies=bodies,
         feet_velocity=np.einsum("nlxk,nk->nlx", bodies.jacobians, generalised),
     )

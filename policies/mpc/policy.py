@@ -1,7 +1,7 @@
 """Model-predictive control of gaits: forces of the feet by prediction of the rigid body, torques by leg or whole body.
 
 Observation in, joint targets out, as every policy: the servos' PD law is inverted, so that halfway through the control
-period the joints feel the torques that were found.
+period the joints have the torques that were found.
 """
 
 from typing import NamedTuple
@@ -164,8 +164,8 @@ class Mpc(ShiftableFootholds):
         weight = load.pressing(now.rotation)
         push = self.sense.wrench - weight
         late = self.control_period * self.observer.delays
-        felt = self._gait.legs(self._phase - TURN * self._frequencies * late)
-        contacts = contact_states(p, cycle, felt, forces[..., 2], self._new, flies=self._gait.flies)
+        earlier = self._gait.legs(self._phase - TURN * self._frequencies * late)
+        contacts = contact_states(p, cycle, earlier, forces[..., 2], self._new, flies=self._gait.flies)
         ground = self._ground(now, contacts.landed)
         pushed = as_accelerations(now.bodies, now.rotation, push)
         height, stance = self._height, p.duty / self._frequencies

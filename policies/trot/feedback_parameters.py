@@ -70,7 +70,7 @@ class FeedbackParameters(Parameters):
     yaw_push: float = number(0.03, limits=_GAIN, search=(0.0, 0.1), unit="s")
     """The same per yaw-rate error, s."""
     sensor_filter: float = number(0.0, limits=(0.0, 100.0), search=(0.0, 0.06), unit="s")
-    """Time constant of all that is felt, s: against noise."""
+    """Time constant of the sensor readings, s: against noise."""
     velocity_filter: float = number(0.018, limits=(1e-3, 100.0), search=(0.005, 0.2), unit="s")
     """Time constant of the velocity that footholds go by, s."""
     raibert_gain: float = number(0.04, limits=_GAIN, search=(0.0, 0.2), unit="s")

@@ -60,7 +60,7 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True)
 class Gear:
-    """A rotor and the gear between it and the joint; both turn together, so that the joint feels the rotor's inertia
+    """A rotor and the gear between it and the joint; both turn together, so that the joint has the rotor's inertia
     times the ratio squared. The default gives the 0.02 kg·m² of the robot's model."""
 
     ratio: float = 10.0

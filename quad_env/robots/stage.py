@@ -153,7 +153,7 @@ def _centre_base(parts: Parts, found: Anatomy) -> None:
 
 
 def _sole(model: Any, leg: Leg) -> dict[str, Any]:
-    """A site around the foot's geoms of one body, a little larger than these: what a sensor of touch feels with."""
+    """A site around the foot's geoms of one body, a little larger than these: the volume of a touch sensor."""
     points = np.concatenate([surface(model, geom) for geom in leg.feet if model.geom_bodyid[geom] == leg.foot_body])
     low, high = points.min(axis=0), points.max(axis=0)
     return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}

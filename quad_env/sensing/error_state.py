@@ -1,4 +1,4 @@
-"""Motion of a robot whose feet stand, as its own sensors feel it: how it goes on, and how an error of it does.
+"""Motion of a robot whose feet stand, as its own sensors measure it: its prediction, and that of an error.
 
 Vectors are in the base frame: g the unit vector of gravity, v the velocity of the trunk's centre, p the centre of each
 foot from the trunk's centre; ω what the gyroscope says less its bias, f the accelerometer's mean less its bias, G
@@ -45,8 +45,8 @@ class BodyMotion(NamedTuple):
     """Centres of the feet from the trunk's centre, m, (k, 4, 3)"""
 
 
-class Felt(NamedTuple):
-    """What k robots felt in a control period."""
+class Samples(NamedTuple):
+    """Readings of the sensors of k robots in a control period."""
 
     turning: Array
     """Mean angular velocity by the gyroscope, rad/s, (k, 3)"""
@@ -83,16 +83,16 @@ def foot(number: int) -> slice:
     return slice(FEET.start + 3 * number, FEET.start + 3 * number + 3)
 
 
-def turned(motion: BodyMotion, felt: Felt, dt: float) -> Turned:
+def turned(motion: BodyMotion, samples: Samples, dt: float) -> Turned:
     """The motion in the axes of a moment `dt`, s, later."""
-    turning = felt.turning - motion.gyro_bias
+    turning = samples.turning - motion.gyro_bias
     turn = rotation(-dt * turning)
-    change, hip = felt.joints - felt.joints_before, 0.5 * (felt.joints + felt.joints_before)[..., 0]
+    change, hip = samples.joints - samples.joints_before, 0.5 * (samples.joints + samples.joints_before)[..., 0]
     bend = change[..., 1] + change[..., 2]
     by_joints = np.stack((change[..., 0], bend * np.cos(hip), bend * np.sin(hip)), axis=-1)
     return Turned(
         turn,
-        felt.force - motion.accelerometer_bias,
+        samples.force - motion.accelerometer_bias,
         times(turn, motion.gravity),
         times(turn, motion.velocity),
         dt * turning[:, None] + by_joints,
@@ -108,11 +108,11 @@ def predicted(robot: Robot, motion: BodyMotion, to: Turned, dt: float) -> BodyMo
     return motion._replace(gravity=gravity, velocity=velocity, feet=feet)
 
 
-def transition(robot: Robot, motion: BodyMotion, felt: Felt, to: Turned, dt: float) -> Array:
+def transition(robot: Robot, motion: BodyMotion, samples: Samples, to: Turned, dt: float) -> Array:
     """Derivatives of the error after `predicted` by the error before, (k, size, size)."""
     turn, velocity = to.turn, to.velocity
     down, half = skew(to.gravity), 0.5 * (turn + ONE)
-    biased = dt * (ONE - 0.5 * dt * skew(felt.turning - motion.gyro_bias))
+    biased = dt * (ONE - 0.5 * dt * skew(samples.turning - motion.gyro_bias))
     out = np.zeros((len(turn), size(robot), size(robot)))
     out[:, TILT, TILT] = out[:, VELOCITY, VELOCITY] = turn
     out[:, TILT, GYRO_BIAS] = biased

@@ -29,7 +29,7 @@ from quad_env.sensing.error_state import (
     TILT,
     VELOCITY,
     BodyMotion,
-    Felt,
+    Samples,
     rotation,
     times,
 )
@@ -181,15 +181,15 @@ class KalmanFilter:
         """One `dt` later those robots' sensors read this."""
         before = BodyMotion._make(values[rows] for values in self.motion)
         joints = read.joints.reshape(-1, *self._joints.shape[1:])
-        felt = Felt(0.5 * (self._gyro[rows] + read.gyro), read.accelerometer, self._joints[rows], joints)
-        to = error_state.turned(before, felt, self._dt)
+        samples = Samples(0.5 * (self._gyro[rows] + read.gyro), read.accelerometer, self._joints[rows], joints)
+        to = error_state.turned(before, samples, self._dt)
         motion = error_state.predicted(self._robot, before, to, self._dt)
         acceleration = times(0.5 * (to.turn + ONE), to.force) + GRAVITY * motion.gravity
-        onward = error_state.transition(self._robot, before, felt, to, self._dt)
+        onward = error_state.transition(self._robot, before, samples, to, self._dt)
         covariance = self._predicted_covariance(rows, onward, read.gyro - self._gyro[rows], acceleration)
         loaded = np.sqrt(_squared(to.force - self._force[rows]))[..., None]
         self._force[rows] = to.force
-        error, self._covariance[rows] = self._measured(rows, read, motion, felt, loaded, covariance)
+        error, self._covariance[rows] = self._measured(rows, read, motion, samples, loaded, covariance)
         motion = error_state.corrected(motion, error)
         self._keep(rows, motion)
         covariance, jacobians = self._known(rows)
@@ -213,12 +213,12 @@ class KalmanFilter:
         return out
 
     def _measured(
-        self, rows: Rows, read: Read, motion: BodyMotion, felt: Felt, loaded: Array, covariance: Array
+        self, rows: Rows, read: Read, motion: BodyMotion, samples: Samples, loaded: Array, covariance: Array
     ) -> tuple[Array, Array]:
         """The error that the encoders show, (k, 24), and the covariance after them; `loaded` is what the specific force
         has changed by, m/s², (k, 1, 1, 1)."""
         errors, dt, robot = self._errors, self._dt, self._robot
-        jacobians = foot_jacobians(robot, felt.joints)
+        jacobians = foot_jacobians(robot, samples.joints)
         change = jacobians - self._jacobians[rows]
         self._jacobians[rows] = jacobians
         down = motion.gravity[:, None, :, None] * motion.gravity[:, None, None, :]
@@ -228,7 +228,7 @@ class KalmanFilter:
         moved = (dt * SLIP_SPEED) ** 2 * ONE + sinking * down + offset
         angles = np.where(read.fresh, errors.angle, STALE)[:, None, None, None]
         noise = angles * angles * (jacobians @ _transposed(jacobians))
-        innovation = robot.hip_positions + foot_positions(robot, felt.joints) - motion.feet
+        innovation = robot.hip_positions + foot_positions(robot, samples.joints) - motion.feet
         expected = _blocks(covariance, len(robot.leg_names)) + moved + noise
         standing = standing_probability(self.standing[rows], read.contact, innovation, expected, dt)
         self.standing[rows] = standing

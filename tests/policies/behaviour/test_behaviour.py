@@ -111,9 +111,8 @@ def test_no_transition_happens_while_its_guard_does_not_hold(row):
             if machine.state[0] != source:
                 break
         taken = {(change.source, change.reason) for change in machine.changes()}
-        if row.request and machine.state[0] == source:
-            with pytest.raises(RequestRefused, match=row.guard):
-                machine.request(row.request)
+        if row.request and machine.state[0] == source and machine.request(row.request, np.ones(1, bool)).any():
+            assert row.guard in refusal_reason(source, row.request)
         taken |= {(change.source, change.reason) for change in machine.changes()}
         assert (source, row.reason) not in taken
 

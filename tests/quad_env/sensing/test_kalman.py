@@ -10,7 +10,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.kinematics import foot_jacobians, foot_positions
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
 from quad_env.sensing import error_state
-from quad_env.sensing.error_state import BodyMotion, Felt, rotation
+from quad_env.sensing.error_state import BodyMotion, Samples, rotation
 from quad_env.sensing.estimator import Read, unit
 from quad_env.sensing.estimators import ESTIMATORS, KALMAN
 from quad_env.sensing.kalman import KalmanFilter, sensor_errors
@@ -27,10 +27,10 @@ def motion(random: np.random.Generator) -> BodyMotion:
     return BodyMotion(gravity, *(0.5 * random.normal(size=(3, 1, 3))), feet)
 
 
-def felt(random: np.random.Generator) -> Felt:
+def samples(random: np.random.Generator) -> Samples:
     joints = ROBOT.home_pose.reshape(1, 4, 3)
     later = joints + 0.05 * random.normal(size=joints.shape)
-    return Felt(random.normal(size=(1, 3)), GRAVITY * np.array([[0.1, 0.2, 1.0]]), joints, later)
+    return Samples(random.normal(size=(1, 3)), GRAVITY * np.array([[0.1, 0.2, 1.0]]), joints, later)
 
 
 def error_between(truth: BodyMotion, estimate: BodyMotion) -> np.ndarray:
@@ -42,7 +42,7 @@ def error_between(truth: BodyMotion, estimate: BodyMotion) -> np.ndarray:
 
 def test_the_transition_is_the_derivative_of_the_prediction() -> None:
     random = np.random.default_rng(0)
-    start, seen = motion(random), felt(random)
+    start, seen = motion(random), samples(random)
     to = error_state.turned(start, seen, DT)
     found = error_state.transition(ROBOT, start, seen, to, DT)[0]
     after = error_state.predicted(ROBOT, start, to, DT)
