@@ -16,7 +16,7 @@ def checks_of(module: Mapping[str, Any]) -> list[Check]:
     return [value for name, value in sorted(module.items()) if name.startswith("check_")]
 
 
-def tests_of(checks: list[Check], faults: Faults) -> tuple[Callable[..., None], ...]:
+def fault_tests(checks: list[Check], faults: Faults) -> tuple[Callable[..., None], ...]:
     """Three tests of these checks and faults, for pytest to find in the module that they are assigned in.
 
     Every check passes on the code as it is, every fault turns its check red, and no check is without a fault.

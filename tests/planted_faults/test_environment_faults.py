@@ -27,7 +27,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task import rewards
-from tests.planted_faults.harness import Faults, Plant, checks_of, tests_of
+from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 
 FORWARD = {"command": (0.5, 0.0, 0.0)}
 TILTED = replace(quad_env.SCENARIOS["flat"], start=quad_env.StartNoise(tilt=0.4))
@@ -460,6 +460,6 @@ FAULTS: Faults = {
 }
 
 
-test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = tests_of(
+test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = fault_tests(
     checks_of(globals()), FAULTS
 )

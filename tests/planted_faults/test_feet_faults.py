@@ -18,7 +18,7 @@ from quad_env.physics import footsteps
 from quad_env.physics.footsteps import Footsteps
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.planted_faults.harness import Faults, Plant, checks_of, tests_of
+from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 
 SPINNING = replace(quad_env.SCENARIOS["rough"], start=quad_env.StartNoise(tilt=0.3, angular_velocity=3.0))
 LEGS = len(SIMPLE_QUAD.leg_names)
@@ -230,6 +230,6 @@ FAULTS: Faults = {
 }
 
 
-test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = tests_of(
+test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = fault_tests(
     checks_of(globals()), FAULTS
 )

@@ -18,7 +18,7 @@ from quad_env.scenarios.named import SCENARIOS, scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, episode_seeds
-from tests.planted_faults.harness import Faults, Plant, checks_of, tests_of
+from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 from train import validation
 from train.config import PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env, train
@@ -346,6 +346,6 @@ FAULTS: Faults = {
 }
 
 
-test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = tests_of(
+test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = fault_tests(
     checks_of(globals()), FAULTS
 )
