@@ -17,38 +17,13 @@ from quad_env.task.observations import observation_table
 
 FRONT, HIND = slice(0, 2), slice(2, 4)
 LEFT, RIGHT = slice(0, None, 2), slice(1, None, 2)
-OFF = {
-    "forward_bias": 0.0,
-    "integral_gain": 0.0,
-    "yaw_integral_gain": 0.0,
-    "stance_push": 0.0,
-    "yaw_push": 0.0,
-    "stance_yield": 0.0,
-    "raibert_gain": 0.0,
-    "raibert_lateral": 0.0,
-    "yaw_step": 0.0,
-    "capture_gain": 0.0,
-    "frequency_gain": 0.0,
-    "tilt_gain": 0.0,
-    "tilt_damping": 0.0,
-    "height_gain": 0.0,
-    "height_damping": 0.0,
-    "slope_share": 0.0,
-    "slope_shift": 0.0,
-    "slope_height": 0.0,
-    "terrain_compliance": 0.0,
-    "rough_height": 0.0,
-    "rough_step": 0.0,
-    "rough_slowdown": 0.0,
-    "slope_slowdown": 0.0,
-    "stance_load": 0.0,
-    "servo_lead": 0.0,
-    "brace_error": 100.0,
-    "slope_brace": 100.0,
-    "rough_brace": 100.0,
-    "blend_time": CONTROL_PERIOD,
-    "velocity_filter": 1e-3,
-}
+GAINS = """
+    forward_bias integral_gain yaw_integral_gain stance_push yaw_push stance_yield raibert_gain raibert_lateral
+    yaw_step capture_gain frequency_gain tilt_gain tilt_damping height_gain height_damping slope_share slope_shift
+    slope_height terrain_compliance rough_height rough_step rough_slowdown slope_slowdown stance_load servo_lead
+"""
+OFF = dict.fromkeys(GAINS.split(), 0.0) | dict.fromkeys(("brace_error", "slope_brace", "rough_brace"), 100.0)
+OFF |= {"blend_time": CONTROL_PERIOD, "velocity_filter": 1e-3}
 """Every feedback off."""
 GAIT = {
     "frequency": 6.0,
