@@ -1,6 +1,6 @@
 """`python -m train [run]`: train a policy with PPO, a bounded correction on a base policy or one without a base.
 
-Other commands, each with its own --help, as in `python -m train search trot --help`:
+Other commands, each with its own --help, as in `python -m train search --help`:
 """
 
 import sys
@@ -30,11 +30,7 @@ from train.setting_ranges import check
 NAME = "python -m train"
 COMMANDS = {
     "robot": Command("train.whole_path", "all for a robot of yours: describe, search, train, evaluate, report"),
-    "search trot": Command("train.search.trot", "gait of the trot, by CMA-ES"),
-    "search feedback": Command("train.search.feedback", "gait and gains of a policy that feels, by CMA-ES"),
-    "search gait": Command("train.search.gait", "one of the gaits: walk, pace, bound, pronk or trot, by CMA-ES"),
-    "search recovery": Command("train.search.recovery", "poses and times of getting up, by CMA-ES"),
-    "search fall-prediction": Command("train.search.fall_prediction", "threshold of the safety layer's fall predictor"),
+    "search": Command("train.search.command", "parameters of a trot, a gait, a policy with feedback, by CMA-ES"),
     "export": Command("train.export", "a trained residual as an ONNX file"),
 }
 MOVED = {name: f"python -m research {name}" for name in ("ablations", "publish", "sweep", "trials")}

@@ -31,10 +31,12 @@ from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.robots.robot import Robot
 from train.config import BaseName, Count
 from train.run_folder import BEST, has_checkpoint, steps_done
-from train.search import trot
+from train.search import command as search_command
+from train.search.subject import Options as Search
+from train.search.trot import ACCOUNT
 
 RESIDUAL, BEGUN, DESCRIBED = "residual", "begun.json", "described.txt"
-SEARCH = trot.Options(generations=12, candidates=14, episodes=10, steps=400, check_episodes=48)
+SEARCH = Search("trot", generations=12, candidates=14, episodes=10, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
 
 
@@ -118,7 +120,7 @@ def _stages(options: Options) -> list[Stage]:
     training, evaluation = folder / "training", folder / "evaluation"
 
     def search() -> None:
-        trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
+        search_command.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
 
     def train() -> None:
         from train.__main__ import run  # here, since it knows this command
@@ -144,7 +146,7 @@ def _stages(options: Options) -> list[Stage]:
 
     return [
         Stage("describe the robot", 0.1, (folder / DESCRIBED).is_file, partial(_describe, options)),
-        Stage("search its trot", 4.0, lambda: found(trot.ACCOUNT), search),
+        Stage("search its trot", 4.0, lambda: found(ACCOUNT), search),
         Stage("train a residual", 9.0, lambda: found(f"{RESIDUAL}/{bundle.DESCRIPTION}"), train),
         Stage("compare them", 5.0, lambda: _compared(evaluation), evaluate),
     ]

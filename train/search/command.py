@@ -1,0 +1,117 @@
+"""Search of parameters by CMA-ES: `python -m train search SUBJECT` writes the file that the policy reads.
+
+A generation's candidates are simulated together on the same episodes, and every generation gets new ones, all from the
+"search" family of seeds, which neither training nor evaluation draws. Candidates are kept with their costs, a line a
+generation, in a file that ends in .trials.jsonl. After Ctrl-C the mean found so far is in a file that ends in
+.unjudged.json. Time on one core with the defaults: feedback 26 min (mpc_wbc 80 min).
+
+    subject          generations x candidates x episodes
+    trot             14 x 14 x 10 on flat, push and rough
+    feedback         22 x 16 x 1 on 21 scenarios
+    gait             20 x 10 x 10
+    recovery         30 x 24 x 12
+    fall-prediction  360 episodes of the trot, no search
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from evaluate.rollouts.workers import WorkerLost
+from policies.parameters import limits_of
+from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.launcher import raise_on_interrupt
+from train.search import fall_prediction, feedback, gait, recovery, trot
+from train.search.cmaes import evolve
+from train.search.files import as_json, check, save
+from train.search.subject import SHORTEST, Effort, Options, Subject
+
+UNJUDGED = ".unjudged.json"
+"""Ending of the file that keeps parameters which have not been judged."""
+TRIALS = ".trials.jsonl"
+"""Ending of the file of all trials: a line a generation, with the mean of the distribution after it."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A row of the table of subjects."""
+
+    make: Callable[[Options, Effort], Subject[Any]]
+    usual: Effort
+    least: Effort
+    """Smallest numbers with which it makes sense."""
+    options: tuple[str, ...] = ()
+    """Options that this subject has alone."""
+
+
+MOST = Effort(10_000, 1000, 10_000, 100_000, 10_000, 0.5)
+SUBJECTS: Mapping[str, Kind] = {
+    "trot": Kind(
+        trot.subject,
+        Effort(14, 14, 10, 600, 108, 0.15),
+        # Two command intervals an episode, enough to fit a response.
+        Effort(0, 4, trot.MINIMUM_INTERVALS, SHORTEST, trot.MINIMUM_INTERVALS // 2, 1e-6),
+        ("robot",),
+    ),
+    "feedback": Kind(
+        feedback.subject,
+        Effort(22, 16, 1, 500, 32, 0.15),
+        Effort(0, 4, 1, SHORTEST, 1, 1e-6),
+        ("policy", "exercises", "start"),
+    ),
+    "gait": Kind(
+        gait.subject,
+        Effort(20, 10, 10, 400, 64, 0.15),
+        Effort(0, 4, gait.FEWEST, gait.SETTLING + 100, gait.FEWEST, 1e-3),
+        ("gait",),
+    ),
+    "recovery": Kind(recovery.subject, Effort(30, 24, 12, spread=0.07), Effort(0, 4, 1, spread=1e-6)),
+    "fall-prediction": Kind(fall_prediction.subject, Effort(episodes=360), Effort(episodes=1)),
+}
+
+
+def main(options: Options) -> int:
+    """Search, conclude, write; the exit code. Raises UsageError; KeyboardInterrupt or WorkerLost, after the mean of the
+    last generation is kept."""
+    effort = effort_of(options)
+    subject = SUBJECTS[options.subject].make(options, effort)
+    out = options.out or subject.file
+    check(out, subject.account)
+    raise_on_interrupt()
+    found, lines = subject.start, list[str]()
+    try:
+        if subject.space is not None and effort.generations:
+            for found, tried in evolve(options, effort, subject.space):
+                lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(found)}))
+                save(out.with_suffix(TRIALS), "\n".join(lines) + "\n")
+        outcome = subject.conclude(found)
+    except (KeyboardInterrupt, WorkerLost) as end:
+        if not lines:
+            raise
+        save(out.with_suffix(UNJUDGED), as_json(found))
+        said = "".join(f"{each}; " for each in end.args)
+        raise type(end)(f"{said}kept what was found after {len(lines)} generations, not judged") from None
+    try:
+        save(out, outcome.text)
+    finally:
+        if subject.account:
+            save(out.with_name(subject.account), outcome.account, show=True)
+    print(out if subject.account else f"{outcome.account}\n{out}".lstrip())
+    return 0
+
+
+def effort_of(options: Options) -> Effort:
+    """The subject's effort with the numbers that are given. Raises UsageError for an option that the subject has not,
+    and for a number beyond its limits."""
+    kind = SUBJECTS[options.subject]
+    numbers = [each.name for each in fields(Effort)]
+    taken = {name for name in numbers if getattr(kind.usual, name)} | set(kind.options)
+    for name in (*numbers, "policy", "gait", "robot", "exercises", "start"):
+        if name not in taken and getattr(options, name) is not None:
+            raise UsageError(f"search {options.subject} has no --{name.replace('_', '-')}")
+    given = {name: getattr(options, name) for name in numbers if getattr(options, name) is not None}
+    effort = replace(kind.usual, **given)
+    check_numbers(options, limits_of(options))
+    check_numbers(effort, {name: (getattr(kind.least, name), getattr(MOST, name)) for name in numbers if name in taken})
+    return effort
