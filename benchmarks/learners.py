@@ -140,7 +140,7 @@ def _gradient_steps(config: TrainConfig, model: PPO) -> int:
 def _off_policy(config: TrainConfig, kind: type[OffPolicyAlgorithm], own: Mapping[str, Any], seconds: float) -> Trained:
     """That learner after as many seconds. Its critic sees what the actor sees: these have no other place for more."""
     torch.set_num_threads(1)
-    env, begin = make_env(replace(config, ppo=replace(config.ppo, privileged=False))), time.perf_counter()
+    env, begin = make_env(config, privileged=False), time.perf_counter()
     try:
         widths = {"net_arch": list(config.ppo.actor), "activation_fn": nn.ELU}
         settings = {**SHARED, **own, "learning_starts": min(SHARED["learning_starts"], config.steps // 4)}

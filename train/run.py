@@ -15,16 +15,16 @@ from quad_env.cli.interrupt import Interrupt
 from quad_env.files.writing import sole_use
 from train.config import TrainConfig
 from train.display import Display
-from train.foreign.reward_term import reported
 from train.residual_env import FloatArray, ResidualVectorEnv
-from train.robots import TrainingRobots, make_robots, training_seeds
+from train.reward_term import reported
 from train.run_folder import CHECKPOINTS, begun, refuse_folder_in_use, writing
 from train.run_record import write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, ValidateAndSave
 from train.sb3.log import run_logger
-from train.sb3.ppo import build
+from train.sb3.ppo import REWARD_SCALE, build
 from train.sb3.vec_env import TrainingVecEnv
+from train.training_robots import TrainingRobots, make_robots, training_seeds
 
 
 def train(config: TrainConfig) -> None:
@@ -90,8 +90,11 @@ def _learn(
             model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
 
 
-def make_env(config: TrainConfig) -> TrainingVecEnv:
-    """The robots of a run as its learner sees them, with the seeds of the first segment."""
+def make_env(config: TrainConfig, privileged: bool = True) -> TrainingVecEnv:
+    """The robots of a run as its learner sees them, with the seeds of the first segment.
+
+    `privileged` shows the value network what the robot cannot know: its scenario, its true velocity, pushes.
+    """
     robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
@@ -100,4 +103,4 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
         env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift)
     except ValueError as error:  # robots and base are of one configuration: what can be wrong is the shift alone
         raise UsageError(f"--base {config.base}: {error}") from None
-    return TrainingVecEnv(env, training_seeds(config), config.ppo.reward_scale, config.ppo.privileged)
+    return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged)

@@ -12,11 +12,12 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, Change, TrainConfig, differences, likewise, to_dict
-from train.foreign.reward_term import FileTerm
+from train.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 LEARNER = ("stable-baselines3", "torch", "safetensors")
-"""Packages that a run depends on beside those of the evaluation."""
+"""Packages that a run depends on in addition to those of the evaluation."""
+WEIGHT = "--rewards."
 
 
 def command(config: TrainConfig) -> str:
@@ -27,15 +28,14 @@ def command(config: TrainConfig) -> str:
         options.append(f"--robot {shlex.quote(config.robot)}")
         usual = likewise(usual, Hardware(robot=config.robot))
     changed = differences(usual, config)
-    options += [_words_of(each) for each in changed if each.option != "--seed"]
+    weights = [each.option.removeprefix(WEIGHT) + f"={each.new}" for each in changed if each.option.startswith(WEIGHT)]
+    options += [_words_of(each) for each in changed if each.option != "--seed" and not each.option.startswith(WEIGHT)]
+    options += [f"--rewards {' '.join(weights)}"] if weights else []
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
 
 
 def _words_of(change: Change) -> str:
     """The option with its new value."""
-    if isinstance(change.new, bool):
-        group, dot, name = change.option.removeprefix("--").rpartition(".")
-        return change.option if change.new else f"--{group}{dot}no-{name}"
     return f"{change.option} {words(change.new)}"
 
 

@@ -10,8 +10,8 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
 from train.config import LARGEST_SEED, TrainConfig
-from train.foreign.reward_term import OPTION
-from train.foreign.reward_term import check as check_terms
+from train.reward_term import OPTION
+from train.reward_term import check as check_terms
 
 POSES = ("crouch", "stand")
 """Bases of a policy that is to have none."""

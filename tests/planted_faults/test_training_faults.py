@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from train.search.evolution import EpisodeEffort, evolve
 
 import policies
 from evaluate.rollouts.hardware import IDEAL
@@ -23,7 +24,6 @@ from train.config import PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env, train
 from train.sb3.ppo import build
 from train.search import evolution, feedback_cost, trot_cost
-from train.search.evolution import EpisodeEffort, evolve
 
 Plant = Callable[[pytest.MonkeyPatch], None]
 SETTINGS = PpoConfig(
@@ -232,11 +232,11 @@ def gamma_and_lambda_swapped(arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def one_scenario_for_all_robots(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("train.robots.robots_per_scenario", lambda config: {"rough": config.ppo.envs})
+    patch.setattr("train.training_robots.robots_per_scenario", lambda config: {"rough": config.ppo.envs})
 
 
 def hardness_forgotten(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("train.robots._hardened", lambda original, config: original)
+    patch.setattr("train.training_robots._hardened", lambda original, config: original)
 
 
 def training_without(part: str) -> Plant:
@@ -248,7 +248,7 @@ def training_without(part: str) -> Plant:
         def batch(*args: Any, **kwargs: Any) -> SimpleQuadVectorEnv:
             return true_batch(*args, **without(part)(kwargs))
 
-        patch.setattr("train.robots.SimpleQuadVectorEnv", batch)
+        patch.setattr("train.training_robots.SimpleQuadVectorEnv", batch)
 
     return plant
 
@@ -307,11 +307,11 @@ FAULTS: dict[str, tuple[Plant, Callable[[], None]]] = {
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "training on evaluation seeds": (
-        seeds_of_evaluation("train.robots"),
+        seeds_of_evaluation("train.training_robots"),
         check_training_robots_have_their_own_episodes_ground_and_hardness,
     ),
     "training on evaluation ground": (
-        ground_of_evaluation("train.robots"),
+        ground_of_evaluation("train.training_robots"),
         check_training_robots_have_their_own_episodes_ground_and_hardness,
     ),
     "training with the mixture ignored": (

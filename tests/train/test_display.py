@@ -3,7 +3,7 @@
 import pytest
 
 from train.display import summary
-from train.robots import Statistics
+from train.training_robots import Statistics
 
 
 def counted(episodes=0, falls=0, returned=0.0):

@@ -27,12 +27,12 @@ from train import run as training_run
 from train import seeds, validation
 from train.__main__ import main, parse
 from train.config import TrainConfig, to_dict
-from train.robots import training_seeds
 from train.run import make_env
 from train.run_folder import BEST, CONFIG_FILE, LAST, VALIDATIONS_FILE, steps_done
 from train.sb3.callbacks import CallbackState, Segments, current_policy
 from train.sb3.ppo import build
 from train.scenarios import TERRAIN_SEEDS
+from train.training_robots import training_seeds
 
 MIXTURE = "--mixture flat 0.5 push=60 0.25 rough=0.2 0.25"
 USUAL = (

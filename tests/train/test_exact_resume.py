@@ -20,10 +20,10 @@ from policies.network import Network
 from quad_env.physics.footsteps import Footsteps
 from train.__main__ import main
 from train.config import load_config
-from train.robots import segment_steps
 from train.run_folder import METRICS_FILE, steps_done
 from train.sb3 import callbacks, checkpoint
 from train.sb3.vec_env import TrainingVecEnv
+from train.training_robots import segment_steps
 
 OPTIONS = (
     "--threads 1 --max-episode-steps 14 --mixture flat 0.5 push=100 0.25 rough 0.25 --validation.interval 200 "

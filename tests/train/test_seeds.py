@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from train.search.evolution import last
+from train.search.gait_cost import commands, cost, shared_walk
 
 from evaluate.rollouts.cluster import cluster
 from evaluate.rollouts.workers import WorkerLost
@@ -15,8 +17,6 @@ from train import seeds
 from train.__main__ import main
 from train.run_folder import steps_done
 from train.search import trot
-from train.search.evolution import last
-from train.search.gait_cost import commands, cost, shared_walk
 
 OPTIONS = (
     "--threads 1 --mixture flat 1 --validation.episodes 1 --validation.scenarios flat --ppo.envs 8 "

@@ -27,12 +27,12 @@ from train.config import TrainConfig, decode, to_dict
 from train.curriculum import next_shares
 from train.display import Display
 from train.residual_env import FloatArray, ResidualVectorEnv
-from train.robots import TrainingRobots, make_batch, segment_steps, training_seeds
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
+from train.training_robots import TrainingRobots, make_batch, segment_steps, training_seeds
 from train.validation import rank, score, success, validate
 
 
@@ -122,7 +122,7 @@ class Schedules(BetweenRollouts):
 
 def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
     """The actor as it would be shipped: on a fresh base, without exploration noise."""
-    return corrected_by(actor_network(model, config.ppo.activation), config, cast(TrainingVecEnv, model.get_env()))
+    return corrected_by(actor_network(model), config, cast(TrainingVecEnv, model.get_env()))
 
 
 def corrected_by(network: Network, config: TrainConfig, robots: TrainingVecEnv) -> ResidualPolicy:

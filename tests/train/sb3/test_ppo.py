@@ -15,11 +15,11 @@ from quad_env.scenarios.named import SCENARIOS
 from quad_env.seeding import PURPOSES, episode_seeds
 from quad_env.task.observations import observation_table
 from train.config import PpoConfig, TrainConfig
-from train.robots import make_robots, training_seeds
 from train.run import make_env
 from train.sb3.callbacks import CallbackState, Schedules
 from train.sb3.ppo import AdaptiveRate, actor_network, build, learning_rate
 from train.scenarios import practice
+from train.training_robots import make_robots, training_seeds
 
 SCALE = observation_table(SIMPLE_QUAD).scale
 

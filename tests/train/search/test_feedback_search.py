@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from train.search.evolution import MARGIN, encode
+from train.search.feedback_comparison import ADOPTED, KEPT, Comparison, moved
+from train.search.feedback_cost import EXERCISES, OUTCOME_COSTS, episode_costs, judge, walked
 
 import policies
 from evaluate.measures.metrics import Measures
@@ -23,10 +26,7 @@ from train.__main__ import main
 from train.scenarios import practice
 from train.search import feedback as search_feedback
 from train.search import feedback_comparison, feedback_cost
-from train.search.evolution import MARGIN, encode
 from train.search.feedback import SUBJECTS, Options
-from train.search.feedback_comparison import ADOPTED, KEPT, Comparison, moved
-from train.search.feedback_cost import EXERCISES, OUTCOME_COSTS, episode_costs, judge, walked
 
 TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1 --exercises flat=1.5"
 each_subject = pytest.mark.parametrize("name", SUBJECTS)

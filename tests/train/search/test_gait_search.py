@@ -5,15 +5,15 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from train.search.evolution import decode, encode
+from train.search.gait_cost import commands, cost, shared_walk
 
 from policies.gaits.parameters import OFFSETS, GaitParameters, searched_parameters
 from policies.parameters import limits_of
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
 from train.search.command_map import response, undone
-from train.search.evolution import decode, encode
 from train.search.gait import RANGES
-from train.search.gait_cost import commands, cost, shared_walk
 
 
 def test_ranges_are_of_the_parameters_and_within_their_limits():

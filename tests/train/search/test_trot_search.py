@@ -6,6 +6,17 @@ import math
 
 import numpy as np
 import pytest
+from train.search.evolution import decode, encode
+from train.search.outcome import check
+from train.search.trot_cost import (
+    ERROR_SCALES,
+    Panel,
+    cost,
+    interval_response,
+    judge,
+    mapped,
+    unless_weak,
+)
 
 import policies
 from evaluate.measures.metrics import Measures
@@ -21,18 +32,7 @@ from train.scenarios import practice
 from train.search import trot as search_trot
 from train.search import trot_cost
 from train.search.command_map import WEAKNESS_WEIGHT, undone
-from train.search.evolution import decode, encode
-from train.search.outcome import check
 from train.search.trot import Options
-from train.search.trot_cost import (
-    ERROR_SCALES,
-    Panel,
-    cost,
-    interval_response,
-    judge,
-    mapped,
-    unless_weak,
-)
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])

@@ -17,13 +17,12 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.state import rotation_matrix, to_heading
 from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
-from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
-from train.config import TrainConfig, robots_per_scenario
+from train.config import PUSHES, TIMESTEP, TrainConfig, robots_per_scenario
 from train.curriculum import Intervals, Kept, eased
-from train.foreign.reward_term import load
 from train.residual_env import BoolArray, FloatArray, Infos, Step
+from train.reward_term import load
 from train.scenarios import practice
 
 PUSH = 500.0
@@ -239,24 +238,17 @@ def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVect
     scenario = find_scenario(name, robot)
     return SimpleQuadVectorEnv(
         count,
-        scenario=_hardened(practice(eased(scenario, share, robot), "training", config.seed), config),
+        scenario=_pushed(practice(eased(scenario, share, robot), "training", config.seed)),
         nthread=1 if side_by_side(config) else config.threads,
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
-        config=TaskConfig(
-            timestep=config.timestep, reward_weights=config.rewards, reward_terms=load(config.reward_terms)
-        ),
+        config=TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards, reward_terms=load(config.reward_terms)),
         **dataclasses.asdict(config.hardware),
     )
 
 
-def _hardened(original: Scenario, config: TrainConfig) -> Scenario:
-    """The scenario with the run's number of pushes, if it has any, and its severity times the run's hardness."""
-    pushes, terrain, severity = original.pushes, original.terrain, original.severity
-    if pushes is not None:
-        pushes = dataclasses.replace(pushes, count=config.pushes, impulse=config.hardness * pushes.impulse)
-        severity *= config.hardness
-    if isinstance(terrain, SmoothRandom):
-        terrain = dataclasses.replace(terrain, peak_to_valley=config.hardness * terrain.peak_to_valley)
-        severity *= config.hardness
-    return dataclasses.replace(original, pushes=pushes, terrain=terrain, severity=severity)
+def _pushed(original: Scenario) -> Scenario:
+    """The scenario with the number of pushes of a training episode, if it has any."""
+    if original.pushes is None:
+        return original
+    return dataclasses.replace(original, pushes=dataclasses.replace(original.pushes, count=PUSHES))

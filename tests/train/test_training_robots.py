@@ -8,7 +8,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
-from train.robots import TrainingRobots, make_robots, segment_steps, side_by_side
+from train.training_robots import TrainingRobots, make_robots, segment_steps, side_by_side
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)

@@ -8,7 +8,7 @@ import pytest
 from quad_env.cli.command_line import UsageError
 from train.__main__ import main, parse
 from train.config import DEFAULTS, from_dict, load_config, to_dict
-from train.foreign.reward_term import FileTerm
+from train.reward_term import FileTerm
 from train.run_folder import METRICS_FILE, RECORD_FILE
 
 OPTIONS = (
