@@ -31,7 +31,7 @@ def check(config: TrainConfig) -> None:
                 _check_range(prefix + name, value, low, high)
     _check_range("--seed + --seeds - 1", config.seed + config.seeds - 1, 0, LARGEST_SEED)
     for name, weight in dataclasses.asdict(config.rewards).items():
-        _check_range(f"--rewards.{name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
+        _check_range(f"--rewards {name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
     for term in config.reward_terms:
         _check_range(f"a weight of {OPTION}", term.weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
     check_terms(config.reward_terms)

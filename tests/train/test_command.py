@@ -20,7 +20,8 @@ from evaluate.rollouts.rollout import run
 from quad_env.files.writing import sole_use
 from quad_env.physics import simulation
 from quad_env.seeding import episode_seeds
-from train.__main__ import COMMANDS, main, parse
+from train.__main__ import main
+from train.command import COMMANDS, parse
 from train.config import load_config, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.sb3 import checkpoint
@@ -72,9 +73,8 @@ def test_training_goes_by_its_timestep_and_validation_by_the_robots_own(tmp_path
         return model
 
     monkeypatch.setattr(simulation, "compile_model", noted)
-    assert main([*TINY, "--timestep", "0.005", "--steps", "128", "--out", str(tmp_path / "run")]) == 0
+    assert main([*TINY, "--steps", "128", "--out", str(tmp_path / "run")]) == 0
     assert made == [("flat", 0.005), ("push", 0.005), ("flat", 0.002)]
-    assert load_config(tmp_path / "run").timestep == 0.005
 
 
 def test_the_bundle_of_a_run_walks_with_what_was_learned(finished_run):
@@ -302,7 +302,7 @@ def test_a_run_that_cannot_be_set_up_leaves_no_folder(step, tmp_path, monkeypatc
 
 def test_the_extreme_settings_that_are_allowed_can_be_trained_with(tmp_path):
     options = (
-        "--seed 4294967295 --pushes 79 --max-episode-steps 1 --hip-authority 0 --ppo.envs 1 --ppo.rollout-steps 2 "
+        "--seed 4294967295 --max-episode-steps 1 --hip-authority 0 --ppo.envs 1 --ppo.rollout-steps 2 "
         "--ppo.minibatch 2 --ppo.actor --ppo.critic --ppo.hold 2 --mixture push 1 --steps 2 "
         "--inputs.lags --inputs.averages"
     )

@@ -119,12 +119,12 @@ def test_another_way_does_not_go_on_in_its_folder(
 ) -> None:
     out, found, _ = walked
     assert main([*found, "--base", "trot_integral"]) == 2
-    assert "was begun otherwise (base): choose another --out" in capsys.readouterr().err
+    assert "was begun with other options (base): choose another --out" in capsys.readouterr().err
     elsewhere = out.parent / "elsewhere"
     elsewhere.mkdir()
     alike(elsewhere)
     assert main([found[0], str(elsewhere / "alike.xml"), *found[2:]]) == 2
-    assert "begun otherwise (robot)" in capsys.readouterr().err
+    assert "begun with other options (robot)" in capsys.readouterr().err
 
 
 def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,12 +133,12 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     def stop(_: object) -> int:
         raise KeyboardInterrupt("kept what was found")
 
-    monkeypatch.setattr(robot_pipeline.trot, "main", stop)
+    monkeypatch.setattr(robot_pipeline.search_command, "main", stop)
     monkeypatch.setattr("sys.argv", ["train", "robot", "my robot.xml"])
     options = robot_pipeline.Options(robot=str(tmp_path / "alike.xml"), out=tmp_path / "out")
     with pytest.raises(KeyboardInterrupt) as said:
         robot_pipeline.main(options)
-    assert str(said.value) == "kept what was found; go on with: python -m train robot 'my robot.xml'"
+    assert str(said.value) == "kept what was found; continue with: python -m train robot 'my robot.xml'"
     assert (tmp_path / "out" / "alike.toml").is_file()
 
 
@@ -152,7 +152,7 @@ def test_a_robot_that_cannot_be_used_ends_it_before_anything_is_searched(
     assert len(capfd.readouterr().err.splitlines()) == 2  # why, and where to tell what is missing
     assert (tmp_path / "out" / "inferred.toml").is_file() == told
     (tmp_path / "out" / "inferred.toml").write_text("# mine", encoding="utf-8")
-    with pytest.raises(UsageError, match="waits for what is missing"):
+    with pytest.raises(UsageError, match="has gaps to fill"):
         robot_pipeline.main(options)
     assert (tmp_path / "out" / "inferred.toml").read_text(encoding="utf-8") == "# mine"
     assert not (tmp_path / "out" / "made.toml").exists()

@@ -5,18 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from train.search.evolution import last
-from train.search.gait_cost import commands, cost, shared_walk
 
 from evaluate.rollouts.cluster import cluster
-from evaluate.rollouts.workers import WorkerLost
 from policies.gaits.parameters import searched_parameters as gait_parameters
-from policies.trot.open_loop import TrotParameters
 from quad_env.seeding import episode_seeds
 from train import seeds
 from train.__main__ import main
 from train.run_folder import steps_done
-from train.search import trot
+from train.search.cmaes import evolve
+from train.search.command import effort_of
+from train.search.gait import commands, cost, shared_walk
+from train.search.subject import Options
+from train.search.trot import subject
 
 OPTIONS = (
     "--threads 1 --mixture flat 1 --validation.episodes 1 --validation.scenarios flat --ppo.envs 8 "
@@ -38,7 +38,7 @@ def embedded():
 @pytest.fixture
 def on_cluster(embedded, monkeypatch):
     """The option of a command that is to use the cluster of this module."""
-    for user in ("train.seeds", "train.search.evolution"):
+    for user in ("train.seeds", "train.search.cmaes"):
         monkeypatch.setattr(f"{user}.cluster", lambda *_: contextlib.nullcontext(embedded))
     return ["--engine", "ray"]
 
@@ -65,11 +65,14 @@ def test_seeds_train_the_same_policies_on_a_cluster_and_go_on_there(on_cluster, 
     assert learned(apart) == learned(here)
 
 
-def test_a_search_finds_the_same_on_a_cluster(on_cluster, monkeypatch):
-    monkeypatch.setattr(trot, "mapped", lambda found, *_: found)
-    few = trot.Options(generations=2, candidates=4, episodes=1, steps=101, check_episodes=4, threads=1)
-    apart = trot.search(replace(few, engine="ray"), TrotParameters())
-    assert apart == trot.search(few, TrotParameters()) != TrotParameters()
+@pytest.mark.usefixtures("on_cluster")
+def test_a_search_finds_the_same_on_a_cluster():
+    few = Options("trot", generations=2, candidates=4, episodes=8, steps=101, threads=1)
+    found = []
+    for options in (few, replace(few, engine="ray")):
+        effort = effort_of(options)
+        found.append(list(evolve(options, effort, subject(options, effort).space)))
+    assert found[0] == found[1]
 
 
 def test_a_gait_costs_alone_what_it_costs_beside_others():
@@ -104,17 +107,6 @@ def test_ctrl_c_leaves_what_the_tasks_told_last_and_resume_finishes_it(tmp_path,
     resume = captured.err.partition("with ")[2].split()
     assert main([*resume, "--threads", "1"]) == 0
     assert [steps_done(tmp_path / f"seed-{seed}") for seed in (0, 1)] == [256, 256]
-
-
-def test_a_lost_cluster_keeps_what_a_search_has_found():
-    def generations():
-        yield "found"
-        raise WorkerLost("the cluster lost a task")
-
-    kept = []
-    with pytest.raises(WorkerLost, match="lost a task; kept what was found after 1 generations"):
-        last(generations(), kept.append)
-    assert kept == ["found"]
 
 
 def test_a_folder_in_use_is_refused_before_any_seed_is_trained(tmp_path, monkeypatch, capsys):

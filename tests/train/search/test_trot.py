@@ -1,4 +1,4 @@
-"""The trot's search: its fits by hand, its panel of candidates, what it bills, and what it refuses."""
+"""The trot's search: its fits by hand, its panel of candidates, its cost, and what it writes."""
 
 import dataclasses
 import json
@@ -6,33 +6,30 @@ import math
 
 import numpy as np
 import pytest
-from train.search.evolution import decode, encode
-from train.search.outcome import check
-from train.search.trot_cost import (
-    ERROR_SCALES,
-    Panel,
-    cost,
-    interval_response,
-    judge,
-    mapped,
-    unless_weak,
-)
 
 import policies
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.rollout import run
 from policies.parameters import likewise
-from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
+from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION_SIZE
 from quad_env.seeding import episode_seeds
 from tests.quad_env.robots.alike import alike
 from train.__main__ import main
 from train.scenarios import practice
-from train.search import trot as search_trot
-from train.search import trot_cost
+from train.search import trot
 from train.search.command_map import WEAKNESS_WEIGHT, undone
-from train.search.trot import Options
+from train.search.panel import Panel
+from train.search.subject import decode, encode
+from train.search.trot import (
+    ERROR_SCALES,
+    cost,
+    interval_response,
+    judge,
+    mapped,
+    unless_weak,
+)
 
 COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
 RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])
@@ -44,10 +41,6 @@ def measures(**changes):
     achieved = COMMANDS @ RESPONSE[:3] + RESPONSE[3]
     nothing = {field.name: np.zeros(6) for field in dataclasses.fields(Measures)}
     return Measures(**nothing | {"commands": COMMANDS, "mean_velocities": achieved} | changes)
-
-
-def test_the_response_is_the_linear_map_that_made_the_velocities():
-    np.testing.assert_allclose(interval_response(measures()), RESPONSE, atol=1e-12)
 
 
 def test_intervals_that_ended_in_a_fall_do_not_count_and_too_few_others_are_no_response():
@@ -87,32 +80,23 @@ def test_a_response_too_weak_to_be_undone_leaves_the_map_alone(monkeypatch):
     beyond = np.eye(4, 3)
     beyond[3, 0] = math.inf  # a bias that no trot's parameters may have
     assert unless_weak(TrotParameters(), beyond) == TrotParameters()
-    monkeypatch.setattr("train.search.trot_cost.run", lambda *_, **__: None)
-    monkeypatch.setattr("train.search.trot_cost.measure", lambda _: measures())
+    monkeypatch.setattr("train.search.trot.run", lambda *_, **__: None)
+    monkeypatch.setattr("train.search.trot.measure", lambda _: measures())
     assert mapped(TrotParameters(), episode_seeds("search", 0, 6), 1).lateral_gain == pytest.approx(2.0)
 
 
-def test_a_panel_is_its_members_each_on_its_own_rows():
+@pytest.mark.parametrize(("blocks", "rows"), [(1, ([0, 1, 2], [3, 4, 5])), (3, ([0, 2, 4], [1, 3, 5]))])
+def test_a_panel_is_its_members_each_on_its_share_of_every_block(blocks, rows):
     members = [TrotParameters(frequency=2.0), TrotParameters(duty=0.6)]
-    panel, alone = Panel([Trot(each) for each in members]), [Trot(each) for each in members]
+    panel, alone = Panel([Trot(each) for each in members], blocks), [Trot(each) for each in members]
     panel.reset(6)
     for member in alone:
         member.reset(3)
     for step in range(30):
         observation = np.random.default_rng(step).normal(size=(6, OBSERVATION_SIZE)).astype(np.float32)
-        expected = [member.act(observation[3 * i : 3 * i + 3]) for i, member in enumerate(alone)]
-        np.testing.assert_array_equal(panel.act(observation), np.concatenate(expected))
-
-
-def test_in_blocks_a_member_has_its_share_of_each():
-    members = [TrotParameters(frequency=2.0), TrotParameters(duty=0.6)]
-    panel, alone = Panel([Trot(each) for each in members], blocks=3), [Trot(each) for each in members]
-    panel.reset(12)
-    observation = np.random.default_rng(0).normal(size=(12, OBSERVATION_SIZE)).astype(np.float32)
-    actions = panel.act(observation)
-    for member, rows in zip(alone, ([0, 1, 4, 5, 8, 9], [2, 3, 6, 7, 10, 11]), strict=True):
-        member.reset(6)
-        np.testing.assert_array_equal(actions[rows], member.act(observation[rows]))
+        actions = panel.act(observation)
+        for member, own in zip(alone, rows, strict=True):
+            np.testing.assert_array_equal(actions[own], member.act(observation[own]))
 
 
 def test_a_point_of_the_cube_is_a_set_of_parameters_and_back():
@@ -130,36 +114,16 @@ def test_the_cost_is_the_mean_of_the_scaled_errors():
     np.testing.assert_allclose(cost(measures(**ones), 3), [0.0, 8.0, 16.0])
 
 
-def test_a_robot_that_fell_at_once_is_billed_all_the_overspeed_there_is():
+def test_a_robot_that_fell_at_once_has_all_overspeed():
     overspeed = np.array([math.nan, 0, 0, 0, 0, 0])
     np.testing.assert_allclose(cost(measures(overspeed=overspeed), 3), [0.5 / 0.02, 0.0, 0.0])
 
 
-def test_a_candidate_that_stands_still_is_billed():
-    """A gait that is asked for nothing keeps its own, empty response to perfection; that must not pay."""
+def test_standing_still_costs_more_than_walking():
+    """A gait that ignores commands follows its own, empty response perfectly."""
     still = dataclasses.replace(TrotParameters(), forward_gain=0.0, lateral_gain=0.0, yaw_gain=0.0)
     walking, standing = judge([TrotParameters(), still], episode_seeds("search", 0, 8), 600, 1)
     assert standing - walking > WEAKNESS_WEIGHT
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        ("--steps 100", "--steps must be from 101"),
-        ("--seed -1", "--seed must be from 0"),
-        ("--candidates 3", "--candidates must be from 4"),
-        ("--check-episodes 3", "--check-episodes must be from 4"),
-        ("--threads 0", "--threads must be from 1"),
-        ("--out .", "must be a file"),
-        ("--out TROT.md", "must be a file"),
-        ("--out no-such-folder/trot.json", "no folder"),
-        ("--steps many", "steps"),
-    ],
-)
-def test_bad_input_is_one_line(arguments, complaint, capsys):
-    assert main(["search", "trot", *arguments.split()]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert complaint in line
 
 
 TINY = "--generations 1 --candidates 4 --episodes 8 --steps 101 --check-episodes 4 --threads 1"
@@ -175,51 +139,18 @@ def test_a_search_writes_parameters_that_walk_and_its_account(tmp_path):
     assert len([line for line in account.splitlines() if "| after |" in line]) == 1 + 3
 
 
-def test_an_outcome_that_cannot_be_written_is_printed(tmp_path, monkeypatch, capsys):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    after = dataclasses.replace(TrotParameters(), duty=0.5125)
-    monkeypatch.setattr(search_trot, "search", lambda *_: after)
-    monkeypatch.setattr(search_trot, "account", lambda *_: "the account")
-    monkeypatch.setattr("train.search.outcome.write_atomically", full)
-    assert main(["search", "trot", "--out", str(tmp_path / "trot.json")]) == 2
-    printed = capsys.readouterr()
-    (line,) = printed.err.strip().splitlines()
-    assert "No space left" in line
-    parameters, _ = json.JSONDecoder().raw_decode(printed.out)
-    assert TrotParameters(**parameters) == after
-    assert "the account" in printed.out
-
-
-def test_ctrl_c_in_a_search_is_130_and_writes_nothing(tmp_path, monkeypatch, capsys):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(search_trot, "search", interrupted)
-    assert main(["search", "trot", "--out", str(tmp_path / "trot.json")]) == 130
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_defaults_can_be_searched_with():
-    check(Options(), PARAMETERS_FILE)
-    assert policies.make("trot").name == "trot"
-
-
-def test_a_robots_search_goes_to_its_own_folder_and_begins_with_its_own_size(tmp_path, capsys):
+def test_a_robots_search_goes_to_its_own_folder_and_begins_with_its_own_size(tmp_path):
     robot = alike(tmp_path)
     path = tmp_path / "alike.xml"
     assert main(["search", "trot", *TINY.split(), "--robot", str(path)]) == 0
     own = tmp_path / "alike"
     told = (own / "TROT.md").read_text(encoding="utf-8")
-    assert f"search trot --seed 0 --robot {path}" in told
+    assert f"search trot --robot {path} --seed 0" in told
     start, found = likewise(searched_parameters(), robot), json.loads((own / "trot.json").read_text(encoding="utf-8"))
     assert f"| blend_time | fixed | {start.blend_time:.9g} | {found['blend_time']:.9g} |" in told
     low, high = (robot.leg_length / 0.6 * end for end in SEARCH_RANGES["body_height"])
     assert low <= found["body_height"] <= high < 0.22
     assert policies.make("trot", robot=robot).parameters == TrotParameters(**found)
-    assert main(["search", "trot", "--robot", "go9"]) == 2
-    assert "unknown robot" in capsys.readouterr().err
 
 
 def test_candidates_walk_as_the_robot_on_its_own_ground(tmp_path, monkeypatch):
@@ -231,10 +162,10 @@ def test_candidates_walk_as_the_robot_on_its_own_ground(tmp_path, monkeypatch):
         seen.append((policy.robot, scenario, options["hardware"]))
         return run(policy, scenario, seeds, **options)
 
-    monkeypatch.setattr(trot_cost, "run", watched)
+    monkeypatch.setattr(trot, "run", watched)
     judge([searched_parameters(robot)], episode_seeds("search", 0, 8), 101, 1, hardware)
     assert all(each == robot for each, _, _ in seen)
     assert all(each == hardware for _, _, each in seen)
     assert {each.name: each for _, each, _ in seen} == {
-        name: practice(name, "search", robot=robot) for name in trot_cost.SCENARIO_WEIGHTS
+        name: practice(name, "search", robot=robot) for name in trot.SCENARIO_WEIGHTS
     }
