@@ -87,14 +87,3 @@ def last_metrics(folder: Path) -> dict[str, Any]:
 
 def _lines(record: Mapping[str, Any]) -> bytes:
     return (json.dumps(record, indent=2) + "\n").encode()
-
-
-def cut_metrics(folder: Path, steps: int) -> None:
-    """Leave the metrics as they were after so many steps: what came later comes again."""
-    path = folder / METRICS_FILE
-    kept = []
-    for line in read_bytes(path, LARGEST).splitlines(keepends=True) if path.exists() else ():
-        if not line.endswith(b"\n") or json.loads(line)["steps"] > steps:
-            break
-        kept.append(line)
-    write_atomically(path, b"".join(kept))

@@ -24,8 +24,8 @@ from train.run import make_env, train
 from train.sb3.ppo import build
 from train.search import feedback, trot
 from train.search import subject as searches
-from train.search.cmaes import evolve
-from train.search.subject import Effort, Options, unit_cube
+from train.search.command import evolve
+from train.search.subject import Effort, unit_cube
 
 Plant = Callable[[pytest.MonkeyPatch], None]
 SETTINGS = PpoConfig(
@@ -124,7 +124,7 @@ def check_searches_are_on_their_own_episodes_and_ground() -> None:
     effort = Effort(generations=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
     ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
     space = unit_cube(trot.TrotParameters(), ranges, costs, searches.generations(0, effort))
-    list(evolve(Options("trot"), effort, space))
+    list(evolve(0, effort, space))
     assert {PURPOSES[seed >> 48] for seed in seen} == {"search"}
     assert len(set(seen)) == 6, "every generation has new episodes"
 

@@ -1,22 +1,13 @@
-"""Several seeds, and the candidates of searches: on a Ray cluster they are those of this process, to the bit."""
+"""Several seeds: on a Ray cluster they are those of this process, to the bit."""
 
 import contextlib
-from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from evaluate.rollouts.cluster import cluster
-from policies.gaits.parameters import searched_parameters as gait_parameters
-from quad_env.seeding import episode_seeds
 from train import seeds
 from train.__main__ import main
 from train.run_folder import steps_done
-from train.search.cmaes import evolve
-from train.search.command import effort_of
-from train.search.gait import commands, cost, shared_walk
-from train.search.subject import Options
-from train.search.trot import subject
 
 OPTIONS = (
     "--threads 1 --mixture flat 1 --validation.episodes 1 --validation.scenarios flat --ppo.envs 8 "
@@ -38,8 +29,7 @@ def embedded():
 @pytest.fixture
 def on_cluster(embedded, monkeypatch):
     """The option of a command that is to use the cluster of this module."""
-    for user in ("train.seeds", "train.search.cmaes"):
-        monkeypatch.setattr(f"{user}.cluster", lambda *_: contextlib.nullcontext(embedded))
+    monkeypatch.setattr("train.seeds.cluster", lambda *_: contextlib.nullcontext(embedded))
     return ["--engine", "ray"]
 
 
@@ -63,27 +53,6 @@ def test_seeds_train_the_same_policies_on_a_cluster_and_go_on_there(on_cluster, 
         assert main([*again, "--steps", "192", "--out", str(folder), *how]) == 0
         assert steps_done(folder / "seed-6") == 192
     assert learned(apart) == learned(here)
-
-
-@pytest.mark.usefixtures("on_cluster")
-def test_a_search_finds_the_same_on_a_cluster():
-    few = Options("trot", generations=2, candidates=4, episodes=8, steps=101, threads=1)
-    found = []
-    for options in (few, replace(few, engine="ray")):
-        effort = effort_of(options)
-        found.append(list(evolve(options, effort, subject(options, effort).space)))
-    assert found[0] == found[1]
-
-
-def test_a_gait_costs_alone_what_it_costs_beside_others():
-    drawn = episode_seeds("search", 3, 8)
-    command = commands("bound", 8, np.random.default_rng(drawn))
-
-    def costs(*candidates):
-        return [cost(walk, command) for walk in shared_walk("bound", list(candidates), command, drawn, 250, 1)]
-
-    pronk, bound = gait_parameters()["pronk"], gait_parameters()["bound"]
-    assert costs(pronk, bound) == costs(pronk) + costs(bound)
 
 
 def test_ctrl_c_leaves_what_the_tasks_told_last_and_resume_finishes_it(tmp_path, monkeypatch, capsys):

@@ -11,8 +11,9 @@ from typing import Any
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from torch.utils.tensorboard import SummaryWriter
 
+from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.writing import write_atomically
 from train.run_folder import METRICS_FILE, TENSORBOARD
-from train.run_record import cut_metrics
 
 
 class _Events(TensorBoardOutputFormat):
@@ -41,6 +42,17 @@ class _Metrics(KVWriter):
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def cut_metrics(folder: Path, steps: int) -> None:
+    """Remove the metrics after so many steps, which will be written again."""
+    path = folder / METRICS_FILE
+    kept = []
+    for line in read_bytes(path, LARGEST).splitlines(keepends=True) if path.exists() else ():
+        if not line.endswith(b"\n") or json.loads(line)["steps"] > steps:
+            break
+        kept.append(line)
+    write_atomically(path, b"".join(kept))
 
 
 @contextlib.contextmanager

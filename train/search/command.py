@@ -14,23 +14,27 @@ generation, in a file that ends in .trials.jsonl. After Ctrl-C the mean found so
 """
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, TypeVar
 
-from evaluate.rollouts.workers import WorkerLost
+import numpy as np
+from rich.progress import track
+
 from policies.parameters import limits_of
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.launcher import raise_on_interrupt
 from train.search import fall_prediction, feedback, gait, recovery, trot
-from train.search.cmaes import evolve
 from train.search.files import as_json, check, save
-from train.search.subject import SHORTEST, Effort, Options, Subject
+from train.search.subject import SHORTEST, Effort, Options, Space, Subject
 
 UNJUDGED = ".unjudged.json"
-"""Ending of the file that keeps parameters which have not been judged."""
+"""Ending of the file that keeps parameters which have not been compared with those in force."""
 TRIALS = ".trials.jsonl"
 """Ending of the file of all trials: a line a generation, with the mean of the distribution after it."""
+
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -72,8 +76,8 @@ SUBJECTS: Mapping[str, Kind] = {
 
 
 def main(options: Options) -> int:
-    """Search, conclude, write; the exit code. Raises UsageError; KeyboardInterrupt or WorkerLost, after the mean of the
-    last generation is kept."""
+    """Search, conclude, write; the exit code. Raises UsageError; KeyboardInterrupt, after the mean of the last
+    generation is kept."""
     effort = effort_of(options)
     subject = SUBJECTS[options.subject].make(options, effort)
     out = options.out or subject.file
@@ -82,16 +86,15 @@ def main(options: Options) -> int:
     found, lines = subject.start, list[str]()
     try:
         if subject.space is not None and effort.generations:
-            for found, tried in evolve(options, effort, subject.space):
+            for found, tried in evolve(options.seed, effort, subject.space):
                 lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(found)}))
                 save(out.with_suffix(TRIALS), "\n".join(lines) + "\n")
         outcome = subject.conclude(found)
-    except (KeyboardInterrupt, WorkerLost) as end:
+    except KeyboardInterrupt:
         if not lines:
             raise
         save(out.with_suffix(UNJUDGED), as_json(found))
-        said = "".join(f"{each}; " for each in end.args)
-        raise type(end)(f"{said}kept what was found after {len(lines)} generations, not judged") from None
+        raise KeyboardInterrupt(f"kept what was found after {len(lines)} generations, not compared") from None
     try:
         save(out, outcome.text)
     finally:
@@ -115,3 +118,20 @@ def effort_of(options: Options) -> Effort:
     check_numbers(options, limits_of(options))
     check_numbers(effort, {name: (getattr(kind.least, name), getattr(MOST, name)) for name in numbers if name in taken})
     return effort
+
+
+def evolve(seed: int, effort: Effort, space: Space[T]) -> Iterator[tuple[T, list[dict[str, Any]]]]:
+    """After each generation the mean of CMA-ES's distribution, and the candidates with their costs."""
+    import cma
+
+    settings = {"popsize": effort.candidates, "seed": seed + 1, "verbose": -9}
+    settings |= {"bounds": [space.low, space.high]} | ({"CMA_diagonal": True} if space.apart else {})
+    strategy = cma.CMAEvolutionStrategy(space.start, effort.spread, settings)
+    for seeds in track(space.seeds, description="generations"):
+        points = strategy.ask()
+        candidates: list[Any] = [space.decode(point) for point in points]
+        costs = space.costs(candidates, seeds)
+        strategy.tell(points, list(costs))
+        print(f"best {min(costs):.3f}  median {np.median(costs):.3f}", flush=True)
+        tried = [{"cost": float(cost)} | asdict(each) for cost, each in zip(costs, candidates, strict=True)]
+        yield space.decode(np.clip(strategy.result.xfavorite, space.low, space.high)), tried

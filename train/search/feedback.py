@@ -26,7 +26,7 @@ from train.scenarios import Purpose, practice
 from train.search.account import changes, method, results
 from train.search.files import as_json
 from train.search.panel import Panel
-from train.search.subject import Effort, Options, Outcome, Ranges, Seeds, Subject, encode, generations, unit_cube
+from train.search.subject import Effort, Options, Outcome, Ranges, Seeds, Subject, generations, unit_cube
 from train.setting_ranges import check_scenarios
 
 EXERCISES = (
@@ -57,8 +57,6 @@ SIGNIFICANT = 0.05
 ADOPTED, KEPT = "The outcome is adopted.", "Those in force are kept: the outcome is not better."
 AT_ONCE = 7
 """Scenarios simulated at once: the more, the faster, and the more memory their records take."""
-MOVED_MOST = 5
-"""Parameters that an account names for having moved most."""
 
 
 @dataclass(frozen=True)
@@ -97,14 +95,13 @@ def subject(options: Options, effort: Effort) -> Subject[Parameters]:
         return [BASES[name].make(parameters=each) for each in parameters]
 
     def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
-        return judge(made(candidates), exercises, seeds, effort.steps, options.batch_threads)
+        return judge(made(candidates), exercises, seeds, effort.steps, options.threads)
 
     def conclude(after: Parameters) -> Outcome:
         seeds = episode_seeds("validation", options.seed, effort.check_episodes)
         found = compared(*made((in_force, after)), exercises, seeds, options.threads)
         lines = [f"# The parameters of {name}", "", method(options, effort, ", ".join(exercises)), WORDS, ""]
-        lines += [found.verdict, moved(in_force, after, searched.ranges), ""]
-        lines += [*changes(in_force, after, searched.ranges), "", *results(found.walks)]
+        lines += [found.verdict, "", *changes(in_force, after, searched.ranges), "", *results(found.walks)]
         return Outcome(as_json(after if found.better else in_force), "\n".join(lines) + "\n")
 
     space = unit_cube(start, searched.ranges, costs, generations(options.seed, effort), digits=4, apart=True)
@@ -186,11 +183,3 @@ def compared(in_force: Policy, outcome: Policy, exercises: Sequence[str], seeds:
             walks += [(exercise, "before", old), (exercise, "after", new)]
             differences += episode_costs(new) - episode_costs(old)
     return Comparison(tuple(walks), differences / len(exercises))
-
-
-def moved(before: Parameters, after: Parameters, ranges: Ranges) -> str:
-    """How far the search moved the parameters, in words."""
-    shares = np.abs(encode(after, ranges) - encode(before, ranges))
-    order, names = np.argsort(-shares, kind="stable")[:MOVED_MOST], list(ranges)
-    most = ", ".join(f"{names[place]} ({shares[place]:.1%})" for place in order)
-    return f"The search moved parameters by {np.median(shares):.1%} of their range in the median, most of all {most}."

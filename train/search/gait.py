@@ -76,7 +76,7 @@ def subject(options: Options, effort: Effort) -> Subject[GaitParameters]:
 
     def costs(candidates: list[GaitParameters], seeds: Seeds) -> list[float]:
         command = commands(gait, len(seeds), np.random.default_rng(seeds))
-        walks = shared_walk(gait, candidates, command, seeds, effort.steps, options.batch_threads)
+        walks = shared_walk(gait, candidates, command, seeds, effort.steps, options.threads)
         return [cost(walk, command) for walk in walks]
 
     def conclude(found: GaitParameters) -> Outcome:

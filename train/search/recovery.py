@@ -37,7 +37,7 @@ def subject(options: Options, effort: Effort) -> Subject[RecoveryParameters]:
     seeds = [episode_seeds("search", first + number, effort.episodes) for number in range(effort.generations)]
 
     def costs(candidates: list[RecoveryParameters], seeds: Seeds) -> Floats:
-        return judge(candidates, seeds, options.batch_threads)
+        return judge(candidates, seeds, options.threads)
 
     space = Space(np.clip(encoded(start), low, high), low, high, decoded, costs, seeds, apart=True)
     return Subject(start, PARAMETERS_FILE, lambda found: Outcome(as_json(found)), space)

@@ -73,12 +73,7 @@ class Options:
     start: Path | None = None
     """Parameters that `search feedback` starts from, JSON, instead of those in force."""
     threads: int = number(2, limits=(1, 256))
-    """Threads of the simulation; with --engine ray, workers of a cluster that is started here."""
-    engine: Literal["local", "ray"] = "local"
-    """What evaluates the candidates: this process, or a Ray cluster (pip install -e ".[cluster]"), a task each. The
-    outcome is the same."""
-    address: str | None = None
-    """Address of the Ray cluster, such as 10.0.0.1:6379; without it one is started here and ended with the search."""
+    """Threads of the simulation."""
     out: Path | None = None
     """File of the outcome, JSON, by default the one that the policy reads; other files of the search are written next
     to it."""
@@ -89,15 +84,10 @@ class Options:
         words = ["python -m train search", self.subject]
         for each in fields(self)[1:]:
             value = getattr(self, each.name)
-            if each.name == "seed" or (value is not None and each.name not in ("threads", "engine", "address", "out")):
+            if each.name == "seed" or (value is not None and each.name not in ("threads", "out")):
                 entries = value if isinstance(value, tuple) else (value,)
                 words.append(f"--{each.name.replace('_', '-')} {' '.join(map(str, entries))}")
         return " ".join(words)
-
-    @property
-    def batch_threads(self) -> int:
-        """Threads on which candidates are simulated together; a task of a cluster has one core."""
-        return self.threads if self.engine == "local" else 1
 
 
 @dataclass(frozen=True)
@@ -109,7 +99,7 @@ class Space(Generic[T]):
     high: ArrayLike
     decode: Callable[[Floats], T]
     costs: Callable[[list[T], Seeds], Sequence[float] | Floats]
-    """Of a generation's candidates on the same episodes; of each as if it were the only one."""
+    """Costs of a generation's candidates on the same episodes."""
     seeds: Sequence[Seeds]
     """Of each generation's episodes."""
     apart: bool = False

@@ -1,7 +1,7 @@
 """The open-loop trot: its cost, the fit of its command map, and the account of its search."""
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,75 +41,50 @@ MAP_ROUNDS = 3
 ACCOUNT = "TROT.md"
 
 
-@dataclass(frozen=True)
-class TrotSearch:
-    """The search of the trot of one robot."""
-
-    options: Options
-    effort: Effort
-    hardware: Hardware
-
-    @property
-    def robot(self) -> Robot:
-        """Whose trot is searched."""
-        return self.hardware.quadruped
-
-    @property
-    def subject(self) -> Subject[TrotParameters]:
-        """SimpleQuad's parameters, or for another robot those of dynamic similarity, and its own folder."""
-        own = self.robot == SIMPLE_QUAD
-        start = TrotParameters() if own else likewise(searched_parameters(), self.robot)
-        ranges = likewise_ranges(SEARCH_RANGES, TrotParameters, self.robot)
-
-        def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
-            return judge(candidates, seeds, self.effort.steps, self.options.batch_threads, self.hardware)
-
-        def conclude(found: TrotParameters) -> Outcome:
-            after = self.fitted(found)
-            return Outcome(as_json(after), self.account(start, after))
-
-        space = unit_cube(start, ranges, costs, generations(self.options.seed, self.effort))
-        file = PARAMETERS_FILE if own or self.options.out else own_folder(self.robot) / PARAMETERS_FILE.name
-        return Subject(start, file, conclude, space, ACCOUNT)
-
-    def fitted(self, found: TrotParameters) -> TrotParameters:
-        """The parameters with a command map fitted on fresh episodes, to four digits."""
-        fresh = episode_seeds("search", self.options.seed + 2_000_000, MAP_ROUNDS * self.effort.check_episodes)
-        for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
-            found = mapped(found, seeds, self.options.threads, self.hardware)
-        return rounded(found)
-
-    def account(self, before: TrotParameters, after: TrotParameters) -> str:
-        """What the search found and what it is worth on fresh episodes, as Markdown."""
-        count, ranges = self.effort.check_episodes, likewise_ranges(SEARCH_RANGES, TrotParameters, self.robot)
-        seeds = episode_seeds("search", self.options.seed + 1_000_000, count)
-        walks = (
-            (name, label, walked(parameters, name, seeds, self.options.threads, self.hardware))
-            for name in SCENARIO_WEIGHTS
-            for label, parameters in (("before", before), ("after", after))
-        )
-        scenarios = ", ".join(f"{name} (weight {weight:g})" for name, weight in SCENARIO_WEIGHTS.items())
-        terms = " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
-        lines = [
-            "# The trot's parameters",
-            "",
-            method(self.options, self.effort, scenarios),
-            f"Cost of an episode: {terms}; the errors count the steps after a fall.",
-            "Each candidate is evaluated against its own linear response on flat ground; the command map is fitted by "
-            "least squares afterwards.",
-            "",
-            *changes(before, after, ranges, COMMAND_MAP),
-            "",
-            f"On {count} fresh search episodes of 10 s a scenario:",
-            "",
-            *results(track(walks, description="comparison", total=2 * len(SCENARIO_WEIGHTS))),
-        ]
-        return "\n".join(lines) + "\n"
-
-
 def subject(options: Options, effort: Effort) -> Subject[TrotParameters]:
-    """The search of a robot's trot."""
-    return TrotSearch(options, effort, hardware_of(options.robot or Hardware.robot)).subject
+    """The search of a robot's trot: from SimpleQuad's, or for another robot from that of dynamic similarity."""
+    hardware = hardware_of(options.robot or Hardware.robot)
+    robot, threads = hardware.quadruped, options.threads
+    own = robot == SIMPLE_QUAD
+    start = TrotParameters() if own else likewise(searched_parameters(), robot)
+    ranges = likewise_ranges(SEARCH_RANGES, TrotParameters, robot)
+
+    def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
+        return judge(candidates, seeds, effort.steps, threads, hardware)
+
+    def conclude(found: TrotParameters) -> Outcome:
+        fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * effort.check_episodes)
+        for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
+            found = mapped(found, seeds, threads, hardware)
+        after = rounded(found)
+        seeds = episode_seeds("search", options.seed + 1_000_000, effort.check_episodes)
+        walks = (
+            (name, label, walked(parameters, name, seeds, threads, hardware))
+            for name in SCENARIO_WEIGHTS
+            for label, parameters in (("before", start), ("after", after))
+        )
+        table = results(track(walks, description="comparison", total=2 * len(SCENARIO_WEIGHTS)))
+        lines = [*introduction(options, effort), "", *changes(start, after, ranges, COMMAND_MAP), ""]
+        lines += [f"On {effort.check_episodes} fresh search episodes of 10 s a scenario:", "", *table]
+        return Outcome(as_json(after), "\n".join(lines) + "\n")
+
+    space = unit_cube(start, ranges, costs, generations(options.seed, effort))
+    file = PARAMETERS_FILE if own or options.out else own_folder(robot) / PARAMETERS_FILE.name
+    return Subject(start, file, conclude, space, ACCOUNT)
+
+
+def introduction(options: Options, effort: Effort) -> list[str]:
+    """Heading of the account, and how the search was made."""
+    scenarios = ", ".join(f"{name} (weight {weight:g})" for name, weight in SCENARIO_WEIGHTS.items())
+    terms = " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
+    return [
+        "# The trot's parameters",
+        "",
+        method(options, effort, scenarios),
+        f"Cost of an episode: {terms}; the errors count the steps after a fall.",
+        "Each candidate is evaluated against its own linear response on flat ground; the command map is fitted by "
+        "least squares afterwards.",
+    ]
 
 
 def own_folder(robot: Robot) -> Path:

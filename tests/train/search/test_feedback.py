@@ -31,7 +31,6 @@ from train.search.feedback import (
     Comparison,
     episode_costs,
     judge,
-    moved,
     walked,
 )
 from train.search.subject import MARGIN, encode
@@ -239,12 +238,3 @@ def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chanc
     assert Comparison((), np.full(8, -1.0)).better  # all of 2^8 signs but two cost less: p = 2 / 256
     assert not Comparison((), np.full(8, 1.0)).better
     assert not Comparison((), np.array([-2.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0])).better
-
-
-def test_how_far_parameters_moved_is_told_in_shares_of_their_ranges():
-    """By hand: 0.75 of 3 … 9 Hz is 12.5 %, and 0.0125 of 0.4 … 0.65 is 5 %; all others stay."""
-    before = policies.make("trot_feedback").parameters
-    after = dataclasses.replace(before, frequency=before.frequency + 0.75, duty=before.duty - 0.0125)
-    text = moved(before, after, POLICIES["trot_feedback"].ranges)
-    assert "0.0% of their range in the median" in text
-    assert "most of all frequency (12.5%), duty (5.0%)" in text

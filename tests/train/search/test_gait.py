@@ -62,3 +62,14 @@ def test_it_replaces_its_gait_alone(tmp_path):
     kept = asdict(shipped["walk"])
     assert all(written["walk"][name] == pytest.approx(kept[name], abs=1e-4) for name in RANGES["walk"])
     assert written["walk"]["forward_gain"] != kept["forward_gain"]
+
+
+def test_a_gait_costs_alone_what_it_costs_beside_others():
+    drawn = episode_seeds("search", 3, 8)
+    command = commands("bound", 8, np.random.default_rng(drawn))
+
+    def costs(*candidates):
+        return [cost(walk, command) for walk in shared_walk("bound", list(candidates), command, drawn, 250, 1)]
+
+    pronk, bound = searched_parameters()["pronk"], searched_parameters()["bound"]
+    assert costs(pronk, bound) == costs(pronk) + costs(bound)

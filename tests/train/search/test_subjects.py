@@ -3,7 +3,6 @@
 Each subject is searched once, all its options other than usual.
 """
 
-import contextlib
 import dataclasses
 import json
 from dataclasses import asdict, dataclass, fields, replace
@@ -14,14 +13,13 @@ import numpy as np
 import pytest
 
 import policies
-from evaluate.rollouts.workers import WorkerLost
 from policies.behaviour.recovery import searched_parameters
 from policies.safety import fall_prediction as predictor
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
 from train.__main__ import main
-from train.search import cmaes, command, fall_prediction, feedback
+from train.search import command, fall_prediction, feedback
 from train.search.command import SUBJECTS, effort_of
 from train.search.recovery import bounds, decoded, encoded
 from train.search.subject import Effort, Options
@@ -196,12 +194,11 @@ class Kept:
 BETTER = replace(searched_parameters(), lost=0.125)
 
 
-@pytest.mark.parametrize(("end", "code"), [(KeyboardInterrupt(), 130), (WorkerLost("the cluster lost a task"), 2)])
-def test_a_search_that_is_stopped_keeps_what_was_found_so_far(
-    end: BaseException, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_ctrl_c_keeps_what_was_found_so_far(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    kept = Kept(tmp_path, monkeypatch, BETTER, end)
-    assert kept.code == code
+    kept = Kept(tmp_path, monkeypatch, BETTER, KeyboardInterrupt())
+    assert kept.code == 130
     assert json.loads(kept.files["found.unjudged.json"])["lost"] == 0.125
     assert kept.files.keys() == {"found.unjudged.json", "found.trials.jsonl"}
     assert "kept what was found after 1 generations" in capsys.readouterr().err
@@ -224,24 +221,6 @@ def test_an_outcome_that_cannot_be_written_is_printed(
     printed = capsys.readouterr()
     assert "No space left" in printed.err
     assert json.JSONDecoder().raw_decode(printed.out)[0]["lost"] == 0.125
-
-
-def test_a_cluster_is_asked_for_by_its_address_and_for_as_many_workers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    asked = []
-
-    @contextlib.contextmanager
-    def none(*given: Any) -> Any:
-        asked.append(given)
-        raise WorkerLost("none is here")
-        yield
-
-    monkeypatch.setattr(cmaes, "cluster", none)
-    words = "--engine ray --address here:1 --threads 3"
-    assert main(["search", "recovery", *words.split(), "--out", str(tmp_path / "found.json")]) == 2
-    assert "none is here" in capsys.readouterr().err
-    assert asked == [(3, "here:1")]
 
 
 def test_numbers_of_an_effort_are_options_of_the_same_names() -> None:
