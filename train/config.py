@@ -117,7 +117,7 @@ MIXTURE = (
     ("soft=0.03", 0.05),
     ("slope=20", 0.06),
     ("slippery=0.1", 0.05),
-    ("latency=0.03", 0.05),  # which robots that know 0.08 alone do worse at than their base
+    ("latency=0.03", 0.05),  # without it robots trained on 0.08 are worse here than their base
     ("latency=0.08", 0.06),
     ("noise=0.8", 0.04),
     ("dropout=0.8", 0.03),
@@ -127,8 +127,8 @@ MIXTURE = (
     ("weak_motors=10", 0.03),
     ("surprise=1.5", 0.08),
 )
-"""Every axis at a severity where the base begins to fail, or just beyond, and a small delay, which it masters; each
-with its share of the robots."""
+"""Every axis at a severity where the base starts to fail, or just beyond, and a small delay; each with its share of the
+robots."""
 MEMORY = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 """Past observations in which delays, loads, forces and slow motors can be recognised."""
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)
@@ -266,7 +266,7 @@ class TrainConfig:
 
     @property
     def judged(self) -> ValidationConfig:
-        """The validation with its scenarios, named or those trained on."""
+        """The validation with its scenarios: those given, or those trained on."""
         trained = tuple(name for name, share in self.mixture if share)
         return dataclasses.replace(self.validation, scenarios=self.validation.scenarios or trained)
 
@@ -321,7 +321,7 @@ _REMOVED: Mapping[str, Mapping[str, Any]] = {
     "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
 }
-"""Settings of version 0.1.0, by group, and the only values that a run can still have; None: it does not matter."""
+"""Settings of version 0.1.0, by group, and the only value with which a run still loads; None: any."""
 
 
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
@@ -344,7 +344,7 @@ def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def load_config(folder: Path) -> TrainConfig:
-    """The settings that the run in `folder` was begun with. Raises UsageError where there is none."""
+    """The settings of the run in `folder`. Raises UsageError where there is none."""
     try:
         settings = json.loads(read_bytes(folder / CONFIG_FILE))
     except OSError as error:
@@ -388,7 +388,7 @@ class Change(NamedTuple):
 
     @property
     def extends(self) -> bool:
-        """Whether it is but a longer run."""
+        """Whether the change only makes the run longer."""
         return self.option == "--steps" and self.new > self.old
 
     def __str__(self) -> str:
@@ -396,13 +396,13 @@ class Change(NamedTuple):
 
 
 def differences(old: TrainConfig, new: TrainConfig) -> list[Change]:
-    """What differs between two runs' settings, as far as it decides their result."""
+    """Differences between two runs' settings, of those that decide the result."""
     after = dict(flat(to_dict(new)))
     return [Change(f"--{name}", value, after[name]) for name, value in flat(to_dict(old)) if value != after[name]]
 
 
 def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Settings as `to_dict` gives them by the names of their options, groups taken apart."""
+    """Settings of `to_dict` by the names of their options, groups flattened."""
     for key, value in settings.items():
         name = prefix + key.replace("_", "-")
         if isinstance(value, dict):
@@ -412,7 +412,7 @@ def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
-    """How many robots train on each scenario: shares rounded by largest remainder; none of no robots."""
+    """Number of robots on each scenario: shares rounded by largest remainder, scenarios without robots left out."""
     total = sum(share for _, share in config.mixture)
     exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
     counts = {name: int(amount) for name, amount in exact}

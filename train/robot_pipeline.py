@@ -155,7 +155,7 @@ def _stages(options: Options) -> list[Stage]:
 
 
 def _check_same_options(options: Options) -> None:
-    """Keep the options in the folder. Raises UsageError where they are others than those that it was begun with."""
+    """Keep the options in the folder. Raises UsageError where they are others than those that it was started with."""
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
     now = dataclasses.asdict(options) | {"robot": robot}
     now = json.loads(json.dumps({name: now[name] for name in now if name not in ("out", "threads")}, default=str))
@@ -169,7 +169,7 @@ def _check_same_options(options: Options) -> None:
     except (ValueError, AttributeError):
         other = ["unreadable"]
     if other:
-        raise UsageError(f"{options.folder} was begun with other options ({', '.join(other)}): choose another --out")
+        raise UsageError(f"{options.folder} was started with other options ({', '.join(other)}): choose another --out")
 
 
 def _robot(options: Options) -> Robot:

@@ -17,7 +17,7 @@ from train.config import TrainConfig
 from train.display import Display
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.reward_term import reported
-from train.run_folder import CHECKPOINTS, begun, refuse_folder_in_use, writing
+from train.run_folder import CHECKPOINTS, new_run, refuse_folder_in_use, writing
 from train.run_record import write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, ValidateAndSave
@@ -28,25 +28,25 @@ from train.training_robots import TrainingRobots, make_robots, training_seeds
 
 
 def train(config: TrainConfig) -> None:
-    """Train to the last step, or until Ctrl-C; leaves bundles, checkpoints, settings, validations and logs.
+    """Train to the last step, or until Ctrl-C; writes bundles, checkpoints, settings, validations and logs.
 
     Raises UsageError, one line, on what cannot be trained or written, and KeyboardInterrupt after a Ctrl-C, once all is
-    kept.
+    saved.
     """
     if config.resume:
         with sole_use(config.folder):
-            _carry_on(config, checkpoint.load(config.folder / CHECKPOINTS))
+            _resume(config, checkpoint.load(config.folder / CHECKPOINTS))
         return
     refuse_folder_in_use(config.folder)
     with contextlib.closing(make_env(config)) as env:
         model = build(config, env)
-        with begun(config.folder):  # now that it is certain that the settings can be trained with
+        with new_run(config.folder):  # only now that the settings are known to work
             write_settings(config, 0)
             _learn(config, env, model, CallbackState())
 
 
-def _carry_on(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
-    """Train on from a checkpoint."""
+def _resume(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
+    """Continue from a checkpoint."""
     state = CallbackState.read(found.progress["remembered"])
     with contextlib.closing(make_env(config)) as env:
         model = build(config, env)
@@ -56,9 +56,9 @@ def _carry_on(config: TrainConfig, found: checkpoint.Checkpoint) -> None:
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
         with writing(config.folder):
             changed = write_settings(config, done)
-            notices = [f"passed over a checkpoint: {damage}" for damage in found.damaged]
-            notices += [f"the end may not be that of a run in one go; {change}" for change in changed]
-            notices.append(f"carrying on at {done:,} steps")
+            notices = [f"skipped a checkpoint: {damage}" for damage in found.damaged]
+            notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
+            notices.append(f"continuing at {done:,} steps")
             _learn(config, env, model, state, notices, found.actions)
 
 
@@ -70,7 +70,7 @@ def _learn(
     notices: Sequence[str] = (),
     actions: Sequence[FloatArray] = (),
 ) -> None:
-    """Learn to the last step; robots that had done something in their segment do it again first."""
+    """Learn to the last step, after the robots have repeated the actions of an unfinished segment."""
     done = model.num_timesteps
     robots = cast(TrainingRobots, env.env.unwrapped)
     with (
@@ -85,7 +85,7 @@ def _learn(
         callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
         callbacks.append(Curriculum(config, state, segments, robots))
         callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
-        # SB3's own log is left out: its means reach back beyond the last checkpoint.
+        # Without SB3's own log, whose means reach back beyond the last checkpoint.
         with reported():
             model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
 
@@ -101,6 +101,6 @@ def make_env(config: TrainConfig, privileged: bool = True) -> TrainingVecEnv:
     shift = np.full_like(NO_SHIFT, config.foothold_authority)
     try:
         env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift)
-    except ValueError as error:  # robots and base are of one configuration: what can be wrong is the shift alone
+    except ValueError as error:  # of the base's footholds: robots and base are of one configuration
         raise UsageError(f"--base {config.base}: {error}") from None
     return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged)

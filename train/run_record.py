@@ -1,4 +1,4 @@
-"""What a run's folder says about how it was made: the command that repeats it, packages, validations, metrics."""
+"""Records in a run's folder: the command that repeats it, packages, validations, metrics."""
 
 import json
 import shlex
@@ -40,21 +40,21 @@ def _words_of(change: Change) -> str:
 
 
 def words(value: Any) -> str:
-    """A setting's value, a JSON one, as a command line has it; none of an empty list."""
+    """A setting's value, a JSON one, as words of a command line."""
     if isinstance(value, dict):
         return shlex.quote(str(FileTerm(**value)))
     return " ".join(words(entry) for entry in value) if isinstance(value, list) else str(value)
 
 
 def write_settings(config: TrainConfig, steps: int) -> list[str]:
-    """Write the settings, and who carries the run on from so many steps; what differs from its begin, a line each."""
+    """Write the settings and this session's versions; what differs from the first session, a line each."""
     write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
     path, now = config.folder / RECORD_FILE, _versions() | model_of(config.hardware)
     earlier = _sessions(path) if steps else []
     write_atomically(path, _lines({"command": command(config), "sessions": [*earlier, {"from_steps": steps, **now}]}))
     first = earlier[0] if earlier else now
     changed = [name for name, version in now.items() if first.get(name) != version]
-    return [f"{name}: begun with {first.get(name)}, now {now[name]}" for name in changed]
+    return [f"{name}: started with {first.get(name)}, now {now[name]}" for name in changed]
 
 
 def _versions() -> dict[str, str | None]:
@@ -62,7 +62,7 @@ def _versions() -> dict[str, str | None]:
 
 
 def _sessions(path: Path) -> list[dict[str, Any]]:
-    """Those of an earlier record; none where it is not there or damaged."""
+    """Sessions of an earlier record; none where it is missing or damaged."""
     try:
         return list(json.loads(read_bytes(path))["sessions"])
     except (OSError, ValueError, KeyError, TypeError):

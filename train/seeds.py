@@ -1,4 +1,4 @@
-"""Runs of several seeds: one after the other here, or side by side as tasks of a Ray cluster."""
+"""Runs of several seeds: one after the other here, or at the same time as tasks of a Ray cluster."""
 
 import contextlib
 import io
@@ -15,10 +15,10 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import sole_use, write_atomically
 from train.config import TrainConfig
 from train.run import train
-from train.run_folder import CHECKPOINTS, begun, has_checkpoint, refuse_folder_in_use, steps_done, writing
+from train.run_folder import CHECKPOINTS, has_checkpoint, new_run, refuse_folder_in_use, steps_done, writing
 
 Files = dict[str, bytes]
-"""What a run's folder holds: path in it -> contents."""
+"""Files of a run's folder: path in it -> contents."""
 
 
 def train_seeds(config: TrainConfig) -> None:
@@ -42,9 +42,9 @@ def train_seeds(config: TrainConfig) -> None:
 
 
 def _train_on_cluster(runs: Sequence[TrainConfig], config: TrainConfig) -> None:
-    """A task for each run; its folder here has what the task last told."""
+    """A task for each run; the folder here holds the task's last report."""
 
-    def told(place: int, news: str | Files) -> None:
+    def received(place: int, news: str | Files) -> None:
         if isinstance(news, str):
             print(f"seed {runs[place].seed}: {news}", flush=True)
         else:
@@ -53,16 +53,16 @@ def _train_on_cluster(runs: Sequence[TrainConfig], config: TrainConfig) -> None:
     revision = git_revision(REPOSITORY) or ""
     with contextlib.ExitStack() as stack:
         for run in runs:
-            stack.enter_context(sole_use(run.folder) if run.resume else begun(run.folder))
+            stack.enter_context(sole_use(run.folder) if run.resume else new_run(run.folder))
         tasks = [(run, _read(run.folder), revision) for run in runs]
         spread = stack.enter_context(cluster(max(config.threads, available_cores()), config.address))
-        for place, files in spread(_train_apart, tasks, told, config.threads):
+        for place, files in spread(_train_apart, tasks, received, config.threads):
             with writing(runs[place].folder):
                 _write(runs[place].folder, files)
 
 
 def _train_apart(task: tuple[TrainConfig, Files, str], report: Report) -> Files:
-    """A run in a folder of its own that goes with the task; what it held."""
+    """A run in a temporary folder; its files."""
     run, files, revision = task
     os.environ[REVISION] = revision
     with tempfile.TemporaryDirectory() as place:
@@ -74,7 +74,7 @@ def _train_apart(task: tuple[TrainConfig, Files, str], report: Report) -> Files:
 
 
 class _Lines(io.TextIOBase):
-    """Standard output that is reported by lines, each time with the folder of a run that has a new checkpoint."""
+    """Standard output that reports lines, and the files of the run after each new checkpoint."""
 
     def __init__(self, report: Report, folder: Path) -> None:
         self._report, self._folder, self._sent = report, folder, steps_done(folder)
@@ -94,8 +94,8 @@ def _read(folder: Path) -> Files:
 
 
 def _write(folder: Path, files: Files) -> None:
-    """Make the folder of a run hold these files; checkpoints that it has not among them are forgotten."""
-    for name in sorted(files, key=lambda name: name.endswith(".json")):  # a checkpoint is there once its JSON is
+    """Write these files into the folder of a run and remove other checkpoints."""
+    for name in sorted(files, key=lambda name: name.endswith(".json")):  # a checkpoint counts once its JSON is there
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         write_atomically(folder / name, files[name])
     for path in (folder / CHECKPOINTS).glob("*"):

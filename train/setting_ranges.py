@@ -1,4 +1,4 @@
-"""What can be trained with: the range of each number, and the few rules that join two settings."""
+"""Limits of the settings, and the rules between them."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -14,11 +14,11 @@ from train.reward_term import OPTION
 from train.reward_term import check as check_terms
 
 POSES = ("crouch", "stand")
-"""Bases of a policy that is to have none."""
+"""Bases of an end-to-end policy."""
 LARGEST_REWARD_WEIGHT = 1e4
 LARGEST_SHARE = 1e6
 LARGEST_WIDTH, MOST_HIDDEN_LAYERS = 4096, 8
-"""Within what the bundle of a trained policy can describe."""
+"""Limits of a bundle."""
 LARGEST_ROLLOUT = 2**24
 """Samples; four times that many bytes for each of the 62 features."""
 
@@ -93,7 +93,7 @@ def _check_hardware(chosen: hardware.Hardware) -> None:
 
 
 def check_scenarios(option: str, names: Sequence[str], robot: Robot = SIMPLE_QUAD) -> None:
-    """Raise UsageError, one line, where an option names no scenario of a robot, an unknown one or one twice."""
+    """Raise UsageError, one line, where an option names no scenario, an unknown one or one twice."""
     if not names:
         raise UsageError(f"{option} needs at least one scenario")
     for name in names:

@@ -149,7 +149,7 @@ def test_a_disk_that_fills_up_on_the_way_says_how_to_go_on(tmp_path, monkeypatch
     write = checkpoint.write_atomically
     monkeypatch.setattr(checkpoint, "write_atomically", full)
     assert main([*TINY, "--max-episode-steps", "8", "--steps", "512", "--out", str(tmp_path / "run")]) == 2
-    assert "make room, then carry the run on with --resume" in one_line(capsys)
+    assert "make room, then continue the run with --resume" in one_line(capsys)
     assert checkpoint.load(tmp_path / "run" / "checkpoints").progress["steps"] == 0
 
 
@@ -245,7 +245,7 @@ def test_the_record_of_a_run_repeats_it_and_says_who_carried_it_on(copied_run, m
     session["torch"] = "0.1"
     (copied_run / RECORD_FILE).write_text(json.dumps(record), encoding="utf-8")
     assert main(["--resume", "--steps", "384", "--threads", "1", "--out", str(copied_run)]) == 0
-    assert f"torch: begun with 0.1, now {metadata.version('torch')}" in capsys.readouterr().out
+    assert f"torch: started with 0.1, now {metadata.version('torch')}" in capsys.readouterr().out
     record = json.loads((copied_run / RECORD_FILE).read_text(encoding="utf-8"))
     assert [each["from_steps"] for each in record["sessions"]] == [0, 256]
     assert "--steps 384" in record["command"]
@@ -327,7 +327,7 @@ def test_ctrl_c_keeps_what_was_done_and_resume_finishes_it(tmp_path, capsys, run
     settings = json.loads((folder / CONFIG_FILE).read_text(encoding="utf-8")) | {"steps": kept + 128}
     (folder / CONFIG_FILE).write_text(json.dumps(settings), encoding="utf-8")
     assert main(["--resume", "--out", str(folder), "--threads", "1"]) == 0
-    assert f"carrying on at {kept:,} steps" in capsys.readouterr().out
+    assert f"continuing at {kept:,} steps" in capsys.readouterr().out
     assert (folder / "checkpoints" / f"{kept + 128:012d}.json").exists()
 
 

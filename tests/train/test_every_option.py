@@ -466,7 +466,7 @@ def test_resume_carries_the_run_on_that_is_in_the_folder(tmp_path: Path, capsys:
     assert steps_done(Made("", tmp_path).ran.folder) == STEPS
     again = Made(f"--resume --steps 16 --out {tmp_path / 'run'}", tmp_path)
     assert steps_done(again.ran.folder) == 16
-    assert f"carrying on at {STEPS} steps" in capsys.readouterr().out
+    assert f"continuing at {STEPS} steps" in capsys.readouterr().out
 
 
 def test_another_robot_is_trained_on_what_is_as_hard_for_it(tmp_path: Path) -> None:

@@ -208,7 +208,7 @@ def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_s
     assert steps_done(folder) == done
     assert policies.load(folder / "last").network
     resume(folder)
-    assert f"carrying on at {done:,} steps" in capsys.readouterr().out
+    assert f"continuing at {done:,} steps" in capsys.readouterr().out
     assert bits(folder) == bits(longer)
 
 

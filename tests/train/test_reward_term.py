@@ -84,7 +84,7 @@ def test_a_run_goes_on_with_the_file_that_it_was_begun_with_alone(file, tmp_path
     capsys.readouterr()
     for words in (more, [*more, *given]):
         assert main(words) == 2
-        assert f"{file} is not the file that the run was begun with" in one_line(capsys)
+        assert f"{file} has changed" in one_line(capsys)
     Path(file).write_text(FILE, encoding="utf-8")
     assert main([*more, "--reward-terms", f"{file}:power=-0.5"]) == 2
     assert "--resume carries a run on as it was begun" in one_line(capsys)

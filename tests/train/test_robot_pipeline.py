@@ -119,12 +119,12 @@ def test_another_way_does_not_go_on_in_its_folder(
 ) -> None:
     out, found, _ = walked
     assert main([*found, "--base", "trot_integral"]) == 2
-    assert "was begun with other options (base): choose another --out" in capsys.readouterr().err
+    assert "was started with other options (base): choose another --out" in capsys.readouterr().err
     elsewhere = out.parent / "elsewhere"
     elsewhere.mkdir()
     alike(elsewhere)
     assert main([found[0], str(elsewhere / "alike.xml"), *found[2:]]) == 2
-    assert "begun with other options (robot)" in capsys.readouterr().err
+    assert "started with other options (robot)" in capsys.readouterr().err
 
 
 def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

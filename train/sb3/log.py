@@ -17,7 +17,7 @@ from train.run_folder import METRICS_FILE, TENSORBOARD
 
 
 class _Events(TensorBoardOutputFormat):
-    """TensorBoard's events; those of an earlier session after so many steps are shown no more."""
+    """TensorBoard's events; those of an earlier session after so many steps are hidden."""
 
     def __init__(self, folder: Path, steps: int) -> None:
         self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
@@ -57,9 +57,9 @@ def cut_metrics(folder: Path, steps: int) -> None:
 
 @contextlib.contextmanager
 def run_logger(folder: Path, steps: int) -> Iterator[Logger]:
-    """The logger of a run that begins, or is carried on, after so many steps.
+    """The logger of a run that starts, or continues, after so many steps.
 
-    What TensorBoard's thread cannot write, such as to a full disk, is raised by the next write: it says nothing itself.
+    A failure of TensorBoard's thread, such as a full disk, is raised by the next write and not printed by the thread.
     """
 
     def report(failure: threading.ExceptHookArgs) -> None:

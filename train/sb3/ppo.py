@@ -57,14 +57,14 @@ class AsymmetricPolicy(ActorCriticPolicy):
 
 
 class FirstOf(nn.Module):
-    """The first so many numbers of a row."""
+    """The first `count` numbers of a row."""
 
     def __init__(self, count: int) -> None:
         super().__init__()
         self._count = count
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Rows (n, k) without what comes after."""
+        """The first columns of rows (n, k)."""
         return rows[:, : self._count]
 
 
@@ -125,5 +125,5 @@ def actor_network(model: PPO) -> Network:
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:
-    # A copy: the learner goes on changing its own.
+    # A copy, since the learner changes its own.
     return np.ascontiguousarray(tensor.detach().cpu().numpy().astype(np.float32, copy=True))

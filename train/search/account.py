@@ -1,4 +1,4 @@
-"""The account of a search, in Markdown: how it was made, what it changed, and what that is worth."""
+"""The account of a search, in Markdown: how it was made, what it changed, and the measures before and after."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import asdict

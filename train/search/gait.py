@@ -48,7 +48,7 @@ TOP_SPEED = {"walk": 0.4}
 """Fastest forward command of the search, m/s, by gait; OTHER_TOP_SPEED for those not named."""
 OTHER_TOP_SPEED = 0.8
 SETTLING = 150
-"""Control steps that are not judged."""
+"""Control steps left out at the start of an episode."""
 DUTY_SCALE, OFFSET_SCALE = 0.05, 0.05
 """What counts as one unit of the worst foot's error of duty factor and of phase, cycles."""
 TILT_SCALE = 0.24
@@ -125,13 +125,13 @@ def shared_walk(
 
     policy = Gaits(gait, parameters=dict.fromkeys(("stand", gait), searched_parameters()[gait]))
 
-    def begin(step: Step) -> None:
+    def start(step: Step) -> None:
         if step.number == 0:
             for number, candidate in enumerate(unlimited):
                 policy.request(gait, member == number, parameters=candidate)
 
     commands, every_seed = np.tile(command, (members, 1)), np.tile(seeds, members)
-    found = walked(policy, commands, every_seed, begin, steps=steps, nthread=threads).since(SETTLING)
+    found = walked(policy, commands, every_seed, start, steps=steps, nthread=threads).since(SETTLING)
     return [found.of(member == number) for number in range(members)]
 
 

@@ -20,7 +20,7 @@ Seeds = NDArray[np.int64]
 MARGIN = 0.02
 """Least distance of a start from the faces of the unit cube."""
 SHORTEST = round(SETTLING_TIME / CONTROL_PERIOD) + 1
-"""Shortest episode, control steps: the time in which a robot settles is not judged."""
+"""Shortest episode, control steps: longer than the settling time, which no measure counts."""
 
 T = TypeVar("T")
 P = TypeVar("P", bound=Parameters)

@@ -175,5 +175,5 @@ def unless_weak(parameters: TrotParameters, found: Floats) -> TrotParameters:
         return undone(parameters, found)
     except ValueError as error:
         # Not worth the loss of a long search.
-        print(f"the command map stays as it is: {error}", file=sys.stderr)
+        print(f"the command map is unchanged: {error}", file=sys.stderr)
         return parameters
