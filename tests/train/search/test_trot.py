@@ -61,20 +61,6 @@ def test_the_map_undoes_the_response():
     assert found.yaw_per_lateral == pytest.approx((0.0 - 2.0 * 0.3 / 2.0) / 0.5)
 
 
-def test_asking_through_the_map_achieves_the_command():
-    """The response is that of a gait with the plain map: forward, lateral and yaw rate asked for are the commands."""
-    found = undone(TrotParameters(), RESPONSE)
-    forward, lateral, yaw_rate = 0.7, -0.4, 0.9
-    asked = (
-        found.forward_gain * forward + found.forward_bias,
-        found.lateral_gain * lateral,
-        found.yaw_gain * yaw_rate + found.yaw_per_lateral * lateral,
-    )
-    achieved = np.array([*asked, 1.0]) @ RESPONSE
-    # The map leaves alone what forward walking does to the yaw rate.
-    np.testing.assert_allclose(achieved, [forward, lateral, yaw_rate + 0.1 * asked[0]])
-
-
 def test_a_response_too_weak_to_be_undone_leaves_the_map_alone(monkeypatch):
     assert unless_weak(TrotParameters(), np.zeros((4, 3))) == TrotParameters()
     beyond = np.eye(4, 3)
@@ -127,16 +113,6 @@ def test_standing_still_costs_more_than_walking():
 
 
 TINY = "--generations 1 --candidates 4 --episodes 8 --steps 101 --check-episodes 4 --threads 1"
-
-
-def test_a_search_writes_parameters_that_walk_and_its_account(tmp_path):
-    out = tmp_path / "trot.json"
-    assert main(["search", "trot", *TINY.split(), "--out", str(out)]) == 0
-    found = TrotParameters(**json.loads(out.read_text(encoding="utf-8")))
-    assert Trot(found).act(np.zeros(OBSERVATION_SIZE, np.float32)).shape == (12,)
-    account = (tmp_path / "TROT.md").read_text(encoding="utf-8")
-    assert f"| duty | 0.45 … 0.65 | 0.48 | {found.duty:g} |" in account
-    assert len([line for line in account.splitlines() if "| after |" in line]) == 1 + 3
 
 
 def test_a_robots_search_goes_to_its_own_folder_and_begins_with_its_own_size(tmp_path):
