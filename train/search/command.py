@@ -1,16 +1,16 @@
 """Search of parameters by CMA-ES: `python -m train search SUBJECT` writes the file that the policy reads.
 
-A generation's candidates are simulated together on the same episodes, and every generation gets new ones, all from the
-"search" family of seeds, which neither training nor evaluation draws. Candidates are kept with their costs, a line a
-generation, in a file that ends in .trials.jsonl. After Ctrl-C the mean found so far is in a file that ends in
-.unjudged.json. Time on one core with the defaults: feedback 26 min (mpc_wbc 80 min).
+A generation's candidates are simulated together on the same episodes. Every generation has new ones, all from the
+"search" family of seeds, which neither training nor evaluation draws. Candidates and their costs are in a file that ends
+in .trials.jsonl, a line for each generation; after Ctrl-C the mean found so far is in one that ends in .unjudged.json.
+`search feedback` takes 26 minutes on one core, three times as long for mpc_wbc. Defaults:
 
-    subject          generations x candidates x episodes
-    trot             14 x 14 x 10 on flat, push and rough
-    feedback         22 x 16 x 1 on 21 scenarios
-    gait             20 x 10 x 10
-    recovery         30 x 24 x 12
-    fall-prediction  360 episodes of the trot, no search
+    subject          generations  candidates  episodes  steps  check-episodes  spread
+    trot                      14          14        10    600             108    0.15
+    feedback                  22          16         1    500              32    0.15
+    gait                      20          10        10    400              64    0.15
+    recovery                  30          24        12      -               -    0.07
+    fall-prediction            -           -       360      -               -       -
 """
 
 import json
@@ -111,7 +111,7 @@ def effort_of(options: Options) -> Effort:
     numbers = [each.name for each in fields(Effort)]
     taken = {name for name in numbers if getattr(kind.usual, name)} | set(kind.options)
     for name in (*numbers, "policy", "gait", "robot", "exercises", "start"):
-        if name not in taken and getattr(options, name) is not None:
+        if name not in taken and getattr(options, name) not in (None, ()):
             raise UsageError(f"search {options.subject} has no --{name.replace('_', '-')}")
     given = {name: getattr(options, name) for name in numbers if getattr(options, name) is not None}
     effort = replace(kind.usual, **given)

@@ -86,7 +86,7 @@ POLICIES = {
 
 def subject(options: Options, effort: Effort) -> Subject[Parameters]:
     """The search of a policy with feedback, from the parameters in force or given."""
-    name, exercises = options.policy or "trot_feedback", EXERCISES if options.exercises is None else options.exercises
+    name, exercises = options.policy or "trot_feedback", options.exercises or EXERCISES
     searched = POLICIES[name]
     check_scenarios("--exercises", exercises)
     start, in_force = (searched.read(path) for path in (options.start or searched.file, searched.file))

@@ -68,7 +68,7 @@ class Options:
     """Fresh episodes on which the outcome is finished and compared with the parameters before."""
     spread: float | None = None
     """First standard deviation of a parameter: as a share of its range, for the recovery in rad and log(s)."""
-    exercises: tuple[str, ...] | None = None
+    exercises: tuple[str, ...] = ()
     """Scenarios of `search feedback`, all of one weight, such as flat push=42; 21 when not given."""
     start: Path | None = None
     """Parameters that `search feedback` starts from, JSON, instead of those in force."""
@@ -84,7 +84,7 @@ class Options:
         words = ["python -m train search", self.subject]
         for each in fields(self)[1:]:
             value = getattr(self, each.name)
-            if each.name == "seed" or (value is not None and each.name not in ("threads", "out")):
+            if each.name == "seed" or (value not in (None, ()) and each.name not in ("threads", "out")):
                 entries = value if isinstance(value, tuple) else (value,)
                 words.append(f"--{each.name.replace('_', '-')} {' '.join(map(str, entries))}")
         return " ".join(words)

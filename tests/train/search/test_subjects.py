@@ -137,7 +137,10 @@ def test_the_safety_layer_reads_the_threshold_that_was_fitted(tmp_path: Path, mo
 
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_the_usual_numbers_can_be_searched_with(subject: Any) -> None:
-    assert effort_of(Options(subject)) == SUBJECTS[subject].usual
+    usual = effort_of(Options(subject))
+    assert usual == SUBJECTS[subject].usual
+    (row,) = [line.split()[1:] for line in command.__doc__.splitlines() if line.split()[:1] == [subject]]
+    assert [0.0 if each == "-" else float(each) for each in row] == list(asdict(usual).values())
 
 
 BAD = {
