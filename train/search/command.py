@@ -2,8 +2,10 @@
 
 A generation's candidates are simulated together on the same episodes. Every generation has new ones, all from the
 "search" family of seeds, which neither training nor evaluation draws. Candidates and their costs are in a file that
-ends in .trials.jsonl, a line for each generation; after Ctrl-C the mean found so far is in one that ends in .unjudged.json.
-`search feedback` takes 26 minutes on one core, three times as long for mpc_wbc. Defaults:
+ends in .trials.jsonl, a line for each generation; after Ctrl-C the mean found so far is in one that ends in
+.unjudged.json. `search feedback` takes 26 minutes on one core, three times as long for mpc_wbc.
+
+Defaults:
 
     subject          generations  candidates  episodes  steps  check-episodes  spread
     trot                      14          14        10    600             108    0.15
