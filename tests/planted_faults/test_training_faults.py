@@ -111,9 +111,9 @@ def check_validation_is_on_its_own_episodes_and_ground() -> None:
 
 def check_searches_are_on_their_own_episodes_and_ground() -> None:
     with recorded() as starts:
-        trot.judge([trot.TrotParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
+        trot.candidate_costs([trot.TrotParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
         exercises = ("flat=1.5", "rough=0.12")
-        feedback.judge([policies.make("trot")], exercises, episode_seeds("search", 0, 1), BRIEF, 1)
+        feedback.candidate_costs([policies.make("trot")], exercises, episode_seeds("search", 0, 1), BRIEF, 1)
     assert EXAM_SURFACE not in surfaces(starts)
     seen: list[int] = []
 

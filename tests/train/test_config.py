@@ -210,7 +210,7 @@ def test_robots_are_shared_out_to_the_last_one(mixture, robots, expected):
     assert robots_per_scenario(config) == expected
 
 
-def test_a_run_is_judged_on_what_it_trains_on_unless_it_is_told_other_scenarios():
+def test_a_run_is_validated_on_the_scenarios_that_it_trains_on_unless_others_are_given():
     assert parse([]).judged.scenarios == tuple(name for name, _ in MIXTURE)
     mixture = ["--mixture", "latency=0.04", "0.5", "flat", "0", "payload=15+slope=10", "0.5"]
     assert parse(mixture).judged.scenarios == ("latency=0.04", "payload=15+slope=10")

@@ -504,7 +504,7 @@ def test_the_bundles_of_a_run_hold_its_settings(tmp_path: Path) -> None:
         assert described["training"] == to_dict(made.config)
 
 
-def test_all_episodes_and_no_advantage_begin_anew_where_a_segment_does(tmp_path: Path) -> None:
+def test_all_episodes_start_with_their_segment(tmp_path: Path) -> None:
     """Segments of two rollouts: each begins with the observations of its own seeds, as the begin of an episode."""
     made, twin, begins = Made("--max-episode-steps 4", tmp_path), Made("--max-episode-steps 4", tmp_path), []
 

@@ -55,7 +55,7 @@ def test_seeds_train_the_same_policies_on_a_cluster_and_go_on_there(on_cluster, 
     assert learned(apart) == learned(here)
 
 
-def test_ctrl_c_leaves_what_the_tasks_told_last_and_resume_finishes_it(tmp_path, monkeypatch, capsys):
+def test_ctrl_c_leaves_the_last_reports_of_the_tasks_and_resume_finishes_them(tmp_path, monkeypatch, capsys):
     """One of two tasks has told of a checkpoint; the folder of the other is as if it had never been begun."""
 
     def spread(work, tasks, told, cores):

@@ -95,7 +95,7 @@ def subject(options: Options, effort: Effort) -> Subject[Parameters]:
         return [BASES[name].make(parameters=each) for each in parameters]
 
     def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
-        return judge(made(candidates), exercises, seeds, effort.steps, options.threads)
+        return candidate_costs(made(candidates), exercises, seeds, effort.steps, options.threads)
 
     def conclude(after: Parameters) -> Outcome:
         seeds = episode_seeds("validation", options.seed, effort.check_episodes)
@@ -120,7 +120,9 @@ def episode_costs(measures: Measures) -> Floats:
     return outcome + graded
 
 
-def judge(candidates: Sequence[Policy], exercises: Sequence[str], seeds: Seeds, steps: int, threads: int) -> Floats:
+def candidate_costs(
+    candidates: Sequence[Policy], exercises: Sequence[str], seeds: Seeds, steps: int, threads: int
+) -> Floats:
     """Mean cost of each candidate over the scenarios and seeds, (candidates,)."""
     costs = [episode_costs(measures) for measures in walked(candidates, exercises, seeds, "search", steps, threads)]
     mean: Floats = np.reshape(costs, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))

@@ -37,13 +37,13 @@ def subject(options: Options, effort: Effort) -> Subject[RecoveryParameters]:
     seeds = [episode_seeds("search", first + number, effort.episodes) for number in range(effort.generations)]
 
     def costs(candidates: list[RecoveryParameters], seeds: Seeds) -> Floats:
-        return judge(candidates, seeds, options.threads)
+        return candidate_costs(candidates, seeds, options.threads)
 
     space = Space(np.clip(encoded(start), low, high), low, high, decoded, costs, seeds, apart=True)
     return Subject(start, PARAMETERS_FILE, lambda found: Outcome(as_json(found)), space)
 
 
-def judge(candidates: list[RecoveryParameters], seeds: Seeds, threads: int) -> Floats:
+def candidate_costs(candidates: list[RecoveryParameters], seeds: Seeds, threads: int) -> Floats:
     """Mean cost of each candidate, (candidates,): s until it stands, and more if that is late."""
     members = [Behaviour(start=State.RECOVER, follow=False, recovery=each) for each in candidates]
     outcome = recover_with(Panel(members), np.tile(seeds, len(candidates)), threads)

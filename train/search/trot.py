@@ -50,7 +50,7 @@ def subject(options: Options, effort: Effort) -> Subject[TrotParameters]:
     ranges = likewise_ranges(SEARCH_RANGES, TrotParameters, robot)
 
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
-        return judge(candidates, seeds, effort.steps, threads, hardware)
+        return candidate_costs(candidates, seeds, effort.steps, threads, hardware)
 
     def conclude(found: TrotParameters) -> Outcome:
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * effort.check_episodes)
@@ -121,7 +121,7 @@ def interval_response(measures: Measures) -> Floats:
     return response(command[upright], achieved[upright])
 
 
-def judge(
+def candidate_costs(
     candidates: list[TrotParameters], seeds: Seeds, steps: int, threads: int, hardware: Hardware = IDEAL
 ) -> Floats:
     """Weighted cost of each candidate on all scenarios of a robot, (candidates,).

@@ -138,7 +138,7 @@ def test_the_adaptive_rate_steers_towards_its_target():
     assert rate(0.3) == rate.lowest
 
 
-def test_no_robot_trains_on_an_episode_that_it_is_judged_on():
+def test_training_episodes_are_not_those_of_other_purposes():
     config = dataclasses.replace(TrainConfig(), ppo=SMALL)
     trained = {seed for segment in range(3) for seed in training_seeds(config, segment)}
     assert len(trained) == 3 * SMALL.envs

@@ -29,8 +29,8 @@ from train.search.feedback import (
     OUTCOME_COSTS,
     POLICIES,
     Comparison,
+    candidate_costs,
     episode_costs,
-    judge,
     walked,
 )
 from train.search.subject import MARGIN, encode
@@ -103,7 +103,7 @@ def test_standing_still_costs_more_than_walking_off_command_and_falling_more_tha
     tumbling = dataclasses.replace(trot, stance_width=0.1, body_height=0.42, frequency=1.0)
     made = [BASES["trot_integral"].make(parameters=each) for each in (trot, slow, tumbling)]
     seeds = episode_seeds("search", 9, 4)
-    good, off, fallen, still = judge([*made, policies.make("stand")], ["flat=1.5"], seeds, 300, 1)
+    good, off, fallen, still = candidate_costs([*made, policies.make("stand")], ["flat=1.5"], seeds, 300, 1)
     (measures,) = walked([made[1]], ["flat=1.5"], seeds, "search", 300)
     assert (measures.outcome == OFF_COMMAND).any()
     assert not measures.fell.any()
@@ -129,7 +129,7 @@ def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_member_
     for exercise, member in np.ndindex(2, 2):
         (alone,) = walked([members[member]], [pair[exercise]], seeds, "search", 120)
         np.testing.assert_array_equal(together[exercise, member], episode_costs(alone))
-    np.testing.assert_allclose(judge(members, pair, seeds, 120, 2), together.mean(axis=(0, 2)))
+    np.testing.assert_allclose(candidate_costs(members, pair, seeds, 120, 2), together.mean(axis=(0, 2)))
 
 
 def kind_of(name):
@@ -227,7 +227,7 @@ def test_every_trial_is_kept_with_what_it_cost_and_where_each_generation_led(tmp
     for line, seed in zip(lines, episode_seeds("search", 0, 2), strict=True):
         costs = [each.pop("cost") for each in line["tried"]]
         again = [MpcWbc(MpcParameters(**each)) for each in line["tried"]]
-        np.testing.assert_allclose(judge(again, ["flat=1.5"], np.array([seed]), 101, 1), costs)
+        np.testing.assert_allclose(candidate_costs(again, ["flat=1.5"], np.array([seed]), 101, 1), costs)
         assert len(costs) == 4
         assert np.ptp(costs) > 0.0
     _, outcome = told((tmp_path / subject.account).read_text(encoding="utf-8"), MpcParameters)

@@ -64,7 +64,7 @@ def test_it_replaces_its_gait_alone(tmp_path):
     assert written["walk"]["forward_gain"] != kept["forward_gain"]
 
 
-def test_a_gait_costs_alone_what_it_costs_beside_others():
+def test_the_cost_of_a_gait_does_not_depend_on_the_other_candidates():
     drawn = episode_seeds("search", 3, 8)
     command = commands("bound", 8, np.random.default_rng(drawn))
 

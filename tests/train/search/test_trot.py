@@ -24,9 +24,9 @@ from train.search.panel import Panel
 from train.search.subject import decode, encode
 from train.search.trot import (
     ERROR_SCALES,
+    candidate_costs,
     cost,
     interval_response,
-    judge,
     mapped,
     unless_weak,
 )
@@ -108,7 +108,7 @@ def test_a_robot_that_fell_at_once_has_all_overspeed():
 def test_standing_still_costs_more_than_walking():
     """A gait that ignores commands follows its own, empty response perfectly."""
     still = dataclasses.replace(TrotParameters(), forward_gain=0.0, lateral_gain=0.0, yaw_gain=0.0)
-    walking, standing = judge([TrotParameters(), still], episode_seeds("search", 0, 8), 600, 1)
+    walking, standing = candidate_costs([TrotParameters(), still], episode_seeds("search", 0, 8), 600, 1)
     assert standing - walking > WEAKNESS_WEIGHT
 
 
@@ -139,7 +139,7 @@ def test_candidates_walk_as_the_robot_on_its_own_ground(tmp_path, monkeypatch):
         return run(policy, scenario, seeds, **options)
 
     monkeypatch.setattr(trot, "run", watched)
-    judge([searched_parameters(robot)], episode_seeds("search", 0, 8), 101, 1, hardware)
+    candidate_costs([searched_parameters(robot)], episode_seeds("search", 0, 8), 101, 1, hardware)
     assert all(each == robot for each, _, _ in seen)
     assert all(each == hardware for _, _, each in seen)
     assert {each.name: each for _, each, _ in seen} == {
