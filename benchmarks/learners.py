@@ -93,7 +93,7 @@ def measure(options: Options) -> Outcome:
         for name, kind in kinds.items():
             trained[name] = _off_policy(config, kind, OWN[name], trained["ppo"].seconds)
             advance()
-    judged = replace(config.judged, episodes=1 if options.quick else options.episodes)
+    judged = replace(config.complete_validation, episodes=1 if options.quick else options.episodes)
     untrained = Trained(policies.make(config.base), 0.0, 0, 0)
     for name, each in {config.base: untrained, **trained}.items():
         found = validate(each.policy, judged, config.threads, config.hardware)

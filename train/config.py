@@ -265,7 +265,7 @@ class TrainConfig:
         return Hardware(self.actuator, self.sensors, self.estimator, self.robot)
 
     @property
-    def judged(self) -> ValidationConfig:
+    def complete_validation(self) -> ValidationConfig:
         """The validation with its scenarios: those given, or those trained on."""
         trained = tuple(name for name, share in self.mixture if share)
         return dataclasses.replace(self.validation, scenarios=self.validation.scenarios or trained)

@@ -45,13 +45,13 @@ class Intervals:
         counted = self._steps - self._settling
         mean = self._sum / np.maximum(counted, 1)[:, None]
         kept = RULES[SUCCESS_RULE].on_command(self._command[:, None], mean[:, None])
-        judged = new & (counted > 0)
+        ended = new & (counted > 0)
         self._steps[new] = 0
         self._sum[new] = 0.0
         self._command[new] = command[new]
         self._steps += 1
         self._sum[self._steps > self._settling] += velocity[self._steps > self._settling]
-        return judged | fell, kept & ~fell
+        return ended | fell, kept & ~fell
 
 
 def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scenario:
@@ -70,14 +70,14 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
 class Kept:
     """Counted command intervals of a scenario."""
 
-    judged: int = 0
+    counted: int = 0
     kept: int = 0
 
     def next_share(self, share: float) -> float:
         """The next share of its severity, after that one."""
-        if self.judged < FEWEST:
+        if self.counted < FEWEST:
             return share
-        rate = self.kept / self.judged
+        rate = self.kept / self.counted
         change = STEP if rate > KEPT else -STEP if rate < LOST else 0.0
         return float(np.clip(share + change, 0.0, 1.0))
 

@@ -40,7 +40,7 @@ def check(config: TrainConfig) -> None:
     _check_rollout(config)
     _check_hardware(config.hardware)
     _check_mixture(config)
-    check_scenarios("--validation.scenarios", config.judged.scenarios, config.hardware.quadruped)
+    check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.quadruped)
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
 

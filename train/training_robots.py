@@ -161,10 +161,10 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return np.concatenate((self._which, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
     def _count_intervals(self, infos: Infos, fell: BoolArray) -> None:
-        judged, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
+        ended, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
         for part, count in zip(self._parts, self._kept, strict=True):
-            count.judged += int(judged[part].sum())
-            count.kept += int((judged & kept)[part].sum())
+            count.counted += int(ended[part].sum())
+            count.kept += int((ended & kept)[part].sum())
 
     def _count_step(self, infos: Infos) -> None:
         error = infos["command"] - infos["heading_velocity"]

@@ -103,7 +103,7 @@ def main(options: Options) -> int:
 
 def judged_scenarios() -> tuple[str, ...]:
     """Those that the default trains on, whatever a variant trains on."""
-    return DEFAULTS["residual"].judged.scenarios
+    return DEFAULTS["residual"].complete_validation.scenarios
 
 
 def config(options: Options, name: str, seed: int) -> TrainConfig:

@@ -211,10 +211,10 @@ def test_robots_are_shared_out_to_the_last_one(mixture, robots, expected):
 
 
 def test_a_run_is_validated_on_the_scenarios_that_it_trains_on_unless_others_are_given():
-    assert parse([]).judged.scenarios == tuple(name for name, _ in MIXTURE)
+    assert parse([]).complete_validation.scenarios == tuple(name for name, _ in MIXTURE)
     mixture = ["--mixture", "latency=0.04", "0.5", "flat", "0", "payload=15+slope=10", "0.5"]
-    assert parse(mixture).judged.scenarios == ("latency=0.04", "payload=15+slope=10")
-    assert parse([*mixture, "--validation.scenarios", "flat"]).judged.scenarios == ("flat",)
+    assert parse(mixture).complete_validation.scenarios == ("latency=0.04", "payload=15+slope=10")
+    assert parse([*mixture, "--validation.scenarios", "flat"]).complete_validation.scenarios == ("flat",)
 
 
 def test_the_defaults_can_be_trained_with():

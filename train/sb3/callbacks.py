@@ -186,12 +186,12 @@ class Curriculum(BetweenRollouts):
 
     def _on_rollout_start(self) -> None:
         counted = self._robots.take_kept() if self._segments.over and self._config.curriculum < 1.0 else []
-        if not any(kept.judged for kept in counted):
+        if not any(kept.counted for kept in counted):
             return
         self._state.shares = next_shares(self._state.shares, counted)
         for batch, share, kept in zip(self._robots.batches, self._state.shares, counted, strict=True):
             self.logger.record(f"severity/{batch.scenario.name}", share)
-            self.logger.record(f"kept/{batch.scenario.name}", kept.kept / max(kept.judged, 1))
+            self.logger.record(f"kept/{batch.scenario.name}", kept.kept / max(kept.counted, 1))
         self._make()
 
     def _make(self) -> None:
@@ -245,7 +245,7 @@ class ValidateAndSave(BetweenRollouts):
     def _validate(self) -> None:
         """Validate the policy, and save it if it is the best so far."""
         policy, state = current_policy(self._config, self._learner), self._state
-        results = validate(policy, self._config.judged, self._config.threads, self._config.hardware)
+        results = validate(policy, self._config.complete_validation, self._config.threads, self._config.hardware)
         means = {"success": success(results), "score": score(results)}
         state.validated = self.num_timesteps
         state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
