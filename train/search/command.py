@@ -126,7 +126,7 @@ def evolve(seed: int, effort: Effort, space: Space[T]) -> Iterator[tuple[T, list
     """After each generation the mean of CMA-ES's distribution, and the candidates with their costs."""
     import cma
 
-    settings = {"popsize": effort.candidates, "seed": seed + 1, "verbose": -9}
+    settings: dict[str, Any] = {"popsize": effort.candidates, "seed": seed + 1, "verbose": -9}
     settings |= {"bounds": [space.low, space.high]} | ({"CMA_diagonal": True} if space.apart else {})
     strategy = cma.CMAEvolutionStrategy(space.start, effort.spread, settings)
     for seeds in track(space.seeds, description="generations"):

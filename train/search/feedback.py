@@ -99,7 +99,8 @@ def subject(options: Options, effort: Effort) -> Subject[Parameters]:
 
     def conclude(after: Parameters) -> Outcome:
         seeds = episode_seeds("validation", options.seed, effort.check_episodes)
-        found = compared(*made((in_force, after)), exercises, seeds, options.threads)
+        old, new = made((in_force, after))
+        found = compared(old, new, exercises, seeds, options.threads)
         lines = [f"# The parameters of {name}", "", method(options, effort, ", ".join(exercises)), WORDS, ""]
         lines += [found.verdict, "", *changes(in_force, after, searched.ranges), "", *results(found.walks)]
         return Outcome(as_json(after if found.better else in_force), "\n".join(lines) + "\n")
