@@ -33,7 +33,7 @@ def run(words: list[str]) -> int:
     """Train as the words say, which may begin with `run`; the exit code."""
     config = parse(words[1:] if words[:1] == ["run"] else words)
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
-    from train.seeds import train_seeds
+    from train.run import train_seeds
 
     launcher.raise_on_interrupt()
     try:

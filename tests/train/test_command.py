@@ -284,7 +284,7 @@ def test_ctrl_c_speaks_of_resume_only_where_there_is_a_checkpoint(checkpoint, tm
             (config.folder / "checkpoints" / "000000000064.json").write_text("{}", encoding="utf-8")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("train.seeds.train", interrupted)
+    monkeypatch.setattr("train.run.train", interrupted)
     assert main([*TINY, "--out", str(tmp_path / "run")]) == 130
     assert ("--resume" in capsys.readouterr().err) == checkpoint
 

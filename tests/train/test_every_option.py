@@ -24,7 +24,7 @@ from tests.batches import Batch, begun
 from tests.effects import Effect, Reading
 from tests.quad_env.robots.alike import alike
 from train import run as training_run
-from train import seeds, validation
+from train import validation
 from train.__main__ import main
 from train.command import parse
 from train.config import TrainConfig, to_dict
@@ -276,8 +276,8 @@ def cluster_asked_for(made: Made) -> list[Any]:
         yield lambda *work: iter(asked.append(work[3]) or ())
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(seeds, "cluster", noted)
-        patch.setattr(seeds, "train", lambda _: None)
+        patch.setattr(training_run, "cluster", noted)
+        patch.setattr(training_run, "train", lambda _: None)
         assert main([*made.words, "--out", str(made.folder / "apart")]) == 0
     return asked
 

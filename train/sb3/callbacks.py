@@ -24,11 +24,11 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig, decode, to_dict
 from train.curriculum import next_shares
-from train.display import Display
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
+from train.sb3.display import Display
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import TrainingRobots, make_batch, segment_steps, training_seeds

@@ -2,7 +2,7 @@
 
 import pytest
 
-from train.display import summary
+from train.sb3.display import summary
 from train.training_robots import Statistics
 
 

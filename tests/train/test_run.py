@@ -5,7 +5,7 @@ import contextlib
 import pytest
 
 from evaluate.rollouts.cluster import cluster
-from train import seeds
+from train import run
 from train.__main__ import main
 from train.run_folder import steps_done
 
@@ -29,7 +29,7 @@ def embedded():
 @pytest.fixture
 def on_cluster(embedded, monkeypatch):
     """The option of a command that is to use the cluster of this module."""
-    monkeypatch.setattr("train.seeds.cluster", lambda *_: contextlib.nullcontext(embedded))
+    monkeypatch.setattr("train.run.cluster", lambda *_: contextlib.nullcontext(embedded))
     return ["--engine", "ray"]
 
 
@@ -66,8 +66,8 @@ def test_ctrl_c_leaves_the_last_reports_of_the_tasks_and_resume_finishes_them(tm
         raise KeyboardInterrupt
         yield
 
-    monkeypatch.setattr("train.seeds.cluster", lambda *_: contextlib.nullcontext(spread))
-    monkeypatch.setattr("train.display.LINE_PERIOD", 0.0)
+    monkeypatch.setattr("train.run.cluster", lambda *_: contextlib.nullcontext(spread))
+    monkeypatch.setattr("train.sb3.display.LINE_PERIOD", 0.0)
     assert main([*TINY, "--steps", "256", "--seeds", "2", "--engine", "ray", "--out", str(tmp_path)]) == 130
     captured = capsys.readouterr()
     assert "seed 0: a line" in captured.out
@@ -81,6 +81,6 @@ def test_ctrl_c_leaves_the_last_reports_of_the_tasks_and_resume_finishes_them(tm
 def test_a_folder_in_use_is_refused_before_any_seed_is_trained(tmp_path, monkeypatch, capsys):
     (tmp_path / "seed-1").mkdir()
     (tmp_path / "seed-1" / "thesis.tex").touch()
-    monkeypatch.setattr(seeds, "train", None)
+    monkeypatch.setattr(run, "train", None)
     assert main([*TINY, "--seeds", "2", "--out", str(tmp_path)]) == 2
     assert "seed-1 is not empty" in capsys.readouterr().err
