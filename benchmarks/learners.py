@@ -93,7 +93,7 @@ def measure(options: Options) -> Outcome:
         for name, kind in kinds.items():
             trained[name] = _off_policy(config, kind, OWN[name], trained["ppo"].seconds)
             advance()
-    judged = replace(config.judged, episodes=1 if options.quick else options.episodes)
+    judged = replace(config.complete_validation, episodes=1 if options.quick else options.episodes)
     untrained = Trained(policies.make(config.base), 0.0, 0, 0)
     for name, each in {config.base: untrained, **trained}.items():
         found = validate(each.policy, judged, config.threads, config.hardware)
@@ -140,7 +140,7 @@ def _gradient_steps(config: TrainConfig, model: PPO) -> int:
 def _off_policy(config: TrainConfig, kind: type[OffPolicyAlgorithm], own: Mapping[str, Any], seconds: float) -> Trained:
     """That learner after as many seconds. Its critic sees what the actor sees: these have no other place for more."""
     torch.set_num_threads(1)
-    env, begin = make_env(replace(config, ppo=replace(config.ppo, privileged=False))), time.perf_counter()
+    env, begin = make_env(config, privileged=False), time.perf_counter()
     try:
         widths = {"net_arch": list(config.ppo.actor), "activation_fn": nn.ELU}
         settings = {**SHARED, **own, "learning_starts": min(SHARED["learning_starts"], config.steps // 4)}

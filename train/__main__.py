@@ -1,7 +1,4 @@
-"""`python -m train [run]`: train a policy with PPO, a bounded correction on a base policy or one without a base.
-
-Other commands, each with its own --help, as in `python -m train search trot --help`:
-"""
+"""`python -m train`: see `train.command`."""
 
 import sys
 from pathlib import Path
@@ -15,97 +12,9 @@ if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
     launcher.check_packages("train", "train")
 
-import argparse
-import dataclasses
+from train.command import COMMANDS, PROGRAM
 
-from evaluate.rollouts.hardware import Hardware, hardware_of
-from policies.parameters import limits_of
-from quad_env.cli.command_line import UsageError, as_spelled
-from quad_env.cli.command_line import parse as parse_options
-from quad_env.cli.program import HELP, Command, Program
-from train.config import DEFAULTS, TrainConfig, differences, likewise, load_config
-from train.run_folder import has_checkpoint, steps_done
-from train.setting_ranges import check
-
-NAME = "python -m train"
-COMMANDS = {
-    "robot": Command("train.whole_path", "all for a robot of yours: describe, search, train, evaluate, report"),
-    "search trot": Command("train.search.trot", "gait of the trot, by CMA-ES"),
-    "search feedback": Command("train.search.feedback", "gait and gains of a policy that feels, by CMA-ES"),
-    "search gait": Command("train.search.gait", "one of the gaits: walk, pace, bound, pronk or trot, by CMA-ES"),
-    "search recovery": Command("train.search.recovery", "poses and times of getting up, by CMA-ES"),
-    "search fall-prediction": Command("train.search.fall_prediction", "threshold of the safety layer's fall predictor"),
-    "export": Command("train.export", "a trained residual as an ONNX file"),
-}
-MOVED = {name: f"python -m research {name}" for name in ("ablations", "publish", "sweep", "trials")}
-"""Commands that replace those of older versions."""
-
-
-def run(words: list[str]) -> int:
-    """Train as the words say, which may begin with `run`; the exit code."""
-    config = parse(words[1:] if words[:1] == ["run"] else words)
-    # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
-    from train.seeds import train_seeds
-
-    launcher.raise_on_interrupt()
-    try:
-        train_seeds(config)
-    except KeyboardInterrupt as interrupt:
-        unfinished = any(steps_done(each.folder) < each.steps for each in config.runs)
-        if unfinished and any(has_checkpoint(each.folder) for each in config.runs):
-            several = f"--seed {config.seed} --seeds {config.seeds} " if config.seeds > 1 else ""
-            said = [f"carry the run on with --resume {several}--out {config.folder}", *map(str, interrupt.args)]
-            raise KeyboardInterrupt("; ".join(said)) from None
-        raise
-    return 0
-
-
-def parse(words: list[str]) -> TrainConfig:
-    """The settings of a command line. Raises UsageError; SystemExit(0) after --help.
-
-    The defaults shown and used are those of the chosen --policy and --robot, or with --resume those of the run that is
-    carried on.
-    """
-    words = as_spelled(TrainConfig, words)
-    defaults = _defaults(words)
-    description = f"{__doc__}{PROGRAM.listing()}"
-    config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)
-    check(defaults)
-    check(config)
-    if config.resume and (changed := [each for each in differences(defaults, config) if not each.extends]):
-        raise UsageError(
-            f"--resume carries a run on as it was begun, but {'; '.join(map(str, changed))}; "
-            "only a larger --steps may be given, to extend it"
-        )
-    return config
-
-
-def _defaults(words: list[str]) -> TrainConfig:
-    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
-    scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
-    scout.add_argument("--robot", default=Hardware.robot)
-    scout.add_argument("--seed", type=int, default=0)
-    scout.add_argument("--seeds", type=int, default=1)
-    scout.add_argument("--out", type=Path)
-    scout.add_argument("--resume", action="store_true")
-    try:
-        found, _ = scout.parse_known_args(words)
-    except (argparse.ArgumentError, SystemExit):
-        return DEFAULTS["residual"]  # the real parser, which reads the same words next, says what is wrong with them
-    defaults = DEFAULTS[found.policy]
-    if found.robot != Hardware.robot:  # else --help would wait for MuJoCo
-        defaults = likewise(defaults, hardware_of(found.robot))
-    low, high = limits_of(TrainConfig)["seeds"]
-    if found.resume and low <= found.seeds <= high and not HELP & set(words):
-        asked = dataclasses.replace(defaults, seed=found.seed, seeds=found.seeds, out=found.out)
-        begun = [each.folder for each in asked.runs if has_checkpoint(each.folder)]
-        settings = load_config(begun[0] if begun else asked.runs[0].folder)
-        seed = found.seed if found.seeds > 1 else settings.seed
-        return dataclasses.replace(settings, seed=seed, seeds=found.seeds, out=found.out)
-    return defaults
-
-
-PROGRAM = Program(NAME, COMMANDS, run, MOVED)
+__all__ = ["COMMANDS", "PROGRAM", "main"]
 main = PROGRAM.main
 
 if __name__ == "__main__":

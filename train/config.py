@@ -4,10 +4,11 @@ import dataclasses
 import json
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
+import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 from evaluate.rollouts.hardware import Hardware
@@ -17,8 +18,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.config import RewardWeights
 from quad_env.files.reading import read_bytes
 from quad_env.scenarios import combination
-from quad_env.scenarios.named import Pushes
-from train.foreign.reward_term import FileTerm
+from train.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE
 
 
@@ -51,6 +51,34 @@ OwnTerm = Annotated[
     ),
 ]
 """A reward term in a user's file."""
+
+
+def weights(words: Sequence[str]) -> RewardWeights:
+    """The default weights with those of `NAME=WEIGHT` words. Raises ValueError."""
+    names, changed = [each.name for each in dataclasses.fields(RewardWeights)], dict[str, float]()
+    for word in words:
+        name, _, value = word.partition("=")
+        if (field := name.replace("-", "_")) not in names:
+            raise ValueError(f"there is no reward term {name!r}; valid: {', '.join(names)}")
+        changed[field] = float(value)
+    return dataclasses.replace(REWARDS, **changed)
+
+
+def weight_words(rewards: RewardWeights) -> list[str]:
+    """The inverse of `weights`."""
+    return [f"{name.replace('_', '-')}={weight}" for name, weight in dataclasses.asdict(rewards).items()]
+
+
+Weights = Annotated[
+    RewardWeights,
+    PrimitiveConstructorSpec(
+        nargs="*",
+        metavar="NAME=WEIGHT [NAME=WEIGHT ...]",
+        instance_from_str=weights,
+        is_instance=lambda value: isinstance(value, RewardWeights),
+        str_from_instance=weight_words,
+    ),
+]
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
     "bound",
@@ -72,11 +100,14 @@ BaseName = Literal[
 
 LARGEST_SEED = 2**32 - 1
 _LOG_STD = (-20.0, 2.0)
-_PUSHES = Pushes()
-# One fewer than would fill the window: rounding must leave each push some room.
-_MOST_PUSHES = int((_PUSHES.window[1] - _PUSHES.window[0]) / _PUSHES.duration) - 1
 
 
+TIMESTEP = 0.005
+"""Physics step in training, s; half the time of the robot's own 2 ms, by which validation and evaluation go."""
+PUSHES = 4
+"""Pushes in a training episode of a scenario that has any."""
+ACTIVATION = "elu"
+"""Of the hidden layers."""
 MIXTURE = (
     ("flat", 0.09),
     ("flat=3", 0.06),
@@ -86,7 +117,7 @@ MIXTURE = (
     ("soft=0.03", 0.05),
     ("slope=20", 0.06),
     ("slippery=0.1", 0.05),
-    ("latency=0.03", 0.05),  # which robots that know 0.08 alone do worse at than their base
+    ("latency=0.03", 0.05),  # without it robots trained on 0.08 are worse here than their base
     ("latency=0.08", 0.06),
     ("noise=0.8", 0.04),
     ("dropout=0.8", 0.03),
@@ -96,13 +127,13 @@ MIXTURE = (
     ("weak_motors=10", 0.03),
     ("surprise=1.5", 0.08),
 )
-"""Every axis at a severity where the base begins to fail, or just beyond, and a small delay, which it masters; each
-with its share of the robots."""
+"""Every axis at a severity where the base starts to fail, or just beyond, and a small delay; each with its share of the
+robots."""
 MEMORY = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
-"""What tells a delay, a load, a force, a slow motor from nominal conditions."""
+"""Past observations in which delays, loads, forces and slow motors can be recognised."""
 REWARDS = RewardWeights(linear_velocity_error=-0.6, yaw_rate_error=-0.3, fall=-5.0)
 """The environment's, and a slope where the robot is so far off its command that the tracking rewards are flat. A second
-there costs about 1: less than a fall, or it would pay to fall."""
+there costs about 1: less than a fall, or falling would earn more."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,7 +141,7 @@ class PpoConfig:
     """The learner."""
 
     envs: int = number(1024, limits=(1, 65_536))
-    """Robots simulated side by side."""
+    """Robots simulated together."""
     rollout_steps: int = number(24, limits=(1, 65_536))
     """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
     minibatch: int = number(4096, limits=(2, 2**24))  # advantages are normalised within one
@@ -124,47 +155,34 @@ class PpoConfig:
     target_kl: float = number(0.015, limits=(1e-6, 10.0))
     """KL divergence of one update that the adaptive schedule steers towards, nat."""
     hold: int = number(2, limits=(1, 1000))
-    """Control steps that a correction is held, in training and ever after."""
+    """Control steps for which a correction is held, in training and in the policy."""
     gamma: float = number(0.98, limits=(0.0, 1.0))
     """Discount a step of the learner."""
     gae_lambda: float = number(0.95, limits=(0.0, 1.0))
     """Lambda of the generalised advantage estimate."""
-    clip_range: float = number(0.2, limits=(1e-3, 10.0))
-    """Clip of the probability ratio."""
-    reward_scale: float = number(10.0, limits=(1e-6, 1e6))
-    """Factor on the reward before the learner sees it: brings returns to about unit size for the value network."""
     entropy: float = number(0.0, limits=(0.0, 10.0))
     """Weight of the entropy bonus."""
-    value_weight: float = number(0.5, limits=(0.0, 1000.0))
-    """Weight of the value loss."""
-    max_gradient: float = number(1.0, limits=(1e-6, 1e6))
-    """Largest norm of a gradient."""
     log_std_init: float = number(-1.2, limits=_LOG_STD)
-    """Logarithm of the exploration noise at the start, in units of the authority. trot_feedback, which answers to all
-    that it feels, is soon shaken out of step by it, and learns more with -2.3 and a learning rate of 4e-4."""
+    """Logarithm of the exploration noise at the start, in units of the authority. Over trot_feedback, which reacts to
+    the noise, -2.3 and a learning rate of 4e-4 learn more."""
     log_std_final: float | None = number(None, limits=_LOG_STD)
-    """What it is lowered to, linearly, until the last step; learned from its start when not given."""
-    privileged: bool = True
-    """Show the value network, which is needed in training only, what the robot cannot know: which scenario it is in,
-    its true velocity, who pushes it."""
+    """Its value at the last step, reached linearly; the noise is learned when not given."""
     actor: tuple[int, ...] = (128, 128)
     """Hidden layer widths of the policy's network."""
     critic: tuple[int, ...] = (128, 128)
     """Hidden layer widths of the value network."""
-    activation: Literal["tanh", "elu"] = "elu"
-    """Activation of the hidden layers."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ValidationConfig:
-    """Judgement during training, by the code of `evaluate`, on episodes of its own."""
+    """Evaluation during training, by the code of `evaluate`, on episodes of its own."""
 
     interval: Count = number(1_000_000, limits=(0, 10**12))
     """Steps between two validations; 0 for none but the last."""
     episodes: int = number(12, limits=(1, 100_000))
     """Episodes a scenario."""
     scenarios: tuple[str, ...] = ()
-    """Scenarios judged; those trained on, without the hardness, when not given."""
+    """Scenarios of the validation; those trained on when not given."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,28 +190,27 @@ class TrainConfig:
     """Train a policy for SimpleQuad-v0 with PPO: a bounded correction on a base policy, or one without a base."""
 
     policy: PolicyKind = "residual"
-    """residual: a correction on --base. end-to-end: the same learner on a pose, crouch or stand."""
+    """residual: a correction of --base. end-to-end: the same learner on a pose, crouch or stand."""
     base: BaseName = "trot_integral"
     """Base policy that the correction is added to."""
     steps: Count = number(5_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
-    run: its schedules, at their end already, begin again where they would be in a run of that length; it is not the run
-    of that length to the bit."""
+    run; its schedules continue as in a run of that length, though the weights are not that run's to the bit."""
     seed: int = number(0, limits=(0, LARGEST_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     seeds: int = number(1, limits=(1, 1000))
-    """How many runs, of --seed and the seeds after it. Several are in folders seed-NUMBER of --out or runs/POLICY,
-    which `python -m evaluate` takes for seeds of one run; with --resume those that are finished stay as they are."""
+    """Number of runs, with --seed and the seeds after it. Several are in folders seed-NUMBER of --out or runs/POLICY,
+    which `python -m evaluate` takes for seeds of one run; with --resume finished ones stay as they are."""
     engine: Literal["local", "ray"] = "local"
-    """What trains: this process, one seed after the other, or a Ray cluster (pip install -e ".[cluster]"), each seed on
-    --threads cores. The policies are the same."""
+    """Where seeds are trained: in this process one after the other, or on a Ray cluster (pip install -e ".[cluster]"),
+    each on --threads cores. The policies are the same."""
     address: str | None = None
-    """Address of the Ray cluster, such as 10.0.0.1:6379; without it one is begun here and ended with the runs."""
+    """Address of the Ray cluster, such as 10.0.0.1:6379; without it one is started here and ended with the runs."""
     out: Path | None = None
-    """Run folder; runs/POLICY-SEED when not given, of another robot than SimpleQuad with its name before. Must be new
-    or empty, unless --resume."""
-    resume: bool = False
-    """Carry on the run in --out from its last checkpoint."""
+    """Run folder, new or empty unless --resume; runs/POLICY-SEED when not given, for another robot than SimpleQuad
+    runs/ROBOT-POLICY-SEED."""
+    resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Continue the run in --out from its last checkpoint."""
     threads: int = number(2, limits=(1, 256))
     """Threads of the simulation; the learner needs one."""
     joint_authority: float = number(0.3, limits=(1e-3, 3.0))
@@ -206,30 +223,24 @@ class TrainConfig:
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too."""
     curriculum: float = number(0.4, limits=(0.0, 1.0))
-    """Share of its severity, from the mildest level of its axis, that each scenario of the mixture begins with; it
-    grows as the robots keep to their commands, and shrinks where they no longer do. 1: as named, from the start."""
-    pushes: int = number(4, limits=(0, _MOST_PUSHES))
-    """Pushes in a training episode of a scenario that has any."""
-    hardness: float = number(1.0, limits=(0.01, 100.0))
-    """Factor on the impulse of the pushes and on the height of random rough ground in training, not in validation."""
+    """Share of its severity, from the mildest level of its axis, with which each scenario of the mixture begins; it
+    grows where the robots track their commands and shrinks where they do not. 1: full severity from the start."""
     max_episode_steps: int = number(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
-    timestep: float = number(0.005, limits=(1e-4, 0.01))
-    """Physics step in training, s; a control step of 10 ms is a whole number of them, delays of motors are rounded to
-    such a number. Validation and evaluation go by the robot's own, 2 ms."""
     robot: str = "simple_quad"
     """Robot that is trained: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
     actuator: str = "ideal"
-    """Motors of the joints in training and validation, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
+    """Motors in training and validation, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
-    """What observations are built from in training and validation: the truth, or one of quad_env.SENSORS: ideal or
-    typical. What --ppo.privileged shows stays the truth."""
+    """Source of observations in training and validation: truth, or one of quad_env.SENSORS: ideal or typical. Rewards
+    and the value network's extra inputs stay the truth."""
     estimator: str = "complementary"
-    """What makes gravity and velocity of the sensors' readings, one of quad_env.ESTIMATORS: complementary or kalman."""
+    """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
     reward_terms: tuple[OwnTerm, ...] = ()
-    """Reward terms of yours: a function in a Python file, from the state of n robots to the term's n values, paid at
-    every control step as weight x value x control period."""
-    rewards: RewardWeights = REWARDS
+    """Your own reward terms: a function in a Python file, from the state of n robots to the term's n values; each
+    control step is rewarded with weight x value x control period."""
+    rewards: Weights = REWARDS
+    """Weights of reward terms of `quad_env.task.rewards` by name, such as fall=-10 tilt=-1; the others stay."""
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)
     validation: ValidationConfig = dataclasses.field(default_factory=ValidationConfig)
 
@@ -254,8 +265,8 @@ class TrainConfig:
         return Hardware(self.actuator, self.sensors, self.estimator, self.robot)
 
     @property
-    def judged(self) -> ValidationConfig:
-        """The validation with its scenarios, named or those trained on."""
+    def complete_validation(self) -> ValidationConfig:
+        """The validation with its scenarios: those given, or those trained on."""
         trained = tuple(name for name, share in self.mixture if share)
         return dataclasses.replace(self.validation, scenarios=self.validation.scenarios or trained)
 
@@ -305,10 +316,12 @@ def to_dict(config: TrainConfig) -> dict[str, Any]:
 
 _REMOVED: Mapping[str, Mapping[str, Any]] = {
     "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0}
-    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
-    "ppo": {"overlap": False, "standardise": False, "symmetry": False},
+    | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}}
+    | {"pushes": PUSHES, "hardness": 1.0, "timestep": TIMESTEP},
+    "ppo": {"overlap": False, "standardise": False, "symmetry": False, "privileged": True, "activation": ACTIVATION}
+    | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
 }
-"""Settings of version 0.1.0, by group, and the only values that a run can still have; None: it does not matter."""
+"""Settings of version 0.1.0, by group, and the only value with which a run still loads; None: any."""
 
 
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
@@ -331,7 +344,7 @@ def _of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def load_config(folder: Path) -> TrainConfig:
-    """The settings that the run in `folder` was begun with. Raises UsageError where there is none."""
+    """The settings of the run in `folder`. Raises UsageError where there is none."""
     try:
         settings = json.loads(read_bytes(folder / CONFIG_FILE))
     except OSError as error:
@@ -375,7 +388,7 @@ class Change(NamedTuple):
 
     @property
     def extends(self) -> bool:
-        """Whether it is but a longer run."""
+        """Whether the change only makes the run longer."""
         return self.option == "--steps" and self.new > self.old
 
     def __str__(self) -> str:
@@ -383,13 +396,13 @@ class Change(NamedTuple):
 
 
 def differences(old: TrainConfig, new: TrainConfig) -> list[Change]:
-    """What differs between two runs' settings, as far as it decides their result."""
+    """Differences between two runs' settings, of those that decide the result."""
     after = dict(flat(to_dict(new)))
     return [Change(f"--{name}", value, after[name]) for name, value in flat(to_dict(old)) if value != after[name]]
 
 
 def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Settings as `to_dict` gives them by the names of their options, groups taken apart."""
+    """Settings of `to_dict` by the names of their options, groups flattened."""
     for key, value in settings.items():
         name = prefix + key.replace("_", "-")
         if isinstance(value, dict):
@@ -399,7 +412,7 @@ def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
-    """How many robots train on each scenario: shares rounded by largest remainder; none of no robots."""
+    """Number of robots on each scenario: shares rounded by largest remainder, scenarios without robots left out."""
     total = sum(share for _, share in config.mixture)
     exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
     counts = {name: int(amount) for name, amount in exact}

@@ -1,4 +1,4 @@
-"""How hard each scenario is trained on: as hard as the robots by now keep to their commands in it."""
+"""Severity of each training scenario, raised where the robots track their commands and lowered where they do not."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -14,15 +14,15 @@ from quad_env.scenarios.scenario import Scenario
 from train.residual_env import BoolArray
 
 KEPT, LOST = 0.85, 0.6
-"""Share of command intervals kept above which a scenario becomes harder, and below which it becomes milder."""
+"""Share of tracked command intervals above which a scenario becomes harder, and below which it becomes milder."""
 STEP = 0.1
-"""By how much, of the way from the mildest level of its axis to what the mixture names."""
+"""Change of severity, as a share of the way from the mildest level of its axis to that of the mixture."""
 FEWEST = 30
-"""Command intervals that it takes to tell."""
+"""Command intervals needed for a change."""
 
 
 class Intervals:
-    """Which command intervals n robots keep to: mean velocities after the first second, as an evaluation's success."""
+    """Whether n robots track each command interval: mean velocity after its first second, by the evaluation's rule."""
 
     def __init__(self, robots: int, dt: float) -> None:
         self._settling = round(1.0 / dt)
@@ -30,31 +30,33 @@ class Intervals:
         self._steps = np.zeros(robots, np.int64)
 
     def restart(self, robots: BoolArray) -> None:
-        """Robots (n,) that begin an episode: what they did before is not judged."""
+        """Forget the intervals of robots (n,) that start an episode."""
         self._steps[robots] = 0
         self._sum[robots] = 0.0
 
     def step(
         self, command: NDArray[np.float64], velocity: NDArray[np.float64], fell: BoolArray
     ) -> tuple[BoolArray, BoolArray]:
-        """Count a control step with the command that was followed, (n, 3), the velocity in the heading frame, (n, 3),
-        and who fell in it; gives whose interval is judged, as it is over or they fell, and who kept to it, (n,)."""
+        """Count a control step: its command, (n, 3), the velocity in the heading frame, (n, 3), and falls, (n,).
+
+        Gives the robots whose interval ended, by a new command or a fall, and those that tracked it, both (n,).
+        """
         new = (command != self._command).any(axis=1)
         counted = self._steps - self._settling
         mean = self._sum / np.maximum(counted, 1)[:, None]
         kept = RULES[SUCCESS_RULE].on_command(self._command[:, None], mean[:, None])
-        judged = new & (counted > 0)
+        ended = new & (counted > 0)
         self._steps[new] = 0
         self._sum[new] = 0.0
         self._command[new] = command[new]
         self._steps += 1
         self._sum[self._steps > self._settling] += velocity[self._steps > self._settling]
-        return judged | fell, kept & ~fell
+        return ended | fell, kept & ~fell
 
 
 def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """The scenario at that share, 0 … 1, of the way, over ln(severity), from the mildest level of its axis; as it is
-    where it has no axis or is milder than that."""
+    """The scenario at that share, 0 … 1, of the way from the mildest level of its axis, over ln(severity); unchanged
+    where it has no axis or is milder than that level."""
     if not scenario.axis or share >= 1.0:
         return scenario
     axis = axes_of(robot)[scenario.axis]
@@ -66,16 +68,16 @@ def eased(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scena
 
 @dataclasses.dataclass
 class Kept:
-    """Command intervals of a scenario since the last look."""
+    """Counted command intervals of a scenario."""
 
-    judged: int = 0
+    counted: int = 0
     kept: int = 0
 
     def next_share(self, share: float) -> float:
-        """Share of its severity to go on with, after that one."""
-        if self.judged < FEWEST:
+        """The next share of its severity, after that one."""
+        if self.counted < FEWEST:
             return share
-        rate = self.kept / self.judged
+        rate = self.kept / self.counted
         change = STEP if rate > KEPT else -STEP if rate < LOST else 0.0
         return float(np.clip(share + change, 0.0, 1.0))
 

@@ -11,19 +11,19 @@ from policies.foreign import onnx_file
 from quad_env.cli.command_line import UsageError, make_folder_of
 
 CHECKED = 10_000
-"""Observations at which the file must answer as the bundle does."""
+"""Observations at which the file must agree with the bundle."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What to export."""
+    """Export a trained residual."""
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("models/residual")
     """Folder of a trained policy, or of a training run."""
     robot: str | None = None
-    """Its robot, where it is a user's: the path of its MJCF or TOML."""
+    """Robot of the policy, if not a built-in one: the path of its MJCF or TOML."""
     out: Path = Path("results/residual.onnx")
-    """File to write: the network, and as metadata its base and everything else that makes it a policy."""
+    """File to write: the network, with the base and all settings of the policy as metadata."""
 
 
 def main(options: Options) -> int:
@@ -33,5 +33,5 @@ def main(options: Options) -> int:
     make_folder_of(options.out, "--out")
     robot = None if options.robot is None else hardware_of(options.robot).quadruped
     found = onnx_file.export(options.folder, options.out, CHECKED, robot)
-    print(f"{options.out}: as the bundle at {CHECKED:,} random observations, to {found:.1e} of the authority")
+    print(f"{options.out}: agrees with the bundle at {CHECKED:,} random observations to {found:.1e} of the authority")
     return 0

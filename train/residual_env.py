@@ -35,11 +35,11 @@ Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
 
 
 class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
-    """Robots that walk as `base` does, plus what the learner adds.
+    """Robots that follow `base` plus the learner's correction.
 
     Observation: `policies.residual.Features`, shape (n, m). Action: the correction in shares of the authority, -1 … 1,
-    shape (n, 12), held for `hold` control steps while the base goes on at every one: noise that lasts moves a robot,
-    where noise that changes each 10 ms only shakes it.
+    shape (n, 12), held for `hold` control steps while the base acts at every one: noise that lasts moves a robot,
+    noise that changes every 10 ms only shakes it.
 
     A finished robot restarts in the same step: its row shows the new episode, and `infos["final_obs"]`,
     `infos["final_info"]` the end of the old one, with the base's clock still running.
@@ -49,7 +49,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         base: the policy that is corrected; made for the robots and their control period.
         authority: largest correction of each joint, rad, shape (12,); None for the usual one.
         hold: control steps of one step of the learner.
-        inputs: what the learner sees besides the present observation and the base.
+        inputs: observations of the learner in addition to the present one and the base.
         shift_authority: largest shift of the base's footholds, forward and lateral, m, shape (2,); an action has one
             number more for each that is not zero.
     """

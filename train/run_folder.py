@@ -22,7 +22,7 @@ TENSORBOARD = "tensorboard"
 
 
 def has_checkpoint(folder: Path) -> bool:
-    """Whether --resume has something to look at; whether it is whole shows when it is read."""
+    """Whether there is a checkpoint, complete or not."""
     return any((folder / CHECKPOINTS).glob("*.json"))
 
 
@@ -32,16 +32,16 @@ def steps_done(folder: Path) -> int:
 
 
 def refuse_folder_in_use(folder: Path) -> None:
-    """Raise UsageError unless a run can be begun in `folder`: one that is not there yet, or holds nothing to lose.
+    """Raise UsageError unless a run can start in `folder`: a new one, an empty one, or one with only settings and logs.
 
-    The latter is what a run leaves that was stopped before its first checkpoint was whole: settings and logs.
+    The latter is left by a run that was stopped before its first checkpoint was complete.
     """
     if not folder.exists():
         return
     if not folder.is_dir():
         raise UsageError(f"{folder} is a file: name a folder with --out")
     if has_checkpoint(folder):
-        raise UsageError(f"{folder} holds a run: choose another --out, or carry that run on with --resume")
+        raise UsageError(f"{folder} holds a run: choose another --out, or continue that run with --resume")
     left = (CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS)
     halves = tuple(f".{name}." for name in left)  # of files that were being written
     if any(entry.name not in left and not entry.name.startswith(halves) for entry in folder.iterdir()):
@@ -49,25 +49,25 @@ def refuse_folder_in_use(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def begun(folder: Path) -> Iterator[None]:
-    """Context in which `folder`, made if need be, is one new run's own. Raises UsageError where it cannot be."""
+def new_run(folder: Path) -> Iterator[None]:
+    """Context in which `folder`, made if need be, is used by one new run. Raises UsageError where it cannot be."""
     with writing(folder):
         make_writable_folder(folder)
         with sole_use(folder):
-            refuse_folder_in_use(folder)  # another run may have come and gone since it was looked at first
+            refuse_folder_in_use(folder)  # another run may have come and gone since the first check
             yield
 
 
 @contextlib.contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Context in which a failure to write is a UsageError that says what to do about it."""
+    """Context in which a failure to write is a UsageError with a remedy."""
     try:
         yield
     except FolderInUse:
         raise
     except OSError as error:
         remedy = (
-            "make room, then carry the run on with --resume"
+            "make room, then continue the run with --resume"
             if has_checkpoint(folder)
             else "choose another --out, where there is room"
         )

@@ -1,4 +1,4 @@
-"""What a run's folder says about how it was made: the command that repeats it, packages, validations, metrics."""
+"""Records in a run's folder: the command that repeats it, packages, validations, metrics."""
 
 import json
 import shlex
@@ -12,11 +12,12 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, Change, TrainConfig, differences, likewise, to_dict
-from train.foreign.reward_term import FileTerm
+from train.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 LEARNER = ("stable-baselines3", "torch", "safetensors")
-"""Packages that a run depends on beside those of the evaluation."""
+"""Packages that a run depends on in addition to those of the evaluation."""
+WEIGHT = "--rewards."
 
 
 def command(config: TrainConfig) -> str:
@@ -27,34 +28,33 @@ def command(config: TrainConfig) -> str:
         options.append(f"--robot {shlex.quote(config.robot)}")
         usual = likewise(usual, Hardware(robot=config.robot))
     changed = differences(usual, config)
-    options += [_words_of(each) for each in changed if each.option != "--seed"]
+    weights = [each.option.removeprefix(WEIGHT) + f"={each.new}" for each in changed if each.option.startswith(WEIGHT)]
+    options += [_words_of(each) for each in changed if each.option != "--seed" and not each.option.startswith(WEIGHT)]
+    options += [f"--rewards {' '.join(weights)}"] if weights else []
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
 
 
 def _words_of(change: Change) -> str:
     """The option with its new value."""
-    if isinstance(change.new, bool):
-        group, dot, name = change.option.removeprefix("--").rpartition(".")
-        return change.option if change.new else f"--{group}{dot}no-{name}"
     return f"{change.option} {words(change.new)}"
 
 
 def words(value: Any) -> str:
-    """A setting's value, a JSON one, as a command line has it; none of an empty list."""
+    """A setting's value, a JSON one, as words of a command line."""
     if isinstance(value, dict):
         return shlex.quote(str(FileTerm(**value)))
     return " ".join(words(entry) for entry in value) if isinstance(value, list) else str(value)
 
 
 def write_settings(config: TrainConfig, steps: int) -> list[str]:
-    """Write the settings, and who carries the run on from so many steps; what differs from its begin, a line each."""
+    """Write the settings and this session's versions; what differs from the first session, a line each."""
     write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
     path, now = config.folder / RECORD_FILE, _versions() | model_of(config.hardware)
     earlier = _sessions(path) if steps else []
     write_atomically(path, _lines({"command": command(config), "sessions": [*earlier, {"from_steps": steps, **now}]}))
     first = earlier[0] if earlier else now
     changed = [name for name, version in now.items() if first.get(name) != version]
-    return [f"{name}: begun with {first.get(name)}, now {now[name]}" for name in changed]
+    return [f"{name}: started with {first.get(name)}, now {now[name]}" for name in changed]
 
 
 def _versions() -> dict[str, str | None]:
@@ -62,7 +62,7 @@ def _versions() -> dict[str, str | None]:
 
 
 def _sessions(path: Path) -> list[dict[str, Any]]:
-    """Those of an earlier record; none where it is not there or damaged."""
+    """Sessions of an earlier record; none where it is missing or damaged."""
     try:
         return list(json.loads(read_bytes(path))["sessions"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -87,14 +87,3 @@ def last_metrics(folder: Path) -> dict[str, Any]:
 
 def _lines(record: Mapping[str, Any]) -> bytes:
     return (json.dumps(record, indent=2) + "\n").encode()
-
-
-def cut_metrics(folder: Path, steps: int) -> None:
-    """Leave the metrics as they were after so many steps: what came later comes again."""
-    path = folder / METRICS_FILE
-    kept = []
-    for line in read_bytes(path, LARGEST).splitlines(keepends=True) if path.exists() else ():
-        if not line.endswith(b"\n") or json.loads(line)["steps"] > steps:
-            break
-        kept.append(line)
-    write_atomically(path, b"".join(kept))

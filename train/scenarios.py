@@ -1,4 +1,4 @@
-"""The scenarios of `quad_env` on other surfaces than the evaluation's: nobody practises on the ground of the exam."""
+"""The scenarios of `quad_env` on other random ground than the evaluation's."""
 
 import dataclasses
 from typing import Literal
@@ -10,11 +10,11 @@ from quad_env.scenarios.terrain import SmoothRandom
 
 Purpose = Literal["validation", "search", "training"]
 TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1000}
-"""Field of each purpose, on which every episode has a surface of its own; the evaluation's is the scenario's."""
+"""Seed of the random ground of each purpose, of which every episode uses another part."""
 
 
 def practice(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """The scenario, or the robot's of the name, for that purpose; `seed` gives further fields of random ground."""
+    """The scenario, or the robot's of that name, for that purpose; `seed` selects further random ground."""
     original = scenario(name, robot)
     if not isinstance(original.terrain, SmoothRandom):
         return original

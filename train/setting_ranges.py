@@ -1,4 +1,4 @@
-"""What can be trained with: the range of each number, and the few rules that join two settings."""
+"""Limits of the settings, and the rules between them."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,15 +10,15 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
 from train.config import LARGEST_SEED, TrainConfig
-from train.foreign.reward_term import OPTION
-from train.foreign.reward_term import check as check_terms
+from train.reward_term import OPTION
+from train.reward_term import check as check_terms
 
 POSES = ("crouch", "stand")
-"""Bases of a policy that is to have none."""
+"""Bases of an end-to-end policy."""
 LARGEST_REWARD_WEIGHT = 1e4
 LARGEST_SHARE = 1e6
 LARGEST_WIDTH, MOST_HIDDEN_LAYERS = 4096, 8
-"""Within what the bundle of a trained policy can describe."""
+"""Limits of a bundle."""
 LARGEST_ROLLOUT = 2**24
 """Samples; four times that many bytes for each of the 62 features."""
 
@@ -31,7 +31,7 @@ def check(config: TrainConfig) -> None:
                 _check_range(prefix + name, value, low, high)
     _check_range("--seed + --seeds - 1", config.seed + config.seeds - 1, 0, LARGEST_SEED)
     for name, weight in dataclasses.asdict(config.rewards).items():
-        _check_range(f"--rewards.{name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
+        _check_range(f"--rewards {name}", weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
     for term in config.reward_terms:
         _check_range(f"a weight of {OPTION}", term.weight, -LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)
     check_terms(config.reward_terms)
@@ -40,7 +40,7 @@ def check(config: TrainConfig) -> None:
     _check_rollout(config)
     _check_hardware(config.hardware)
     _check_mixture(config)
-    check_scenarios("--validation.scenarios", config.judged.scenarios, config.hardware.quadruped)
+    check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.quadruped)
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
 
@@ -93,7 +93,7 @@ def _check_hardware(chosen: hardware.Hardware) -> None:
 
 
 def check_scenarios(option: str, names: Sequence[str], robot: Robot = SIMPLE_QUAD) -> None:
-    """Raise UsageError, one line, where an option names no scenario of a robot, an unknown one or one twice."""
+    """Raise UsageError, one line, where an option names no scenario, an unknown one or one twice."""
     if not names:
         raise UsageError(f"{option} needs at least one scenario")
     for name in names:

@@ -1,4 +1,4 @@
-"""Judgement of a policy during training, by the code of `evaluate`, on seeds that nothing else uses."""
+"""Evaluation of a policy during training, by the code of `evaluate`, on seeds of its own."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -28,7 +28,7 @@ def validate(policy: Policy, config: ValidationConfig, nthread: int, hardware: H
 
 
 def rank(results: Results) -> tuple[float, float]:
-    """What the best policy has least of: failures, a share of the episodes; where these are equal, the score."""
+    """Order of policies, the smallest is best: share of failed episodes, and where these are equal the score."""
     return 1.0 - success(results), score(results)
 
 
@@ -40,7 +40,7 @@ def success(results: Results) -> float:
 def score(results: Results) -> float:
     """Velocity error plus half the yaw-rate error, m/s, mean over scenarios.
 
-    Falls need no term: every step after one is billed the metric's cap.
+    Falls need no term: every step after one counts as the largest error.
     """
     errors = [means["velocity_error"] + YAW_WEIGHT * means["yaw_rate_error"] for means in results.values()]
     return sum(errors) / len(errors)

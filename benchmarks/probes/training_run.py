@@ -16,11 +16,11 @@ from stable_baselines3.common.logger import Logger
 from quad_env.columns import Array
 from quad_env.physics.simulation import Simulation
 from train.config import TrainConfig, ValidationConfig
-from train.robots import TrainingRobots, side_by_side
 from train.run import make_env
 from train.sb3.callbacks import CallbackState, Schedules, Segments, current_policy
 from train.sb3.ppo import build
 from train.sb3.vec_env import TrainingVecEnv
+from train.training_robots import TrainingRobots, side_by_side
 from train.validation import validate
 
 JUDGED = "flat"

@@ -14,7 +14,7 @@ from evaluate.report.results_page import score_table
 from evaluate.rollouts import hardware
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.format import number, p_value, percent, points, share
-from train.config import TrainConfig
+from train.config import ACTIVATION, TrainConfig
 from train.run_record import command
 
 BOTH = (FALL_RATE, "velocity_error", "yaw_rate_error")
@@ -47,7 +47,7 @@ def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: 
     )
     return f"""# {name}
 
-A {" × ".join(map(str, config.ppo.actor))} network ({config.ppo.activation}) that {does(config)}. \
+A {" × ".join(map(str, config.ppo.actor))} network ({ACTIVATION}) that {does(config)}. \
 `policy.json` says what it reads, on what base and with which settings it was trained; `policy.safetensors` \
 holds its weights. Nothing in this folder is code.
 

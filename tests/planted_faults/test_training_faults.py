@@ -20,11 +20,13 @@ from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, episode_seeds
 from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 from train import validation
-from train.config import PpoConfig, TrainConfig, ValidationConfig
+from train.config import PUSHES, PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env, train
 from train.sb3.ppo import build
-from train.search import evolution, feedback_cost, trot_cost
-from train.search.evolution import EpisodeEffort, evolve
+from train.search import feedback, trot
+from train.search import subject as searches
+from train.search.command import evolve
+from train.search.subject import Effort, unit_cube
 
 SETTINGS = PpoConfig(
     envs=6,
@@ -33,16 +35,12 @@ SETTINGS = PpoConfig(
     epochs=3,
     gamma=0.91,
     gae_lambda=0.83,
-    clip_range=0.17,
     entropy=0.013,
-    value_weight=0.37,
-    max_gradient=0.71,
     learning_rate=3e-4,
     learning_rate_schedule="constant",
     log_std_init=-1.3,
     actor=(5, 4),
     critic=(3,),
-    activation="tanh",
 )
 JUDGED = ValidationConfig(episodes=1, scenarios=("flat", "push", "rough"))
 SMALL = TrainConfig(
@@ -50,8 +48,6 @@ SMALL = TrainConfig(
     seed=7,
     curriculum=1.0,
     mixture=(("flat", 0.5), ("push", 1 / 6), ("rough", 1 / 3)),
-    pushes=3,
-    hardness=1.5,
     ppo=SETTINGS,
 )
 
@@ -115,9 +111,9 @@ def check_validation_is_on_its_own_episodes_and_ground() -> None:
 
 def check_searches_are_on_their_own_episodes_and_ground() -> None:
     with recorded() as starts:
-        trot_cost.judge([trot_cost.TrotParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
+        trot.candidate_costs([trot.TrotParameters()], episode_seeds("search", 0, 1), BRIEF, 1)
         exercises = ("flat=1.5", "rough=0.12")
-        feedback_cost.judge([policies.make("trot")], exercises, episode_seeds("search", 0, 1), BRIEF, 1)
+        feedback.candidate_costs([policies.make("trot")], exercises, episode_seeds("search", 0, 1), BRIEF, 1)
     assert EXAM_SURFACE not in surfaces(starts)
     seen: list[int] = []
 
@@ -125,14 +121,15 @@ def check_searches_are_on_their_own_episodes_and_ground() -> None:
         seen.extend(seeds.tolist())
         return [float(place) for place, _ in enumerate(candidates)]
 
-    effort = EpisodeEffort(generations=2, candidates=4, episodes=3, steps=BRIEF)
+    effort = Effort(generations=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
     ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
-    list(evolve(effort, trot_cost.TrotParameters(), ranges, costs, spread=0.1))
+    space = unit_cube(trot.TrotParameters(), ranges, costs, searches.generations(0, effort))
+    list(evolve(0, effort, space))
     assert {PURPOSES[seed >> 48] for seed in seen} == {"search"}
     assert len(set(seen)) == 6, "every generation has new episodes"
 
 
-def check_training_robots_have_their_own_episodes_ground_and_hardness() -> None:
+def check_training_robots_have_their_own_episodes_ground_and_pushes() -> None:
     with recorded() as starts:
         env = make_env(SMALL)
         env.reset()
@@ -141,10 +138,7 @@ def check_training_robots_have_their_own_episodes_ground_and_hardness() -> None:
     assert EXAM_SURFACE not in surfaces(starts)
     by_axis = {start.scenario.axis: start for start in starts}
     assert {axis: len(start.seeds) for axis, start in by_axis.items()} == {"flat": 3, "push": 1, "rough": 2}
-    push, rough = SCENARIOS["push"].pushes, SCENARIOS["rough"].terrain
-    hard = by_axis["push"].scenario.pushes, by_axis["rough"].scenario.terrain
-    assert (hard[0].count, hard[0].impulse) == (3, 1.5 * push.impulse)  # type: ignore[union-attr]
-    assert hard[1].peak_to_valley == 1.5 * rough.peak_to_valley  # type: ignore[union-attr]
+    assert by_axis["push"].scenario.pushes == replace(SCENARIOS["push"].pushes, count=PUSHES)  # type: ignore[type-var]
     seeds = [seed for start in by_axis.values() for seed in start.seeds]
     assert len(set(seeds)) == 6
 
@@ -171,19 +165,17 @@ def check_every_setting_of_the_learner_reaches_it() -> None:
         "epochs": model.n_epochs,
         "gamma": model.gamma,
         "gae_lambda": model.gae_lambda,
-        "clip_range": model.clip_range(1.0),
         "entropy": model.ent_coef,
-        "value_weight": model.vf_coef,
-        "max_gradient": model.max_grad_norm,
         "learning_rate": model.lr_schedule(0.5),
         "envs": model.n_envs,
     }
     assert taken == {name: getattr(SETTINGS, name) for name in taken}
     buffer = model.rollout_buffer
     assert (buffer.gamma, buffer.gae_lambda) == (0.91, 0.83)
+    assert (model.clip_range(1.0), model.vf_coef, model.max_grad_norm) == (0.2, 0.5, 1.0)
     widths = [[layer.out_features for layer in net if hasattr(layer, "out_features")] for net in _nets(model)]
     assert widths == [[5, 4], [3]]
-    assert {type(layer).__name__ for net in _nets(model) for layer in net} == {"FirstOf", "Linear", "Tanh"}
+    assert {type(layer).__name__ for net in _nets(model) for layer in net} == {"FirstOf", "Linear", "ELU"}
     np.testing.assert_allclose(model.policy.log_std.detach().numpy(), -1.3, rtol=1e-6)
 
 
@@ -232,11 +224,11 @@ def gamma_and_lambda_swapped(arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def one_scenario_for_all_robots(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("train.robots.robots_per_scenario", lambda config: {"rough": config.ppo.envs})
+    patch.setattr("train.training_robots.robots_per_scenario", lambda config: {"rough": config.ppo.envs})
 
 
-def hardness_forgotten(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("train.robots._hardened", lambda original, config: original)
+def number_of_pushes_forgotten(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("train.training_robots._pushed", lambda original: original)
 
 
 def training_without(part: str) -> Plant:
@@ -248,7 +240,7 @@ def training_without(part: str) -> Plant:
         def batch(*args: Any, **kwargs: Any) -> SimpleQuadVectorEnv:
             return true_batch(*args, **without(part)(kwargs))
 
-        patch.setattr("train.robots.SimpleQuadVectorEnv", batch)
+        patch.setattr("train.training_robots.SimpleQuadVectorEnv", batch)
 
     return plant
 
@@ -272,7 +264,7 @@ def validation_on_flat_ground_alone(patch: pytest.MonkeyPatch) -> None:
 
 def the_same_episodes_in_every_generation(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(
-        evolution, "episode_seeds", lambda purpose, seed, count: np.resize(episode_seeds(purpose, seed, 3), count)
+        searches, "episode_seeds", lambda purpose, seed, count: np.resize(episode_seeds(purpose, seed, 3), count)
     )
 
 
@@ -290,15 +282,15 @@ FAULTS: Faults = {
         check_validation_is_on_its_own_episodes_and_ground,
     ),
     "searches on evaluation seeds": (
-        seeds_of_evaluation("train.search.evolution"),
+        seeds_of_evaluation("train.search.subject"),
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "search of the trot on evaluation ground": (
-        ground_of_evaluation("train.search.trot_cost"),
+        ground_of_evaluation("train.search.trot"),
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "search of the feedback on evaluation ground": (
-        ground_of_evaluation("train.search.feedback_cost"),
+        ground_of_evaluation("train.search.feedback"),
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "searches on the same episodes in every generation": (
@@ -306,20 +298,20 @@ FAULTS: Faults = {
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "training on evaluation seeds": (
-        seeds_of_evaluation("train.robots"),
-        check_training_robots_have_their_own_episodes_ground_and_hardness,
+        seeds_of_evaluation("train.training_robots"),
+        check_training_robots_have_their_own_episodes_ground_and_pushes,
     ),
     "training on evaluation ground": (
-        ground_of_evaluation("train.robots"),
-        check_training_robots_have_their_own_episodes_ground_and_hardness,
+        ground_of_evaluation("train.training_robots"),
+        check_training_robots_have_their_own_episodes_ground_and_pushes,
     ),
     "training with the mixture ignored": (
         one_scenario_for_all_robots,
-        check_training_robots_have_their_own_episodes_ground_and_hardness,
+        check_training_robots_have_their_own_episodes_ground_and_pushes,
     ),
-    "training without its hardness": (
-        hardness_forgotten,
-        check_training_robots_have_their_own_episodes_ground_and_hardness,
+    "training with the pushes of an evaluation": (
+        number_of_pushes_forgotten,
+        check_training_robots_have_their_own_episodes_ground_and_pushes,
     ),
     "training without its motors": (
         training_without("actuator"),
@@ -334,7 +326,6 @@ FAULTS: Faults = {
         check_robots_of_training_and_validation_have_the_hardware_of_the_run,
     ),
     "gamma and lambda swapped": (ppo_with(gamma_and_lambda_swapped), check_every_setting_of_the_learner_reaches_it),
-    "clip range never passed to PPO": (ppo_with(without("clip_range")), check_every_setting_of_the_learner_reaches_it),
     "gradient norm never passed to PPO": (
         ppo_with(without("max_grad_norm")),
         check_every_setting_of_the_learner_reaches_it,

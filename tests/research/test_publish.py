@@ -14,7 +14,8 @@ from evaluate.records.store import ChunkStore
 from quad_env.cli.command_line import UsageError
 from research.training.model_card import TrainedRun, difference, does, model_card, scores
 from research.training.publish import choose
-from train.__main__ import main, parse
+from train.__main__ import main
+from train.command import parse
 from train.config import DEFAULTS, PpoConfig, to_dict
 from train.run_record import command
 
@@ -53,7 +54,7 @@ def test_what_is_no_set_of_seeds_is_refused(runs, complaint):
 
 @pytest.mark.parametrize("kind", DEFAULTS)
 def test_the_command_of_the_card_repeats_the_run(kind):
-    ppo = dataclasses.replace(DEFAULTS[kind].ppo, actor=(32, 16), gamma=0.9, privileged=False)
+    ppo = dataclasses.replace(DEFAULTS[kind].ppo, actor=(32, 16), gamma=0.9)
     config = dataclasses.replace(DEFAULTS[kind], seed=3, mixture=(("flat", 0.5), ("push", 0.5)), ppo=ppo)
     words = command(config).split()
     assert words[:3] == ["python", "-m", "train"]

@@ -12,7 +12,7 @@ from train.__main__ import main
 from train.config import PpoConfig, TrainConfig, load_config
 from train.run_folder import VALIDATIONS_FILE
 
-RANGES = ["--ranges", "ppo.learning-rate", "1e-4", "1e-2", "ppo.epochs", "2", "5", "hardness", "1", "2"]
+RANGES = ["--ranges", "ppo.learning-rate", "1e-4", "1e-2", "ppo.epochs", "2", "5", "joint-authority", "1", "2"]
 
 
 def run(out, trials, *more):
@@ -36,7 +36,7 @@ class Training:
         if number == self.broken:
             raise ValueError("weights are nan\nand so on")
         early = {"steps": 50, "success": 0.1, "score": 0.1}
-        late = {"steps": 100, "success": round(config.ppo.learning_rate, 3), "score": config.hardness}
+        late = {"steps": 100, "success": round(config.ppo.learning_rate, 3), "score": config.joint_authority}
         (config.folder / VALIDATIONS_FILE).write_text(
             json.dumps({"best": 100, "validations": [early, late]}), encoding="utf-8"
         )
@@ -53,15 +53,15 @@ def training(monkeypatch):
 
 
 def settings(runs):
-    return [(each.ppo.learning_rate, each.ppo.epochs, each.hardness) for each in runs]
+    return [(each.ppo.learning_rate, each.ppo.epochs, each.joint_authority) for each in runs]
 
 
 def test_settings_are_changed_by_name_and_whole_numbers_stay_whole():
-    config = changed(TrainConfig(), {"ppo.learning-rate": 0.5, "ppo.epochs": 3.0, "hardness": 2.0})
+    config = changed(TrainConfig(), {"ppo.learning-rate": 0.5, "ppo.epochs": 3.0, "joint-authority": 2.0})
     expected = dataclasses.replace(PpoConfig(), learning_rate=0.5, epochs=3)
-    assert config == dataclasses.replace(TrainConfig(), hardness=2.0, ppo=expected)
+    assert config == dataclasses.replace(TrainConfig(), joint_authority=2.0, ppo=expected)
     assert type(config.ppo.epochs) is int
-    for name in ("ppo.gama", "ppo", "base", "hardness.x"):
+    for name in ("ppo.gama", "ppo", "base", "joint-authority.x"):
         with pytest.raises(UsageError, match="is no number among the settings"):
             changed(TrainConfig(), {name: 1.0})
 
@@ -83,10 +83,12 @@ def test_a_trial_is_a_run_and_success_decides_before_the_error(training, tmp_pat
     text = (tmp_path / "sweep" / TABLE).read_text(encoding="utf-8")
     assert text in capsys.readouterr().out
     named = [line.split(" | ")[0].removeprefix("| ") for line in text.splitlines()[2:]]
-    by_rank = sorted(stub.runs, key=lambda each: (-round(each.ppo.learning_rate, 3), each.hardness))
+    by_rank = sorted(stub.runs, key=lambda each: (-round(each.ppo.learning_rate, 3), each.joint_authority))
     assert named == [each.folder.name for each in by_rank]
     first = stub.runs[0]
-    assert worth(first.folder) == pytest.approx(1000.0 * (1.0 - round(first.ppo.learning_rate, 3)) + first.hardness)
+    assert worth(first.folder) == pytest.approx(
+        1000.0 * (1.0 - round(first.ppo.learning_rate, 3)) + first.joint_authority
+    )
 
 
 def test_a_sweep_that_is_stopped_and_carried_on_makes_the_trials_of_one_in_one_go(training, tmp_path, capsys):
@@ -122,7 +124,7 @@ def test_a_sweep_is_not_begun_twice_nor_carried_on_with_other_options(training, 
     for words, complaint in (
         ([], "holds a sweep: add --resume"),
         (["--resume", "--seed", "1"], "only --trials may be larger"),
-        (["--resume", "--ranges", "hardness", "1", "3"], "only --trials may be larger"),
+        (["--resume", "--ranges", "joint-authority", "1", "3"], "only --trials may be larger"),
     ):
         assert run(tmp_path / "sweep", 2, *words) == 2
         assert complaint in capsys.readouterr().err

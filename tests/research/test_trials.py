@@ -19,7 +19,7 @@ def runs(tmp_path_factory):
     (folder / "old").mkdir()
     settings = json.loads((folder / "whole" / CONFIG_FILE).read_bytes())
     settings["ppo"] |= {"gamma": 0.9, "burn_in": 7}
-    del settings["timestep"]
+    del settings["estimator"]
     (folder / "old" / CONFIG_FILE).write_text(json.dumps(settings), encoding="utf-8")
     (folder / "old" / METRICS_FILE).write_text('{"steps": 32, "time/seconds": 90.0}\n', encoding="utf-8")
     return folder

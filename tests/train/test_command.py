@@ -20,7 +20,8 @@ from evaluate.rollouts.rollout import run
 from quad_env.files.writing import sole_use
 from quad_env.physics import simulation
 from quad_env.seeding import episode_seeds
-from train.__main__ import COMMANDS, main, parse
+from train.__main__ import main
+from train.command import COMMANDS, parse
 from train.config import load_config, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.sb3 import checkpoint
@@ -72,9 +73,8 @@ def test_training_goes_by_its_timestep_and_validation_by_the_robots_own(tmp_path
         return model
 
     monkeypatch.setattr(simulation, "compile_model", noted)
-    assert main([*TINY, "--timestep", "0.005", "--steps", "128", "--out", str(tmp_path / "run")]) == 0
+    assert main([*TINY, "--steps", "128", "--out", str(tmp_path / "run")]) == 0
     assert made == [("flat", 0.005), ("push", 0.005), ("flat", 0.002)]
-    assert load_config(tmp_path / "run").timestep == 0.005
 
 
 def test_the_bundle_of_a_run_walks_with_what_was_learned(finished_run):
@@ -149,7 +149,7 @@ def test_a_disk_that_fills_up_on_the_way_says_how_to_go_on(tmp_path, monkeypatch
     write = checkpoint.write_atomically
     monkeypatch.setattr(checkpoint, "write_atomically", full)
     assert main([*TINY, "--max-episode-steps", "8", "--steps", "512", "--out", str(tmp_path / "run")]) == 2
-    assert "make room, then carry the run on with --resume" in one_line(capsys)
+    assert "make room, then continue the run with --resume" in one_line(capsys)
     assert checkpoint.load(tmp_path / "run" / "checkpoints").progress["steps"] == 0
 
 
@@ -245,7 +245,7 @@ def test_the_record_of_a_run_repeats_it_and_says_who_carried_it_on(copied_run, m
     session["torch"] = "0.1"
     (copied_run / RECORD_FILE).write_text(json.dumps(record), encoding="utf-8")
     assert main(["--resume", "--steps", "384", "--threads", "1", "--out", str(copied_run)]) == 0
-    assert f"torch: begun with 0.1, now {metadata.version('torch')}" in capsys.readouterr().out
+    assert f"torch: started with 0.1, now {metadata.version('torch')}" in capsys.readouterr().out
     record = json.loads((copied_run / RECORD_FILE).read_text(encoding="utf-8"))
     assert [each["from_steps"] for each in record["sessions"]] == [0, 256]
     assert "--steps 384" in record["command"]
@@ -284,7 +284,7 @@ def test_ctrl_c_speaks_of_resume_only_where_there_is_a_checkpoint(checkpoint, tm
             (config.folder / "checkpoints" / "000000000064.json").write_text("{}", encoding="utf-8")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("train.seeds.train", interrupted)
+    monkeypatch.setattr("train.run.train", interrupted)
     assert main([*TINY, "--out", str(tmp_path / "run")]) == 130
     assert ("--resume" in capsys.readouterr().err) == checkpoint
 
@@ -302,7 +302,7 @@ def test_a_run_that_cannot_be_set_up_leaves_no_folder(step, tmp_path, monkeypatc
 
 def test_the_extreme_settings_that_are_allowed_can_be_trained_with(tmp_path):
     options = (
-        "--seed 4294967295 --pushes 79 --max-episode-steps 1 --hip-authority 0 --ppo.envs 1 --ppo.rollout-steps 2 "
+        "--seed 4294967295 --max-episode-steps 1 --hip-authority 0 --ppo.envs 1 --ppo.rollout-steps 2 "
         "--ppo.minibatch 2 --ppo.actor --ppo.critic --ppo.hold 2 --mixture push 1 --steps 2 "
         "--inputs.lags --inputs.averages"
     )
@@ -327,7 +327,7 @@ def test_ctrl_c_keeps_what_was_done_and_resume_finishes_it(tmp_path, capsys, run
     settings = json.loads((folder / CONFIG_FILE).read_text(encoding="utf-8")) | {"steps": kept + 128}
     (folder / CONFIG_FILE).write_text(json.dumps(settings), encoding="utf-8")
     assert main(["--resume", "--out", str(folder), "--threads", "1"]) == 0
-    assert f"carrying on at {kept:,} steps" in capsys.readouterr().out
+    assert f"continuing at {kept:,} steps" in capsys.readouterr().out
     assert (folder / "checkpoints" / f"{kept + 128:012d}.json").exists()
 
 

@@ -10,7 +10,7 @@ import pytest
 from policies.parameters import limits_of
 from policies.residual_bases import BASES
 from quad_env.cli.command_line import UsageError
-from train.__main__ import parse
+from train.command import parse
 from train.config import (
     DEFAULTS,
     MIXTURE,
@@ -61,10 +61,18 @@ def test_settings_from_before_there_were_rewards_of_the_feet_give_them_no_weight
     assert parse(["--resume", "--out", str(tmp_path)]).rewards == TrainConfig().rewards
 
 
+def test_settings_that_were_removed_may_be_there_with_the_only_value_that_is_left():
+    older = to_dict(TrainConfig()) | {"hardness": 1.0, "pushes": 4, "timestep": 0.005, "space": "joints"}
+    older["ppo"] |= {"privileged": True, "activation": "elu", "clip_range": 0.2, "symmetry": False}
+    assert from_dict(older) == TrainConfig()
+
+
 @pytest.mark.parametrize(
     "settings",
     [
         {"sead": 1},
+        {"hardness": 2.0},
+        {"ppo": {"activation": "tanh"}},
         {"ppo": {"gama": 0.9}},
         {"ppo": 3},
         [1],
@@ -91,23 +99,23 @@ def test_what_is_no_configuration_is_refused(settings):
         ("--seeds 0", "--seeds must be from 1 to 1000, got 0"),
         ("--seeds 0 --resume", "--seeds must be from 1"),
         ("--seed 4294967295 --seeds 2", "--seed . --seeds - 1 must be from 0 to 4294967295"),
-        ("--pushes -1", "--pushes must be from 0 to 79"),
-        ("--pushes 1000", "--pushes must be from 0 to 79"),
         ("--threads 1000000", "--threads must be from 1 to"),
         ("--hip-authority -1", "--hip-authority must be from 0"),
         ("--hip-authority nan", "--hip-authority must be from 0"),
         ("--ppo.learning-rate nan", "--ppo.learning-rate must be from"),
         ("--ppo.gamma nan", "--ppo.gamma must be from 0 to 1"),
         ("--ppo.log-std-init nan", "--ppo.log-std-init must be from"),
-        ("--ppo.clip-range -1", "--ppo.clip-range must be from"),
         ("--ppo.minibatch 1", "--ppo.minibatch must be from 2"),
         ("--ppo.envs 1 --ppo.rollout-steps 1 --ppo.minibatch 2", "must divide"),
         ("--ppo.envs 65536 --ppo.rollout-steps 65536", "must be at most"),
         ("--ppo.actor -1", "--ppo.actor must be"),
         ("--ppo.critic 0 8", "--ppo.critic must be"),
         ("--ppo.actor 5000", "--ppo.actor must be"),
-        ("--rewards.tilt nan", "--rewards.tilt must be from"),
-        ("--rewards.fall inf", "--rewards.fall must be from"),
+        ("--rewards tilt=nan", "--rewards tilt must be from"),
+        ("--rewards fall=inf", "--rewards fall must be from"),
+        ("--rewards fall", "could not convert|fall"),
+        ("--rewards stumble=1", "no reward term 'stumble'"),
+        ("--rewards.tilt -1", "--rewards.tilt is now --rewards tilt=WEIGHT"),
         ("--validation.interval -1", "--validation.interval must be from 0"),
         ("--validation.scenarios flat flat", "--validation.scenarios names a scenario twice"),
         ("--policy end-to-end --base trot", "--base crouch or stand, not on trot"),
@@ -161,6 +169,15 @@ def test_resume_takes_the_settings_of_the_run_and_refuses_others(tmp_path):
             parse(["--resume", "--out", str(tmp_path), option, new])
 
 
+@pytest.mark.parametrize("kind", DEFAULTS)
+@pytest.mark.parametrize("words", [["--rewards", "fall=-2", "roll-pitch-rate=-1"], ["--rewards=fall=-2"]])
+def test_weights_that_are_not_named_stay_as_they_are(kind, words):
+    usual = DEFAULTS[kind].rewards
+    found = parse(["--policy", kind, *words]).rewards
+    assert found == dataclasses.replace(usual, fall=-2.0, roll_pitch_rate=found.roll_pitch_rate)
+    assert found.roll_pitch_rate == (-1.0 if len(words) > 2 else usual.roll_pitch_rate)
+
+
 def test_resume_with_more_steps_extends_the_run(tmp_path):
     begun = dataclasses.replace(TrainConfig(), steps=777)
     (tmp_path / CONFIG_FILE).write_text(json.dumps(to_dict(begun)), encoding="utf-8")
@@ -193,11 +210,11 @@ def test_robots_are_shared_out_to_the_last_one(mixture, robots, expected):
     assert robots_per_scenario(config) == expected
 
 
-def test_a_run_is_judged_on_what_it_trains_on_unless_it_is_told_other_scenarios():
-    assert parse([]).judged.scenarios == tuple(name for name, _ in MIXTURE)
+def test_a_run_is_validated_on_the_scenarios_that_it_trains_on_unless_others_are_given():
+    assert parse([]).complete_validation.scenarios == tuple(name for name, _ in MIXTURE)
     mixture = ["--mixture", "latency=0.04", "0.5", "flat", "0", "payload=15+slope=10", "0.5"]
-    assert parse(mixture).judged.scenarios == ("latency=0.04", "payload=15+slope=10")
-    assert parse([*mixture, "--validation.scenarios", "flat"]).judged.scenarios == ("flat",)
+    assert parse(mixture).complete_validation.scenarios == ("latency=0.04", "payload=15+slope=10")
+    assert parse([*mixture, "--validation.scenarios", "flat"]).complete_validation.scenarios == ("flat",)
 
 
 def test_the_defaults_can_be_trained_with():

@@ -17,7 +17,7 @@ def walk(intervals, steps, command, velocity, fell=False):
     return [(bool(judged[0]), bool(kept[0])) for judged, kept in told]
 
 
-def test_an_interval_is_judged_by_its_mean_velocity_once_the_next_command_comes():
+def test_an_interval_counts_by_its_mean_velocity_once_the_next_command_comes():
     for off, kept in ((0.0, True), (0.34, True), (0.36, False)):  # 0.15 m/s + 20 % of 1 m/s
         intervals = Intervals(1, DT)
         told = walk(intervals, 10, FORWARD, (9.0, 0.0, 0.0))  # the first second does not count
@@ -36,7 +36,7 @@ def test_standing_still_follows_no_command_to_move():
         assert walk(intervals, 1, STILL, (0.0, 0.0, 0.0)) == [(True, kept)]
 
 
-def test_a_fall_is_an_interval_lost_at_once_and_a_new_episode_is_not_billed_for_the_last():
+def test_a_fall_ends_an_interval_at_once_and_the_next_episode_starts_without_it():
     intervals = Intervals(1, DT)
     walk(intervals, 15, FORWARD, (0.0, 0.0, 0.0))
     assert walk(intervals, 1, FORWARD, (1.0, 0.0, 0.0), fell=True) == [(True, False)]

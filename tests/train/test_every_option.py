@@ -24,15 +24,16 @@ from tests.batches import Batch, begun
 from tests.effects import Effect, Reading
 from tests.quad_env.robots.alike import alike
 from train import run as training_run
-from train import seeds, validation
-from train.__main__ import main, parse
+from train import validation
+from train.__main__ import main
+from train.command import parse
 from train.config import TrainConfig, to_dict
-from train.robots import training_seeds
 from train.run import make_env
 from train.run_folder import BEST, CONFIG_FILE, LAST, VALIDATIONS_FILE, steps_done
 from train.sb3.callbacks import CallbackState, Segments, current_policy
 from train.sb3.ppo import build
 from train.scenarios import TERRAIN_SEEDS
+from train.training_robots import training_seeds
 
 MIXTURE = "--mixture flat 0.5 push=60 0.25 rough=0.2 0.25"
 USUAL = (
@@ -164,12 +165,6 @@ def severities(made: Made) -> dict[str, Any]:
     return {each.scenario.axis: each.scenario.severity for each in made.robots}
 
 
-def hardest(made: Made) -> tuple[float, float]:
-    """Impulse of the pushes, N·s, and height of the rough ground, m."""
-    pushed, rough = made.robots[1].scenario.pushes, made.robots[2].scenario.terrain
-    return round(pushed.impulse, 6), round(rough.peak_to_valley, 6)  # type: ignore[union-attr]
-
-
 def features(made: Made, count: int) -> np.ndarray:
     """What the learner saw of the first robot, a row a step."""
     return np.array([seen[0] for seen, *_ in made.steps(count)])
@@ -218,12 +213,6 @@ def cut_somewhere(longest: int) -> list[int]:
     return list(drawn.tolist())
 
 
-def step_size(made: Made) -> float:
-    """Of the physics, s; one of all robots."""
-    (size,) = {each.simulation.model.opt.timestep for each in made.robots}
-    return float(size)
-
-
 def kinds_of_robots(read: Callable[[Batch], Any]) -> Reading:
     """What all robots of a run have, by what they are for."""
     return lambda made: {(each.purpose, read(each)) for each in made.ran.batches}
@@ -231,13 +220,6 @@ def kinds_of_robots(read: Callable[[Batch], Any]) -> Reading:
 
 def alike_everywhere(value: Any) -> set[tuple[str, Any]]:
     return {("training", value), ("validation", value)}
-
-
-def rewards(made: Made) -> list[float]:
-    """Of each robot in a step."""
-    made.env.reset()
-    made.env.step_async(np.zeros(made.env.action_space.shape and (made.env.num_envs, *made.env.action_space.shape)))
-    return list(made.env.step_wait()[1].astype(float))
 
 
 def own_term(made: Made) -> Any:
@@ -258,13 +240,6 @@ def widths(which: str) -> Reading:
         return [layer.out_features for layer in layers if hasattr(layer, "out_features")]
 
     return read
-
-
-def activations(made: Made) -> tuple[set[str], str]:
-    """Of the learner's networks and of the one that is shipped."""
-    extractor = made.learner.policy.mlp_extractor
-    kinds = {type(layer).__name__ for net in (extractor.policy_net, extractor.value_net) for layer in net}
-    return kinds - {"Linear", "FirstOf"}, made.shipped.network.activation
 
 
 def seeded(made: Made) -> tuple[Any, ...]:
@@ -301,8 +276,8 @@ def cluster_asked_for(made: Made) -> list[Any]:
         yield lambda *work: iter(asked.append(work[3]) or ())
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(seeds, "cluster", noted)
-        patch.setattr(seeds, "train", lambda _: None)
+        patch.setattr(training_run, "cluster", noted)
+        patch.setattr(training_run, "train", lambda _: None)
         assert main([*made.words, "--out", str(made.folder / "apart")]) == 0
     return asked
 
@@ -356,10 +331,7 @@ EFFECTS = {
             "shares": [0.5] * 3,
         },
     ),
-    "pushes": Effect("--pushes 2", lambda made: [len(each.env.pushes.force[0]) for each in made.started], [0, 2, 0]),
-    "hardness": Effect("--hardness 1.5", hardest, (90.0, 0.3)),
     "max_episode_steps": Effect("--max-episode-steps 20", first_episodes, cut_somewhere(20)),
-    "timestep": Effect("--timestep 0.0025", step_size, 0.0025),
     "robot": Effect(
         "--robot FOLDER/alike.xml",
         lambda made: (*of_both(lambda each: each.base.robot.name)(made), *{each.robot.name for each in made.robots}),
@@ -396,21 +368,13 @@ EFFECTS = {
     "ppo.gae_lambda": Effect(
         "--ppo.gae-lambda 0.8", learner(lambda each: (each.gae_lambda, each.rollout_buffer.gae_lambda)), both(0.8)
     ),
-    "ppo.clip_range": Effect("--ppo.clip-range 0.17", learner(lambda each: each.clip_range(1.0)), 0.17),
-    "ppo.reward_scale": Effect(
-        "--ppo.reward-scale 40", rewards, lambda usual: pytest.approx([4.0 * each for each in usual])
-    ),
     "ppo.entropy": Effect("--ppo.entropy 0.01", learner(lambda each: each.ent_coef), 0.01),
-    "ppo.value_weight": Effect("--ppo.value-weight 0.4", learner(lambda each: each.vf_coef), 0.4),
-    "ppo.max_gradient": Effect("--ppo.max-gradient 0.7", learner(lambda each: each.max_grad_norm), 0.7),
     "ppo.log_std_init": Effect(
         "--ppo.log-std-init -1.5", learner(lambda each: each.policy.log_std.tolist()[0]), pytest.approx(-1.5)
     ),
     "ppo.log_std_final": Effect("--ppo.log-std-final -3.2 --steps 16", noise_at_the_end, (-2.2, False)),
-    "ppo.privileged": Effect("--ppo.no-privileged", lambda made: made.env.privileged, 0),
     "ppo.actor": Effect("--ppo.actor 6 5", widths("policy_net"), [6, 5]),
     "ppo.critic": Effect("--ppo.critic 7", widths("value_net"), [7]),
-    "ppo.activation": Effect("--ppo.activation tanh", activations, ({"Tanh"}, "tanh")),
     "validation.interval": Effect(
         "--validation.interval 8",
         lambda made: [each["steps"] for each in made.ran.validations],
@@ -426,7 +390,7 @@ EFFECTS = {
         ["push", "rough=0.1"],
     ),
 }
-OF_ITS_OWN = {"resume"}
+OF_ITS_OWN = {"resume", "rewards"}
 """Options with a test of their own below."""
 
 
@@ -434,15 +398,14 @@ def options(config: Any, prefix: str = "") -> Iterator[str]:
     """Names of all options, those of groups with the group's."""
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
-        if dataclasses.is_dataclass(value):
+        if dataclasses.is_dataclass(value) and field.name != "rewards":
             yield from options(value, f"{prefix}{field.name}.")
         else:
             yield prefix + field.name
 
 
 def test_every_option_has_an_effect_that_is_tested() -> None:
-    terms = {f"rewards.{field.name}" for field in dataclasses.fields(RewardWeights)}
-    assert set(options(TrainConfig())) == EFFECTS.keys() | OF_ITS_OWN | terms
+    assert set(options(TrainConfig())) == EFFECTS.keys() | OF_ITS_OWN
 
 
 @pytest.fixture(scope="module")
@@ -479,8 +442,8 @@ def earned(folder: Path) -> list[dict[str, float]]:
     """What each term came to over the same falls: all of weight 1, then each of twice the weight of the one before."""
     found = []
     for number, weights in enumerate(((1.0,) * len(TERMS), 2.0 ** np.arange(len(TERMS)))):
-        words = [f"--rewards.{name.replace('_', '-')} {weight}" for name, weight in zip(TERMS, weights, strict=True)]
-        robots = Made(" ".join(words), folder / f"weights-{number}").residual.unwrapped
+        words = [f"{name}={weight}" for name, weight in zip(TERMS, weights, strict=True)]
+        robots = Made(f"--rewards {' '.join(words)}", folder / f"weights-{number}").residual.unwrapped
         robots.reset(seed=episode_seeds("training", 0, robots.num_envs).tolist())
         sums = dict.fromkeys(TERMS, 0.0)
         for step in range(100):
@@ -503,7 +466,7 @@ def test_resume_carries_the_run_on_that_is_in_the_folder(tmp_path: Path, capsys:
     assert steps_done(Made("", tmp_path).ran.folder) == STEPS
     again = Made(f"--resume --steps 16 --out {tmp_path / 'run'}", tmp_path)
     assert steps_done(again.ran.folder) == 16
-    assert f"carrying on at {STEPS} steps" in capsys.readouterr().out
+    assert f"continuing at {STEPS} steps" in capsys.readouterr().out
 
 
 def test_another_robot_is_trained_on_what_is_as_hard_for_it(tmp_path: Path) -> None:
@@ -541,7 +504,7 @@ def test_the_bundles_of_a_run_hold_its_settings(tmp_path: Path) -> None:
         assert described["training"] == to_dict(made.config)
 
 
-def test_all_episodes_and_no_advantage_begin_anew_where_a_segment_does(tmp_path: Path) -> None:
+def test_all_episodes_start_with_their_segment(tmp_path: Path) -> None:
     """Segments of two rollouts: each begins with the observations of its own seeds, as the begin of an episode."""
     made, twin, begins = Made("--max-episode-steps 4", tmp_path), Made("--max-episode-steps 4", tmp_path), []
 

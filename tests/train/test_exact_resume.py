@@ -20,17 +20,17 @@ from policies.network import Network
 from quad_env.physics.footsteps import Footsteps
 from train.__main__ import main
 from train.config import load_config
-from train.robots import segment_steps
 from train.run_folder import METRICS_FILE, steps_done
 from train.sb3 import callbacks, checkpoint
 from train.sb3.vec_env import TrainingVecEnv
+from train.training_robots import segment_steps
 
 OPTIONS = (
     "--threads 1 --max-episode-steps 14 --mixture flat 0.5 push=100 0.25 rough 0.25 --validation.interval 200 "
     "--ppo.hold 1 --ppo.envs 16 --ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 2 --ppo.actor 8 --ppo.critic 8 "
     "--ppo.learning-rate-schedule adaptive --ppo.target-kl 1e-3 --ppo.log-std-final -3 --steps 640 "
     "--ppo.learning-rate 1e-3 "
-    "--curriculum 0.4 --rewards.foot-slip -0.1 --rewards.foot-air-time 1 --rewards.foot-impact -0.1"
+    "--curriculum 0.4 --rewards foot-slip=-0.1 foot-air-time=1 foot-impact=-0.1"
 )
 ROLLOUT, SEGMENT, RUN = 8, 16, 40
 """Steps of each of the 16 robots."""
@@ -208,7 +208,7 @@ def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_s
     assert steps_done(folder) == done
     assert policies.load(folder / "last").network
     resume(folder)
-    assert f"carrying on at {done:,} steps" in capsys.readouterr().out
+    assert f"continuing at {done:,} steps" in capsys.readouterr().out
     assert bits(folder) == bits(longer)
 
 

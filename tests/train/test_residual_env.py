@@ -146,7 +146,7 @@ def test_a_policy_walks_as_it_did_while_it_was_trained_to_the_bit(base, foothold
     assert (np.abs(policy.shift).max(axis=0) > 0.01).tolist() == (shift > 0.0).tolist()
 
 
-def test_the_clock_starts_anew_for_finished_robots_and_ticks_once_for_the_others():
+def test_the_clock_restarts_for_finished_robots_and_ticks_once_for_the_others():
     """Robots that fall at times of their own; the phase is read off the features, one tick ahead of the walk."""
     env, _ = residual(4, authority=WILD, scenario="flat")
     ticks, restarts = np.zeros(4), 0

@@ -1,10 +1,9 @@
 """What happens between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
 
-SB3 calls `_on_rollout_start` once the update of the last rollout is done, which makes it the one place where learner
-and random generators can be written down together. The robots are not: a run is a chain of segments, each of which all
-robots begin with new episodes, and checkpoints stand between them; that of a Ctrl-C may stand within one. So a run that
-was stopped, wherever, and is carried on from its last checkpoint is the uninterrupted one, bit for bit, on the same
-machine with the same packages.
+SB3 calls `_on_rollout_start` after the update of the last rollout: the one place where learner and random generators
+can be saved together. The state of the robots is not saved: a run is a chain of segments, all robots start each with
+new episodes, and checkpoints lie between segments (after Ctrl-C within one, see `Segments`). A run that was stopped
+anywhere and resumed is the uninterrupted one, bit for bit, on the same machine with the same packages.
 """
 
 import time
@@ -25,27 +24,27 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig, decode, to_dict
 from train.curriculum import next_shares
-from train.display import Display
 from train.residual_env import FloatArray, ResidualVectorEnv
-from train.robots import TrainingRobots, make_batch, segment_steps, training_seeds
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
 from train.sb3 import checkpoint
+from train.sb3.display import Display
 from train.sb3.ppo import AdaptiveRate, actor_network
 from train.sb3.vec_env import TrainingVecEnv
+from train.training_robots import TrainingRobots, make_batch, segment_steps, training_seeds
 from train.validation import rank, score, success, validate
 
 
 @dataclass
 class CallbackState:
-    """What the callbacks carry from one session of a run to the next, as JSON types."""
+    """State of the callbacks from one session of a run to the next, as JSON types."""
 
     segments: int = 0
-    """How many were begun."""
+    """Number of segments that were started."""
     seconds: float = 0.0
     """Training time of earlier sessions, validation included, s."""
     best: tuple[float, float] | None = None
-    """Least rank of a validation; the bundle of that one is kept as the best."""
+    """Rank of the best validation, whose bundle is kept."""
     best_steps: int = 0
     """Steps at that validation."""
     validated: int = 0
@@ -59,7 +58,7 @@ class CallbackState:
 
     @classmethod
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
-        """The state that a checkpoint holds. Raises UsageError on what is none."""
+        """The state in a checkpoint. Raises UsageError where it is not one."""
         try:
             return cast(CallbackState, decode(cls, remembered))
         except (TypeError, ValueError, OverflowError) as error:
@@ -67,7 +66,7 @@ class CallbackState:
 
 
 class BetweenRollouts(BaseCallback):
-    """A callback that has nothing to do at single steps."""
+    """A callback that does nothing at single steps."""
 
     @property
     def _learner(self) -> PPO:
@@ -96,7 +95,7 @@ class RolloutFigures(BetweenRollouts):
 
 
 class Schedules(BetweenRollouts):
-    """Changes the learner's settings under way, noise and adaptive learning rate; a run without them is another run."""
+    """Changes exploration noise and adaptive learning rate between rollouts."""
 
     def __init__(self, config: TrainConfig, state: CallbackState) -> None:
         super().__init__()
@@ -121,12 +120,12 @@ class Schedules(BetweenRollouts):
 
 
 def current_policy(config: TrainConfig, model: PPO) -> ResidualPolicy:
-    """The actor as it would be shipped: on a fresh base, without exploration noise."""
-    return corrected_by(actor_network(model, config.ppo.activation), config, cast(TrainingVecEnv, model.get_env()))
+    """The policy of a bundle: the actor on a new base, without exploration noise."""
+    return corrected_by(actor_network(model), config, cast(TrainingVecEnv, model.get_env()))
 
 
 def corrected_by(network: Network, config: TrainConfig, robots: TrainingVecEnv) -> ResidualPolicy:
-    """A fresh base corrected by the network as the robots of the run are."""
+    """A new base, corrected by the network as in the run."""
     env = cast(ResidualVectorEnv, robots.env)
     base = policies.make(config.base, robot=env.base.robot, control_period=env.base.control_period)
     return ResidualPolicy(
@@ -135,10 +134,10 @@ def corrected_by(network: Network, config: TrainConfig, robots: TrainingVecEnv) 
 
 
 class Segments(BetweenRollouts):
-    """Has all robots begin new episodes where a segment does: the first rollout, and each as long as a segment later.
+    """Starts new episodes of all robots at the start of each segment.
 
-    The last of the callbacks, so that the others find the state between two segments. A segment that Ctrl-C cut short
-    is carried on: the robots first repeat its actions.
+    The last of the callbacks, so that the others see the state between two segments. A segment that Ctrl-C interrupted
+    is continued: the robots first repeat its actions.
     """
 
     def __init__(self, config: TrainConfig, state: CallbackState, actions: Sequence[FloatArray] = ()) -> None:
@@ -157,11 +156,11 @@ class Segments(BetweenRollouts):
         self._end = self.num_timesteps - len(actions) * env.num_envs + segment_steps(self._config)
         seeds = training_seeds(self._config, self._state.segments - 1)
         learner._last_obs, learner._last_episode_starts = env.repeat(seeds, actions)
-        cast(TrainingRobots, env.env.unwrapped).take_statistics()  # of rollouts that are told already
+        cast(TrainingRobots, env.env.unwrapped).take_statistics()  # of rollouts that were logged already
 
     @property
     def over(self) -> bool:
-        """Whether no segment is under way."""
+        """Whether the last segment is complete."""
         return self.num_timesteps >= self._end
 
     def _on_rollout_start(self) -> None:
@@ -174,7 +173,7 @@ class Segments(BetweenRollouts):
 
 
 class Curriculum(BetweenRollouts):
-    """Between two segments makes scenarios harder or milder, after what the robots kept to; before checkpoints."""
+    """Makes scenarios harder or milder between two segments, before the checkpoint."""
 
     def __init__(self, config: TrainConfig, state: CallbackState, segments: Segments, robots: TrainingRobots) -> None:
         super().__init__()
@@ -187,16 +186,16 @@ class Curriculum(BetweenRollouts):
 
     def _on_rollout_start(self) -> None:
         counted = self._robots.take_kept() if self._segments.over and self._config.curriculum < 1.0 else []
-        if not any(kept.judged for kept in counted):
+        if not any(kept.counted for kept in counted):
             return
         self._state.shares = next_shares(self._state.shares, counted)
         for batch, share, kept in zip(self._robots.batches, self._state.shares, counted, strict=True):
             self.logger.record(f"severity/{batch.scenario.name}", share)
-            self.logger.record(f"kept/{batch.scenario.name}", kept.kept / max(kept.judged, 1))
+            self.logger.record(f"kept/{batch.scenario.name}", kept.kept / max(kept.counted, 1))
         self._make()
 
     def _make(self) -> None:
-        """Put batches of the present severities in the place of others."""
+        """Replace the batches whose severity has changed."""
         for number, (made, share) in enumerate(zip(self._made, self._state.shares, strict=True)):
             if made != share:
                 self._robots.replace(number, make_batch(self._config, number, share))
@@ -204,7 +203,7 @@ class Curriculum(BetweenRollouts):
 
 
 class ValidateAndSave(BetweenRollouts):
-    """Validates, keeps the best and the last bundle, writes checkpoints, and ends the run when asked to."""
+    """Validates, saves the best and the last bundle, writes checkpoints, and ends the run after Ctrl-C."""
 
     def __init__(
         self, config: TrainConfig, display: Display, state: CallbackState, segments: Segments, interrupt: Interrupt
@@ -229,12 +228,12 @@ class ValidateAndSave(BetweenRollouts):
             self._end()
 
     def _end(self) -> None:
-        """Keep all that was done, and end."""
+        """Save everything, and end."""
         self._save(current_policy(self._config, self._learner), LAST)
         if not self._segments.over:
             self._keep(cast(TrainingVecEnv, self.model.get_env()).taken)
         again = self.num_timesteps - self._kept
-        kept = f"{again:,} steps since its checkpoint will be done again" if again else f"{self._kept:,} steps are kept"
+        kept = f"{again:,} steps since its checkpoint will be repeated" if again else f"{self._kept:,} steps are kept"
         raise KeyboardInterrupt(f"{kept}; the policy until now is {self._config.folder / LAST}")
 
     def _on_training_end(self) -> None:
@@ -244,9 +243,9 @@ class ValidateAndSave(BetweenRollouts):
         self._keep()
 
     def _validate(self) -> None:
-        """Judge the policy, and keep it if it is the best so far."""
+        """Validate the policy, and save it if it is the best so far."""
         policy, state = current_policy(self._config, self._learner), self._state
-        results = validate(policy, self._config.judged, self._config.threads, self._config.hardware)
+        results = validate(policy, self._config.complete_validation, self._config.threads, self._config.hardware)
         means = {"success": success(results), "score": score(results)}
         state.validated = self.num_timesteps
         state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
@@ -264,7 +263,7 @@ class ValidateAndSave(BetweenRollouts):
         self._display.note(_line(self.num_timesteps, results) + ("  best so far" if better else ""))
 
     def _log(self) -> None:
-        """Write the rollout's figures, and those of its update and validation, which SB3 would write one later."""
+        """Write the figures of the rollout, its update and validation; SB3 would write the latter one rollout later."""
         if self.logger.name_to_value:
             self.logger.record("time/seconds", self._seconds)
             self.logger.dump(self.num_timesteps)
@@ -277,7 +276,7 @@ class ValidateAndSave(BetweenRollouts):
         self._state.seconds = self._seconds
         if self.num_timesteps:  # no bundle before the first checkpoint: a folder without one holds nothing to lose
             self._save(current_policy(self._config, self._learner), LAST)
-        # The checkpoint last: what a killed run lacks is made again only by what comes after its checkpoint.
+        # The checkpoint last: a resumed run repeats only what follows its checkpoint.
         state = checkpoint.capture(self._learner, vars(self._state), actions)
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
         self._kept = self.num_timesteps
@@ -287,7 +286,7 @@ class ValidateAndSave(BetweenRollouts):
 
 
 def _line(steps: int, results: dict[str, dict[str, float]]) -> str:
-    """One line that says how a validation went."""
+    """One line on a validation."""
     cells = (
         f"{name} {means['success_rate']:.0%} succeed {means['velocity_error']:.3f} m/s "
         f"{means['yaw_rate_error']:.3f} rad/s {means['fall_rate']:.1%} fall"

@@ -1,10 +1,10 @@
 """Checkpoints of a run at a rollout boundary: safetensors for arrays, JSON for the rest, no pickle anywhere.
 
-Learner, schedules and random generators are restored exactly; the robots begin new episodes wherever a checkpoint is
-written, carried on from it or not. Only that of a Ctrl-C stands anywhere: it holds what the robots have done since they
-began, which they do again. A checkpoint is two files, STEPS.safetensors and then STEPS.json with the hash of
-the first: it exists once the second does, so that a run killed at any moment leaves the one before whole. The last two
-are kept.
+Learner, schedules and random generators are restored exactly. The robots start new episodes wherever a checkpoint is
+written, whether the run is stopped there or not; a checkpoint after Ctrl-C may lie within an episode, and holds the
+actions of the robots since their start, which are repeated. A checkpoint is two files, STEPS.safetensors and then
+STEPS.json with the hash of the first: it exists once the second does, so that a run killed at any moment leaves the one
+before complete. The last two are kept.
 """
 
 import hashlib
@@ -42,18 +42,18 @@ class Checkpoint:
     tensors: dict[str, torch.Tensor]
     """Weights, optimiser moments and random states, each under its prefix."""
     progress: dict[str, Any]
-    """JSON types: counters, random states, and under "remembered" what the callbacks carry over."""
+    """JSON types: counters, random states, and under "remembered" the state of the callbacks."""
     damaged: tuple[str, ...] = ()
     """Newer checkpoints that could not be read, one line each."""
 
     @property
     def actions(self) -> list[NDArray[np.float32]]:
-        """What the robots have done since they began, each (n, k); nothing where they begin."""
+        """The robots' actions since their start, each (n, k); empty where they start."""
         return list(self.tensors[_ACTIONS].numpy()) if _ACTIONS in self.tensors else []
 
 
 def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np.float32]] = ()) -> Checkpoint:
-    """The run's state now, with the robots' actions since they began; call it between an update and a rollout."""
+    """The run's state now, with the robots' actions since their start; call it between an update and a rollout."""
     tensors = {_POLICY + name: value for name, value in model.policy.state_dict().items()}
     for index, moments in model.policy.optimizer.state_dict()["state"].items():
         tensors |= {f"{_OPTIMISER}{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
@@ -102,7 +102,7 @@ def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torc
 
 
 def save(folder: Path, checkpoint: Checkpoint) -> None:
-    """Add a checkpoint to `folder` and forget all but the last two, and earlier ones that a Ctrl-C made."""
+    """Add a checkpoint to `folder`; remove all but the last two, and earlier ones after a Ctrl-C."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{checkpoint.progress['steps']:012d}"
     tensors = save_tensors(checkpoint.tensors)
@@ -125,7 +125,7 @@ def _is_under_way(record_path: Path) -> bool:
 
 
 def load(folder: Path) -> Checkpoint:
-    """The newest whole checkpoint of `folder`. Raises UsageError where there is none."""
+    """The newest complete checkpoint of `folder`. Raises UsageError where there is none."""
     problems: list[str] = []
     for record_path in sorted(folder.glob("*.json"), reverse=True):
         try:
@@ -133,8 +133,8 @@ def load(folder: Path) -> Checkpoint:
         except UsageError as error:
             problems.append(str(error))
     if not problems:
-        raise UsageError(f"no checkpoint in {folder} to carry on from: begin the run anew, without --resume")
-    raise UsageError(f"no whole checkpoint in {folder} ({problems[0]}); begin anew with another --out")
+        raise UsageError(f"no checkpoint in {folder} to continue from: start again without --resume")
+    raise UsageError(f"no complete checkpoint in {folder} ({problems[0]}); start again with another --out")
 
 
 def _read(record_path: Path) -> Checkpoint:
@@ -144,11 +144,11 @@ def _read(record_path: Path) -> Checkpoint:
     except (OSError, ValueError, RecursionError) as error:
         raise UsageError(f"{record_path.name} cannot be read: {error}") from None
     if not isinstance(record, dict) or record.pop("schema", None) != SCHEMA:
-        raise UsageError(f"{record_path.name} is no checkpoint of schema {SCHEMA}")
+        raise UsageError(f"{record_path.name} is not a checkpoint of schema {SCHEMA}")
     if record.pop("sha256", None) != hashlib.sha256(content).hexdigest():
         raise UsageError(f"{record_path.stem}.safetensors is damaged")
     if type(record.get("steps")) is not int or not isinstance(record.get("remembered"), dict):
-        raise UsageError(f"{record_path.name} does not say how far the run had come")
+        raise UsageError(f"{record_path.name} does not say how many steps the run had made")
     try:
         return Checkpoint(load_tensors(content), record)
     except SafetensorError as error:

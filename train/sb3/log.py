@@ -11,12 +11,13 @@ from typing import Any
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from torch.utils.tensorboard import SummaryWriter
 
+from quad_env.files.reading import LARGEST, read_bytes
+from quad_env.files.writing import write_atomically
 from train.run_folder import METRICS_FILE, TENSORBOARD
-from train.run_record import cut_metrics
 
 
 class _Events(TensorBoardOutputFormat):
-    """TensorBoard's events; those of an earlier session after so many steps are shown no more."""
+    """TensorBoard's events; those of an earlier session after so many steps are hidden."""
 
     def __init__(self, folder: Path, steps: int) -> None:
         self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
@@ -43,11 +44,22 @@ class _Metrics(KVWriter):
         self._file.close()
 
 
+def cut_metrics(folder: Path, steps: int) -> None:
+    """Remove the metrics after so many steps, which will be written again."""
+    path = folder / METRICS_FILE
+    kept = []
+    for line in read_bytes(path, LARGEST).splitlines(keepends=True) if path.exists() else ():
+        if not line.endswith(b"\n") or json.loads(line)["steps"] > steps:
+            break
+        kept.append(line)
+    write_atomically(path, b"".join(kept))
+
+
 @contextlib.contextmanager
 def run_logger(folder: Path, steps: int) -> Iterator[Logger]:
-    """The logger of a run that begins, or is carried on, after so many steps.
+    """The logger of a run that starts, or continues, after so many steps.
 
-    What TensorBoard's thread cannot write, such as to a full disk, is raised by the next write: it says nothing itself.
+    A failure of TensorBoard's thread, such as a full disk, is raised by the next write and not printed by the thread.
     """
 
     def report(failure: threading.ExceptHookArgs) -> None:

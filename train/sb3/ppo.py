@@ -13,10 +13,11 @@ from stable_baselines3.common.torch_layers import MlpExtractor
 from torch import nn
 
 from policies.network import Network
-from train.config import PpoConfig, TrainConfig
+from train.config import ACTIVATION, PpoConfig, TrainConfig
 from train.sb3.vec_env import TrainingVecEnv
 
-ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "elu": nn.ELU}
+REWARD_SCALE = 10.0
+"""Factor on the reward before the learner sees it: brings returns to about unit size for the value network."""
 
 
 @dataclasses.dataclass
@@ -56,14 +57,14 @@ class AsymmetricPolicy(ActorCriticPolicy):
 
 
 class FirstOf(nn.Module):
-    """The first so many numbers of a row."""
+    """The first `count` numbers of a row."""
 
     def __init__(self, count: int) -> None:
         super().__init__()
         self._count = count
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Rows (n, k) without what comes after."""
+        """The first columns of rows (n, k)."""
         return rows[:, : self._count]
 
 
@@ -95,13 +96,13 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
         n_epochs=ppo.epochs,
         gamma=ppo.gamma,
         gae_lambda=ppo.gae_lambda,
-        clip_range=ppo.clip_range,
+        clip_range=0.2,
         ent_coef=ppo.entropy,
-        vf_coef=ppo.value_weight,
-        max_grad_norm=ppo.max_gradient,
+        vf_coef=0.5,
+        max_grad_norm=1.0,
         policy_kwargs={
             "net_arch": {"pi": list(ppo.actor), "vf": list(ppo.critic)},
-            "activation_fn": ACTIVATIONS[ppo.activation],
+            "activation_fn": nn.ELU,
             "log_std_init": ppo.log_std_init,
             "ortho_init": True,
             "privileged": env.privileged,
@@ -115,14 +116,14 @@ def build(config: TrainConfig, env: TrainingVecEnv) -> PPO:
     return model
 
 
-def actor_network(model: PPO, activation: str) -> Network:
-    """The mean of the policy as the NumPy network that a bundle holds, which is shown observations as they are."""
+def actor_network(model: PPO) -> Network:
+    """The mean of the policy as the NumPy network that a bundle holds, without the privileged inputs."""
     actor = (*model.policy.mlp_extractor.policy_net, model.policy.action_net)
     layers = [layer for layer in actor if isinstance(layer, nn.Linear)]
     weights, biases = [layer.weight.detach() for layer in layers], [layer.bias.detach() for layer in layers]
-    return Network(tuple(_array(weight.T) for weight in weights), tuple(map(_array, biases)), activation)
+    return Network(tuple(_array(weight.T) for weight in weights), tuple(map(_array, biases)), ACTIVATION)
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:
-    # A copy: the learner goes on changing its own.
+    # A copy, since the learner changes its own.
     return np.ascontiguousarray(tensor.detach().cpu().numpy().astype(np.float32, copy=True))

@@ -1,4 +1,4 @@
-"""A Gymnasium vector environment as Stable-Baselines3 sees it."""
+"""A Gymnasium vector environment in the protocol of Stable-Baselines3."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,7 +18,7 @@ class TrainingVecEnv(VecEnv):
 
     Args:
         env: what is trained on.
-        seeds: one a robot; `reset` starts with them, every time, until `begin` gives others.
+        seeds: one for each robot; every `reset` uses them, until `begin` gives others.
         reward_scale: factor on the rewards that the learner gets.
         privileged: append what only the value network may see, `infos["privileged"]`, to the observations.
     """
@@ -39,7 +39,7 @@ class TrainingVecEnv(VecEnv):
         self._episode_seeds = seeds
         self._reward_scale = reward_scale
         self.taken: list[FloatArray] = []
-        """Actions since the robots began, each (n, k)."""
+        """Actions since the start of the robots, each (n, k)."""
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
 
     def reset(self) -> FloatArray:
@@ -54,7 +54,7 @@ class TrainingVecEnv(VecEnv):
         return self.reset()
 
     def repeat(self, seeds: Sequence[int], actions: Sequence[FloatArray]) -> tuple[FloatArray, BoolArray]:
-        """Begin with those seeds and take those actions; what is observed then, (n, m), and whose episode is new."""
+        """Start with those seeds and repeat those actions; the last observation, (n, m), and new episodes, (n,)."""
         observation, finished = self.begin(seeds), np.ones(self.num_envs, np.bool_)
         for each in actions:
             self.step_async(each)
@@ -97,9 +97,9 @@ class TrainingVecEnv(VecEnv):
         raise NotImplementedError("robots of a batch have no attributes of their own; make new ones instead")
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Refused: robots of a batch are no objects."""
-        raise NotImplementedError("robots of a batch are no objects; call the methods of `env`")
+        """Refused: robots of a batch are not objects."""
+        raise NotImplementedError("robots of a batch are not objects; call the methods of `env`")
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
-        """Never wrapped: single environments there are none."""
+        """False: there are no single environments."""
         return [False for _ in self._get_indices(indices)]

@@ -1,1 +1,1 @@
-"""Searches of parameters by CMA-ES: of the trot and those with feedback, the gaits, getting up."""
+"""Search of parameters by CMA-ES: one search, over a table of subjects."""

@@ -1,4 +1,4 @@
-"""The command map of a gait: fitted to what the robot answers, so that it achieves what it is commanded."""
+"""The command map of a gait: fitted to the robot's response, so that it achieves what it is commanded."""
 
 from dataclasses import replace
 from typing import TypeVar
@@ -10,7 +10,7 @@ from policies.gaits.parameters import GaitParameters
 from policies.trot.open_loop import TrotParameters
 
 WEAKEST_RESPONSE = 0.7
-"""Achieved per commanded velocity below which a candidate is billed; standing still must not pay."""
+"""Achieved per commanded velocity below which a candidate costs more, so that standing still does not win."""
 WEAKNESS_WEIGHT = 10.0
 
 G = TypeVar("G", TrotParameters, GaitParameters)
@@ -23,7 +23,7 @@ def response(command: Floats, velocity: Floats) -> Floats:
 
 
 def weakness(found: Floats) -> float:
-    """What a response (4, 3) is billed for velocities that are too small beside the commanded ones."""
+    """Cost of a response (4, 3) whose velocities are too small compared with the commanded ones."""
     return WEAKNESS_WEIGHT * float(np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0.0, None).sum())
 
 

@@ -1,172 +1,188 @@
-"""Search of a policy that feels for success: `python -m train search feedback [--policy trot_integral]`.
+"""Policies with feedback, searched for success on many scenarios; an outcome is adopted only where it is better.
 
-CMA-ES over the gait and the gains, from those in force; the outcome and the account of the search go beside the policy,
-and so does every trial, as soon as its generation is judged.
-A generation's candidates walk the same episodes side by side, and every generation gets new ones, all from the "search"
-family of seeds. The outcome is adopted only where it is better than those in force on episodes of the "validation"
-family. With the defaults it takes 26 minutes of processor time, for mpc_wbc thrice as much. After Ctrl-C what has been
-found so far stands in a file that ends in .unjudged.json, and another search can go on from it.
+The outcome is compared with the parameters in force on the same episodes of the "validation" family, which the search
+has not seen.
 """
 
-import json
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from rich.progress import track
 
-from evaluate.measures.tracking import SETTLING_TIME
-from policies.base import CONTROL_PERIOD, Floats, Policy
+from evaluate.measures.metrics import Measures, measure
+from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
+from evaluate.measures.tracking import VELOCITY_CAP
+from evaluate.rollouts.rollout import STEPS, run_each
+from evaluate.statistics.significance import sign_flip_test
+from policies.base import Floats, Policy
 from policies.mpc import parameters as mpc_parameters
-from policies.parameters import Parameters, number
+from policies.parameters import Parameters
 from policies.residual_bases import BASES
 from policies.trot import feedback_parameters, integral
 from quad_env.seeding import episode_seeds
-from train.search.evolution import EpisodeEffort, Ranges, changes, evolve, judged, last
-from train.search.feedback_comparison import Comparison, compared, moved
-from train.search.feedback_cost import EXERCISES, WORDS, judge
-from train.search.outcome import as_json, check, save
+from train.scenarios import Purpose, practice
+from train.search.account import changes, method, results
+from train.search.files import as_json
+from train.search.panel import Panel
+from train.search.subject import Effort, Options, Outcome, Ranges, Seeds, Subject, generations, unit_cube
 from train.setting_ranges import check_scenarios
 
-UNJUDGED = ".unjudged.json"
-"""Ending of the file that keeps parameters which have not been judged."""
-TRIALS = ".trials.jsonl"
-"""Ending of the file of all trials: a line a generation, with the mean of the distribution after it."""
-SHORTEST = round(SETTLING_TIME / CONTROL_PERIOD) + 1
-"""Shortest episode, control steps: what is settling only is not judged."""
+EXERCISES = (
+    *("flat=1.5", "flat=3", "push=35", "push=65", "rough=0.12", "rough=0.24", "slope=15", "slope=25", "stairs=0.1"),
+    *("soft=0.02", "slippery=0.1", "force=60", "payload=20", "weak_motors=20", "slow_motors=5", "slow_motors=2"),
+    *("latency=0.02", "latency=0.04", "latency=0.08", "noise=0.8", "surprise=1"),
+)
+"""Scenarios of the search, all of one weight: from where a trot succeeds to where it seldom does."""
+OUTCOME_COSTS = dict(zip(OUTCOMES, (0.0, 1.0, 1.5, 2.0, 2.0, 2.0), strict=True))
+"""Cost of an episode's outcome; the graded costs on top add up to less than the step to the next one."""
+DEVIATION_COST, ERROR_COST, OVERSPEED_COST = 0.25, 0.15, 0.1
+"""Largest graded cost: of the worst command interval, the velocity error, and the share of joint readings above the
+rated speed, without which a search finds gaits that no motor could move."""
+LARGEST_DEVIATION = 4.0
+"""Deviation from the command, per allowed deviation, at which its cost is largest."""
+LARGEST_OVERSPEED = 0.1
+"""Share of joint readings above the rated speed at which their cost is largest."""
+WORDS = (
+    "Cost of an episode: "
+    + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
+    + f", and on top of that up to {DEVIATION_COST:g} for the worst command interval, as a share of "
+    f"{LARGEST_DEVIATION:g} times what is allowed, {ERROR_COST:g} for the velocity error, as a share of "
+    f"{VELOCITY_CAP:g} m/s, and {OVERSPEED_COST:g} for overspeed, as a share of {LARGEST_OVERSPEED:g}."
+)
+"""The cost in words."""
+SIGNIFICANT = 0.05
+"""Largest p-value with which a smaller cost counts as smaller."""
+ADOPTED, KEPT = "The outcome is adopted.", "Those in force are kept: the outcome is not better."
+AT_ONCE = 7
+"""Scenarios simulated at once: the more, the faster, and the more memory their records take."""
 
 
 @dataclass(frozen=True)
-class Subject:
-    """A policy that is searched."""
+class Searched:
+    """A policy that can be searched."""
 
     read: Callable[[Path], Parameters]
     """Its parameters from a file. Raises PolicyError."""
     file: Path
-    """Where they stand that are in force, JSON."""
+    """Those in force, JSON."""
     ranges: Ranges
 
     @property
     def account(self) -> str:
-        """Name of the account of a search, beside its outcome."""
+        """Name of the account of a search."""
         return f"{self.file.stem.upper()}.md"
 
 
-SUBJECTS = {
-    "mpc_wbc": Subject(mpc_parameters.read_parameters, mpc_parameters.PARAMETERS_FILE, mpc_parameters.SEARCH_RANGES),
-    "trot_feedback": Subject(
+POLICIES = {
+    "mpc_wbc": Searched(mpc_parameters.read_parameters, mpc_parameters.PARAMETERS_FILE, mpc_parameters.SEARCH_RANGES),
+    "trot_feedback": Searched(
         feedback_parameters.read_parameters, feedback_parameters.PARAMETERS_FILE, feedback_parameters.SEARCH_RANGES
     ),
-    "trot_integral": Subject(integral.read_parameters, integral.PARAMETERS_FILE, integral.SEARCH_RANGES),
+    "trot_integral": Searched(integral.read_parameters, integral.PARAMETERS_FILE, integral.SEARCH_RANGES),
 }
-"""By name of the policy."""
+
+
+def subject(options: Options, effort: Effort) -> Subject[Parameters]:
+    """The search of a policy with feedback, from the parameters in force or given."""
+    name, exercises = options.policy or "trot_feedback", options.exercises or EXERCISES
+    searched = POLICIES[name]
+    check_scenarios("--exercises", exercises)
+    start, in_force = (searched.read(path) for path in (options.start or searched.file, searched.file))
+
+    def made(parameters: Sequence[Parameters]) -> list[Policy]:
+        return [BASES[name].make(parameters=each) for each in parameters]
+
+    def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
+        return candidate_costs(made(candidates), exercises, seeds, effort.steps, options.threads)
+
+    def conclude(after: Parameters) -> Outcome:
+        seeds = episode_seeds("validation", options.seed, effort.check_episodes)
+        old, new = made((in_force, after))
+        found = compared(old, new, exercises, seeds, options.threads)
+        lines = [f"# The parameters of {name}", "", method(options, effort, ", ".join(exercises)), WORDS, ""]
+        lines += [found.verdict, "", *changes(in_force, after, searched.ranges), "", *results(found.walks)]
+        return Outcome(as_json(after if found.better else in_force), "\n".join(lines) + "\n")
+
+    space = unit_cube(start, searched.ranges, costs, generations(options.seed, effort), digits=4, apart=True)
+    return Subject(start, searched.file, conclude, space, searched.account)
+
+
+def episode_costs(measures: Measures) -> Floats:
+    """Cost of each episode, (episodes,): of its outcome, and of how far it was from a better one."""
+    outcome = np.array([OUTCOME_COSTS[each] for each in measures.outcome])
+    deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
+    # An interval that was not completed has the largest cost.
+    worst = np.minimum(np.nan_to_num(deviation, nan=np.inf), LARGEST_DEVIATION).max(axis=1) / LARGEST_DEVIATION
+    overspeed = np.minimum(np.nan_to_num(measures.overspeed, nan=1.0) / LARGEST_OVERSPEED, 1.0)
+    error = measures.velocity_error / VELOCITY_CAP
+    graded: Floats = DEVIATION_COST * worst + ERROR_COST * error + OVERSPEED_COST * overspeed
+    return outcome + graded
+
+
+def candidate_costs(
+    candidates: Sequence[Policy], exercises: Sequence[str], seeds: Seeds, steps: int, threads: int
+) -> Floats:
+    """Mean cost of each candidate over the scenarios and seeds, (candidates,)."""
+    costs = [episode_costs(measures) for measures in walked(candidates, exercises, seeds, "search", steps, threads)]
+    mean: Floats = np.reshape(costs, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))
+    return mean
+
+
+def walked(
+    members: Sequence[Policy],
+    exercises: Sequence[str],
+    seeds: Seeds,
+    purpose: Purpose,
+    steps: int = STEPS,
+    threads: int = 1,
+) -> list[Measures]:
+    """Measures of episodes from those seeds on each scenario, on ground of that purpose, member after member."""
+    panel, scenarios = Panel(members, len(exercises)), [practice(each, purpose) for each in exercises]
+    every_seed = np.tile(seeds, len(members))
+    return [measure(each) for each in run_each(panel, scenarios, every_seed, nthread=threads, steps=steps)]
 
 
 @dataclass(frozen=True)
-class Options(EpisodeEffort):
-    """Search the gait and the gains of a policy that feels: 26 minutes of processor time, for mpc_wbc thrice that."""
+class Comparison:
+    """Parameters in force and the outcome of a search, on the same episodes of validation seeds and ground."""
 
-    policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] = "trot_feedback"
-    """Whose parameters are searched."""
-    generations: int = number(22, limits=(1, 10_000))
-    """Rounds of the search."""
-    candidates: int = number(16, limits=(4, 1000))
-    """Parameter sets tried in a round."""
-    exercises: tuple[str, ...] = EXERCISES
-    """Scenarios on which candidates and the outcome are judged, all of one weight, such as flat push=42."""
-    episodes: int = number(1, limits=(1, 10_000))
-    """Episodes a candidate and exercise."""
-    steps: int = number(500, limits=(SHORTEST, 100_000))
-    """Length of an episode, control steps of 10 ms: by default a single command."""
-    spread: float = number(0.15, limits=(1e-6, 0.5))
-    """First standard deviation of a parameter, as a share of its range."""
-    check_episodes: int = number(32, limits=(1, 10_000))
-    """Full episodes an exercise, of validation seeds, on which the outcome is judged beside those in force."""
-    start: Path | None = None
-    """Parameters to start from, JSON; by default those in force."""
-    out: Path | None = None
-    """Where the parameters go, JSON; the account of the search goes beside it. By default beside the policy's code."""
+    walks: tuple[tuple[str, str, Measures], ...]
+    """Scenario, `before` for those in force or `after` for the outcome, and the measures of its episodes."""
+    differences: Floats
+    """Cost of the outcome less that of those in force, mean over the scenarios, of each seed, (seeds,)."""
 
     @property
-    def subject(self) -> Subject:
-        """What is searched."""
-        return SUBJECTS[self.policy]
+    def p_value(self) -> float:
+        """p-value of the mean difference, two-sided, by flips of its signs."""
+        return sign_flip_test(self.differences)
 
     @property
-    def command(self) -> str:
-        """The command that repeats the search."""
+    def better(self) -> bool:
+        """Whether the outcome costs significantly less."""
+        return bool(self.differences.mean() < 0.0) and self.p_value <= SIGNIFICANT
+
+    @property
+    def verdict(self) -> str:
+        """The decision and its reason, in words."""
+        difference = float(self.differences.mean())
         return (
-            f"python -m train search feedback --policy {self.policy} --seed {self.seed} "
-            f"--generations {self.generations} --candidates {self.candidates} --episodes {self.episodes} "
-            f"--steps {self.steps} --spread {self.spread:g} --check-episodes {self.check_episodes}"
-            + (f" --exercises {' '.join(self.exercises)}" if self.exercises != EXERCISES else "")
-            + (f" --start {self.start}" if self.start else "")
+            f"**{ADOPTED if self.better else KEPT}** On {len(self.differences)} validation seeds, 10 s a scenario, "
+            f"an episode of the outcome costs {abs(difference):.3g} {'less' if difference < 0.0 else 'more'} than one "
+            f"of those in force, p = {self.p_value:.2g}; it is adopted where it costs less with p of at most "
+            f"{SIGNIFICANT:g}."
         )
 
-    def made(self, parameters: Sequence[Parameters]) -> list[Policy]:
-        """The policy with each of those parameters."""
-        return [BASES[self.policy].make(parameters=each) for each in parameters]
 
-
-def search(options: Options, start: Parameters, trials: Path) -> Iterator[Parameters]:
-    """The mean of the search distribution after each generation, to four digits; `trials` gets all that was tried."""
-    ranges, lines, tried = options.subject.ranges, list[str](), list[dict[str, float]]()
-
-    def costs(candidates: list[Parameters], seeds: NDArray[np.int64]) -> Floats:
-        found = judge(options.made(candidates), options.exercises, seeds, options.steps, options.batch_threads)
-        searched = ({name: getattr(each, name) for name in ranges} for each in candidates)
-        tried[:] = [{"cost": float(cost)} | each for cost, each in zip(found, searched, strict=True)]
-        return found
-
-    # Far too few are tried to learn how all these parameters go together: each has a spread of its own.
-    for mean in evolve(options, start, ranges, costs, spread=options.spread, digits=4, CMA_diagonal=True):
-        lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": asdict(mean)}))
-        save(trials, "\n".join(lines) + "\n")
-        yield mean
-
-
-def account(options: Options, before: Parameters, after: Parameters, found: Comparison) -> str:
-    """What the search found, what it is worth on fresh episodes and what follows from that, as Markdown."""
-    ranges = options.subject.ranges
-    lines = [
-        f"# The parameters of {options.policy}",
-        "",
-        f"Written by `{options.command}`: CMA-ES, {options.generations} generations of {options.candidates} "
-        f"candidates, {options.episodes} episodes of {options.steps * CONTROL_PERIOD:g} s a candidate on each of "
-        f"{', '.join(options.exercises)}.",
-        WORDS,
-        "",
-        found.verdict,
-        moved(before, after, ranges),
-        "",
-        *changes(before, after, ranges),
-        "",
-        *judged("exercise", found.walks),
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def main(options: Options) -> int:
-    """Search, judge, write; the exit code. Raises UsageError; KeyboardInterrupt, after what was found is kept aside."""
-    subject = options.subject
-    out = options.out or subject.file
-    check(options, out, subject.account)
-    check_scenarios("--exercises", options.exercises)
-    start, in_force = (subject.read(path) for path in (options.start or subject.file, subject.file))
-    aside = out.with_suffix(UNJUDGED)
-    trials = out.with_suffix(TRIALS)
-    outcome = last(search(options, start, trials), lambda parameters: save(aside, as_json(parameters)))
-    seeds = episode_seeds("validation", options.seed, options.check_episodes)
-    before, after = options.made((in_force, outcome))
-    try:
-        found = compared(before, after, options.exercises, seeds, options.threads)
-    except KeyboardInterrupt:
-        save(aside, as_json(outcome))
-        raise KeyboardInterrupt("kept what was found, not judged") from None
-    try:
-        save(out, as_json(outcome if found.better else in_force))
-    finally:
-        save(out.with_name(subject.account), account(options, in_force, outcome, found), show=True)
-    return 0
+def compared(in_force: Policy, outcome: Policy, exercises: Sequence[str], seeds: Seeds, threads: int) -> Comparison:
+    """The comparison on full episodes of those seeds, on ground of the validation."""
+    walks: list[tuple[str, str, Measures]] = []
+    differences = np.zeros(len(seeds))
+    groups = [exercises[first : first + AT_ONCE] for first in range(0, len(exercises), AT_ONCE)]
+    for group in track(groups, description="comparison"):
+        before, after = (walked([each], group, seeds, "validation", threads=threads) for each in (in_force, outcome))
+        for exercise, old, new in zip(group, before, after, strict=True):
+            walks += [(exercise, "before", old), (exercise, "after", new)]
+            differences += episode_costs(new) - episode_costs(old)
+    return Comparison(tuple(walks), differences / len(exercises))

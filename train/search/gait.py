@@ -1,25 +1,21 @@
-"""Search of a gait's numbers: `python -m train search gait --gait bound` writes its part of policies/gaits/gaits.json.
-
-CMA-ES over the gait's ranges, from the numbers in force. A generation's candidates walk the same episodes side by side,
-and every generation gets new ones, all from the "search" family of seeds, which neither training nor evaluation draws.
-"""
+"""One of the gaits: the cost of its footfalls, motion and tracking, and the fit of its command map."""
 
 import json
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import asdict, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import track
 
-from policies.gaits.parameters import OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
-from policies.parameters import number
+from evaluate.rollouts.observers import Step
+from evaluate.rollouts.strides import Strides, walked
+from policies.base import Floats
+from policies.gaits.parameters import NO_LIMITS, OFFSETS, PARAMETERS_FILE, GaitParameters, searched_parameters
+from policies.gaits.policy import Gaits
 from quad_env.cli.command_line import UsageError
 from quad_env.seeding import episode_seeds
-from train.search.command_map import response, undone
-from train.search.evolution import EpisodeEffort, Ranges, evolve, rounded
-from train.search.gait_cost import FEWEST, SETTLING, commands, cost, shared_walk
-from train.search.outcome import as_json, check, save
+from train.search.command_map import response, undone, weakness
+from train.search.files import as_json
+from train.search.subject import Effort, Options, Outcome, Ranges, Seeds, Subject, generations, rounded, unit_cube
 
 _COMMON = {
     "frequency": (2.0, 3.6),
@@ -48,66 +44,111 @@ RANGES: dict[str, Ranges] = {
     "pronk": _COMMON | {"frequency": (1.8, 3.2), "duty": (0.45, 0.65), "bounce": (0.3, 1.4)},
 }
 """Bounds of each gait's search by field name."""
+TOP_SPEED = {"walk": 0.4}
+"""Fastest forward command of the search, m/s, by gait; OTHER_TOP_SPEED for those not named."""
+OTHER_TOP_SPEED = 0.8
+SETTLING = 150
+"""Control steps left out at the start of an episode."""
+DUTY_SCALE, OFFSET_SCALE = 0.05, 0.05
+"""What counts as one unit of the worst foot's error of duty factor and of phase, cycles."""
+TILT_SCALE = 0.24
+"""What counts as one unit of the largest tilt, rad."""
+TARGET_RATE_SCALE = 15.0
+"""What counts as one unit of the fastest target, rad/s."""
+OVERSPEED_SCALE = 0.03
+"""What counts as one unit of the share of joint readings above the rated speed."""
+VELOCITY_SCALES = np.array([0.05, 0.05, 0.1])
+"""What counts as one unit of the difference between mean velocity and linear response, m/s, m/s, rad/s."""
+LARGEST_UNITS = 6.0
+"""Largest cost of one error of an episode."""
+FALL_COST = 40.0
+FEWEST = 8
+"""Episodes without a fall that a response can be fitted to."""
 MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
-MAP_EPISODES = 64
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options(EpisodeEffort):
-    """Search a gait's numbers."""
+def subject(options: Options, effort: Effort) -> Subject[GaitParameters]:
+    """The search of a gait; the outcome is its part of the file of all gaits. Raises UsageError without a gait."""
+    if options.gait is None:
+        raise UsageError(f"--gait must be one of {', '.join(OFFSETS)}")
+    gait, start = options.gait, searched_parameters()[options.gait]
 
-    gait: str
-    """Gait to search: bound, pace, pronk, trot or walk."""
-    generations: int = number(20, limits=(0, 10_000))
-    """Rounds of the search; 0 fits the command map alone."""
-    spread: float = number(0.15, limits=(0.001, 0.5))
-    """Standard deviation of the first candidates, in widths of the ranges."""
-    candidates: int = number(10, limits=(4, 1000))
-    """Parameter sets tried in a round."""
-    episodes: int = number(10, limits=(FEWEST, 10_000))
-    """Episodes a candidate."""
-    steps: int = number(400, limits=(SETTLING + 100, 100_000))
-    """Length of an episode, control steps of 10 ms."""
-    out: Path = PARAMETERS_FILE
-    """File of all gaits' parameters, JSON, in which this gait's are replaced."""
-
-
-def search(options: Options, start: GaitParameters) -> GaitParameters:
-    """The mean of the search distribution after the last generation."""
-
-    def costs(candidates: list[GaitParameters], seeds: NDArray[np.int64]) -> list[float]:
-        command = commands(options.gait, options.episodes, np.random.default_rng(seeds))
-        walks = shared_walk(options.gait, candidates, command, seeds, options.steps, options.batch_threads)
+    def costs(candidates: list[GaitParameters], seeds: Seeds) -> list[float]:
+        command = commands(gait, len(seeds), np.random.default_rng(seeds))
+        walks = shared_walk(gait, candidates, command, seeds, effort.steps, options.threads)
         return [cost(walk, command) for walk in walks]
 
-    ranges = RANGES[options.gait]
-    *_, found = evolve(options, start, ranges, costs, spread=options.spread, description=options.gait)
-    return found
+    def conclude(found: GaitParameters) -> Outcome:
+        after = fitted(gait, found, options, effort)
+        gaits = searched_parameters() | {gait: after}
+        text = json.dumps({name: asdict(gaits[name]) for name in sorted(OFFSETS)}, indent=2) + "\n"
+        return Outcome(text, as_json(after))
+
+    space = unit_cube(start, RANGES[gait], costs, generations(options.seed, effort))
+    return Subject(start, PARAMETERS_FILE, conclude, space)
 
 
-def fitted(options: Options, found: GaitParameters) -> GaitParameters:
+def fitted(gait: str, found: GaitParameters, options: Options, effort: Effort) -> GaitParameters:
     """The parameters with a command map fitted on fresh episodes, to four digits."""
-    rng = np.random.default_rng((1, options.seed))
+    rng, count = np.random.default_rng((1, options.seed)), effort.check_episodes
     for done in track(range(MAP_ROUNDS), description="command map"):
-        command = commands(options.gait, MAP_EPISODES, rng)
-        seeds = episode_seeds("search", options.seed + 1_000_000 + done, MAP_EPISODES)
-        (walk,) = shared_walk(options.gait, [found], command, seeds, 2 * options.steps, options.threads)
+        command = commands(gait, count, rng)
+        seeds = episode_seeds("search", options.seed + 1_000_000 + done, count)
+        (walk,) = shared_walk(gait, [found], command, seeds, 2 * effort.steps, options.threads)
         upright = ~walk.fell
         if upright.sum() < FEWEST:
-            raise UsageError(f"the {options.gait} falls: {int(walk.fell.sum())} of {MAP_EPISODES}; search on")
+            raise UsageError(f"the {gait} falls in {int(walk.fell.sum())} of {count} episodes; search on")
         found = undone(found, response(command[upright], walk.heading_velocity.mean(axis=0)[upright]))
     return rounded(found)
 
 
-def main(options: Options) -> int:
-    """Search and write; the exit code. Raises UsageError."""
-    if options.gait not in OFFSETS:
-        raise UsageError(f"--gait must be one of {', '.join(OFFSETS)}, got {options.gait}")
-    check(options, options.out)
-    start = searched_parameters()[options.gait]
-    found = fitted(options, search(options, start) if options.generations else start)
-    gaits = searched_parameters() | {options.gait: found}
-    save(options.out, json.dumps({name: asdict(gaits[name]) for name in sorted(OFFSETS)}, indent=2) + "\n")
-    print(as_json(found), end="")
-    return 0
+def commands(gait: str, count: int, rng: np.random.Generator) -> Floats:
+    """Commands of `count` episodes, (count, 3): half straight forward, half anywhere in the gait's range."""
+    top = TOP_SPEED.get(gait, OTHER_TOP_SPEED)
+    straight = count // 2
+    drawn: Floats = rng.uniform([-0.3 * top, -0.3, -0.6], [top, 0.3, 0.6], (count, 3))
+    drawn[:straight] = 0.0
+    drawn[:straight, 0] = top * np.linspace(0.3, 1.0, straight)
+    return drawn
+
+
+def shared_walk(
+    gait: str, candidates: list[GaitParameters], command: Floats, seeds: Seeds, steps: int, threads: int
+) -> list[Strides]:
+    """Each candidate's strides on the same episodes, commands (n, 3) and seeds (n,), after they have settled.
+
+    Limits of commands are off: the response is to the commands as given. All start in the stance of the gait in force.
+    """
+    members, unlimited = len(candidates), [replace(candidate, **NO_LIMITS) for candidate in candidates]
+    member = np.repeat(np.arange(members), len(seeds))
+
+    policy = Gaits(gait, parameters=dict.fromkeys(("stand", gait), searched_parameters()[gait]))
+
+    def start(step: Step) -> None:
+        if step.number == 0:
+            for number, candidate in enumerate(unlimited):
+                policy.request(gait, member == number, parameters=candidate)
+
+    commands, every_seed = np.tile(command, (members, 1)), np.tile(seeds, members)
+    found = walked(policy, commands, every_seed, start, steps=steps, nthread=threads).since(SETTLING)
+    return [found.of(member == number) for number in range(members)]
+
+
+def cost(strides: Strides, command: Floats) -> float:
+    """Mean of the scaled errors over the episodes, plus the cost of a weak response to the commands (n, 3)."""
+    units = (
+        np.minimum(np.abs(strides.duty_errors()).max(axis=1) / DUTY_SCALE, LARGEST_UNITS)
+        + np.minimum(np.nan_to_num(np.abs(strides.offset_errors()).max(axis=1), nan=1.0) / OFFSET_SCALE, LARGEST_UNITS)
+        + np.minimum(strides.tilt.max(axis=0) / TILT_SCALE, LARGEST_UNITS)
+        + strides.target_rate / TARGET_RATE_SCALE
+        + strides.overspeed.mean(axis=0) / OVERSPEED_SCALE
+    )
+    total = float(np.where(strides.fell, FALL_COST, units).mean())
+    upright = ~strides.fell
+    if upright.sum() < FEWEST:
+        return total + FALL_COST
+    velocity = strides.heading_velocity.mean(axis=0)
+    found = response(command[upright], velocity[upright])
+    off = np.abs(velocity[upright] - command[upright] @ found[:3] - found[3]).mean(axis=0)
+    return total + float((off / VELOCITY_SCALES).sum() + weakness(found))

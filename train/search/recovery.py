@@ -1,31 +1,24 @@
-"""Search of the poses and times of getting up: `python -m train search recovery` writes recovery.json of the behaviour.
+"""Getting up: poses and times of the recovery, by the time until robots stand after random starts."""
 
-CMA-ES from the present parameters. A generation's candidates start in the same random poses side by side in one batch,
-and every generation gets new ones, all of the "search" family of seeds.
-"""
-
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evaluate.rollouts.getting_up import TIME_ALLOWED, recover_with
 from policies.base import Floats
 from policies.behaviour import Behaviour
 from policies.behaviour.recovery import PARAMETERS_FILE, RecoveryParameters, searched_parameters
 from policies.behaviour.transitions import State
-from policies.parameters import number
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from train.search.evolution import Effort, last, minimise
-from train.search.outcome import as_json, check, save
-from train.search.trot_cost import Panel
+from train.search.files import as_json
+from train.search.panel import Panel
+from train.search.subject import Effort, Options, Outcome, Seeds, Space, Subject
 
 LATE_COST = 2.0
-"""What a robot that does not stand in time costs, in seconds of standing up late."""
+"""Added to the time of a robot that does not stand in time, s."""
 TIMES = (0.05, 1.5)
 """Bounds of every blend and time, s; searched as their logarithms."""
 THRESHOLDS = {
@@ -37,44 +30,20 @@ THRESHOLDS = {
 }
 
 
-@dataclass(frozen=True)
-class Options(Effort):
-    """Search the recovery's parameters."""
+def subject(options: Options, effort: Effort) -> Subject[RecoveryParameters]:
+    """The search of the recovery, from the parameters in force."""
+    start, (low, high) = searched_parameters(), bounds()
+    first = 10_000 * (options.seed + 1)
+    seeds = [episode_seeds("search", first + number, effort.episodes) for number in range(effort.generations)]
 
-    generations: int = number(30, limits=(1, 10_000))
-    """Rounds of the search."""
-    candidates: int = number(24, limits=(4, 1000))
-    """Parameter sets tried in a round."""
-    starts: int = number(12, limits=(1, 10_000))
-    """Random starts of each candidate in a round."""
-    step: float = number(0.07, limits=(1e-6, 1.0))
-    """First step size, rad and likewise in the other units."""
-    out: Path = PARAMETERS_FILE
-    """JSON to write."""
+    def costs(candidates: list[RecoveryParameters], seeds: Seeds) -> Floats:
+        return candidate_costs(candidates, seeds, options.threads)
+
+    space = Space(np.clip(encoded(start), low, high), low, high, decoded, costs, seeds, apart=True)
+    return Subject(start, PARAMETERS_FILE, lambda found: Outcome(as_json(found)), space)
 
 
-def main(options: Options) -> int:
-    """Search and write; the exit code. Raises UsageError; KeyboardInterrupt, after what was found is kept."""
-    check(options, options.out)
-    save(options.out, as_json(last(search(options), lambda parameters: save(options.out, as_json(parameters)))))
-    print(options.out)
-    return 0
-
-
-def search(options: Options) -> Iterator[RecoveryParameters]:
-    """The mean of the search distribution after each generation."""
-
-    def costs(points: list[Floats], generation: int) -> Floats:
-        seeds = episode_seeds("search", 10_000 * (options.seed + 1) + generation, options.starts)
-        return judge([decoded(point) for point in points], seeds, options.batch_threads)
-
-    low, high = bounds()
-    start = np.clip(encoded(searched_parameters()), low, high)
-    for mean in minimise(options, start, (low, high), costs, spread=options.step, CMA_diagonal=True):
-        yield decoded(np.clip(mean, low, high))
-
-
-def judge(candidates: list[RecoveryParameters], seeds: NDArray[np.int64], threads: int) -> Floats:
+def candidate_costs(candidates: list[RecoveryParameters], seeds: Seeds, threads: int) -> Floats:
     """Mean cost of each candidate, (candidates,): s until it stands, and more if that is late."""
     members = [Behaviour(start=State.RECOVER, follow=False, recovery=each) for each in candidates]
     outcome = recover_with(Panel(members), np.tile(seeds, len(candidates)), threads)

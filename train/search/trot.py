@@ -1,123 +1,179 @@
-"""Search of the trot's parameters: `python -m train search trot` writes trot.json and TROT.md in policies/trot, for
-another robot in the robot's own folder, beginning with SimpleQuad's by dynamic similarity.
+"""The open-loop trot: its cost, the fit of its command map, and the account of its search."""
 
-CMA-ES over `policies.trot.open_loop.SEARCH_RANGES`. A generation's candidates walk the same episodes side by side,
-and every generation gets new ones, all from the "search" family of seeds, which neither training nor evaluation draws.
-"""
-
-from dataclasses import dataclass
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import track
 
-from evaluate.measures.tracking import SETTLING_TIME
+from evaluate.measures.metrics import Measures, measure
 from evaluate.rollouts.hardware import IDEAL, Hardware, hardware_of
-from policies.base import CONTROL_PERIOD, Floats
-from policies.parameters import number, scaled_parameters, scaled_ranges
-from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, TrotParameters, searched_parameters
+from evaluate.rollouts.rollout import run
+from policies.base import Floats
+from policies.parameters import scaled_parameters, scaled_ranges
+from policies.shipped import folder_of
+from policies.trot.open_loop import PARAMETERS_FILE, SEARCH_RANGES, Trot, TrotParameters, searched_parameters
+from quad_env.cli.command_line import UsageError
+from quad_env.files.writing import make_writable_folder
+from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from train.search.evolution import EpisodeEffort, Ranges, changes, evolve, judged, rounded
-from train.search.outcome import as_json, check, own_folder, save
-from train.search.trot_cost import MINIMUM_INTERVALS, SCENARIO_WEIGHTS, judge, mapped, method, walked
+from train.scenarios import practice
+from train.search.account import changes, method, results
+from train.search.command_map import response, undone, weakness
+from train.search.files import as_json
+from train.search.panel import Panel
+from train.search.subject import Effort, Options, Outcome, Seeds, Subject, generations, rounded, unit_cube
 
+SCENARIO_WEIGHTS = {"flat": 0.5, "push": 0.25, "rough": 0.25}
+ERROR_SCALES = {"velocity_error": 0.2, "mean_velocity_error": 0.12, "yaw_rate_error": 0.35, "overspeed": 0.02}
+"""What counts as one unit of each error, m/s, m/s, rad/s, and of the share of joint readings above the rated speed.
+
+Without the last the search finds gaits that no motor could move: steps of 5 Hz in a deep crouch."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
-SPREAD = 0.15
-"""First standard deviation of a parameter, as a share of its range."""
+WEAKEST_MAPPED = 0.1
+"""Achieved per commanded velocity below which a response is not undone: the map would ask for leaps."""
+MINIMUM_INTERVALS = 8
+"""Command intervals needed to fit a response."""
 MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
 ACCOUNT = "TROT.md"
-"""The account of a search, beside its outcome."""
-SHORTEST = round(SETTLING_TIME / CONTROL_PERIOD) + 1
-"""Shortest episode, control steps: what is settling only is not judged."""
 
 
-@dataclass(frozen=True)
-class Options(EpisodeEffort):
-    """Search the trot's parameters."""
+def subject(options: Options, effort: Effort) -> Subject[TrotParameters]:
+    """The search of a robot's trot: from SimpleQuad's, or for another robot from that of dynamic similarity."""
+    hardware = hardware_of(options.robot or Hardware.robot)
+    robot, threads = hardware.quadruped, options.threads
+    own = robot == SIMPLE_QUAD
+    start = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
+    ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
-    generations: int = number(14, limits=(1, 10_000))
-    """Rounds of the search."""
-    candidates: int = number(14, limits=(4, 1000))
-    """Parameter sets tried in a round."""
-    episodes: int = number(10, limits=(MINIMUM_INTERVALS, 10_000))  # else no response can be fitted
-    """Episodes a candidate and scenario."""
-    steps: int = number(600, limits=(SHORTEST, 100_000))
-    """Length of an episode, control steps of 10 ms."""
-    check_episodes: int = number(108, limits=(MINIMUM_INTERVALS // 2, 10_000))  # of two command intervals each
-    """Fresh episodes a scenario on which the outcome is judged beside the parameters before the search."""
-    robot: str = "simple_quad"
-    """Robot that walks: a name of quad_env.ROBOTS such as go1, or the path of its MJCF or TOML."""
-    out: Path | None = None
-    """Where the parameters go, JSON; the account of the search goes beside it, TROT.md. By default to where the robot's
-    trot has them from: beside its code for SimpleQuad, else in the robot's folder."""
+    def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
+        return candidate_costs(candidates, seeds, effort.steps, threads, hardware)
 
-    @property
-    def hardware(self) -> Hardware:
-        """The robot, its motors and sensors as they come."""
-        return Hardware(robot=self.robot)
+    def conclude(found: TrotParameters) -> Outcome:
+        fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * effort.check_episodes)
+        for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
+            found = mapped(found, seeds, threads, hardware)
+        after = rounded(found)
+        seeds = episode_seeds("search", options.seed + 1_000_000, effort.check_episodes)
+        walks = (
+            (name, label, walked(parameters, name, seeds, threads, hardware))
+            for name in SCENARIO_WEIGHTS
+            for label, parameters in (("before", start), ("after", after))
+        )
+        table = results(track(walks, description="comparison", total=2 * len(SCENARIO_WEIGHTS)))
+        lines = [*introduction(options, effort), "", *changes(start, after, ranges, COMMAND_MAP), ""]
+        lines += [f"On {effort.check_episodes} fresh search episodes of 10 s a scenario:", "", *table]
+        return Outcome(as_json(after), "\n".join(lines) + "\n")
 
-    @property
-    def command(self) -> str:
-        """The command that repeats the search."""
-        told = [f"--seed {self.seed}"] + [f"--robot {self.robot}"] * (self.hardware != IDEAL)
-        return " ".join(["python -m train search trot", *told])
-
-
-def search(options: Options, start: TrotParameters) -> TrotParameters:
-    """The mean of the search distribution after the last generation, its command map fitted, to four digits."""
-
-    def costs(candidates: list[TrotParameters], seeds: NDArray[np.int64]) -> Floats:
-        return judge(candidates, seeds, options.steps, options.batch_threads, options.hardware)
-
-    *_, found = evolve(options, start, ranges(options), costs, spread=SPREAD)
-    fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
-    for round_seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
-        found = mapped(found, round_seeds, options.threads, options.hardware)
-    return rounded(found)
+    space = unit_cube(start, ranges, costs, generations(options.seed, effort))
+    file = PARAMETERS_FILE if own or options.out else own_folder(robot) / PARAMETERS_FILE.name
+    return Subject(start, file, conclude, space, ACCOUNT)
 
 
-def ranges(options: Options) -> Ranges:
-    """Bounds of the robot's search."""
-    return scaled_ranges(SEARCH_RANGES, TrotParameters, options.hardware.quadruped)
-
-
-def account(options: Options, before: TrotParameters, after: TrotParameters) -> str:
-    """What the search found and what it is worth on fresh episodes, as Markdown."""
-    lines = [
+def introduction(options: Options, effort: Effort) -> list[str]:
+    """Heading of the account, and how the search was made."""
+    scenarios = ", ".join(f"{name} (weight {weight:g})" for name, weight in SCENARIO_WEIGHTS.items())
+    terms = " + ".join(f"{name} / {scale:g}" for name, scale in ERROR_SCALES.items())
+    return [
         "# The trot's parameters",
         "",
-        *method(options.command, options, SCENARIO_WEIGHTS),
-        "Each candidate is judged against its own linear response on flat ground; the command map is fitted by least "
-        "squares afterwards.",
-        "",
-        *changes(before, after, ranges(options), COMMAND_MAP),
-        "",
-        f"On {options.check_episodes} fresh search episodes of 10 s a scenario:",
-        "",
+        method(options, effort, scenarios),
+        f"Cost of an episode: {terms}; the errors count the steps after a fall.",
+        "Each candidate is evaluated against its own linear response on flat ground; the command map is fitted by "
+        "least squares afterwards.",
     ]
-    seeds = episode_seeds("search", options.seed + 1_000_000, options.check_episodes)
-    walks = (
-        (name, label, walked(parameters, name, seeds, options.threads, options.hardware))
-        for name in SCENARIO_WEIGHTS
-        for label, parameters in (("before", before), ("after", after))
-    )
-    lines += judged("scenario", track(walks, description="judging", total=2 * len(SCENARIO_WEIGHTS)))
-    return "\n".join(lines) + "\n"
 
 
-def main(options: Options) -> int:
-    """Search, write, judge; the exit code. Raises UsageError."""
-    robot = hardware_of(options.robot).quadruped
-    own = robot == SIMPLE_QUAD
-    out = options.out or (PARAMETERS_FILE if own else own_folder(robot) / PARAMETERS_FILE.name)
-    check(options, out, ACCOUNT)
-    before = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
-    after = search(options, before)
+def own_folder(robot: Robot) -> Path:
+    """The folder of what is found for that robot, made if need be. Raises UsageError where it cannot be."""
+    folder = folder_of(robot)
     try:
-        save(out, as_json(after))
-    finally:
-        save(out.with_name(ACCOUNT), account(options, before, after), show=True)
-    return 0
+        make_writable_folder(folder)
+    except OSError as error:
+        raise UsageError(f"cannot write into {folder} ({error.strerror}), the robot's folder") from None
+    return folder
+
+
+def episode_costs(measures: Measures) -> Floats:
+    """Sum of the scaled errors of each episode, (episodes,); the errors count the steps after a fall."""
+    total = np.zeros(len(measures.velocity_error))
+    for name, scale in ERROR_SCALES.items():
+        # A robot that fell within the first second has no overspeed: all joints count as too fast all the time.
+        total += np.nan_to_num(getattr(measures, name), nan=1.0) / scale
+    return total
+
+
+def cost(measures: Measures, members: int) -> Floats:
+    """Mean cost of each member's episodes, (members,)."""
+    mean: Floats = episode_costs(measures).reshape(members, -1).mean(axis=1)
+    return mean
+
+
+def interval_response(measures: Measures) -> Floats:
+    """Least-squares map from commanded (and 1) to achieved velocity, (4, 3), over the intervals without a fall."""
+    command, achieved = measures.commands.reshape(-1, 3), measures.mean_velocities.reshape(-1, 3)
+    upright = np.isfinite(achieved).all(axis=1)
+    if upright.sum() < MINIMUM_INTERVALS:
+        return np.zeros((4, 3))
+    return response(command[upright], achieved[upright])
+
+
+def candidate_costs(
+    candidates: list[TrotParameters], seeds: Seeds, steps: int, threads: int, hardware: Hardware = IDEAL
+) -> Floats:
+    """Weighted cost of each candidate on all scenarios of a robot, (candidates,).
+
+    A candidate is evaluated against its own linear response on flat ground, as if its command map were fitted already,
+    plus a cost for a response that is too weak to be mapped.
+    """
+    members, robot = len(candidates), hardware.quadruped
+    runs = {
+        name: run(
+            Panel([Trot(candidate, robot=robot) for candidate in candidates]),
+            practice(name, "search", robot=robot),
+            np.tile(seeds, members),
+            nthread=threads,
+            steps=steps,
+            hardware=hardware,
+        )
+        for name in SCENARIO_WEIGHTS
+    }
+    flat = measure(runs["flat"])
+    rows = np.split(np.arange(len(seeds) * members), members)
+    maps = [
+        interval_response(replace(flat, commands=flat.commands[r], mean_velocities=flat.mean_velocities[r]))
+        for r in rows
+    ]
+    total = np.array([weakness(found) for found in maps])
+    for name, weight in SCENARIO_WEIGHTS.items():
+        target = np.concatenate([runs[name].command[:, r] @ m[:3] + m[3] for r, m in zip(rows, maps, strict=True)], 1)
+        total += weight * cost(measure(replace(runs[name], command=target)), members)
+    return total
+
+
+def mapped(parameters: TrotParameters, seeds: Seeds, threads: int, hardware: Hardware = IDEAL) -> TrotParameters:
+    """The same gait with the command map that undoes a robot's response to it on flat ground."""
+    walks = walked(parameters, "flat", seeds, threads, hardware)
+    return unless_weak(parameters, interval_response(walks))
+
+
+def walked(parameters: TrotParameters, name: str, seeds: Seeds, threads: int, hardware: Hardware) -> Measures:
+    """Measures of a robot's episodes from those seeds on the scenario of that name."""
+    robot = hardware.quadruped
+    policy, scenario = Trot(parameters, robot=robot), practice(name, "search", robot=robot)
+    return measure(run(policy, scenario, seeds, nthread=threads, hardware=hardware))
+
+
+def unless_weak(parameters: TrotParameters, found: Floats) -> TrotParameters:
+    """The parameters whose command map undoes the response `found`, (4, 3); unchanged where it is too weak for that."""
+    try:
+        if np.diag(found[:3]).min() < WEAKEST_MAPPED:
+            raise ValueError("the response is too weak")
+        return undone(parameters, found)
+    except ValueError as error:
+        # Not worth the loss of a long search.
+        print(f"the command map is unchanged: {error}", file=sys.stderr)
+        return parameters

@@ -5,7 +5,7 @@ from pathlib import Path
 
 LOOPS = (ast.For, ast.While, ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
 OTHERS = (
-    "train/robots.py",  # the learner's own
+    "train/training_robots.py",  # the learner's own
     *(f"benchmarks/{name}.py" for name in ("peers", "vector_env", "policies", "physics")),  # the bare speed of stepping
     *(f"benchmarks/{name}.py" for name in ("probes/growth_probe", "probes/training_run", "support/bare")),
     "benchmarks/probes/viewers.py",  # a session's robots in other people's viewers

@@ -25,10 +25,10 @@ from quad_env.scenarios.scaling import scaled
 from quad_env.task.terminations import fall_code
 from tests.quad_env.robots.alike import alike
 from train import validation
-from train.__main__ import parse
+from train.command import parse
 from train.config import ValidationConfig
-from train.robots import make_batch
 from train.run_record import command
+from train.training_robots import make_batch
 
 LONGER, HEAVIER = 0.4, 0.1
 

@@ -126,7 +126,7 @@ def test_no_checkpoint_and_no_whole_one_are_one_line_with_a_way_out(tmp_path):
     assert "\n" not in str(caught.value)
     fill(tmp_path, 10)
     (tmp_path / "000000000010.json").write_text("{oops", encoding="utf-8")
-    with pytest.raises(UsageError, match=r"no whole checkpoint .*another --out") as caught:
+    with pytest.raises(UsageError, match=r"no complete checkpoint .*another --out") as caught:
         checkpoint.load(tmp_path)
     assert "\n" not in str(caught.value)
 

@@ -15,11 +15,11 @@ from quad_env.scenarios.named import SCENARIOS
 from quad_env.seeding import PURPOSES, episode_seeds
 from quad_env.task.observations import observation_table
 from train.config import PpoConfig, TrainConfig
-from train.robots import make_robots, training_seeds
 from train.run import make_env
 from train.sb3.callbacks import CallbackState, Schedules
 from train.sb3.ppo import AdaptiveRate, actor_network, build, learning_rate
 from train.scenarios import practice
+from train.training_robots import training_seeds
 
 SCALE = observation_table(SIMPLE_QUAD).scale
 
@@ -44,13 +44,13 @@ def test_the_first_policy_corrects_nothing_anywhere():
     _, model = learner()
     inputs = np.random.default_rng(0).normal(size=(50, model.observation_space.shape[0])).astype(np.float32)
     assert not model.predict(inputs, deterministic=True)[0].any()
-    network = actor_network(model, "elu")
+    network = actor_network(model)
     assert not network(inputs[:, : network.sizes[0]]).any()
     np.testing.assert_allclose(model.policy.log_std.detach().numpy(), SMALL.log_std_init)
 
 
 def test_only_the_critic_sees_what_the_robot_cannot_know():
-    config, model = learner(privileged=True)
+    _, model = learner()
     shaken(model)
     env = model.get_env()
     observation = torch.as_tensor(np.random.default_rng(0).normal(size=(5, env.observation_space.shape[0])))
@@ -64,7 +64,7 @@ def test_only_the_critic_sees_what_the_robot_cannot_know():
         own, others = (policy(seen, deterministic=True) for seen in (told, other))
     assert torch.equal(own[0], others[0])
     assert not torch.equal(own[1], others[1])
-    assert actor_network(model, config.ppo.activation).sizes[0] == env.env.single_observation_space.shape[0]
+    assert actor_network(model).sizes[0] == env.env.single_observation_space.shape[0]
 
 
 def test_noise_falls_along_its_schedule_and_nothing_else_moves_it():
@@ -77,21 +77,20 @@ def test_noise_falls_along_its_schedule_and_nothing_else_moves_it():
     np.testing.assert_allclose(seen, np.tile([[-1.0], [-1.5], [-2.5]], 12), rtol=1e-6)
 
 
-@pytest.mark.parametrize("activation", ["elu", "tanh"])
-def test_the_numpy_network_is_the_torch_actor(activation):
-    _, model = learner(activation=activation)
+def test_the_numpy_network_is_the_torch_actor():
+    _, model = learner()
     shaken(model)
     inputs = np.random.default_rng(0).normal(size=(200, model.observation_space.shape[0])).astype(np.float32)
     with torch.no_grad():
         expected = model.policy.get_distribution(torch.from_numpy(inputs)).distribution.mean.numpy()
     assert np.abs(expected).max() > 0.5
-    network = actor_network(model, activation)
+    network = actor_network(model)
     np.testing.assert_allclose(network(inputs[:, : network.sizes[0]]), expected, atol=3e-5)
 
 
 def test_the_exported_network_does_not_follow_the_learner():
     _, model = learner()
-    network = actor_network(model, "elu")
+    network = actor_network(model)
     before = [weight.copy() for weight in network.weights]
     shaken(model)
     for weight, old in zip(network.weights, before, strict=True):
@@ -102,7 +101,7 @@ def test_a_bundle_of_a_run_acts_as_the_learner_does(tmp_path):
     plain = dataclasses.replace(TrainConfig(), base="trot", inputs=Inputs(), threads=1, ppo=SMALL)
     model = shaken(build(plain, make_env(plain)))
     authority = model.get_env().env.authority
-    network = actor_network(model, plain.ppo.activation)
+    network = actor_network(model)
     save(tmp_path, ResidualPolicy(policies.make("trot"), network, authority), {}, "unknown")
     policy, base = load(tmp_path), policies.make("trot")
     inputs = model.get_env().reset()
@@ -139,7 +138,7 @@ def test_the_adaptive_rate_steers_towards_its_target():
     assert rate(0.3) == rate.lowest
 
 
-def test_no_robot_trains_on_an_episode_that_it_is_judged_on():
+def test_training_episodes_are_not_those_of_other_purposes():
     config = dataclasses.replace(TrainConfig(), ppo=SMALL)
     trained = {seed for segment in range(3) for seed in training_seeds(config, segment)}
     assert len(trained) == 3 * SMALL.envs
@@ -155,14 +154,3 @@ def test_training_and_validation_walk_on_other_ground_than_the_evaluation():
         for b in grids[i + 1 :]:
             assert np.abs(a - b).mean() > 0.01
     assert practice("flat", "training") == practice("flat", "validation")
-
-
-def test_robots_train_on_harder_ground_and_pushes_than_they_are_judged_on():
-    mixture = (("flat", 0.6), ("push", 0.2), ("rough", 0.2))
-    ppo = dataclasses.replace(SMALL, envs=8)
-    config = dataclasses.replace(TrainConfig(), mixture=mixture, curriculum=1.0, hardness=2.0, pushes=3, ppo=ppo)
-    flat, push, rough = (batch.scenario for batch in make_robots(config).batches)
-    assert flat == SCENARIOS["flat"]
-    assert (push.pushes.impulse, push.pushes.count) == (70.0, 3)
-    assert rough.terrain.peak_to_valley == pytest.approx(0.24)
-    assert practice("push", "validation") == SCENARIOS["push"]

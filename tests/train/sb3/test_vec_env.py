@@ -9,8 +9,8 @@ import policies
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.seeding import episode_seeds
 from train.residual_env import ResidualVectorEnv
-from train.robots import TrainingRobots
 from train.sb3.vec_env import TrainingVecEnv
+from train.training_robots import TrainingRobots
 
 SEEDS = episode_seeds("training", 3, 4).tolist()
 

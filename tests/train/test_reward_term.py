@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from quad_env.cli.command_line import UsageError
-from train.__main__ import main, parse
+from train.__main__ import main
+from train.command import parse
 from train.config import DEFAULTS, from_dict, load_config, to_dict
-from train.foreign.reward_term import FileTerm
+from train.reward_term import FileTerm
 from train.run_folder import METRICS_FILE, RECORD_FILE
 
 OPTIONS = (
@@ -84,10 +85,10 @@ def test_a_run_goes_on_with_the_file_that_it_was_begun_with_alone(file, tmp_path
     capsys.readouterr()
     for words in (more, [*more, *given]):
         assert main(words) == 2
-        assert f"{file} is not the file that the run was begun with" in one_line(capsys)
+        assert f"{file} has changed" in one_line(capsys)
     Path(file).write_text(FILE, encoding="utf-8")
     assert main([*more, "--reward-terms", f"{file}:power=-0.5"]) == 2
-    assert "--resume carries a run on as it was begun" in one_line(capsys)
+    assert "--resume continues a run" in one_line(capsys)
     assert main(more) == 0
     assert [each["reward/always"] for each in metrics(run)] == [pytest.approx(-0.5 * 0.01)] * 2
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from train.display import summary
-from train.robots import Statistics
+from train.sb3.display import summary
+from train.training_robots import Statistics
 
 
 def counted(episodes=0, falls=0, returned=0.0):

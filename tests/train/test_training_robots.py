@@ -8,7 +8,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
-from train.robots import TrainingRobots, make_robots, segment_steps, side_by_side
+from train.training_robots import TrainingRobots, make_robots, segment_steps, side_by_side
 
 SEEDS = episode_seeds("training", 3, 5).tolist()
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
@@ -39,7 +39,7 @@ def test_a_seed_alone_is_that_of_the_first_robot():
     np.testing.assert_array_equal(*observations)
 
 
-def test_first_episodes_are_cut_where_they_are_told_to_and_later_ones_are_not():
+def test_only_first_episodes_are_cut():
     robots = TrainingRobots(batches(2, 1, steps=6), first_episode_steps=lambda _: np.array([2, 9, 5]))
     for _ in range(2):  # all of it again after a reset
         robots.reset(seed=SEEDS[:3])
@@ -72,7 +72,7 @@ def test_an_episode_is_worth_the_sum_of_its_rewards():
     np.testing.assert_allclose(infos["episode"]["r"][0], rewards[0])
 
 
-def test_what_only_the_critic_sees_is_in_the_heading_frame_whoever_is_pushed_from_where(monkeypatch):
+def test_what_only_the_critic_sees_is_in_the_heading_frame(monkeypatch):
     """Two robots that face opposite ways, each pushed ahead and, half as hard, to its left."""
     yaws, force = np.array([np.pi, 0.0]), np.array([[-100.0, -50.0], [100.0, 50.0]])
     monkeypatch.setattr(Simulation, "push", force)

@@ -1,4 +1,4 @@
-"""The robots that a run trains: native batches side by side, one a scenario, and the account of what they do."""
+"""The robots of a training run: one native batch for each scenario, stepped as one, with statistics of what they do."""
 
 import dataclasses
 from collections import defaultdict
@@ -17,13 +17,12 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.state import rotation_matrix, to_heading
 from quad_env.scenarios.named import Scenario
 from quad_env.scenarios.named import scenario as find_scenario
-from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
-from train.config import TrainConfig, robots_per_scenario
+from train.config import PUSHES, TIMESTEP, TrainConfig, robots_per_scenario
 from train.curriculum import Intervals, Kept, eased
-from train.foreign.reward_term import load
 from train.residual_env import BoolArray, FloatArray, Infos, Step
+from train.reward_term import load
 from train.scenarios import practice
 
 PUSH = 500.0
@@ -34,7 +33,7 @@ NEVER = np.iinfo(np.int64).max
 
 @dataclasses.dataclass
 class Statistics:
-    """Sums over steps and over finished episodes since the last look, by name, for the progress display."""
+    """Sums over steps and over finished episodes, by name, for the progress display."""
 
     steps: int = 0
     episodes: int = 0
@@ -51,17 +50,16 @@ class Statistics:
 
 
 class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
-    """Several batches as one, whose first episodes end at different times and whose steps are counted.
+    """Several batches as one, whose first episodes end at different times, with statistics.
 
-    Like its batches it restarts no robot by itself. A robot whose episode has ended has its return and length, control
+    It restarts no robot by itself, as its batches. A robot whose episode has ended has its return and length, control
     steps, in `infos["episode"]`, as with Gymnasium's RecordEpisodeStatistics.
 
     Args:
         batches: made with `AutoresetMode.DISABLED`.
         first_episode_steps: from the robots' seeds the control steps, (n,), after which each one's first episode is
             cut, so that not all are at the same point of their gait and episode; no cut when None.
-        threads: batches that are stepped side by side, each by a thread: the physics of one beside the judging of
-            another. Nothing depends on which is done first.
+        threads: batches that are stepped at the same time, each by a thread. Results do not depend on it.
     """
 
     def __init__(
@@ -147,7 +145,7 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return taken
 
     def replace(self, number: int, batch: SimpleQuadVectorEnv) -> None:
-        """Put a batch of as many robots in the place of another, before all robots begin new episodes."""
+        """Replace a batch by another of as many robots, before all robots start new episodes."""
         self.batches[number].close()
         self.batches = (*self.batches[:number], batch, *self.batches[number + 1 :])
 
@@ -163,10 +161,10 @@ class TrainingRobots(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return np.concatenate((self._which, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
     def _count_intervals(self, infos: Infos, fell: BoolArray) -> None:
-        judged, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
+        ended, kept = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
         for part, count in zip(self._parts, self._kept, strict=True):
-            count.judged += int(judged[part].sum())
-            count.kept += int((judged & kept)[part].sum())
+            count.counted += int(ended[part].sum())
+            count.kept += int((ended & kept)[part].sum())
 
     def _count_step(self, infos: Infos) -> None:
         error = infos["command"] - infos["heading_velocity"]
@@ -204,10 +202,10 @@ def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
 
 
 def segment_steps(config: TrainConfig) -> int:
-    """Steps of the learner, all robots together, between two beginnings of new episodes by all robots.
+    """Steps of the learner, all robots together, between two resets of all robots.
 
-    Whole rollouts, as near as they come to the longest episode: no state of the robots outlasts a segment, so that a
-    run can be carried on from where one begins.
+    Whole rollouts, about as long as the longest episode. No state of the robots outlasts a segment, so that a run can
+    be resumed where a segment starts.
     """
     ppo = config.ppo
     rollouts = max(round(config.max_episode_steps / (ppo.hold * ppo.rollout_steps)), 1)
@@ -227,36 +225,29 @@ def make_robots(config: TrainConfig) -> TrainingRobots:
 
 
 def side_by_side(config: TrainConfig) -> bool:
-    """Whether threads step a batch each, rather than one after the other together: where there are enough batches, and
-    no user's code, which need not bear it."""
+    """Whether each thread steps a batch of its own, instead of all threads one batch after the other: where there are
+    enough batches, and no reward term of a user, which may not be thread-safe."""
     return len(robots_per_scenario(config)) >= config.threads and not config.reward_terms
 
 
 def make_batch(config: TrainConfig, number: int, share: float) -> SimpleQuadVectorEnv:
-    """The robots of a run's scenario of that number, at that share of its severity."""
+    """The batch of a run's scenario of that number, at that share of its severity."""
     name, count = list(robots_per_scenario(config).items())[number]
     robot = config.hardware.quadruped
     scenario = find_scenario(name, robot)
     return SimpleQuadVectorEnv(
         count,
-        scenario=_hardened(practice(eased(scenario, share, robot), "training", config.seed), config),
+        scenario=_pushed(practice(eased(scenario, share, robot), "training", config.seed)),
         nthread=1 if side_by_side(config) else config.threads,
         autoreset_mode=AutoresetMode.DISABLED,
         max_episode_steps=config.max_episode_steps,
-        config=TaskConfig(
-            timestep=config.timestep, reward_weights=config.rewards, reward_terms=load(config.reward_terms)
-        ),
+        config=TaskConfig(timestep=TIMESTEP, reward_weights=config.rewards, reward_terms=load(config.reward_terms)),
         **dataclasses.asdict(config.hardware),
     )
 
 
-def _hardened(original: Scenario, config: TrainConfig) -> Scenario:
-    """The scenario with the run's number of pushes, if it has any, and its severity times the run's hardness."""
-    pushes, terrain, severity = original.pushes, original.terrain, original.severity
-    if pushes is not None:
-        pushes = dataclasses.replace(pushes, count=config.pushes, impulse=config.hardness * pushes.impulse)
-        severity *= config.hardness
-    if isinstance(terrain, SmoothRandom):
-        terrain = dataclasses.replace(terrain, peak_to_valley=config.hardness * terrain.peak_to_valley)
-        severity *= config.hardness
-    return dataclasses.replace(original, pushes=pushes, terrain=terrain, severity=severity)
+def _pushed(original: Scenario) -> Scenario:
+    """The scenario with the number of pushes of a training episode, if it has any."""
+    if original.pushes is None:
+        return original
+    return dataclasses.replace(original, pushes=dataclasses.replace(original.pushes, count=PUSHES))

@@ -1,22 +1,13 @@
-"""Several seeds, and the candidates of searches: on a Ray cluster they are those of this process, to the bit."""
+"""Several seeds: on a Ray cluster they are those of this process, to the bit."""
 
 import contextlib
-from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from evaluate.rollouts.cluster import cluster
-from evaluate.rollouts.workers import WorkerLost
-from policies.gaits.parameters import searched_parameters as gait_parameters
-from policies.trot.open_loop import TrotParameters
-from quad_env.seeding import episode_seeds
-from train import seeds
+from train import run
 from train.__main__ import main
 from train.run_folder import steps_done
-from train.search import trot
-from train.search.evolution import last
-from train.search.gait_cost import commands, cost, shared_walk
 
 OPTIONS = (
     "--threads 1 --mixture flat 1 --validation.episodes 1 --validation.scenarios flat --ppo.envs 8 "
@@ -38,8 +29,7 @@ def embedded():
 @pytest.fixture
 def on_cluster(embedded, monkeypatch):
     """The option of a command that is to use the cluster of this module."""
-    for user in ("train.seeds", "train.search.evolution"):
-        monkeypatch.setattr(f"{user}.cluster", lambda *_: contextlib.nullcontext(embedded))
+    monkeypatch.setattr("train.run.cluster", lambda *_: contextlib.nullcontext(embedded))
     return ["--engine", "ray"]
 
 
@@ -65,25 +55,7 @@ def test_seeds_train_the_same_policies_on_a_cluster_and_go_on_there(on_cluster, 
     assert learned(apart) == learned(here)
 
 
-def test_a_search_finds_the_same_on_a_cluster(on_cluster, monkeypatch):
-    monkeypatch.setattr(trot, "mapped", lambda found, *_: found)
-    few = trot.Options(generations=2, candidates=4, episodes=1, steps=101, check_episodes=4, threads=1)
-    apart = trot.search(replace(few, engine="ray"), TrotParameters())
-    assert apart == trot.search(few, TrotParameters()) != TrotParameters()
-
-
-def test_a_gait_costs_alone_what_it_costs_beside_others():
-    drawn = episode_seeds("search", 3, 8)
-    command = commands("bound", 8, np.random.default_rng(drawn))
-
-    def costs(*candidates):
-        return [cost(walk, command) for walk in shared_walk("bound", list(candidates), command, drawn, 250, 1)]
-
-    pronk, bound = gait_parameters()["pronk"], gait_parameters()["bound"]
-    assert costs(pronk, bound) == costs(pronk) + costs(bound)
-
-
-def test_ctrl_c_leaves_what_the_tasks_told_last_and_resume_finishes_it(tmp_path, monkeypatch, capsys):
+def test_ctrl_c_leaves_the_last_reports_of_the_tasks_and_resume_finishes_them(tmp_path, monkeypatch, capsys):
     """One of two tasks has told of a checkpoint; the folder of the other is as if it had never been begun."""
 
     def spread(work, tasks, told, cores):
@@ -94,8 +66,8 @@ def test_ctrl_c_leaves_what_the_tasks_told_last_and_resume_finishes_it(tmp_path,
         raise KeyboardInterrupt
         yield
 
-    monkeypatch.setattr("train.seeds.cluster", lambda *_: contextlib.nullcontext(spread))
-    monkeypatch.setattr("train.display.LINE_PERIOD", 0.0)
+    monkeypatch.setattr("train.run.cluster", lambda *_: contextlib.nullcontext(spread))
+    monkeypatch.setattr("train.sb3.display.LINE_PERIOD", 0.0)
     assert main([*TINY, "--steps", "256", "--seeds", "2", "--engine", "ray", "--out", str(tmp_path)]) == 130
     captured = capsys.readouterr()
     assert "seed 0: a line" in captured.out
@@ -106,20 +78,9 @@ def test_ctrl_c_leaves_what_the_tasks_told_last_and_resume_finishes_it(tmp_path,
     assert [steps_done(tmp_path / f"seed-{seed}") for seed in (0, 1)] == [256, 256]
 
 
-def test_a_lost_cluster_keeps_what_a_search_has_found():
-    def generations():
-        yield "found"
-        raise WorkerLost("the cluster lost a task")
-
-    kept = []
-    with pytest.raises(WorkerLost, match="lost a task; kept what was found after 1 generations"):
-        last(generations(), kept.append)
-    assert kept == ["found"]
-
-
 def test_a_folder_in_use_is_refused_before_any_seed_is_trained(tmp_path, monkeypatch, capsys):
     (tmp_path / "seed-1").mkdir()
     (tmp_path / "seed-1" / "thesis.tex").touch()
-    monkeypatch.setattr(seeds, "train", None)
+    monkeypatch.setattr(run, "train", None)
     assert main([*TINY, "--seeds", "2", "--out", str(tmp_path)]) == 2
     assert "seed-1 is not empty" in capsys.readouterr().err

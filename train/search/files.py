@@ -1,20 +1,16 @@
-"""What a search leaves: files that are not lost."""
+"""Files of a search: checked before it starts, and not lost where they cannot be written."""
 
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
-from policies.parameters import Parameters, limits_of
-from policies.shipped import folder_of
-from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder, write_atomically
-from quad_env.robots.robot import Robot
 
 
-def check(options: object, out: Path, account: str = "") -> None:
-    """Raise UsageError, one line, for a number of the options beyond its limits, and where no parameters can be
-    written, with their account, if any, beside them."""
-    check_numbers(options, limits_of(options))
+def check(out: Path, account: str = "") -> None:
+    """Raise UsageError, one line, where no parameters can be written, with their account, if any, next to them."""
     if out.is_dir() or out.name == account:
         reserved = f", and not {account}, which the account goes to" if account else ""
         raise UsageError(f"--out must be a file{reserved}; got {out}")
@@ -26,17 +22,7 @@ def check(options: object, out: Path, account: str = "") -> None:
         raise UsageError(f"cannot write into {out.parent} ({error.strerror}); choose another --out") from None
 
 
-def own_folder(robot: Robot) -> Path:
-    """The folder of what is found for that robot, made if need be. Raises UsageError where it cannot be."""
-    folder = folder_of(robot)
-    try:
-        make_writable_folder(folder)
-    except OSError as error:
-        raise UsageError(f"cannot write into {folder} ({error.strerror}), the robot's folder") from None
-    return folder
-
-
-def as_json(parameters: Parameters) -> str:
+def as_json(parameters: Any) -> str:
     """The parameters as the text of a file."""
     return json.dumps(asdict(parameters), indent=2) + "\n"
 

@@ -1,4 +1,4 @@
-"""A user's reward term, `my_file.py:FUNCTION=weight`, with its file's SHA-256: a run ends with what it began with."""
+"""A user's reward term, `my_file.py:FUNCTION=weight`, with the SHA-256 of its file, which must not change in a run."""
 
 import contextlib
 import functools
@@ -25,11 +25,11 @@ class FileTerm:
     function: str
     weight: float
     sha256: str
-    """Of the file when the run was begun."""
+    """Of the file at the start of the run."""
 
     @classmethod
     def parse(cls, text: str) -> "FileTerm":
-        """The term of a text, with its file as it is now. Raises UsageError."""
+        """The term of a text, with the present SHA-256 of its file. Raises UsageError."""
         reference, _, number = text.rpartition("=")
         file, _, function = reference.rpartition(":")
         try:
@@ -47,7 +47,7 @@ class FileTerm:
 
 
 def check(terms: Sequence[FileTerm]) -> None:
-    """Raise UsageError unless each is in its file, which is as it was, and pays two robots that stand."""
+    """Raise UsageError unless each file is unchanged and its term gives a reward to two robots that stand."""
     if not terms:
         return
     # Only now, so that --help and mistakes answer at once: MuJoCo takes long to import.
@@ -87,8 +87,7 @@ def _loaded(term: FileTerm) -> RewardTerm:
 def _check_file(term: FileTerm) -> None:
     if _digest(term.file) != term.sha256:
         raise RewardTermError(
-            f"{term.file} is not the file that the run was begun with (SHA-256 differs): put that one back, or begin "
-            "another run"
+            f"{term.file} has changed since the start of the run (SHA-256 differs): restore it, or start another run"
         )
 
 

@@ -1,4 +1,4 @@
-"""The search for success: its exercises, what it bills, what it writes, keeps and refuses."""
+"""The search for success: its scenarios, its cost, what it writes and keeps."""
 
 import dataclasses
 import itertools
@@ -21,22 +21,31 @@ from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
 from train.scenarios import practice
-from train.search import feedback as search_feedback
-from train.search import feedback_comparison, feedback_cost
-from train.search.evolution import MARGIN, encode
-from train.search.feedback import SUBJECTS, Options
-from train.search.feedback_comparison import ADOPTED, KEPT, Comparison, moved
-from train.search.feedback_cost import EXERCISES, OUTCOME_COSTS, episode_costs, judge, walked
+from train.search import feedback
+from train.search.feedback import (
+    ADOPTED,
+    EXERCISES,
+    KEPT,
+    OUTCOME_COSTS,
+    POLICIES,
+    Comparison,
+    candidate_costs,
+    episode_costs,
+    walked,
+)
+from train.search.subject import MARGIN, encode
 
 TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1 --exercises flat=1.5"
-each_subject = pytest.mark.parametrize("name", SUBJECTS)
+each_subject = pytest.mark.parametrize("name", POLICIES)
 FORWARD, ASIDE, STILL, GONE = (1.0, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.0), (np.nan,) * 3
 
 
 @pytest.fixture
 def brief_judgement(monkeypatch):
-    real = feedback_cost.walked
-    monkeypatch.setattr(feedback_comparison, "walked", lambda *walk, threads: real(*walk, 101, threads))
+    def brief(members, exercises, seeds, purpose, steps=101, threads=1):
+        return walked(members, exercises, seeds, purpose, steps, threads)
+
+    monkeypatch.setattr(feedback, "walked", brief)
 
 
 def found(outcome, commands, velocities, *, error=0.0, overspeed=0.0):
@@ -57,7 +66,7 @@ def found(outcome, commands, velocities, *, error=0.0, overspeed=0.0):
         (found(SUCCEEDED, [FORWARD], [FORWARD], error=0.2), 0.15 * 0.1),
         (found(SUCCEEDED, [FORWARD], [FORWARD], overspeed=0.05), 0.1 * 0.5),
         (found(SUCCEEDED, [FORWARD], [FORWARD], overspeed=0.3), 0.1),
-        # 0.35 m/s are allowed of 1 m/s: half of that is 1/8 of the largest deviation billed.
+        # 0.35 m/s are allowed of 1 m/s: half of that is 1/8 of the largest deviation counted.
         (found(SUCCEEDED, [FORWARD], [(0.825, 0.0, 0.0)]), 0.25 / 8),
         (found(OFF_COMMAND, [FORWARD], [(0.3, 0.0, 0.0)]), 1.0 + 0.25 * 2 / 4),
         # The worst interval counts: 0.5 rad/s off where 0.15 rad/s are allowed.
@@ -79,7 +88,7 @@ speeds = st.tuples(*[st.floats(-5, 5)] * 3)
 
 @given(speeds, speeds, speeds, st.tuples(amounts, amounts))
 def test_whatever_is_graded_the_outcomes_keep_their_order(command, one, other, graded):
-    """So that a robot that stands still where it should walk never gains by it, nor one that falls by falling."""
+    """Standing still and falling never cost less than walking."""
     order = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR)
     for better, worse in itertools.pairwise(order):
         first = episode_costs(found(better, [command], [one], **graded[0]))
@@ -88,13 +97,13 @@ def test_whatever_is_graded_the_outcomes_keep_their_order(command, one, other, g
 
 
 def test_standing_still_costs_more_than_walking_off_command_and_falling_more_than_either():
-    """On the same episodes: nobody stands still for want of a better walk."""
+    """On the same episodes."""
     trot = policies.make("trot_integral").parameters
     slow = dataclasses.replace(trot, forward_gain=0.8, lateral_gain=0.4, yaw_gain=0.6, integral_gain=0.0)
     tumbling = dataclasses.replace(trot, stance_width=0.1, body_height=0.42, frequency=1.0)
     made = [BASES["trot_integral"].make(parameters=each) for each in (trot, slow, tumbling)]
     seeds = episode_seeds("search", 9, 4)
-    good, off, fallen, still = judge([*made, policies.make("stand")], ["flat=1.5"], seeds, 300, 1)
+    good, off, fallen, still = candidate_costs([*made, policies.make("stand")], ["flat=1.5"], seeds, 300, 1)
     (measures,) = walked([made[1]], ["flat=1.5"], seeds, "search", 300)
     assert (measures.outcome == OFF_COMMAND).any()
     assert not measures.fell.any()
@@ -102,7 +111,7 @@ def test_standing_still_costs_more_than_walking_off_command_and_falling_more_tha
 
 
 @pytest.mark.parametrize("name", EXERCISES)
-def test_nobody_searches_on_the_ground_of_the_exam(name):
+def test_the_search_is_not_on_the_ground_of_the_evaluation(name):
     exam = scenario(name)
     surfaces = {practice(name, purpose).terrain for purpose in ("search", "validation")}
     if isinstance(exam.terrain, SmoothRandom):
@@ -120,7 +129,7 @@ def test_exercises_are_walked_side_by_side_and_every_cost_is_that_of_the_member_
     for exercise, member in np.ndindex(2, 2):
         (alone,) = walked([members[member]], [pair[exercise]], seeds, "search", 120)
         np.testing.assert_array_equal(together[exercise, member], episode_costs(alone))
-    np.testing.assert_allclose(judge(members, pair, seeds, 120, 2), together.mean(axis=(0, 2)))
+    np.testing.assert_allclose(candidate_costs(members, pair, seeds, 120, 2), together.mean(axis=(0, 2)))
 
 
 def kind_of(name):
@@ -138,7 +147,7 @@ def told(text, kind):
 @each_subject
 def test_the_parameters_in_force_are_those_that_the_account_says(name):
     """Those of a policy that has not been searched are the defaults."""
-    subject, kind = SUBJECTS[name], kind_of(name)
+    subject, kind = POLICIES[name], kind_of(name)
     account = subject.file.with_name(subject.account)
     said = kind()
     if account.exists():
@@ -150,7 +159,7 @@ def test_the_parameters_in_force_are_those_that_the_account_says(name):
 @each_subject
 def test_the_parameters_in_force_lie_within_the_ranges_of_the_search(name):
     """But for what can be no less: a feedback that was found to be best left out."""
-    subject, kind = SUBJECTS[name], kind_of(name)
+    subject, kind = POLICIES[name], kind_of(name)
     point = encode(policies.make(name).parameters, subject.ranges)
     limits = limits_of(kind)
     at_its_limit = [low == limits[each][0] for each, (low, _) in subject.ranges.items()]
@@ -163,14 +172,14 @@ def searched(folder, name, seed=0):
     folder.mkdir()
     out = folder / "found.json"
     assert main(["search", "feedback", *TINY.split(), "--policy", name, "--seed", str(seed), "--out", str(out)]) == 0
-    return json.loads(out.read_text(encoding="utf-8")), (folder / SUBJECTS[name].account).read_text(encoding="utf-8")
+    return json.loads(out.read_text(encoding="utf-8")), (folder / POLICIES[name].account).read_text(encoding="utf-8")
 
 
 @each_subject
 @pytest.mark.usefixtures("brief_judgement")
 def test_a_search_writes_parameters_and_its_account(name, tmp_path):
     parameters, account = searched(tmp_path / "one", name)
-    kind, in_force, ranges = kind_of(name), policies.make(name).parameters, SUBJECTS[name].ranges
+    kind, in_force, ranges = kind_of(name), policies.make(name).parameters, POLICIES[name].ranges
     before, after = told(account, kind)
     assert before == in_force != after
     assert kind(**parameters) == (after if ADOPTED in account else before)
@@ -195,16 +204,12 @@ def test_a_search_is_the_same_again_and_another_with_another_seed(tmp_path):
 def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_force(tmp_path, monkeypatch):
     in_force = policies.make("trot_feedback").parameters
     worse = dataclasses.replace(in_force, forward_gain=0.4, integral_gain=0.0)
-    monkeypatch.setattr(search_feedback, "search", lambda _, start, __: iter([start]))
-    seen, real = [], feedback_comparison.walked
-    monkeypatch.setattr(
-        feedback_comparison,
-        "walked",
-        lambda *walk, **options: seen.append(walk[2:4]) or real(*walk, **options),
-    )
+    seen, real = [], feedback.walked
+    monkeypatch.setattr(feedback, "walked", lambda *walk, **options: seen.append(walk[2:4]) or real(*walk, **options))
     out, start = tmp_path / "found.json", tmp_path / "start.json"
     start.write_text(json.dumps(dataclasses.asdict(worse)), encoding="utf-8")
-    assert main(["search", "feedback", *TINY.split(), "--start", str(start), "--out", str(out)]) == 0
+    words = [*TINY.split(), "--generations", "0", "--start", str(start), "--out", str(out)]
+    assert main(["search", "feedback", *words]) == 0
     assert json.loads(out.read_text(encoding="utf-8")) == dataclasses.asdict(in_force)
     assert KEPT in (tmp_path / "TROT_FEEDBACK.md").read_text(encoding="utf-8")
     for seeds, ground in seen:
@@ -217,13 +222,12 @@ def test_every_trial_is_kept_with_what_it_cost_and_where_each_generation_led(tmp
     options = [*TINY.split(), "--generations", "2", "--policy", "mpc_wbc", "--out", str(tmp_path / "found.json")]
     assert main(["search", "feedback", *options]) == 0
     lines = [json.loads(line) for line in (tmp_path / "found.trials.jsonl").read_text(encoding="utf-8").splitlines()]
-    subject = SUBJECTS["mpc_wbc"]
+    subject = POLICIES["mpc_wbc"]
     assert [line["generation"] for line in lines] == [1, 2]
     for line, seed in zip(lines, episode_seeds("search", 0, 2), strict=True):
         costs = [each.pop("cost") for each in line["tried"]]
-        assert all(each.keys() == subject.ranges.keys() for each in line["tried"])
         again = [MpcWbc(MpcParameters(**each)) for each in line["tried"]]
-        np.testing.assert_allclose(judge(again, ["flat=1.5"], np.array([seed]), 101, 1), costs)
+        np.testing.assert_allclose(candidate_costs(again, ["flat=1.5"], np.array([seed]), 101, 1), costs)
         assert len(costs) == 4
         assert np.ptp(costs) > 0.0
     _, outcome = told((tmp_path / subject.account).read_text(encoding="utf-8"), MpcParameters)
@@ -234,53 +238,3 @@ def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chanc
     assert Comparison((), np.full(8, -1.0)).better  # all of 2^8 signs but two cost less: p = 2 / 256
     assert not Comparison((), np.full(8, 1.0)).better
     assert not Comparison((), np.array([-2.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0])).better
-
-
-def test_how_far_parameters_moved_is_told_in_shares_of_their_ranges():
-    """By hand: 0.75 of 3 … 9 Hz is 12.5 %, and 0.0125 of 0.4 … 0.65 is 5 %; all others stay."""
-    before = policies.make("trot_feedback").parameters
-    after = dataclasses.replace(before, frequency=before.frequency + 0.75, duty=before.duty - 0.0125)
-    text = moved(before, after, SUBJECTS["trot_feedback"].ranges)
-    assert "0.0% of their range in the median" in text
-    assert "most of all frequency (12.5%), duty (5.0%)" in text
-
-
-@pytest.mark.usefixtures("brief_judgement")
-def test_ctrl_c_keeps_what_was_found_so_far(tmp_path, monkeypatch, capsys):
-    better = dataclasses.replace(policies.make("trot_feedback").parameters, duty=0.5125)
-
-    def search(*_):
-        yield better
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(search_feedback, "search", search)
-    out = tmp_path / "found.json"
-    assert main(["search", "feedback", "--out", str(out)]) == 130
-    assert json.loads((tmp_path / "found.unjudged.json").read_text(encoding="utf-8")) == dataclasses.asdict(better)
-    assert [path.name for path in tmp_path.iterdir()] == ["found.unjudged.json"]
-    assert "kept what was found after 1 generations" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        ("--steps 100", "--steps must be from 101"),
-        ("--candidates 3", "--candidates must be from 4"),
-        ("--spread 0", "--spread must be from"),
-        ("--spread nan", "--spread must be from"),
-        ("--policy trot", "trot_integral"),
-        ("--exercises gallop", "--exercises: unknown scenario 'gallop'"),
-        ("--start no-such.json", "no-such.json"),
-        ("--out .", "must be a file"),
-        ("--policy trot_integral --out TROT_INTEGRAL.md", "must be a file"),
-        ("--out no-such-folder/found.json", "no folder"),
-    ],
-)
-def test_bad_input_is_one_line(arguments, complaint, capsys):
-    assert main(["search", "feedback", *arguments.split()]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert complaint in line
-
-
-def test_a_search_spreads_its_candidates_over_a_real_share_of_the_ranges():
-    assert Options().spread >= 0.1

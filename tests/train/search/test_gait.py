@@ -1,4 +1,4 @@
-"""A gait's search: its point of the cube, its fit by hand, what it bills, what it writes, what it refuses."""
+"""A gait's search: its point of the cube, its response, its cost, and what it writes."""
 
 import json
 from dataclasses import asdict, replace
@@ -10,10 +10,9 @@ from policies.gaits.parameters import OFFSETS, GaitParameters, searched_paramete
 from policies.parameters import limits_of
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
-from train.search.command_map import response, undone
-from train.search.evolution import decode, encode
-from train.search.gait import RANGES
-from train.search.gait_cost import commands, cost, shared_walk
+from train.search.command_map import response
+from train.search.gait import RANGES, commands, cost, shared_walk
+from train.search.subject import decode, encode
 
 
 def test_ranges_are_of_the_parameters_and_within_their_limits():
@@ -36,22 +35,6 @@ def test_commands_stay_within_the_range_and_half_go_straight():
     assert (np.abs(drawn) <= [0.4, 0.3, 0.6]).all()
 
 
-def test_asking_through_the_map_achieves_the_command():
-    """The robot answers u with v = 0.8 u + 0.1, lateral 0.5 u, yaw rate 2 u + 0.3 lateral u, from a plain map."""
-    answer = np.array([[0.8, 0.0, 0.0], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [0.1, 0.0, 0.0]])
-    found = undone(GaitParameters(), answer)
-    forward, lateral, yaw_rate = 0.6, -0.2, 0.5
-    asked = np.array(
-        [
-            found.forward_gain * forward + found.forward_bias,
-            found.lateral_gain * lateral,
-            found.yaw_gain * yaw_rate + found.yaw_per_lateral * lateral,
-            1.0,
-        ]
-    )
-    np.testing.assert_allclose(asked @ answer, [forward, lateral, yaw_rate])
-
-
 def test_response_is_the_map_that_made_the_velocities():
     command = np.random.default_rng(1).uniform(-1.0, 1.0, (9, 3))
     answer = np.random.default_rng(2).uniform(-1.0, 1.0, (4, 3))
@@ -68,10 +51,10 @@ def test_a_spoilt_gait_costs_more():
     assert all(cost(walk, command) > cost(first, command) + 0.5 for walk in others)
 
 
-def test_it_replaces_its_gait_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr("train.search.gait.MAP_EPISODES", 8)
+def test_it_replaces_its_gait_alone(tmp_path):
     out = tmp_path / "gaits.json"
-    assert main(["search", "gait", "--gait", "walk", "--generations", "0", "--steps", "250", "--out", str(out)]) == 0
+    words = "--gait walk --generations 0 --steps 250 --check-episodes 8"
+    assert main(["search", "gait", *words.split(), "--out", str(out)]) == 0
     written, shipped = json.loads(out.read_text(encoding="utf-8")), searched_parameters()
     assert {name: GaitParameters(**written[name]) for name in OFFSETS if name != "walk"} == {
         name: shipped[name] for name in OFFSETS if name != "walk"
@@ -81,16 +64,12 @@ def test_it_replaces_its_gait_alone(tmp_path, monkeypatch):
     assert written["walk"]["forward_gain"] != kept["forward_gain"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (["--gait", "gallop"], "--gait"),
-        (["--gait", "walk", "--candidates", "1"], "--candidates"),
-        (["--gait", "walk", "--out", "/nowhere/gaits.json"], "--out"),
-    ],
-)
-def test_mistakes_are_one_line(arguments, word, capsys):
-    assert main(["search", "gait", *arguments]) == 2
-    complaint = capsys.readouterr().err
-    assert len(complaint.splitlines()) == 1
-    assert word in complaint
+def test_the_cost_of_a_gait_does_not_depend_on_the_other_candidates():
+    drawn = episode_seeds("search", 3, 8)
+    command = commands("bound", 8, np.random.default_rng(drawn))
+
+    def costs(*candidates):
+        return [cost(walk, command) for walk in shared_walk("bound", list(candidates), command, drawn, 250, 1)]
+
+    pronk, bound = searched_parameters()["pronk"], searched_parameters()["bound"]
+    assert costs(pronk, bound) == costs(pronk) + costs(bound)

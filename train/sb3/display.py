@@ -12,7 +12,7 @@ LINE_PERIOD = 5.0
 
 
 def summary(figures: Mapping[str, float]) -> str:
-    """The figures of a rollout that a trainer looks at."""
+    """The main figures of a rollout, in words."""
     count = int(figures["episodes"])
     ended = (
         f"return {figures['return']:7.2f}  {round(figures['falls'] * count)} of {count} episodes fell"
@@ -25,7 +25,7 @@ def summary(figures: Mapping[str, float]) -> str:
 
 
 class Display:
-    """Progress on standard output towards `total` steps, of which an earlier session of the run has `done` some."""
+    """Progress on standard output towards `total` steps, of which earlier sessions of the run have done `done`."""
 
     def __init__(self, total: int, done: int) -> None:
         columns = (
@@ -54,9 +54,9 @@ class Display:
         self.note(f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}")
 
     def note(self, text: str) -> None:
-        """Show a line that stays."""
+        """Print a line."""
         self._console.print(Text(text), soft_wrap=True)
 
     def close(self) -> None:
-        """Leave the terminal as it was."""
+        """Remove the bar."""
         self._bar.stop()

@@ -14,11 +14,11 @@ from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
-from train import whole_path
+from train import robot_pipeline
 from train.__main__ import main
 from train.config import load_config
 
-BRIEF = replace(whole_path.SEARCH, generations=1, candidates=4, episodes=8, steps=101, check_episodes=4)
+BRIEF = replace(robot_pipeline.SEARCH, generations=1, candidates=4, episodes=8, steps=101, check_episodes=4)
 TRAINING = (
     "--ppo.envs 8 --ppo.rollout-steps 8 --ppo.minibatch 64 --max-episode-steps 16 --mixture flat 1.0 "
     "--validation.episodes 1"
@@ -49,7 +49,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory, simulated: list[Batch]) -> 
     robot, found = alike(folder), words(folder / "alike.xml", folder / "out")
     assert robot.source == folder / "alike.xml"
     with pytest.MonkeyPatch.context() as patch, begun() as batches:
-        patch.setattr(whole_path, "SEARCH", BRIEF)
+        patch.setattr(robot_pipeline, "SEARCH", BRIEF)
         code = main(found)
     simulated += batches
     return folder / "out", found, code
@@ -81,7 +81,7 @@ def test_every_stage_leaves_its_outcome(walked: tuple[Path, list[str], int]) -> 
 def test_every_option_reaches_its_stage(walked: tuple[Path, list[str], int], simulated: list[Batch]) -> None:
     out, found, _ = walked
     given = {word.partition("=")[0].removeprefix("--") for word in found if word.startswith("--")} | {"robot"}
-    assert given == {field.name for field in fields(whole_path.Options)}, "an option that nothing here looks at"
+    assert given == {field.name for field in fields(robot_pipeline.Options)}, "an option that nothing here looks at"
     by_purpose = {each.purpose: each for each in reversed(simulated)}
     assert by_purpose.keys() == {"search", "training", "validation", "evaluation"}
     for purpose, seeds in {
@@ -119,12 +119,12 @@ def test_another_way_does_not_go_on_in_its_folder(
 ) -> None:
     out, found, _ = walked
     assert main([*found, "--base", "trot_integral"]) == 2
-    assert "was begun otherwise (base): choose another --out" in capsys.readouterr().err
+    assert "was started with other options (base): choose another --out" in capsys.readouterr().err
     elsewhere = out.parent / "elsewhere"
     elsewhere.mkdir()
     alike(elsewhere)
     assert main([found[0], str(elsewhere / "alike.xml"), *found[2:]]) == 2
-    assert "begun otherwise (robot)" in capsys.readouterr().err
+    assert "started with other options (robot)" in capsys.readouterr().err
 
 
 def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,12 +133,12 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     def stop(_: object) -> int:
         raise KeyboardInterrupt("kept what was found")
 
-    monkeypatch.setattr(whole_path.trot, "main", stop)
+    monkeypatch.setattr(robot_pipeline.search_command, "main", stop)
     monkeypatch.setattr("sys.argv", ["train", "robot", "my robot.xml"])
-    options = whole_path.Options(robot=str(tmp_path / "alike.xml"), out=tmp_path / "out")
+    options = robot_pipeline.Options(robot=str(tmp_path / "alike.xml"), out=tmp_path / "out")
     with pytest.raises(KeyboardInterrupt) as said:
-        whole_path.main(options)
-    assert str(said.value) == "kept what was found; go on with: python -m train robot 'my robot.xml'"
+        robot_pipeline.main(options)
+    assert str(said.value) == "kept what was found; continue with: python -m train robot 'my robot.xml'"
     assert (tmp_path / "out" / "alike.toml").is_file()
 
 
@@ -146,13 +146,13 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_robot_that_cannot_be_used_ends_it_before_anything_is_searched(
     made: Made, told: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    options = whole_path.Options(robot=str(made.write(tmp_path)), out=tmp_path / "out")
+    options = robot_pipeline.Options(robot=str(made.write(tmp_path)), out=tmp_path / "out")
     with pytest.raises(UsageError, match="cannot be used as it is"):
-        whole_path.main(options)
+        robot_pipeline.main(options)
     assert len(capfd.readouterr().err.splitlines()) == 2  # why, and where to tell what is missing
     assert (tmp_path / "out" / "inferred.toml").is_file() == told
     (tmp_path / "out" / "inferred.toml").write_text("# mine", encoding="utf-8")
-    with pytest.raises(UsageError, match="waits for what is missing"):
-        whole_path.main(options)
+    with pytest.raises(UsageError, match="has gaps to fill"):
+        robot_pipeline.main(options)
     assert (tmp_path / "out" / "inferred.toml").read_text(encoding="utf-8") == "# mine"
     assert not (tmp_path / "out" / "made.toml").exists()

@@ -1,8 +1,8 @@
-"""Everything for a robot of yours in one go: `python -m train robot my_robot.xml`.
+"""All steps for your own robot: `python -m train robot my_robot.xml`.
 
 It describes the robot, searches its trot, trains a residual, compares them on every axis of disturbance and writes the
-report. What is done already is not done again: after Ctrl-C, or when the computer was switched off, the same command
-goes on where it was.
+report. Stages that are done are not repeated: after Ctrl-C, or when the computer was switched off, the same command
+continues.
 """
 
 import dataclasses
@@ -31,10 +31,12 @@ from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.robots.robot import Robot
 from train.config import BaseName, Count
 from train.run_folder import BEST, has_checkpoint, steps_done
-from train.search import trot
+from train.search import command as search_command
+from train.search.subject import Options as Search
+from train.search.trot import ACCOUNT
 
 RESIDUAL, BEGUN, DESCRIBED = "residual", "begun.json", "described.txt"
-SEARCH = trot.Options(generations=12, candidates=14, episodes=10, steps=400, check_episodes=48)
+SEARCH = Search("trot", generations=12, candidates=14, episodes=10, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
 
 
@@ -43,13 +45,13 @@ class Options:
     """Describe, search, train, evaluate, report: some 20 minutes on two cores."""
 
     robot: Annotated[str, tyro.conf.Positional]
-    """Its MJCF, a TOML that `python -m quad_env describe` has written, or a name such as go1."""
+    """MJCF of the robot, a TOML that `python -m quad_env describe` has written, or a name such as go1."""
     base: BaseName = "trot_feedback"
     """Policy that the residual corrects."""
     steps: Count = number(4_000_000, limits=(1, 10**12 - 1))
     """Steps of the training."""
     training: tuple[str, ...] = ()
-    """Further options of `python -m train`, in quotes where there are several, such as "--ppo.envs 512"."""
+    """Further options of `python -m train`, in quotes, such as "--ppo.envs 512"."""
     policies: tuple[str, ...] = ("trot", "trot_feedback", RESIDUAL)
     """Policies compared in the end, by name."""
     scenarios: tuple[str, ...] = ("default",)
@@ -70,30 +72,30 @@ class Options:
 
     @property
     def toml(self) -> Path:
-        """The robot's figures, which may be changed by hand before the search."""
+        """File of the robot, which may be edited before the search."""
         given = Path(self.robot)
         return given if given.suffix == ".toml" else self.folder / f"{given.stem}.toml"
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of the way."""
+    """A stage of the pipeline."""
 
     name: str
     minutes: float
-    """What it takes on two cores."""
+    """Usual time on two cores."""
     done: Callable[[], bool]
     do: Callable[[], None]
 
 
 def main(options: Options) -> int:
-    """Go the whole way, or what is left of it; the exit code. Raises UsageError, and KeyboardInterrupt with how to go
-    on."""
+    """Run the stages that are left; the exit code. Raises UsageError, and KeyboardInterrupt with the command that
+    continues."""
     check_numbers(options, limits_of(options))
     if not Path(options.robot).suffix:
         hardware_of(options.robot)
     make_writable_folder(options.folder)
-    _begun_alike(options)
+    _check_same_options(options)
     stages = _stages(options)
     try:
         for place, stage in enumerate(stages):
@@ -107,7 +109,7 @@ def main(options: Options) -> int:
             stage.do()
             print(f"{head}: {(time.monotonic() - began) / 60.0:.1f} min", flush=True)
     except KeyboardInterrupt as interrupt:
-        again = f"go on with: python -m train robot {shlex.join(sys.argv[2:])}"
+        again = f"continue with: python -m train robot {shlex.join(sys.argv[2:])}"
         raise KeyboardInterrupt("; ".join([*map(str, interrupt.args), again])) from None
     print(f"report: {options.folder / 'evaluation' / 'report.html'}")
     return 0
@@ -118,10 +120,10 @@ def _stages(options: Options) -> list[Stage]:
     training, evaluation = folder / "training", folder / "evaluation"
 
     def search() -> None:
-        trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
+        search_command.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
 
     def train() -> None:
-        from train.__main__ import run  # here, since it knows this command
+        from train.command import run  # here, since it knows this command
 
         words = ["--robot", options.toml, "--base", options.base, "--steps", options.steps, "--seed", options.seed]
         words += ["--threads", options.threads, "--out", training]
@@ -132,27 +134,30 @@ def _stages(options: Options) -> list[Stage]:
         bundle.copy(training / BEST, folder_of(robot()) / RESIDUAL)
 
     def evaluate() -> None:
-        from evaluate.__main__ import compare
+        from evaluate.commands.execution import execute
+        from evaluate.commands.options import Options as Comparison
+        from evaluate.commands.plan import begun_with, check
         from evaluate.records.store import is_unfinished
 
-        words = ["--robot", options.toml, "--policies", *options.policies, "--scenarios", *options.scenarios]
-        words += ["--episodes", options.episodes, "--seed", options.seed, "--threads", options.threads]
-        compare([str(word) for word in (*words, "--out", evaluation, *["--resume"] * is_unfinished(evaluation))])
+        given = {name: getattr(options, name) for name in ("policies", "scenarios", "episodes", "seed", "threads")}
+        plan = Comparison(robot=str(options.toml), out=evaluation, **given)
+        execute(check(replace(begun_with(evaluation), resume=True) if is_unfinished(evaluation) else plan))
 
     def found(name: str) -> bool:
         return options.toml.is_file() and (folder_of(robot()) / name).is_file()
 
     return [
         Stage("describe the robot", 0.1, (folder / DESCRIBED).is_file, partial(_describe, options)),
-        Stage("search its trot", 4.0, lambda: found(trot.ACCOUNT), search),
+        Stage("search its trot", 4.0, lambda: found(ACCOUNT), search),
         Stage("train a residual", 9.0, lambda: found(f"{RESIDUAL}/{bundle.DESCRIPTION}"), train),
         Stage("compare them", 5.0, lambda: _compared(evaluation), evaluate),
     ]
 
 
-def _begun_alike(options: Options) -> None:
-    """Keep what the way is begun with. Raises UsageError where the folder is that of another way."""
-    now = dataclasses.asdict(options) | {"robot": _place(options.robot)}
+def _check_same_options(options: Options) -> None:
+    """Keep the options in the folder. Raises UsageError where they are others than those that it was started with."""
+    robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
+    now = dataclasses.asdict(options) | {"robot": robot}
     now = json.loads(json.dumps({name: now[name] for name in now if name not in ("out", "threads")}, default=str))
     begun = options.folder / BEGUN
     if not begun.is_file():
@@ -162,14 +167,9 @@ def _begun_alike(options: Options) -> None:
         then = json.loads(read_bytes(begun))
         other = [name for name in now if then.get(name) != now[name]]
     except (ValueError, AttributeError):
-        other = ["nothing that can be read"]
+        other = ["unreadable"]
     if other:
-        raise UsageError(f"{options.folder} was begun otherwise ({', '.join(other)}): choose another --out")
-
-
-def _place(robot: str) -> str:
-    """Where the robot's file is; the name of one that has none."""
-    return str(Path(robot).resolve()) if Path(robot).suffix else robot
+        raise UsageError(f"{options.folder} was started with other options ({', '.join(other)}): choose another --out")
 
 
 def _robot(options: Options) -> Robot:
@@ -183,23 +183,23 @@ def _compared(folder: Path) -> bool:
 
 
 def _describe(options: Options) -> None:
-    """Print what is found, and keep it with a TOML and a picture. Raises UsageError where it is no such robot."""
+    """Print the description, and keep it with a TOML and a picture. Raises UsageError where the robot has errors."""
     command = [sys.executable, "-m", "quad_env", "describe", options.robot]
-    written, told = options.folder / "inferred.toml", options.toml.is_file()
+    written, given = options.folder / "inferred.toml", options.toml.is_file()
     if written.is_file():
-        raise UsageError(f"{written} waits for what is missing: give it instead of {options.robot}, or remove it")
-    said = subprocess.run(
-        [*command, *([] if told else ["--toml", str(written)])],
+        raise UsageError(f"{written} has gaps to fill: give it instead of {options.robot}, or remove it")
+    done = subprocess.run(
+        [*command, *([] if given else ["--toml", str(written)])],
         stdout=subprocess.PIPE,
         encoding="utf-8",
         env=os.environ | {"PYTHONIOENCODING": "utf-8"},
     )
-    print(said.stdout, end="")
-    if said.returncode:
-        kept = f"; tell what is missing in {written}, and give that instead" if written.is_file() else ""
+    print(done.stdout, end="")
+    if done.returncode:
+        kept = f"; fill the gaps in {written}, and give that instead" if written.is_file() else ""
         raise UsageError(f"{options.robot} cannot be used as it is{kept}")
-    if not told:
+    if not given:
         written.rename(options.toml)
     if subprocess.run([*command, "--picture", str(options.folder / "standing.png")], capture_output=True).returncode:
-        print("no picture of it: rendering is impossible here", file=sys.stderr)
-    write_atomically(options.folder / DESCRIBED, said.stdout.encode())
+        print("no picture of the robot: rendering is impossible here", file=sys.stderr)
+    write_atomically(options.folder / DESCRIBED, done.stdout.encode())

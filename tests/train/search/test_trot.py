@@ -1,0 +1,150 @@
+"""The trot's search: its fits by hand, its panel of candidates, its cost, and what it writes."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+import policies
+from evaluate.measures.metrics import Measures
+from evaluate.rollouts.hardware import Hardware
+from evaluate.rollouts.rollout import run
+from policies.parameters import scaled_parameters
+from policies.trot.open_loop import SEARCH_RANGES, Trot, TrotParameters, searched_parameters
+from quad_env import OBSERVATION_SIZE
+from quad_env.seeding import episode_seeds
+from tests.quad_env.robots.alike import alike
+from train.__main__ import main
+from train.scenarios import practice
+from train.search import trot
+from train.search.command_map import WEAKNESS_WEIGHT, undone
+from train.search.panel import Panel
+from train.search.subject import decode, encode
+from train.search.trot import (
+    ERROR_SCALES,
+    candidate_costs,
+    cost,
+    interval_response,
+    mapped,
+    unless_weak,
+)
+
+COMMANDS = np.random.default_rng(0).uniform(-1, 1, (6, 2, 3))
+RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0.0, 0.0]])
+"""Rows: forward, lateral and yaw command, and one; columns: what is achieved."""
+
+
+def measures(**changes):
+    """Of six episodes with two command intervals, all walked to their end."""
+    achieved = COMMANDS @ RESPONSE[:3] + RESPONSE[3]
+    nothing = {field.name: np.zeros(6) for field in dataclasses.fields(Measures)}
+    return Measures(**nothing | {"commands": COMMANDS, "mean_velocities": achieved} | changes)
+
+
+def test_intervals_that_ended_in_a_fall_do_not_count_and_too_few_others_are_no_response():
+    velocities = measures().mean_velocities.copy()
+    velocities[:2, 1] = math.nan
+    np.testing.assert_allclose(interval_response(measures(mean_velocities=velocities)), RESPONSE, atol=1e-12)
+    velocities[2:5, 1] = math.nan  # 7 of 12 are left
+    assert not interval_response(measures(mean_velocities=velocities)).any()
+
+
+def test_the_map_undoes_the_response():
+    """By hand, from a gait that is asked for twice the yaw rate before."""
+    found = undone(dataclasses.replace(TrotParameters(), yaw_gain=2.0), RESPONSE)
+    assert found.forward_gain == pytest.approx(1 / 0.8)
+    assert found.forward_bias == pytest.approx(0.1 / 0.8)
+    assert found.lateral_gain == pytest.approx(1 / 0.5)
+    assert found.yaw_gain == pytest.approx(2.0 / 2.0)
+    assert found.yaw_per_lateral == pytest.approx((0.0 - 2.0 * 0.3 / 2.0) / 0.5)
+
+
+def test_a_response_too_weak_to_be_undone_leaves_the_map_alone(monkeypatch):
+    assert unless_weak(TrotParameters(), np.zeros((4, 3))) == TrotParameters()
+    beyond = np.eye(4, 3)
+    beyond[3, 0] = math.inf  # a bias that no trot's parameters may have
+    assert unless_weak(TrotParameters(), beyond) == TrotParameters()
+    monkeypatch.setattr("train.search.trot.run", lambda *_, **__: None)
+    monkeypatch.setattr("train.search.trot.measure", lambda _: measures())
+    assert mapped(TrotParameters(), episode_seeds("search", 0, 6), 1).lateral_gain == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("blocks", "rows"), [(1, ([0, 1, 2], [3, 4, 5])), (3, ([0, 2, 4], [1, 3, 5]))])
+def test_a_panel_is_its_members_each_on_its_share_of_every_block(blocks, rows):
+    members = [TrotParameters(frequency=2.0), TrotParameters(duty=0.6)]
+    panel, alone = Panel([Trot(each) for each in members], blocks), [Trot(each) for each in members]
+    panel.reset(6)
+    for member in alone:
+        member.reset(3)
+    for step in range(30):
+        observation = np.random.default_rng(step).normal(size=(6, OBSERVATION_SIZE)).astype(np.float32)
+        actions = panel.act(observation)
+        for member, own in zip(alone, rows, strict=True):
+            np.testing.assert_array_equal(actions[own], member.act(observation[own]))
+
+
+def test_a_point_of_the_cube_is_a_set_of_parameters_and_back():
+    point = np.linspace(0.1, 0.9, len(SEARCH_RANGES))
+    parameters = decode(point, TrotParameters(forward_gain=1.5), SEARCH_RANGES)
+    np.testing.assert_allclose(encode(parameters, SEARCH_RANGES), point, atol=1e-12)
+    assert parameters.forward_gain == 1.5
+    for end, corner in enumerate((np.zeros(len(SEARCH_RANGES)), np.ones(len(SEARCH_RANGES)))):
+        for name, bounds in SEARCH_RANGES.items():
+            assert getattr(decode(corner, TrotParameters(), SEARCH_RANGES), name) == pytest.approx(bounds[end])
+
+
+def test_the_cost_is_the_mean_of_the_scaled_errors():
+    ones = {name: np.repeat([0.0, 2 * scale, 4 * scale], 2) for name, scale in ERROR_SCALES.items()}
+    np.testing.assert_allclose(cost(measures(**ones), 3), [0.0, 8.0, 16.0])
+
+
+def test_a_robot_that_fell_at_once_has_all_overspeed():
+    overspeed = np.array([math.nan, 0, 0, 0, 0, 0])
+    np.testing.assert_allclose(cost(measures(overspeed=overspeed), 3), [0.5 / 0.02, 0.0, 0.0])
+
+
+def test_standing_still_costs_more_than_walking():
+    """A gait that ignores commands follows its own, empty response perfectly."""
+    still = dataclasses.replace(TrotParameters(), forward_gain=0.0, lateral_gain=0.0, yaw_gain=0.0)
+    walking, standing = candidate_costs([TrotParameters(), still], episode_seeds("search", 0, 8), 600, 1)
+    assert standing - walking > WEAKNESS_WEIGHT
+
+
+TINY = "--generations 1 --candidates 4 --episodes 8 --steps 101 --check-episodes 4 --threads 1"
+
+
+def test_a_robots_search_goes_to_its_own_folder_and_begins_with_its_own_size(tmp_path):
+    robot = alike(tmp_path)
+    path = tmp_path / "alike.xml"
+    assert main(["search", "trot", *TINY.split(), "--robot", str(path)]) == 0
+    own = tmp_path / "alike"
+    told = (own / "TROT.md").read_text(encoding="utf-8")
+    assert f"search trot --robot {path} --seed 0" in told
+    start, found = (
+        scaled_parameters(searched_parameters(), robot),
+        json.loads((own / "trot.json").read_text(encoding="utf-8")),
+    )
+    assert f"| blend_time | fixed | {start.blend_time:.9g} | {found['blend_time']:.9g} |" in told
+    low, high = (robot.leg_length / 0.6 * end for end in SEARCH_RANGES["body_height"])
+    assert low <= found["body_height"] <= high < 0.22
+    assert policies.make("trot", robot=robot).parameters == TrotParameters(**found)
+
+
+def test_candidates_walk_as_the_robot_on_its_own_ground(tmp_path, monkeypatch):
+    """At the call site: which robot, which scenario and which policy are really run."""
+    robot, seen = alike(tmp_path), []
+    hardware = Hardware(robot=str(tmp_path / "alike.xml"))
+
+    def watched(policy, scenario, seeds, **options):
+        seen.append((policy.robot, scenario, options["hardware"]))
+        return run(policy, scenario, seeds, **options)
+
+    monkeypatch.setattr(trot, "run", watched)
+    candidate_costs([searched_parameters(robot)], episode_seeds("search", 0, 8), 101, 1, hardware)
+    assert all(each == robot for each, _, _ in seen)
+    assert all(each == hardware for _, _, each in seen)
+    assert {each.name: each for _, each, _ in seen} == {
+        name: practice(name, "search", robot=robot) for name in trot.SCENARIO_WEIGHTS
+    }

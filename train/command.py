@@ -1,0 +1,109 @@
+"""`python -m train [run]`: train a policy with PPO, a bounded correction of a base policy or one without a base.
+
+Other commands, each with its own --help, as in `python -m train search --help`:
+"""
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from evaluate.rollouts.hardware import Hardware, hardware_of
+from policies.parameters import limits_of
+from quad_env.cli import launcher
+from quad_env.cli.command_line import UsageError, as_spelled
+from quad_env.cli.command_line import parse as parse_options
+from quad_env.cli.program import HELP, Command, Program
+from train.config import DEFAULTS, TrainConfig, differences, likewise, load_config, weight_words
+from train.run_folder import has_checkpoint, steps_done
+from train.setting_ranges import check
+
+NAME = "python -m train"
+COMMANDS = {
+    "robot": Command("train.robot_pipeline", "all steps for your own robot: describe, search, train, evaluate, report"),
+    "search": Command("train.search.command", "parameters of a trot, a gait, a policy with feedback, by CMA-ES"),
+    "export": Command("train.export", "a trained residual as an ONNX file"),
+}
+MOVED = {name: f"python -m research {name}" for name in ("ablations", "publish", "sweep", "trials")}
+"""Commands that replace those of older versions."""
+REWARDS = "--rewards"
+
+
+def run(words: list[str]) -> int:
+    """Train as the words say, which may begin with `run`; the exit code."""
+    config = parse(words[1:] if words[:1] == ["run"] else words)
+    # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
+    from train.run import train_seeds
+
+    launcher.raise_on_interrupt()
+    try:
+        train_seeds(config)
+    except KeyboardInterrupt as interrupt:
+        unfinished = any(steps_done(each.folder) < each.steps for each in config.runs)
+        if unfinished and any(has_checkpoint(each.folder) for each in config.runs):
+            several = f"--seed {config.seed} --seeds {config.seeds} " if config.seeds > 1 else ""
+            said = [f"continue the run with --resume {several}--out {config.folder}", *map(str, interrupt.args)]
+            raise KeyboardInterrupt("; ".join(said)) from None
+        raise
+    return 0
+
+
+def parse(words: Sequence[str]) -> TrainConfig:
+    """The settings of a command line. Raises UsageError; SystemExit(0) after --help.
+
+    The defaults shown and used are those of the chosen --policy and --robot, or with --resume those of the run that is
+    continued.
+    """
+    words = as_spelled(TrainConfig, list(words))
+    defaults = _defaults(words)
+    description = f"{__doc__}{PROGRAM.listing()}"
+    words = _with_all_weights(words, defaults)
+    config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)
+    check(defaults)
+    check(config)
+    if config.resume and (changed := [each for each in differences(defaults, config) if not each.extends]):
+        raise UsageError(
+            f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}; "
+            "only a larger --steps may be given, to extend it"
+        )
+    return config
+
+
+def _with_all_weights(words: list[str], defaults: TrainConfig) -> list[str]:
+    """The words with the default weights first in --rewards, so that those that are not given stay as they are."""
+    if old := next((word for word in words if word.startswith(f"{REWARDS}.")), None):
+        name = old.partition("=")[0]
+        raise UsageError(f"{name} is now {name.replace('.', ' ')}=WEIGHT")
+    split = [part for word in words for part in (word.split("=", 1) if word.startswith(f"{REWARDS}=") else [word])]
+    if REWARDS in split:
+        place = split.index(REWARDS) + 1
+        split[place:place] = weight_words(defaults.rewards)
+    return split
+
+
+def _defaults(words: list[str]) -> TrainConfig:
+    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
+    scout.add_argument("--robot", default=Hardware.robot)
+    scout.add_argument("--seed", type=int, default=0)
+    scout.add_argument("--seeds", type=int, default=1)
+    scout.add_argument("--out", type=Path)
+    scout.add_argument("--resume", action="store_true")
+    try:
+        found, _ = scout.parse_known_args(words)
+    except (argparse.ArgumentError, SystemExit):
+        return DEFAULTS["residual"]  # the real parser, which reads the same words next, says what is wrong with them
+    defaults = DEFAULTS[found.policy]
+    if found.robot != Hardware.robot:  # else --help would wait for MuJoCo
+        defaults = likewise(defaults, hardware_of(found.robot))
+    low, high = limits_of(TrainConfig)["seeds"]
+    if found.resume and low <= found.seeds <= high and not HELP & set(words):
+        asked = dataclasses.replace(defaults, seed=found.seed, seeds=found.seeds, out=found.out)
+        begun = [each.folder for each in asked.runs if has_checkpoint(each.folder)]
+        settings = load_config(begun[0] if begun else asked.runs[0].folder)
+        seed = found.seed if found.seeds > 1 else settings.seed
+        return dataclasses.replace(settings, seed=seed, seeds=found.seeds, out=found.out)
+    return defaults
+
+
+PROGRAM = Program(NAME, COMMANDS, run, MOVED)

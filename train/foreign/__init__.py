@@ -1,1 +1,0 @@
-"""What users bring to a training in files of theirs."""
