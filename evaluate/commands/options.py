@@ -61,8 +61,7 @@ class Options:
     resume: Flag = False
     """Carry on the interrupted run in the folder --out, with its options: the outcome is that of a run in one go."""
     gate: tuple[str, ...] = ()
-    """What must hold, each in quotes, such as "residual falls <= trot on push:all", or default; if one does not, the
-    exit code is 1. Verdicts go to junit.xml and the reports."""
+    """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy that the others are measured against; by default trot, or without it the policy named first."""
     trace: Literal["none", "compact", "full"] = "none"

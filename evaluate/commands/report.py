@@ -18,8 +18,7 @@ class Options:
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
     """Folder of an evaluation, finished or not."""
     gate: tuple[str, ...] = ()
-    """What must hold, each in quotes, such as "residual falls <= trot on push:all", or default; if one does not, the
-    exit code is 1."""
+    """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy that the others are measured against; by default trot, or without it the policy named first."""
     film: bool = True

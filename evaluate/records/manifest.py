@@ -22,8 +22,6 @@ from quad_env.serialisation import check_types, from_plain, to_plain
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", "report.md", NAME)
 """What a comparison leaves in its folder."""
-JUNIT = "junit.xml"
-"""Another file, if there are gates."""
 CHUNKS = "parts"
 """Folder of the chunks of cells, while a run is going on."""
 SCHEMA = 1

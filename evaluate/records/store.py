@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
-from evaluate.records.manifest import CHUNKS, FILES, JUNIT, Manifest
+from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.records.parquet import is_hashed
 from evaluate.rollouts.experiment import Cell, Chunk, evaluation_seeds, join
 from quad_env.cli.command_line import UsageError
@@ -24,7 +24,7 @@ from quad_env.scenarios.named import Scenario
 EPISODES = "episodes.parquet"
 _CHUNK = re.compile(r"\d{5}-\d{7}(-[0-9a-f]{8})?\.parquet")
 """Numbers of the cell and of the first episode, and the beginning of the run's fingerprint."""
-_TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, (*FILES, JUNIT)))}|{_CHUNK.pattern})\..{{8}}")
+_TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, FILES))}|{_CHUNK.pattern})\..{{8}}")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 
 from evaluate.analysis.findings import PHRASES, UNSHOWN, Finding, findings_by_policy, headline, summary
-from evaluate.analysis.gate_verdicts import Verdict, by_gate
+from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.footage import footage
@@ -24,7 +24,7 @@ from evaluate.report.sections.training_section import training
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
-from quad_env.cli.format import counted, listed
+from quad_env.cli.format import listed
 from quad_env.files.writing import write_atomically
 
 FILM_PLACE = 6
@@ -43,14 +43,14 @@ def write_report(
     *,
     film: bool = False,
     trust: bool = False,
-    verdicts: Sequence[Verdict] = (),
+    gates: Sequence[GateResult] = (),
     made_by: Origin = ("", ""),
 ) -> None:
     """Write report.html; filming takes a few seconds, and the page says why where it is impossible.
 
     `trust`, of the filmed policies: see `evaluate.report.camera.Shot`.
     """
-    page = render(results, path.parent, film=film, trust=trust, verdicts=verdicts, made_by=made_by)
+    page = render(results, path.parent, film=film, trust=trust, gates=gates, made_by=made_by)
     write_atomically(path, page.encode())
 
 
@@ -60,7 +60,7 @@ def render(
     *,
     film: bool = False,
     trust: bool = False,
-    verdicts: Sequence[Verdict] = (),
+    gates: Sequence[GateResult] = (),
     made_by: Origin = ("", ""),
 ) -> str:
     """The whole page; `folder` is where the results are, for the commands that the page names."""
@@ -70,7 +70,7 @@ def render(
         sections = [
             _outcome(results),
             success(results),
-            _gates(verdicts),
+            _gates(gates),
             overview(results),
             sensitivity(results),
             disturbances(results),
@@ -128,23 +128,11 @@ def _findings(results: Results, policy: str, found: list[Finding]) -> str:
     return fold(title, body, opened=len(severity_axes(results.cells)) <= FEW_AXES, printed=True) if found else ""
 
 
-def _gates(verdicts: Sequence[Verdict]) -> str:
-    """A line a gate, with what failed; empty without gates."""
-    return section("Gates", *(_gate(gate, mine) for gate, mine in by_gate(verdicts).items()))
-
-
-def _gate(name: str, verdicts: Sequence[Verdict]) -> str:
-    failed = [verdict for verdict in verdicts if not verdict.passed]
-    among = f"failed on {len(failed)} of {counted(len(verdicts), 'scenario')}" if failed else "passed"
-    lines = _list(failed) if failed else ""
-    every = fold("Every scenario", _list(verdicts)) if len(verdicts) > len(failed) else ""
-    return f"<h3><code>{escape(name)}</code> {among}</h3>{lines}{every}"
-
-
-def _list(verdicts: Sequence[Verdict]) -> str:
+def _gates(gates: Sequence[GateResult]) -> str:
+    """A line a gate; empty without gates."""
     kinds = {True: "better", False: "worse"}
-    lines = (f'<li class="{kinds[v.passed]}">{escape(v.scenario)}: {escape(v.reason)}</li>' for v in verdicts)
-    return f"<ul>{''.join(lines)}</ul>"
+    lines = "".join(f'<li class="{kinds[each.passed]}">{escape(each.line)}</li>' for each in gates)
+    return section("Gates", f"<ul>{lines}</ul>") if gates else ""
 
 
 def _notes(results: Results) -> str:
