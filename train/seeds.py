@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from evaluate.commands.options import available_cores
 from evaluate.records.provenance import REPOSITORY, REVISION, git_revision
 from evaluate.rollouts.cluster import Report, cluster
 from quad_env.cli.command_line import UsageError
+from quad_env.cli.cores import available_cores
 from quad_env.files.writing import sole_use, write_atomically
 from train.config import TrainConfig
 from train.run import train

@@ -1,6 +1,5 @@
 """Options of `python -m evaluate`."""
 
-import os
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -10,6 +9,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from evaluate.rollouts.hardware import Hardware
+from quad_env.cli.cores import available_cores
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
@@ -18,11 +18,6 @@ DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "engine", "address", "resume", "gate", "baseline", "film", "trust")
 """Options that a run may be carried on with as one likes."""
-
-
-def available_cores() -> int:
-    """Cores that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)

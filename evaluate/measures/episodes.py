@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.measures import tracking
 from evaluate.measures.averages import Bools, Recorded
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
@@ -108,6 +109,16 @@ class Episodes:
     def steps(self) -> int:
         """Control steps up to the time limit."""
         return len(self.command)
+
+    @property
+    def settling(self) -> int:
+        """Control steps of the settling time, in which nothing is measured."""
+        return round(tracking.SETTLING_TIME / self.dt)
+
+    @property
+    def intervals(self) -> tracking.CommandIntervals:
+        """Intervals of one command each."""
+        return tracking.command_intervals(self.steps, self.command_steps, self.settling)
 
     @property
     def count(self) -> int:

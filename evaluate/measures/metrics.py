@@ -6,6 +6,7 @@ what was recorded in single precision.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import footfalls
 from evaluate.measures.outcomes import RULES, STALLED, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
 from evaluate.measures.pushes import pushes
-from evaluate.measures.tracking import SETTLING_TIME
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def _outcome(
         failed=episodes.failed,
         commands=following["commands"],
         velocities=following["mean_velocities"],
-        durations=np.array([window.stop - window.start for window in _windows(episodes)], np.float64),
+        durations=np.array([window.stop - window.start for window in episodes.intervals.settled], np.float64),
         rule=rule,
     )
 
@@ -143,38 +143,26 @@ def summarise(episodes: Episodes) -> dict[str, float]:
     }
 
 
-def _settling(episodes: Episodes) -> int:
-    return round(SETTLING_TIME / episodes.dt)
-
-
-def _windows(episodes: Episodes) -> tuple[slice, ...]:
-    """Steps of each command interval after its first second."""
-    settling, intervals = _settling(episodes), tracking.command_intervals(episodes.steps, episodes.command_steps)
-    return tuple(slice(i.start + settling, i.stop) for i in intervals if i.stop - i.start > settling)
-
-
 def _tracking(episodes: Episodes, upright: Bools) -> tuple[dict[str, Floats], Floats]:
     """How commands were followed, and the distance covered."""
-    settling, windows = _settling(episodes), _windows(episodes)
-    settled = slice(settling, None)
+    settling, intervals = episodes.settling, episodes.intervals
+    settled, windows = slice(settling, None), intervals.settled
     command, velocity = (signal.astype(np.float64) for signal in (episodes.command, episodes.heading_velocity))
-    intervals = tracking.command_intervals(episodes.steps, episodes.command_steps)
-    stretches = tuple(slice(max(i.start, settling), i.stop) for i in intervals if i.stop > settling)
-    judged = command[settled], velocity[settled], upright[settled]
+    after: dict[str, Any] = {"command": command[settled], "velocity": velocity[settled], "upright": upright[settled]}
     measures = {
-        "velocity_error": tracking.velocity_error(*judged),
-        "yaw_rate_error": tracking.yaw_rate_error(*judged),
-        "velocity_error_upright": tracking.velocity_error_upright(*judged),
+        "velocity_error": tracking.velocity_error(**after),
+        "yaw_rate_error": tracking.yaw_rate_error(**after),
+        "velocity_error_upright": tracking.velocity_error_upright(**after),
         "mean_velocity_error": tracking.mean_velocity_error(command, velocity, upright, windows),
         "commands": tracking.commands_given(command, upright, tuple(w.start - settling for w in windows)),
         "mean_velocities": tracking.mean_velocities(velocity, upright, windows),
     }
-    return measures, tracking.distance_covered(velocity, upright, stretches, episodes.dt)
+    return measures, tracking.distance_covered(velocity, upright, intervals.travelled, episodes.dt)
 
 
 def _effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
     """What the motors did."""
-    robot, settling, dt = episodes.robot, _settling(episodes), episodes.dt
+    robot, settling, dt = episodes.robot, episodes.settling, episodes.dt
     settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
     torque, speed, judged = episodes.joint_torque[settled], episodes.joint_velocity[settled], upright[settled]
     power = effort.mechanical_power(torque, speed)
@@ -197,12 +185,12 @@ def _effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, F
 
 def _gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
     """How the robot stepped, stood and carried its trunk."""
-    settling, dt, count = _settling(episodes), episodes.dt, episodes.count
+    settling, dt, count = episodes.settling, episodes.dt, episodes.count
     settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
     judged, judged_before = upright[settled], upright[with_the_step_before]
     falls = footfalls(episodes.foot_contact, upright, dt)
     swings = falls.after(settling)
-    windows = _windows(episodes)
+    windows = episodes.intervals.settled
     still = tracking.standing_still(episodes.command, windows)
     position = episodes.position[with_the_step_before]
     feet, contact = episodes.foot_position[with_the_step_before], episodes.foot_contact[with_the_step_before]
@@ -225,7 +213,7 @@ def _residual(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
     """What a residual made of its authority."""
     if episodes.correction is None or episodes.base_action is None:
         return dict.fromkeys(("authority_used", "authority_saturated", "against_base"), np.full(episodes.count, np.nan))
-    settling = _settling(episodes)
+    settling = episodes.settling
     correction, judged = episodes.correction[settling:], upright[settling:]
     before = slice(settling - 1, None)
     return {

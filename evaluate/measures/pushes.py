@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, upright_steps
 from evaluate.measures.episodes import Episodes
-from evaluate.measures.tracking import SETTLING_TIME
 
 Ints = NDArray[np.int64]
 
@@ -64,9 +63,7 @@ def _can_be_judged(episodes: Episodes) -> Bools:
     known before the push, so that no outcome is left out for what it is."""
     onset, dt = episodes.push_step, episodes.dt
     end = onset + round((LONGEST_RECOVERY + GAIT_CYCLE) / dt)
-    since = onset % episodes.command_steps
-    same_command = (since >= round(SETTLING_TIME / dt)) & (since + end - onset <= episodes.command_steps)
-    return np.asarray(same_command & (end <= _next(onset, episodes.steps)))
+    return np.asarray(episodes.intervals.hold(onset, end) & (end <= _next(onset, episodes.steps)))
 
 
 def _recovery(episodes: Episodes) -> Floats:

@@ -4,12 +4,15 @@ Every step that is not upright, up to the time limit, is billed the cap of the m
 error smaller.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
+
+Steps = NDArray[np.int64]
 
 SETTLING_TIME = 1.0
 """Start of an episode, and of each command interval, that is not judged, s."""
@@ -19,9 +22,27 @@ YAW_RATE_CAP = 3.0
 """Largest yaw-rate error that a step is billed, rad/s; also what a step after a fall costs."""
 
 
-def command_intervals(steps: int, command_steps: int) -> tuple[slice, ...]:
-    """Steps of each command interval; a command lasts `command_steps`."""
-    return tuple(slice(start, min(start + command_steps, steps)) for start in range(0, steps, command_steps))
+@dataclass(frozen=True)
+class CommandIntervals:
+    """Command intervals of an episode, as slices of its control steps."""
+
+    settled: tuple[slice, ...]
+    """After the first second of each; an interval that is not longer is left out."""
+    travelled: tuple[slice, ...]
+    """After the first second of the episode."""
+
+    def hold(self, first: Steps, end: Steps) -> Bools:
+        """Whether one command is in force, and settled, from step `first` up to `end`, any shape."""
+        return np.any([(first >= window.start) & (end <= window.stop) for window in self.settled], axis=0)
+
+
+def command_intervals(steps: int, command_steps: int, settling: int) -> CommandIntervals:
+    """Intervals of an episode of so many control steps; a command lasts `command_steps`, settling takes `settling`."""
+    whole = [slice(start, min(start + command_steps, steps)) for start in range(0, steps, command_steps)]
+    return CommandIntervals(
+        settled=tuple(slice(i.start + settling, i.stop) for i in whole if i.stop - i.start > settling),
+        travelled=tuple(slice(max(i.start, settling), i.stop) for i in whole if i.stop > settling),
+    )
 
 
 def velocity_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:

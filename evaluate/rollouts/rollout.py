@@ -248,6 +248,6 @@ class Recorder:
             weight=weight(env.robot, env.scenario),
             torque_limit=float(env.simulation.model.actuator_forcerange.max()),
             dt=env.dt,
-            command_steps=round(env.scenario.commands.interval / env.dt),
+            command_steps=env.scenario.commands.steps(env.dt),
             failure=self._failure,
         )

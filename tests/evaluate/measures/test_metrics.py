@@ -254,7 +254,7 @@ FAULTS = {
     ),
     "one window for both commands": (
         "command_intervals",
-        lambda steps, command_steps: (slice(0, steps),),
+        lambda steps, command_steps, settling: tracking.CommandIntervals(*[(slice(settling, steps),)] * 2),
         test_each_command_interval_has_its_own_mean_after_its_first_second,
     ),
 }
