@@ -33,8 +33,13 @@ class Footfalls:
     def after(self, step: int) -> "Footfalls":
         """Without the swings that began before that step."""
         late = self.swing_start >= step
-        lists = (self.swing_start, self.touch_down, self.episode, self.foot)
-        return Footfalls(self.stance, *(each[late] for each in lists))
+        return Footfalls(
+            stance=self.stance,
+            swing_start=self.swing_start[late],
+            touch_down=self.touch_down[late],
+            episode=self.episode[late],
+            foot=self.foot[late],
+        )
 
     def of(self, foot: int) -> tuple[Ints, Ints]:
         """Episodes and steps of one foot's touch-downs."""

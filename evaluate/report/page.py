@@ -14,13 +14,10 @@ from evaluate.report.html import contents, fold, note, section
 from evaluate.report.notes import NOTES, extent, warnings
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
-from evaluate.report.sections.figures import policy_label
+from evaluate.report.sections.figures import definitions, policy_label, training
 from evaluate.report.sections.gait_section import gaits
-from evaluate.report.sections.measures_section import definitions
-from evaluate.report.sections.overview import overview, sensitivity
+from evaluate.report.sections.overview import overview, sensitivity, success
 from evaluate.report.sections.response_section import responses
-from evaluate.report.sections.success_section import success
-from evaluate.report.sections.training_section import training
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained

@@ -187,8 +187,15 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
     if task.trace is not None:
         with _keeping():
             task.trace(label, task.scenario, int(task.numbers[0]), episodes)
-    measured = episodes.fall_reason, measure(episodes), episodes.failure
-    return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, *measured))
+    cell = Cell(
+        policy=label,
+        scenario=task.scenario,
+        seeds=task.seeds,
+        fall_reason=episodes.fall_reason,
+        measures=measure(episodes),
+        failure=episodes.failure,
+    )
+    return Chunk(task.numbers, cell)
 
 
 @contextlib.contextmanager
@@ -217,8 +224,15 @@ class _PendingCell:
         stored = [np.arange(0), *(chunk.numbers for chunk in self.chunks)]
         missing = np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(stored))
         for numbers in _stretches(missing, settings.chunk_size):
-            shared = settings.steps, settings.trace, settings.hardware
-            yield Task(self.policy, self.scenario, numbers, self.seeds[numbers], *shared)
+            yield Task(
+                policy=self.policy,
+                scenario=self.scenario,
+                numbers=numbers,
+                seeds=self.seeds[numbers],
+                steps=settings.steps,
+                trace=settings.trace,
+                hardware=settings.hardware,
+            )
 
     def report(self, task: Task, share: float) -> None:
         self.shares[int(task.numbers[0])] = share * len(task.numbers)

@@ -15,13 +15,13 @@ from evaluate.analysis.score import Score
 from evaluate.commands.options import command
 from evaluate.commands.plan import limited
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
-from evaluate.report.places import insert
 from evaluate.report.plots import drawing, success
-from evaluate.report.results_page import every_figure, legend, newcomers_table, robots_table, scenarios_of
 from evaluate.rollouts.battery import BATTERIES, resolve
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
+from research.pages.places import insert
+from research.pages.results_page import every_figure, legend, newcomers_table, robots_table, scenarios_of
 
 MORE, ROBOTS = "more", "robots"
 """Names of the page's second place, and of the README's."""
