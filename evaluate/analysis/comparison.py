@@ -78,7 +78,7 @@ def compare(cells: Sequence[Cell], against: str | None = None) -> list[Compariso
 
 
 def usual_baseline(policies: Sequence[str]) -> str:
-    """Policy that others are measured against unless another is asked for: the trot, without it the one named first."""
+    """The usual baseline: the trot, or without it the policy named first."""
     return BASELINE if BASELINE in policies or not policies else policies[0]
 
 

@@ -1,4 +1,4 @@
-"""The outcome in words, made from the same figures as the tables; what got worse is said like what got better."""
+"""The outcome in words, from the same figures as the tables, for better and worse alike."""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -69,7 +69,7 @@ class Summary:
 
 
 def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> Summary:
-    """All figures of a cell of that robot, whose rule of success has those outcomes."""
+    """All figures of a cell of that robot; `outcomes` are those of its rule of success."""
     measures = cell.measures
     falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
     transport = total_cost_of_transport(measures, weight(robot, cell.scenario))

@@ -26,7 +26,7 @@ class Options:
     policies: tuple[str, ...] = WALKING_POLICIES
     """Names of policies, folders of trained ones, or files, as of python -m evaluate."""
     trust: Flag = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+    """Load policies from files that can hide code, the .zip files of Stable-Baselines3."""
     episodes: int = 64
     """Episodes of 10 s of each policy at each level (count)."""
     seed: int = 0
@@ -36,9 +36,9 @@ class Options:
     out: Path = Path("results/axes")
     """Folder for fall_rates.svg and the files of an evaluation."""
     resume: Flag = False
-    """Carry on the interrupted run in the folder --out; give the same options again."""
+    """Continue the interrupted run in the folder --out; give the same options again."""
     threads: int = available_cores()
-    """Threads of the simulation (count; default: this machine's cores)."""
+    """Simulating processes (count; default: this machine's cores)."""
     sequential: Flag = False
     """After the levels of an axis each policy runs levels of its own, between those that bracket the severity at which
     half of its episodes no longer succeed, or fall, until they are within 5 % of each other."""

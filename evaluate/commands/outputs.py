@@ -32,7 +32,7 @@ GATE_FAILED = 1
 
 
 class Terminal(Console):
-    """A console that falls silent, instead of ending the program, when nobody reads it any more."""
+    """A console that stops printing, instead of ending the program, when its reader has gone."""
 
     def on_broken_pipe(self) -> None:
         """Print nothing more; the files are yet to be written."""

@@ -49,8 +49,8 @@ def begun_with(folder: Path) -> Options:
 def check(options: Options) -> Plan:
     """The plan of these options. Raises UsageError."""
     check_numbers(options, LIMITS)
-    if options.quick + options.full + (options.scenarios != DEFAULT_BATTERY) > 1:
-        raise UsageError("--quick, --full and --scenarios each name the scenarios: give one of them")
+    if options.quick and options.scenarios != DEFAULT_BATTERY:
+        raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
     try:
         hardware.check(options.hardware)
     except ValueError as error:
@@ -163,7 +163,7 @@ def _carried_on(now: Manifest, options: Options) -> Manifest:
     if differing := changed(asked, options) or manifests.differences(then, now):
         raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(differing)}")
     if now.fingerprint != then.fingerprint:
-        raise UsageError(f"{options.out / manifests.NAME} has been changed by hand; leave --resume out to begin anew")
+        raise UsageError(f"{options.out / manifests.NAME} has been changed by hand; leave --resume out to begin again")
     return then
 
 
@@ -173,4 +173,4 @@ def _begun(folder: Path) -> tuple[Manifest, Options]:
         manifest = manifests.read(folder)
         return manifest, replace(Options(out=folder), **restored(manifest.options))
     except (OSError, UsageError, ValueError) as error:
-        raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error
+        raise UsageError(f"--resume: {error}; leave --resume out to begin again") from error

@@ -19,7 +19,7 @@ RESPONDS = 0.2
 
 @dataclass(frozen=True)
 class Response:
-    """Response along one axis; NaN where too few intervals tell."""
+    """Response along one axis; NaN where there are too few intervals."""
 
     gain: float
     """Slope of the least-squares line of achieved against commanded velocity."""

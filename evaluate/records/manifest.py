@@ -55,7 +55,7 @@ class Manifest:
     cpu: str
     """The processor's name for itself."""
     options: Mapping[str, Any]
-    """As they were asked for, by name, so that --resume needs none of them again."""
+    """Options of the command line by name, so that --resume needs none of them again."""
     threads: int
     """Threads of the simulation; no figure depends on it."""
     hardware: Hardware = IDEAL

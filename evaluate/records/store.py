@@ -125,7 +125,7 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
 
 def _stored(path: Path, manifest: Manifest) -> pa.Table:
     """The rows of episodes.parquet, none if there is no such file; ValueError unless they are whole cells of the run,
-    as they were written. What cannot be checked is said on stderr."""
+    as they were written. What cannot be checked is reported on stderr."""
     if not path.exists():
         return pa.table({})
     rows = read_table(path, manifest.fingerprint, partial(_check_whole, manifest))
@@ -191,7 +191,7 @@ def _chunks(folder: Path) -> Iterator[Path]:
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
-    """The cells of which every part is there; how many parts cannot be used is said on stderr."""
+    """The cells of which every part is there; how many parts cannot be used is reported on stderr."""
     there, used = len(list(_chunks(store.folder))), 0
     for scenario, policy in store.manifest.cells:
         chunks = store.load(policy, scenario)

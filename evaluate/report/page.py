@@ -62,8 +62,8 @@ def render(
 ) -> str:
     """The whole page; `folder` is where the results are, for the commands that the page names."""
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
-    with drawing.settings(), ThreadPoolExecutor(1) as beside:
-        shown = beside.submit(footage, results, trust) if film else None
+    with drawing.settings(), ThreadPoolExecutor(1) as pool:
+        shown = pool.submit(footage, results, trust) if film else None
         sections = [
             _outcome(results),
             success(results),
@@ -140,5 +140,5 @@ def _notes(results: Results) -> str:
         f"<ul>{notes}</ul>",
         fold("Every measure: unit, frame, formula, source", definitions(results.success_rule), printed=True),
         note(f"Made with {made_with}."),
-        note("Beside this page: results.json (these figures), episodes.parquet (a row an episode)."),
+        note("In the same folder: results.json (these figures), episodes.parquet (a row an episode)."),
     )

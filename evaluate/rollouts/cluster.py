@@ -1,4 +1,4 @@
-"""Work spread over a Ray cluster: every piece is a task, wherever it runs; one whose worker dies is done again."""
+"""Work spread over a Ray cluster: every piece is a task; it is repeated if its worker dies."""
 
 import contextlib
 import os
@@ -15,7 +15,7 @@ from quad_env.cli.command_line import UsageError
 POLL_PERIOD = 0.5
 """s between two looks at what is done."""
 TRIES = 20
-"""How often a task is begun again whose worker died: one that kills its worker every time must end."""
+"""How often a task is repeated after its worker died: one that kills its worker every time must end."""
 OBJECT_STORE = 256 * 2**20
 """Memory in which an embedded cluster passes tasks and outcomes, byte."""
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -24,7 +24,7 @@ NEEDED = ("quad_env", "policies", "evaluate", "train")
 A = TypeVar("A")
 R = TypeVar("R")
 Report = Callable[[Any], None]
-"""What a task tells those who wait for it."""
+"""Sends news of a task to the process that waits for it."""
 
 
 class NoCluster(UsageError):
@@ -38,12 +38,12 @@ class Cluster(Protocol):
         self,
         work: Callable[[A, Report], R],
         arguments: Sequence[A],
-        told: Callable[[int, Any], None] | None = None,
+        receive: Callable[[int, Any], None] | None = None,
         cores: int = 1,
     ) -> Generator[tuple[int, R]]:
         """Place and outcome of the work on each argument, as it comes.
 
-        `told` is given the place and what the work reports there, until its outcome has come. Raises WorkerLost, and
+        `receive` is given the place and what the work reports there, until its outcome has come. Raises WorkerLost, and
         what the work raises.
         """
         ...
@@ -93,21 +93,21 @@ def _spread(
     check: Callable[[], None],
     work: Callable[[A, Report], R],
     arguments: Sequence[A],
-    told: Callable[[int, Any], None] | None = None,
+    receive: Callable[[int, Any], None] | None = None,
     cores: int = 1,
 ) -> Generator[tuple[int, R]]:
     from ray.util.queue import Queue
 
-    queue = None if told is None else Queue(actor_options={"num_cpus": 0})
+    queue = None if receive is None else Queue(actor_options={"num_cpus": 0})
     run = ray.remote(num_cpus=cores, max_retries=TRIES)(work)
     waiting = {run.remote(each, partial(_report, queue, place)): place for place, each in enumerate(arguments)}
     while waiting:
         check()
         done, _ = ray.wait(list(waiting), num_returns=1, timeout=POLL_PERIOD)
-        if queue is not None and told is not None:
+        if queue is not None and receive is not None:
             for place, news in queue.get_nowait_batch(queue.qsize()):
                 if place in waiting.values():
-                    told(place, news)
+                    receive(place, news)
         for reference in done:
             yield waiting.pop(reference), ray.get(reference)
 

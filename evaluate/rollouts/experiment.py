@@ -91,7 +91,7 @@ class Task:
     numbers: NDArray[np.int64]
     """Numbers of the episodes in their cell, (n,)."""
     seeds: NDArray[np.int64]
-    """Theirs, (n,)."""
+    """Seeds of the episodes, (n,)."""
     steps: int
     trace: TraceWriter | None
     hardware: Hardware
@@ -172,7 +172,7 @@ def sequential(nthread: int) -> Executor:
 
 
 def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chunk:
-    """Outcome of a task; `progress` is told the share of it that is done, below 1. Raises NotKept of its trace."""
+    """Outcome of a task; `progress` receives the share that is done, below 1. Raises NotKept of its trace."""
     label = task.policy.label
     episodes = rollout.run(
         task.policy.policy,
