@@ -12,13 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from evaluate.analysis.gate_verdicts import judge
-from evaluate.analysis.gates import parse
 from evaluate.analysis.results import analyse
 from evaluate.report.page import render
 from evaluate.report.sections.worst import worst
 from policies import summary
-from quad_env.cli.format import interval, listed, number, p_value, percent, percent_interval, points
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
@@ -115,15 +112,6 @@ def test_every_plot_says_what_it_shows(page) -> None:
     assert all(re.search(r'alt="[^"]{10,}"', image) for image in images)
 
 
-def test_gates_are_on_the_page_with_what_failed(made) -> None:
-    verdicts = judge([parse("other falls <= trot"), parse("trot diverged <= 0")], made)
-    text = " ".join(Outline(render(made, Path("out"), verdicts=verdicts)).words).replace("\u00a0", " ")
-    assert "other falls <= trot  failed on 1 of 6 scenarios" in text
-    assert "rough: 55 % against 5.0 % of trot" in text
-    assert "trot diverged <= 0  passed" in text
-    assert "Gates" not in render(made, Path("out"))
-
-
 def test_the_worst_falls_come_first_with_the_command_that_replays_them(made) -> None:
     """Other falls least often on push:3 (5 %), so its falls there surprise the most; then on push:5 (43 %)."""
     assert [(cell.scenario.name, episode) for cell, episode in worst(made, "other")][:3] == [
@@ -194,17 +182,3 @@ def test_a_browser_opens_every_fold_and_nothing_runs_out_of_the_page(page, tmp_p
     assert seen["overflowUnfolded"] <= 0
     if width > 1000:
         assert seen["cutTables"] == 0
-
-
-def test_figures_read_as_people_write_them() -> None:
-    assert number(-0.12345) == "−0.123"
-    assert number(-0.0001) == "0.000"
-    assert number(float("nan")) == "–"
-    assert interval((-0.1, 0.25)).replace("\u00a0", " ") == "−0.100 … 0.250"
-    assert interval((float("nan"), 1.0)) == "–"
-    assert [percent(x).replace("\u00a0", " ") for x in (0.0, 0.031, 0.84, 1.0)] == ["0 %", "3.1 %", "84 %", "100 %"]
-    assert percent_interval((0.0, 0.057)).replace("\u00a0", " ") == "0.0 … 5.7 %"
-    assert points(-0.25) == "−25.0"
-    assert [p_value(x).replace("\u00a0", " ") for x in (0.0001, 0.0262, 1.0)] == ["p < 0.001", "p = 0.026", "p = 1.00"]
-    assert listed(["a"]) == "a"
-    assert listed(["a", "b", "c"]) == "a, b and c"
