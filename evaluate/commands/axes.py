@@ -77,18 +77,9 @@ def _place_levels(options: Options, axes: tuple[str, ...], others: dict[str, Any
     robot = hardware_of(options.robot).quadruped
     names = tuple(name for axis in axes for name in placed_levels.scenario_names(axes_of(robot)[axis]))
     plan = check(Comparison(scenarios=names, film=False, **others))
-    words = ["axes", *axes, "--sequential", "--policies", *options.policies, "--episodes", str(options.episodes)]
-    words += [
-        "--seed",
-        str(options.seed),
-        "--budget",
-        str(options.budget),
-        "--out",
-        str(options.out),
-        *(["--robot", options.robot] if options.robot != Comparison.robot else []),
-        "--resume",
-        *(["--trust"] if options.trust else []),
-    ]
+    words = ["axes", *axes, "--sequential", "--resume", *["--trust"] * options.trust, "--policies", *options.policies]
+    for name in ("episodes", "seed", "budget", "robot", "out"):
+        words += [f"--{name}", str(getattr(options, name))]
     return placed_levels.execute(plan, options.budget, f"{PROGRAM} {shlex.join(words)}") or _draw(options)
 
 

@@ -1,7 +1,6 @@
 """Episodes: what happened, step by step, as it was recorded; every measure is computed from this alone."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,27 +140,6 @@ def weight(robot: Robot, scenario: Scenario) -> float:
     """Weight of the robot and what it carries in that scenario, N."""
     own = robot.mass * GRAVITY
     return own if scenario.payload is None else own + scenario.payload.mass * GRAVITY
-
-
-def uneventful(
-    robot: Robot, steps: int, count: int = 1, *, dt: float = 0.01, command_steps: int = 500, **changes: Any
-) -> Episodes:
-    """Episodes in which nothing happens, every signal zero, but for `changes`: to try measures on."""
-    nothing: dict[str, Any] = {
-        "robot": robot,
-        "seeds": np.arange(count),
-        **{name: blank(robot, name, steps, count) for name in shapes(robot)},
-        **dict.fromkeys(OF_POLICY),
-        "push_step": np.empty((count, 0), np.int64),
-        "push_impulse": np.empty((count, 0, 2)),
-        "push_steps": 0,
-        "fall_step": np.full(count, steps, np.int64),
-        "fall_reason": np.full(count, None, dtype=object),
-        "divergence_step": np.full(count, steps, np.int64),
-        "weight": robot.mass * GRAVITY,
-        "torque_limit": robot.rated_torque,
-    }
-    return Episodes(**nothing | {"dt": dt, "command_steps": command_steps} | changes)
 
 
 def blank(robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from evaluate.analysis.findings import PHRASES, UNSHOWN, Finding, findings_by_policy, headline, summary
 from evaluate.analysis.gates import GateResult
@@ -34,21 +35,9 @@ Origin = tuple[str, str]
 """Command and day that a run was begun by and on; each empty where it is not known."""
 
 
-def write_report(
-    results: Results,
-    path: Path,
-    *,
-    film: bool = False,
-    trust: bool = False,
-    gates: Sequence[GateResult] = (),
-    made_by: Origin = ("", ""),
-) -> None:
-    """Write report.html; filming takes a few seconds, and the page says why where it is impossible.
-
-    `trust`, of the filmed policies: see `evaluate.report.camera.Shot`.
-    """
-    page = render(results, path.parent, film=film, trust=trust, gates=gates, made_by=made_by)
-    write_atomically(path, page.encode())
+def write_report(results: Results, path: Path, **about: Any) -> None:
+    """Write report.html; `about` as of `render`."""
+    write_atomically(path, render(results, path.parent, **about).encode())
 
 
 def render(
@@ -60,7 +49,11 @@ def render(
     gates: Sequence[GateResult] = (),
     made_by: Origin = ("", ""),
 ) -> str:
-    """The whole page; `folder` is where the results are, for the commands that the page names."""
+    """The whole page; `folder` is where the results are, for the commands that the page names.
+
+    Filming takes a few seconds, and the page says why where it is impossible; `trust`, of the filmed policies: see
+    `evaluate.report.camera.Shot`.
+    """
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings(), ThreadPoolExecutor(1) as pool:
         shown = pool.submit(footage, results, trust) if film else None

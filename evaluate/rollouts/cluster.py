@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, simulate
 from evaluate.rollouts.workers import ENVIRONMENT, WorkerLost, worker_environment
@@ -21,39 +21,23 @@ OBJECT_STORE = 256 * 2**20
 REPOSITORY = Path(__file__).resolve().parents[2]
 NEEDED = ("quad_env", "policies", "evaluate", "train")
 """Packages that a task needs; other machines are sent them."""
-A = TypeVar("A")
-R = TypeVar("R")
 Report = Callable[[Any], None]
 """Sends news of a task to the process that waits for it."""
+Spread = Callable[..., Generator[tuple[int, Any]]]
+"""A cluster that is connected, see `cluster`."""
 
 
 class NoCluster(UsageError):
     """Ray is not installed, or no cluster answers at the address."""
 
 
-class Cluster(Protocol):
-    """A cluster that is connected."""
-
-    def __call__(
-        self,
-        work: Callable[[A, Report], R],
-        arguments: Sequence[A],
-        receive: Callable[[int, Any], None] | None = None,
-        cores: int = 1,
-    ) -> Generator[tuple[int, R]]:
-        """Place and outcome of the work on each argument, as it comes.
-
-        `receive` is given the place and what the work reports there, until its outcome has come. Raises WorkerLost, and
-        what the work raises.
-        """
-        ...
-
-
 @contextlib.contextmanager
-def cluster(count: int, address: str | None = None, check: Callable[[], None] = lambda: None) -> Iterator[Cluster]:
+def cluster(count: int, address: str | None = None, check: Callable[[], None] = lambda: None) -> Iterator[Spread]:
     """Context with the cluster at `address`, else with one of `count` cores that is embedded in this process.
 
-    `check` is called while it waits, and may raise.
+    It is a function of the work, its arguments, what receives (place, news) of a task that is not finished, and the
+    cores of a task; it gives the place and the outcome of the work on each argument, as it comes. `check` is called
+    while it waits, and may raise. Raises WorkerLost, and what the work raises.
     """
     ray = _connected(count, address)
     try:
@@ -79,7 +63,7 @@ def ray_cluster(count: int, address: str | None = None, check: Callable[[], None
     return execute
 
 
-def executor(spread: Cluster) -> Executor:
+def executor(spread: Spread) -> Executor:
     """Executor of a cluster that is connected."""
     return lambda tasks, progress: spread(_run_task, tasks, progress)
 
@@ -91,11 +75,11 @@ def _run_task(task: Task, report: Report) -> Chunk:
 def _spread(
     ray: Any,
     check: Callable[[], None],
-    work: Callable[[A, Report], R],
-    arguments: Sequence[A],
+    work: Callable[[Any, Report], Any],
+    arguments: Sequence[Any],
     receive: Callable[[int, Any], None] | None = None,
     cores: int = 1,
-) -> Generator[tuple[int, R]]:
+) -> Generator[tuple[int, Any]]:
     from ray.util.queue import Queue
 
     queue = None if receive is None else Queue(actor_options={"num_cpus": 0})

@@ -17,11 +17,12 @@ import quad_env
 from evaluate.analysis.comparison import compare
 from evaluate.analysis.results import analyse
 from evaluate.measures import metrics
-from evaluate.measures.episodes import blank, uneventful
+from evaluate.measures.episodes import blank
 from evaluate.rollouts.battery import resolve
 from evaluate.rollouts.experiment import Cell, evaluation_seeds
 from quad_env.robots.named import ROBOTS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 CELL_NUMBERS = (
     "fall_rate",

@@ -6,10 +6,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.measures.episodes import uneventful
 from evaluate.measures.metrics import measure
 from policies.foreign import policy as foreign
 from quad_env import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 FILE = """
 import time

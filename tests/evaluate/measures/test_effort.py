@@ -10,10 +10,11 @@ import quad_env
 from evaluate.analysis.summary import summarise
 from evaluate.measures import effort, metrics, residual_use
 from evaluate.measures.averages import upright_mean, upright_share
-from evaluate.measures.episodes import blank, uneventful, weight
+from evaluate.measures.episodes import blank, weight
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Cell
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 DT = 0.1
 STEPS = 50

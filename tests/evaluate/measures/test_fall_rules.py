@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from evaluate.measures import fall_rules
-from evaluate.measures.episodes import blank, uneventful
+from evaluate.measures.episodes import blank
 from quad_env.config import FALL_RULE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 STEPS = 6
 UPRIGHT = {"height": 0.5, "tilt": 0.0, "trunk_contact": False, "leg_contact": False}

@@ -8,8 +8,9 @@ import pytest
 
 from evaluate.measures import footfalls, gait_quality, metrics, tracking
 from evaluate.measures.averages import count, quotient, upright_mean
-from evaluate.measures.episodes import blank, uneventful
+from evaluate.measures.episodes import blank
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 DT = 0.01
 STEPS = 1000

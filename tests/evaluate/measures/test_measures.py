@@ -9,8 +9,9 @@ import pytest
 from evaluate.measures import catalogue as measures
 from evaluate.measures import metrics
 from evaluate.measures.catalogue import BY_NAME, FIGURES, LISTS, MEASURES, VERDICTS
-from evaluate.measures.episodes import TRUTHS, Episodes, blank, shapes, uneventful
+from evaluate.measures.episodes import TRUTHS, Episodes, blank, shapes
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 
 def test_every_measure_is_in_the_table_once() -> None:

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from evaluate.measures import metrics, tracking
 from evaluate.measures.averages import upright_mean
 from evaluate.measures.catalogue import FIGURES, MEASURES
-from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes, uneventful
+from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 DT = 0.1
 STEPS = 100

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from evaluate.measures import metrics, pushes
-from evaluate.measures.episodes import blank, uneventful
+from evaluate.measures.episodes import blank
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 DT = 0.01
 STEPS = 1000
