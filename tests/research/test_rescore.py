@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from evaluate.__main__ import main as evaluate
-from evaluate.measures import fall_rules
 from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import read_run
 from evaluate.statistics.intervals import wilson_interval
 from quad_env.config import FALL_RULE
 from research.__main__ import main
-from research.studies import rescore
+from research.studies import fall_rules, rescore
 
 
 @pytest.fixture(scope="module")

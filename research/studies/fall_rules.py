@@ -72,15 +72,6 @@ RULES: dict[str, FallCriterion] = {
 }
 
 
-def find(names: tuple[str, ...]) -> tuple[FallCriterion, ...]:
-    """The rules of those names, every one for `all`; ValueError lists the valid names."""
-    if names == ("all",):
-        return tuple(RULES.values())
-    if unknown := [name for name in names if name not in RULES]:
-        raise ValueError(f"--rules: unknown rule {unknown[0]!r}; valid: {', '.join(RULES)}, or all")
-    return tuple(RULES[name] for name in names)
-
-
 def fall_step(rule: FallCriterion, episodes: Episodes) -> NDArray[np.int64]:
     """First step at which the rule holds or the simulation diverges, (n,); `steps` if there is none.
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evaluate.measures import fall_rules
 from evaluate.measures.episodes import blank
 from quad_env.config import FALL_RULE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from research.studies import fall_rules
 from tests.evaluate.measures.uneventful import uneventful
 
 STEPS = 6
@@ -44,9 +44,3 @@ def test_each_rule_sees_the_step_that_it_is_about(name) -> None:
 def test_a_divergence_is_a_fall_under_every_rule() -> None:
     record = episode({}, fall_step=np.array([4]), divergence_step=np.array([4]))
     assert {int(fall_rules.fall_step(rule, record)[0]) for rule in fall_rules.RULES.values()} == {4}
-
-
-def test_unknown_rules_are_refused_with_the_valid_ones() -> None:
-    assert [rule.name for rule in fall_rules.find(("all",))] == list(fall_rules.RULES)
-    with pytest.raises(ValueError, match="tilt-90"):
-        fall_rules.find(("tilt-91",))
