@@ -120,12 +120,6 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
     assert {path.name for path in tmp_path.iterdir()} == {*FILES}
 
 
-def test_one_episode_is_called_one(capsys, tmp_path) -> None:
-    assert main([*QUICK, "--out", str(tmp_path)]) == 0
-    assert "1 episode each" in capsys.readouterr().out
-    assert "1 episode of each policy" in (tmp_path / "report.html").read_text(encoding="utf-8")
-
-
 GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
 
 
@@ -159,13 +153,6 @@ def test_a_new_run_leaves_its_own_traces_alone(tmp_path) -> None:
     assert len(list(tmp_path.glob("traces/*.parquet"))) == 4
     assert main([*GATED, "--trace", "compact", "--out", str(tmp_path)]) == 0
     assert len(list(tmp_path.glob("traces/*.parquet"))) == 2
-
-
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="permissions do not bind the superuser")
-@pytest.mark.usefixtures("no_simulation")
-def test_a_read_only_out_folder_is_refused(capsys, tmp_path) -> None:
-    tmp_path.chmod(0o500)
-    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path)
 
 
 @pytest.mark.usefixtures("no_simulation")
@@ -326,21 +313,6 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, runn
     said = [line for line in error.splitlines() if not line.startswith("import time:")]
     assert said == ["interrupted: no further file was written"]
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_launcher_leaves_at_once_until_the_program_can_be_interrupted() -> None:
-    code = (
-        "import signal\nfrom quad_env.cli import launcher\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # deaf where the tests are a background job
-        "launcher.leave_on_interrupt()\n{}"
-        "try:\n    signal.raise_signal(signal.SIGINT)\n    for _ in range(1000): pass\n"
-        "except KeyboardInterrupt:\n    print('caught')\n"
-    )
-    loading = subprocess.run([*PYTHON, "-c", code.format("")], capture_output=True, text=True, check=False)
-    assert (loading.returncode, loading.stdout) == (130, "")
-    raising = code.format("launcher.raise_on_interrupt()\n")
-    loaded = subprocess.run([*PYTHON, "-c", raising], capture_output=True, text=True, check=False)
-    assert (loaded.returncode, loaded.stdout) == (0, "caught\n")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")

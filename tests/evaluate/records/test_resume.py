@@ -4,7 +4,6 @@ import contextlib
 import dataclasses
 import io
 import json
-import os
 import re
 import shutil
 import signal
@@ -317,34 +316,6 @@ def test_a_manifest_that_is_none_is_refused(tmp_path, content) -> None:
         code, error = evaluate(*arguments)
         assert (code, error.count("\n")) == (2, 1)
         assert "manifest.json" in error
-
-
-def test_a_manifest_that_was_edited_is_refused(tmp_path, whole) -> None:
-    unfinished(whole, tmp_path)
-    path = tmp_path / "manifest.json"
-    path.write_text(path.read_text(encoding="utf-8").replace('"severity": 65.0', '"severity": 66.0'), encoding="utf-8")
-    code, error = evaluate("--resume", "--out", tmp_path)
-    assert (code, error.count("\n")) == (2, 1)
-    assert "manifest.json has been changed since it was written" in error
-
-
-def test_a_disk_that_is_full_keeps_what_was_done(tmp_path, whole, monkeypatch) -> None:
-    write, left = store.write_table, 3
-
-    def filling(rows, path, run):
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise OSError(28, os.strerror(28))
-        write(rows, path, run)
-
-    monkeypatch.setattr(store, "write_table", filling)
-    code, error = evaluate(*RUN, "--at-once", "2", "--out", tmp_path)
-    assert code == 2
-    assert error.splitlines()[-1].endswith(f"python -m evaluate --resume --out {tmp_path}")
-    monkeypatch.setattr(store, "write_table", write)
-    assert evaluate("--resume", "--out", tmp_path)[0] == 0
-    assert_same(tmp_path, whole)
 
 
 @pytest.mark.parametrize("arguments", [("--threads", "1"), ("--threads", "2", "--at-once", "3")])
