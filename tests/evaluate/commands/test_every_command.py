@@ -106,7 +106,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "film": Effect("--no-film", called("report", "film"), [False]),
         "trace": Effect("--trace full", traced, (True, {False})),
         "threads": Effect("--threads 1", THREADS, [1]),
-        "at_once": Effect("--at-once 2", COUNT, [2, 3], given=SHORT),
+        "at_once": Effect("--at-once 2", COUNT, [2, 1], given=SHORT),
         "quick": Effect(
             "--quick",
             SCENARIOS,
