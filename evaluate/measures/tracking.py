@@ -33,7 +33,8 @@ class CommandIntervals:
 
     def hold(self, first: Steps, end: Steps) -> Bools:
         """Whether one command is in force, and settled, from step `first` up to `end`, any shape."""
-        return np.any([(first >= window.start) & (end <= window.stop) for window in self.settled], axis=0)
+        held = [(first >= window.start) & (end <= window.stop) for window in self.settled]
+        return np.asarray(np.any(held, axis=0))
 
 
 def command_intervals(steps: int, command_steps: int, settling: int) -> CommandIntervals:
