@@ -34,7 +34,7 @@ def test_every_report_has_a_line_a_gate(made) -> None:
     page = report_page(made, Path(), gates=results)
     for text in (render(made, results).replace("\\", ""), unescape(page)):
         text = text.replace("\u00a0", " ")
-        assert "failed: other falls <= 50 % (55 % on rough)" in text
+        assert "failed: other falls <= 50 % (70 % on push:6)" in text
         assert "passed: trot diverged <= 0 (0.000 on flat)" in text
     assert "Gates" not in render(made) + report_page(made, Path())
 
