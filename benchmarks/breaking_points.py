@@ -15,14 +15,13 @@ import numpy as np
 
 from benchmarks.support.command import Outcome, Output, command, table
 from evaluate.analysis.breaking_point_text import breaking_point_text
-from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
-from evaluate.analysis.level_placement import grid, wanted
-from evaluate.commands.options import available_cores
+from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points, grid, wanted
 from evaluate.commands.plan import policies_asked_for
 from evaluate.rollouts.experiment import Cell, LabelledPolicy, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.hardware import IDEAL
 from evaluate.rollouts.workers import process_pool
 from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.cores import available_cores
 from quad_env.cli.launcher import launch
 from quad_env.scenarios.axes import AXES, Axis
 

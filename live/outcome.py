@@ -24,7 +24,7 @@ class OutcomeSoFar:
         """Take note of a control step, or of the start of an episode."""
         infos, env = step.infos, step.env
         if step.number == 0:
-            self.begin(len(infos["command"]), env.dt, round(env.scenario.commands.interval / env.dt))
+            self.begin(len(infos["command"]), env.dt, env.scenario.commands.steps(env.dt))
         else:
             if POLICY_FAILED in infos:
                 self._failed |= infos[POLICY_FAILED] & ~(self._fell | self._diverged)

@@ -45,6 +45,10 @@ class CommandRanges:
     interval: float = 5.0
     """s between draws"""
 
+    def steps(self, dt: float) -> int:
+        """Control steps that a command lasts; `dt` is the control step, s."""
+        return round(self.interval / dt)
+
     @classmethod
     def straight(cls, speed: float) -> "CommandRanges":
         """Always straight ahead at that speed, m/s."""

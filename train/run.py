@@ -14,11 +14,11 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
-from evaluate.commands.options import available_cores
 from evaluate.records.provenance import REPOSITORY, REVISION, git_revision
 from evaluate.rollouts.cluster import Report, cluster
 from policies.residual import NO_SHIFT, authority_of
 from quad_env.cli.command_line import UsageError
+from quad_env.cli.cores import available_cores
 from quad_env.cli.interrupt import Interrupt
 from quad_env.files.writing import sole_use, write_atomically
 from train.config import TrainConfig

@@ -8,7 +8,6 @@ import numpy as np
 
 from evaluate.measures.tracking import VELOCITY_CAP, YAW_RATE_CAP
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.improvement import improvement_by_episode
 from evaluate.statistics.intervals import (
     Floats,
     Interval,
@@ -46,10 +45,6 @@ class Comparison:
     p_value: float
     """p-value of this comparison by itself."""
     test: str
-    improvement: float
-    """Share of the episodes in which a does better than b, ties counted as half."""
-    improvement_ci: Interval
-    """95 %, score interval of paired shares."""
     p_value_holm: float
     """Corrected for its family (see `compare`)."""
 
@@ -83,7 +78,7 @@ def compare(cells: Sequence[Cell], against: str | None = None) -> list[Compariso
 
 
 def usual_baseline(policies: Sequence[str]) -> str:
-    """Policy that others are measured against unless another is asked for: the trot, without it the one named first."""
+    """The usual baseline: the trot, or without it the policy named first."""
     return BASELINE if BASELINE in policies or not policies else policies[0]
 
 
@@ -108,11 +103,18 @@ def compare_pair(a: Cell, b: Cell) -> Iterator[Comparison]:
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
     for metric in METRICS:
-        x, y = by_episode(a, metric), by_episode(b, metric)
-        difference, ci, p_value, test = paired_difference(metric, x, y)
-        improved = improvement_by_episode(*((x, y) if metric == SUCCESS_RATE else (y, x)))
-        names = a.scenario.name, a.policy, b.policy, metric
-        yield Comparison(*names, difference, ci, p_value, test, *improved, p_value_holm=p_value)
+        difference, ci, p_value, test = paired_difference(metric, by_episode(a, metric), by_episode(b, metric))
+        yield Comparison(
+            scenario=a.scenario.name,
+            a=a.policy,
+            b=b.policy,
+            metric=metric,
+            difference=difference,
+            ci=ci,
+            p_value=p_value,
+            test=test,
+            p_value_holm=p_value,
+        )
 
 
 def by_episode(cell: Cell, metric: str) -> Floats:
@@ -154,10 +156,11 @@ def compare_samples(a: Mapping[str, Floats], b: Mapping[str, Floats], *, paired:
 
 def _compare(metric: str, a: Floats, b: Floats, *, paired: bool) -> MetricDifference:
     mean_a, mean_b = float(a.mean()), float(b.mean())
+    difference = mean_b - mean_a
     if paired:
-        return MetricDifference(metric, mean_a, mean_b, *paired_difference(metric, b, a))
-    if metric in RATES:
-        found = newcombe_interval(a > 0, b > 0), fall_rates_test(a > 0, b > 0), "Barnard"
+        difference, ci, p_value, test = paired_difference(metric, b, a)
+    elif metric in RATES:
+        ci, p_value, test = newcombe_interval(a > 0, b > 0), fall_rates_test(a > 0, b > 0), "Barnard"
     else:
-        found = two_sample_interval(a, b, (0.0, CAPS[metric])), relabelling_test(b, a), "permutation"
-    return MetricDifference(metric, mean_a, mean_b, mean_b - mean_a, *found)
+        ci, p_value, test = two_sample_interval(a, b, (0.0, CAPS[metric])), relabelling_test(b, a), "permutation"
+    return MetricDifference(metric, a=mean_a, b=mean_b, difference=difference, ci=ci, p_value=p_value, test=test)

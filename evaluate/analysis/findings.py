@@ -1,8 +1,10 @@
-"""The outcome in words, made from the same figures as the tables; what got worse is said like what got better."""
+"""The outcome in words, from the same figures as the tables, for better and worse alike."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from evaluate.analysis.breaking_point_text import breaking_point_text, ratio_text
 from evaluate.analysis.comparison import FALL_RATE, RATES, SUCCESS_RATE, Comparison
@@ -16,29 +18,18 @@ BREAKING_POINTS = {"success": "breaking_point_of_success", "falls": "breaking_po
 VELOCITY_ERROR = "velocity_error"
 MANY = 4
 """Axes of no shown difference that are counted instead of named, if others are named."""
-PHRASES = {
-    SUCCESS_RATE: {
-        BETTER: "succeeds more often",
-        WORSE: "succeeds less often",
-        UNSHOWN: "no difference in success shown",
-    },
-    FALL_RATE: {BETTER: "fewer falls", WORSE: "more falls", UNSHOWN: "no difference in falls shown"},
-    BREAKING_POINTS["success"]: {
-        BETTER: "succeeds further",
-        WORSE: "succeeds less far",
-        UNSHOWN: "no difference in how far half of the episodes succeed shown",
-    },
-    BREAKING_POINTS["falls"]: {
-        BETTER: "breaks later",
-        WORSE: "breaks earlier",
-        UNSHOWN: "no difference in breaking point shown",
-    },
-    VELOCITY_ERROR: {
-        BETTER: "smaller velocity error",
-        WORSE: "larger velocity error",
-        UNSHOWN: "no difference in velocity error shown",
-    },
+_WORDS = {
+    SUCCESS_RATE: ("succeeds more often", "succeeds less often", "success"),
+    FALL_RATE: ("fewer falls", "more falls", "falls"),
+    BREAKING_POINTS["success"]: ("succeeds further", "succeeds less far", "how far half of the episodes succeed"),
+    BREAKING_POINTS["falls"]: ("breaks later", "breaks earlier", "breaking point"),
+    VELOCITY_ERROR: ("smaller velocity error", "larger velocity error", "velocity error"),
 }
+PHRASES = {
+    metric: {BETTER: better, WORSE: worse, UNSHOWN: f"no difference in {what} shown"}
+    for metric, (better, worse, what) in _WORDS.items()
+}
+"""By metric and kind of finding."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +90,7 @@ def _others(results: Results) -> list[str]:
     found: dict[str, list[tuple[float, float]]] = {policy: [] for policy in results.policies}
     for (_, policy), figures in results.summaries.items():
         found[policy].append((-figures.success_rate, figures.velocity_error))
-    means = {
-        policy: [sum(values) / len(values) for values in zip(*each, strict=True)] for policy, each in found.items()
-    }
+    means = {policy: tuple(np.mean(each, axis=0)) for policy, each in found.items()}
     return sorted((policy for policy in means if policy != results.baseline), key=means.__getitem__)
 
 

@@ -42,7 +42,7 @@ class Results:
 
     seed: int
     episodes: int
-    """Asked for in each cell."""
+    """Number in each cell."""
     complete: bool
     """False if the run was interrupted: cells are missing then, but none is half done."""
     cells: tuple[Cell, ...]

@@ -1,7 +1,7 @@
 """What each disturbance does to each policy: the same episodes with it and without.
 
 A disturbance draws from a random stream of its own, so an episode's start and commands are those of the undisturbed
-one. A controller that does not look cannot feel what only its sensors show: its episodes are then the same to the bit.
+one. A disturbance of the sensors does not reach a controller that reads none: its episodes are the same to the bit.
 """
 
 from collections.abc import Iterator, Sequence
@@ -55,16 +55,16 @@ class Sensitivity:
     velocity_error_ci: Interval
     """95 %, bootstrap over the pairs."""
     velocity_error_p_value: float
-    """Paired sign flips, corrected likewise."""
+    """Paired sign flips, corrected in the same way."""
 
     @property
     def less_success(self) -> bool:
-        """Whether the policy succeeds significantly less often for it."""
+        """Whether the policy succeeds significantly less often under the disturbance."""
         return self.success < 0.0 and self.success_p_value < SIGNIFICANT
 
     @property
     def more_error(self) -> bool:
-        """Whether it tracks significantly worse for it."""
+        """Whether the policy tracks significantly worse under the disturbance."""
         return self.velocity_error > 0.0 and self.velocity_error_p_value < SIGNIFICANT
 
 
@@ -114,14 +114,23 @@ def _sensitivity(cell: Cell, undisturbed: Cell) -> Sensitivity:
             f"{cell.scenario.name} and {undisturbed.scenario.name} ran different episodes: nothing to pair"
         )
     success, error = (
-        paired_difference(metric, by_episode(cell, metric), by_episode(undisturbed, metric))[:3]
+        paired_difference(metric, by_episode(cell, metric), by_episode(undisturbed, metric))
         for metric in (SUCCESS_RATE, "velocity_error")
     )
-    differences = (*success, *error)
-    where, felt = cell.scenario, not _same(cell, undisturbed)
-    without = float(undisturbed.measures.succeeded.mean())
     return Sensitivity(
-        where.axis, where.name, where.severity, where.severity_unit, cell.policy, felt, without, *differences
+        axis=cell.scenario.axis,
+        scenario=cell.scenario.name,
+        severity=cell.scenario.severity,
+        unit=cell.scenario.severity_unit,
+        policy=cell.policy,
+        felt=not _same(cell, undisturbed),
+        undisturbed_success_rate=float(undisturbed.measures.succeeded.mean()),
+        success=success[0],
+        success_ci=success[1],
+        success_p_value=success[2],
+        velocity_error=error[0],
+        velocity_error_ci=error[1],
+        velocity_error_p_value=error[2],
     )
 
 

@@ -14,7 +14,6 @@ from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import OUTCOMES
 from evaluate.measures.response import Response, responses
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.improvement import interquartile_mean, interquartile_mean_interval
 from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, wilson_interval
 from quad_env.robots.robot import Robot
 
@@ -44,11 +43,8 @@ class Summary:
     time_to_fall: float
     """Mean over the episodes that fell, s."""
     velocity_error: float
-    """m/s, as are the next six."""
+    """m/s, as are the next four."""
     velocity_error_ci: Interval
-    velocity_error_iqm: float
-    """Interquartile mean: of the middle half of the episodes."""
-    velocity_error_iqm_ci: Interval
     velocity_error_upright: float
     mean_velocity_error: float
     mean_velocity_error_ci: Interval
@@ -73,7 +69,7 @@ class Summary:
 
 
 def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> Summary:
-    """All figures of a cell of that robot, whose rule of success has those outcomes."""
+    """All figures of a cell of that robot; `outcomes` are those of its rule of success."""
     measures = cell.measures
     falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
     transport = total_cost_of_transport(measures, weight(robot, cell.scenario))
@@ -92,8 +88,6 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
         fall_rate_ci=wilson_interval(falls, cell.episodes),
         diverged=int(measures.diverged.sum()),
         time_to_fall=_mean(measures.fall_time),
-        velocity_error_iqm=interquartile_mean(measures.velocity_error),
-        velocity_error_iqm_ci=interquartile_mean_interval(measures.velocity_error, (0.0, CAPS["velocity_error"])),
         cost_of_transport=transport,
         **means,
         figures={name: _mean(getattr(measures, name)) for name in FIGURES} | {"cost_of_transport": transport},
@@ -105,7 +99,7 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
 def total_cost_of_transport(measures: Measures, weight: float) -> float:
     """Energy of all episodes over weight times the distance of all; NaN below 1 m of an average episode.
 
-    A quotient of sums: an episode that was told to stand still adds its energy, and cannot blow up a mean of quotients.
+    A quotient of sums: an episode that commands standing still adds its energy, and dominates no mean of quotients.
     """
     return float(
         cost_of_transport(measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True), weight)[0]

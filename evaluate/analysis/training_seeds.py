@@ -5,7 +5,7 @@ A trained seed is one value a scenario and metric, its mean over the episodes. I
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
@@ -80,8 +80,8 @@ def spreads_as_json(cells: Sequence[Cell]) -> dict[str, Any]:
     return out
 
 
-def spread_over_seeds(values: Floats, bounds: Interval = UNBOUNDED) -> tuple[float, float, float, float, Interval]:
-    """Mean, lowest, highest, standard deviation and 95 % t-interval of one value a seed, (n,).
+def deviation_and_interval(values: Floats, bounds: Interval = UNBOUNDED) -> tuple[float, Interval]:
+    """Standard deviation and 95 % t-interval of one value a seed, (n,); NaN for a single seed.
 
     `bounds` of a value, for values that all agree: see `agreeing_interval`.
     """
@@ -89,11 +89,11 @@ def spread_over_seeds(values: Floats, bounds: Interval = UNBOUNDED) -> tuple[flo
 
     mean, count = float(values.mean()), len(values)
     if count < 2:
-        return mean, mean, mean, np.nan, (np.nan, np.nan)
+        return np.nan, (np.nan, np.nan)
     deviation = float(values.std(ddof=1))
     reach = float(t.ppf(0.5 + CONFIDENCE / 2, count - 1)) * deviation / np.sqrt(count)
     ci = (mean - reach, mean + reach) if reach > 0.0 else agreeing_interval(values, bounds)
-    return mean, float(values.min()), float(values.max()), deviation, ci
+    return deviation, ci
 
 
 def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
@@ -103,7 +103,15 @@ def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
         raise ValueError(f"the training seeds of {run} ran different episodes on {cells[0].scenario.name}")
     for metric in METRICS:
         values = np.array([by_episode(c, metric).mean() for c in cells])
-        spread = spread_over_seeds(values, (0.0, CAPS.get(metric, 1.0)))
-        found = SeedSpread(run, cells[0].scenario.name, metric, len(cells), *spread)
-        shares = metric in RATES and len(cells) > 1
-        yield replace(found, ci=mean_share_interval(values)) if shares else found
+        deviation, ci = deviation_and_interval(values, (0.0, CAPS.get(metric, 1.0)))
+        yield SeedSpread(
+            run=run,
+            scenario=cells[0].scenario.name,
+            metric=metric,
+            seeds=len(cells),
+            mean=float(values.mean()),
+            lowest=float(values.min()),
+            highest=float(values.max()),
+            standard_deviation=deviation,
+            ci=mean_share_interval(values) if metric in RATES and len(cells) > 1 else ci,
+        )

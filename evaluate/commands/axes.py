@@ -8,10 +8,11 @@ from typing import Annotated, Any
 
 import tyro
 
-from evaluate.commands.options import PROGRAM, WALKING_POLICIES, Flag, available_cores
+from evaluate.commands.options import PROGRAM, WALKING_POLICIES, Flag
 from evaluate.commands.options import Options as Comparison
 from evaluate.rollouts.hardware import hardware_of
 from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.cores import available_cores
 
 PICTURE = "fall_rates.svg"
 
@@ -25,7 +26,7 @@ class Options:
     policies: tuple[str, ...] = WALKING_POLICIES
     """Names of policies, folders of trained ones, or files, as of python -m evaluate."""
     trust: Flag = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+    """Load policies from files that can hide code, the .zip files of Stable-Baselines3."""
     episodes: int = 64
     """Episodes of 10 s of each policy at each level (count)."""
     seed: int = 0
@@ -35,9 +36,9 @@ class Options:
     out: Path = Path("results/axes")
     """Folder for fall_rates.svg and the files of an evaluation."""
     resume: Flag = False
-    """Carry on the interrupted run in the folder --out; give the same options again."""
+    """Continue the interrupted run in the folder --out; give the same options again."""
     threads: int = available_cores()
-    """Threads of the simulation (count; default: this machine's cores)."""
+    """Simulating processes (count; default: this machine's cores)."""
     sequential: Flag = False
     """After the levels of an axis each policy runs levels of its own, between those that bracket the severity at which
     half of its episodes no longer succeed, or fall, until they are within 5 % of each other."""
@@ -76,18 +77,9 @@ def _place_levels(options: Options, axes: tuple[str, ...], others: dict[str, Any
     robot = hardware_of(options.robot).quadruped
     names = tuple(name for axis in axes for name in placed_levels.scenario_names(axes_of(robot)[axis]))
     plan = check(Comparison(scenarios=names, film=False, **others))
-    words = ["axes", *axes, "--sequential", "--policies", *options.policies, "--episodes", str(options.episodes)]
-    words += [
-        "--seed",
-        str(options.seed),
-        "--budget",
-        str(options.budget),
-        "--out",
-        str(options.out),
-        *(["--robot", options.robot] if options.robot != Comparison.robot else []),
-        "--resume",
-        *(["--trust"] if options.trust else []),
-    ]
+    words = ["axes", *axes, "--sequential", "--resume", *["--trust"] * options.trust, "--policies", *options.policies]
+    for name in ("episodes", "seed", "budget", "robot", "out"):
+        words += [f"--{name}", str(getattr(options, name))]
     return placed_levels.execute(plan, options.budget, f"{PROGRAM} {shlex.join(words)}") or _draw(options)
 
 

@@ -128,8 +128,9 @@ def _match(
     rows = [rows_of(table, policy, scenario) for (_, table), policy in zip((a, b), pair, strict=True)]
     if not all(each.num_rows for each in rows):
         return None
-    counts = rows[0].num_rows, rows[1].num_rows
-    common = np.intersect1d(*(each.column("seed").to_numpy() for each in rows), return_indices=True)[1:]
+    counts = [each.num_rows for each in rows]
+    seeds = [each.column("seed").to_numpy() for each in rows]
+    common = np.intersect1d(seeds[0], seeds[1], return_indices=True)[1:]
     definitions = [next(s for s in m.scenarios if s.name == scenario) for m, _ in (a, b)]
     why_not = ""
     if definitions[0] != definitions[1]:
@@ -140,9 +141,18 @@ def _match(
         why_not = "their episodes have different seeds"
     else:  # in the order of A's
         rows = [each.take(places[common[0].argsort()]) for each, places in zip(rows, common, strict=True)]
-    found = tuple(compare_samples(*map(_values, rows), paired=not why_not))
-    same = not why_not and _identical(*rows)
-    return Match(*pair, scenario, not why_not, why_not, counts, len(common[0]), same, found)
+    first, second = rows
+    return Match(
+        a=pair[0],
+        b=pair[1],
+        scenario=scenario,
+        paired=not why_not,
+        why_not=why_not,
+        episodes=(counts[0], counts[1]),
+        common=len(common[0]),
+        identical=not why_not and _identical(first, second),
+        contrasts=tuple(compare_samples(_values(first), _values(second), paired=not why_not)),
+    )
 
 
 def _values(rows: pa.Table) -> dict[str, Floats]:

@@ -127,7 +127,7 @@ def _chunk_size(plan: Plan) -> int:
 
 
 def _trace_writer(plan: Plan, store: ChunkStore) -> TraceWriter | None:
-    """What writes the traces, if any are asked for; those of chunks that are not stored are removed."""
+    """Writer of the traces, None without traces; traces of chunks that are not stored are removed."""
     if plan.options.trace == "none":
         return None
     folder = plan.options.out / trace.FOLDER

@@ -1,6 +1,5 @@
 """Options of `python -m evaluate`."""
 
-import os
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -10,6 +9,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from evaluate.rollouts.hardware import Hardware
+from quad_env.cli.cores import available_cores
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"
@@ -17,32 +17,25 @@ WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral
 DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 CHANGE_NO_FIGURE = ("out", "threads", "at_once", "engine", "address", "resume", "gate", "baseline", "film", "trust")
-"""Options that a run may be carried on with as one likes."""
-
-
-def available_cores() -> int:
-    """Cores that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+"""Options that --resume may change."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What to compare, and where the outcome goes."""
+    """Policies and scenarios to compare, and the folder of the results."""
 
     policies: tuple[str, ...] = DEFAULT_POLICIES
     """Names of policies, or folders of trained ones such as models/residual; document@flat runs on that scenario alone.
     Or one of yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3 (with --trust).
-    Folders seed-<number> of one parent count as training seeds of one run, whose spread is reported apart."""
+    Folders seed-<number> of one parent count as training seeds of one run, with their spread reported separately."""
     trust: Flag = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+    """Load policies from files that can hide code, the .zip files of Stable-Baselines3."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
     """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
     such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), or a quad_env.Scenario in
     a file of yours, my_file.py:NAME."""
     quick: Flag = False
     """The quick battery, for a first look: --scenarios quick."""
-    full: Flag = False
-    """The full battery, every axis at every level: --scenarios full."""
     episodes: int = 24
     """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
     robot: str = "simple_quad"
@@ -50,36 +43,35 @@ class Options:
     actuator: str = "ideal"
     """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
-    """What observations are built from: the truth, or one of quad_env.SENSORS: ideal or typical."""
+    """Source of the observations: truth, or one of quad_env.SENSORS: ideal or typical."""
     estimator: str = "complementary"
-    """What makes gravity and velocity of the sensors' readings, one of quad_env.ESTIMATORS: complementary or kalman."""
+    """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
     out: Path = Path("results/evaluation")
     """Folder for results.json, episodes.parquet, report.html, report.md and manifest.json; files of these names are
     replaced."""
     resume: Flag = False
-    """Carry on the interrupted run in the folder --out, with its options: the outcome is that of a run in one go."""
+    """Continue the interrupted run in the folder --out with its options, to the results of an uninterrupted run."""
     gate: tuple[str, ...] = ()
-    """What must hold, each in quotes, such as "residual falls <= trot on push:all", or default; if one does not, the
-    exit code is 1. Verdicts go to junit.xml and the reports."""
+    """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
-    """Policy that the others are measured against; by default trot, or without it the policy named first."""
+    """Policy to compare the others with; by default trot, or without it the policy named first."""
     trace: Literal["none", "compact", "full"] = "none"
-    """Whether to keep every step, in the folder traces: compact for `rescore`, full for every measure. Robots then go
-    on after a fall, which takes longer and changes no figure."""
+    """Record of every step, in the folder traces: compact for `python -m research rescore`, full for every measure.
+    Robots then go on after a fall, which takes longer and changes no figure."""
     film: bool = True
     """Whether report.html shows a film of one episode."""
     threads: int = available_cores()
-    """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
+    """Simulating processes (count; default: this machine's cores). No result depends on it."""
     engine: Literal["local", "ray"] = "local"
-    """What simulates: processes of this machine, or the tasks of a Ray cluster (pip install -e ".[cluster]"). No
-    outcome depends on it."""
+    """Where to simulate: processes of this machine, or tasks of a Ray cluster (pip install -e ".[cluster]"). No result
+    depends on it."""
     address: str | None = None
-    """Address of the Ray cluster, such as ray://head:10001 or 10.0.0.1:6379; without it one of --threads workers is
-    begun here and ended with the run."""
+    """Address of the Ray cluster, such as ray://head:10001 or 10.0.0.1:6379; without it, one of --threads workers is
+    started here for the run."""
     at_once: int = 256
-    """Episodes that each of them simulates at once, and that are written together (count). No outcome depends on it."""
+    """Episodes that a process simulates and writes together (count). No result depends on it."""
 
     @property
     def hardware(self) -> Hardware:
@@ -89,7 +81,7 @@ class Options:
     @property
     def battery(self) -> tuple[str, ...]:
         """Names of the scenarios."""
-        return ("quick",) if self.quick else ("full",) if self.full else self.scenarios
+        return ("quick",) if self.quick else self.scenarios
 
     def of_the_run(self) -> dict[str, Any]:
         """What a run must be carried on with, as JSON values."""
@@ -120,7 +112,7 @@ def command(chosen: Mapping[str, Any]) -> str:
     usual = Options().of_the_run()
     words = PROGRAM.split()
     for name, value in chosen.items():
-        if value != usual.get(name):
+        if value != usual.get(name, False):
             values = [] if value is True else value if isinstance(value, list) else [value]
             words += [f"--{name}", *map(str, values)]
     return shlex.join(words)

@@ -12,18 +12,17 @@ import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
 from rich.console import Console
 
-from evaluate.analysis.gate_verdicts import Verdict, judge, passed
-from evaluate.analysis.gates import Gate
+from evaluate.analysis import gates
+from evaluate.analysis.gates import Gate, GateResult
 from evaluate.analysis.results import Results, analyse, write_json
 from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
-from evaluate.report import junit, markdown
+from evaluate.report import markdown
 from evaluate.report.notes import warnings
 from evaluate.report.page import write_report
 from evaluate.report.table import print_results
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.format import counted
 from quad_env.cli.launcher import silence_stdout
 
 Show = Callable[[Results, Console], None]
@@ -33,7 +32,7 @@ GATE_FAILED = 1
 
 
 class Terminal(Console):
-    """A console that falls silent, instead of ending the program, when nobody reads it any more."""
+    """A console that stops printing, instead of ending the program, when its reader has gone."""
 
     def on_broken_pipe(self) -> None:
         """Print nothing more; the files are yet to be written."""
@@ -60,7 +59,7 @@ class Ending:
 
     show: Show = print_results
     gates: tuple[Gate, ...] = ()
-    """Judged if the run is complete."""
+    """Evaluated if the run is complete."""
     baseline: str | None = None
     """Policy that the others are measured against; None is the usual one."""
     film: bool = False
@@ -76,39 +75,31 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     names what could not be written.
     """
     results = analysed(run, ending.baseline)
-    verdicts = judge(ending.gates, results) if run.complete else []
+    judged = [gates.evaluate(gate, results) for gate in ending.gates] if run.complete else []
     console = Terminal()
-    failures = _tried("the table", partial(_print, results, verdicts, ending, console))
+    failures = _tried("the table", partial(_print, results, judged, ending, console))
     if failures:
         console.on_broken_pipe()
     film, fingerprint = ending.film and run.complete, run.manifest.fingerprint
-    about: dict[str, Any] = {"trust": ending.trust, "verdicts": verdicts}
+    about: dict[str, Any] = {"trust": ending.trust, "gates": judged}
     about["made_by"] = command(run.manifest.options), run.manifest.date
     for name, write in (
         ("results.json", partial(write_json, results)),
         *([] if run.stored else [("episodes.parquet", partial(write_parquet, run.cells, run=fingerprint))]),
-        ("report.md", partial(markdown.write, results, verdicts=verdicts)),
-        *([("junit.xml", partial(junit.write, verdicts))] if verdicts else []),
+        ("report.md", partial(markdown.write, results, gates=judged)),
         ("report.html", partial(write_report, results, film=film, **about)),
     ):
         path = folder / name
         failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(_print_path, console, path))
     if failures:
         raise UsageError(f"cannot write {'; '.join(failures)}; once it can be: python -m evaluate report {folder}")
-    return 0 if passed(verdicts) else GATE_FAILED
+    return 0 if all(each.passed for each in judged) else GATE_FAILED
 
 
-def _print(results: Results, verdicts: Sequence[Verdict], ending: Ending, console: Console) -> None:
+def _print(results: Results, judged: Sequence[GateResult], ending: Ending, console: Console) -> None:
     ending.show(results, console)
-    for line in warnings(results):
+    for line in (*warnings(results), *(f"gate {each.line}" for each in judged)):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
-    for verdict in verdicts:
-        if not verdict.passed:
-            line = f"gate '{verdict.gate}' does not hold on {verdict.scenario}: {verdict.reason}"
-            console.print(line, highlight=False, markup=False, soft_wrap=True)
-    if verdicts and passed(verdicts):
-        places = counted(len({verdict.scenario for verdict in verdicts}), "scenario")
-        console.print(f"every gate holds, on {places}", highlight=False)
 
 
 def _print_path(console: Console, path: Path) -> None:

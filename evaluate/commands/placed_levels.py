@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from evaluate.analysis.level_placement import grid, wanted
+from evaluate.analysis.breaking_points import grid, wanted
 from evaluate.commands.execution import simulate
 from evaluate.commands.outputs import Ending, conclude
 from evaluate.commands.plan import Plan, limited

@@ -9,7 +9,7 @@ from evaluate.analysis import gates
 from evaluate.analysis.gates import Gate
 from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, Options, changed, restored
 from evaluate.records import manifest as manifests
-from evaluate.records.manifest import CHUNKS, FILES, JUNIT, Manifest
+from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.rollouts import battery, hardware
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import Hardware
@@ -49,8 +49,8 @@ def begun_with(folder: Path) -> Options:
 def check(options: Options) -> Plan:
     """The plan of these options. Raises UsageError."""
     check_numbers(options, LIMITS)
-    if options.quick + options.full + (options.scenarios != DEFAULT_BATTERY) > 1:
-        raise UsageError("--quick, --full and --scenarios each name the scenarios: give one of them")
+    if options.quick and options.scenarios != DEFAULT_BATTERY:
+        raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
     try:
         hardware.check(options.hardware)
     except ValueError as error:
@@ -127,7 +127,7 @@ def check_gates(sentences: Sequence[str], labels: Sequence[str], scenarios: Sequ
     """The gates of these sentences, about these policies and scenarios. Raises UsageError."""
     try:
         found = tuple(map(gates.parse, sentences))
-        gates.check(found, labels, [(scenario.name, scenario.axis) for scenario in scenarios])
+        gates.check(found, labels, [scenario.name for scenario in scenarios])
     except ValueError as error:
         raise UsageError(f"--gate: {error}") from error
     return found
@@ -145,7 +145,7 @@ def _check_folder(out: Path) -> None:
     except OSError as error:
         raise UsageError(f"cannot write to the folder {out} ({error.strerror}); name another one with --out") from error
     _check_unused(out)
-    if taken := [str(out / name) for name in (*FILES, JUNIT) if (out / name).is_dir()]:
+    if taken := [str(out / name) for name in FILES if (out / name).is_dir()]:
         raise UsageError(f"{', '.join(taken)} is to be a file, but is a folder; name another folder with --out")
     if (out / CHUNKS).exists() and not (out / CHUNKS).is_dir():
         raise UsageError(f"{out / CHUNKS} is to be a folder, but is a file; name another folder with --out")
@@ -163,7 +163,7 @@ def _carried_on(now: Manifest, options: Options) -> Manifest:
     if differing := changed(asked, options) or manifests.differences(then, now):
         raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(differing)}")
     if now.fingerprint != then.fingerprint:
-        raise UsageError(f"{options.out / manifests.NAME} has been changed by hand; leave --resume out to begin anew")
+        raise UsageError(f"{options.out / manifests.NAME} has been changed by hand; leave --resume out to begin again")
     return then
 
 
@@ -173,4 +173,4 @@ def _begun(folder: Path) -> tuple[Manifest, Options]:
         manifest = manifests.read(folder)
         return manifest, replace(Options(out=folder), **restored(manifest.options))
     except (OSError, UsageError, ValueError) as error:
-        raise UsageError(f"--resume: {error}; leave --resume out to begin anew") from error
+        raise UsageError(f"--resume: {error}; leave --resume out to begin again") from error

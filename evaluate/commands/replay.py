@@ -37,7 +37,7 @@ class Options:
     scenario: str | None = None
     """Scenario whose episode it is; may be left out where there is only one."""
     trust: Flag = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+    """Load policies from files that can hide code, the .zip files of Stable-Baselines3."""
     video: Path | None = None
     """Film to write, in real time: .mp4 (needs imageio-ffmpeg), .webp, .gif, or .png for a strip of frames."""
 

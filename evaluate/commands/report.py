@@ -18,14 +18,13 @@ class Options:
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
     """Folder of an evaluation, finished or not."""
     gate: tuple[str, ...] = ()
-    """What must hold, each in quotes, such as "residual falls <= trot on push:all", or default; if one does not, the
-    exit code is 1."""
+    """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
-    """Policy that the others are measured against; by default trot, or without it the policy named first."""
+    """Policy to compare the others with; by default trot, or without it the policy named first."""
     film: bool = True
     """Whether report.html shows a film of one episode."""
     trust: Flag = False
-    """Film policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+    """Film policies from files that can hide code, the .zip files of Stable-Baselines3."""
 
 
 def main(options: Options) -> int:

@@ -30,7 +30,7 @@ class Measure:
 
 KEY = (
     "e, v: commanded and actual velocity; q, tau, a: angles, torques and targets of the joints; dt: control step; "
-    "<x>: mean over the judged steps, those after the first second; [x]: share in which x holds. While upright: of the "
+    "<x>: mean over the steps after the first second; [x]: share in which x holds. While upright: of the "
     "steps and pushes before a fall alone, which can flatter a robot that falls."
 )
 """How to read the formulas and scopes; only what is measured while upright can improve by falling."""
@@ -60,11 +60,11 @@ MEASURES = (
             "MuJoCo warnings", "less", WHOLE),
     Measure("fall_time", "time to fall", "s", "", "start to fall; none without a fall", "", "more", WHOLE),
     Measure("velocity_error", "velocity error", "m/s", "heading",
-            f"<min(|e - v|, {CAP})>, planar; every step after a fall counts {CAP}", "", "less", WHOLE),
+            f"<min(|e - v|, {CAP})>, planar; {CAP} for every step after a fall", "", "less", WHOLE),
     Measure("yaw_rate_error", "yaw-rate error", "rad/s", "world vertical",
-            f"<min(|e - v|, {YAW_CAP})>; every step after a fall counts {YAW_CAP}", "", "less", WHOLE),
+            f"<min(|e - v|, {YAW_CAP})>; {YAW_CAP} for every step after a fall", "", "less", WHOLE),
     Measure("mean_velocity_error", "mean velocity error", "m/s", "heading",
-            f"|e - mean v| of each command interval after its first second, at most {CAP}, billed like velocity error",
+            f"|e - mean v| of each command interval after its first second, at most {CAP}; after a fall {CAP}",
             "", "less", WHOLE),
     Measure("velocity_error_upright", "velocity error while upright", "m/s", "heading",
             f"<min(|e - v|, {CAP})>", "as error_vel of legged_gym and mjlab", "less", UPRIGHT),

@@ -1,11 +1,11 @@
 """Episodes: what happened, step by step, as it was recorded; every measure is computed from this alone."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluate.measures import tracking
 from evaluate.measures.averages import Bools, Recorded
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
@@ -110,6 +110,16 @@ class Episodes:
         return len(self.command)
 
     @property
+    def settling(self) -> int:
+        """Control steps of the settling time, in which nothing is measured."""
+        return round(tracking.SETTLING_TIME / self.dt)
+
+    @property
+    def intervals(self) -> tracking.CommandIntervals:
+        """Intervals of one command each."""
+        return tracking.command_intervals(self.steps, self.command_steps, self.settling)
+
+    @property
     def count(self) -> int:
         """How many episodes."""
         return len(self.seeds)
@@ -130,27 +140,6 @@ def weight(robot: Robot, scenario: Scenario) -> float:
     """Weight of the robot and what it carries in that scenario, N."""
     own = robot.mass * GRAVITY
     return own if scenario.payload is None else own + scenario.payload.mass * GRAVITY
-
-
-def uneventful(
-    robot: Robot, steps: int, count: int = 1, *, dt: float = 0.01, command_steps: int = 500, **changes: Any
-) -> Episodes:
-    """Episodes in which nothing happens, every signal zero, but for `changes`: to try measures on."""
-    nothing: dict[str, Any] = {
-        "robot": robot,
-        "seeds": np.arange(count),
-        **{name: blank(robot, name, steps, count) for name in shapes(robot)},
-        **dict.fromkeys(OF_POLICY),
-        "push_step": np.empty((count, 0), np.int64),
-        "push_impulse": np.empty((count, 0, 2)),
-        "push_steps": 0,
-        "fall_step": np.full(count, steps, np.int64),
-        "fall_reason": np.full(count, None, dtype=object),
-        "divergence_step": np.full(count, steps, np.int64),
-        "weight": robot.mass * GRAVITY,
-        "torque_limit": robot.rated_torque,
-    }
-    return Episodes(**nothing | {"dt": dt, "command_steps": command_steps} | changes)
 
 
 def blank(robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic]:

@@ -33,8 +33,13 @@ class Footfalls:
     def after(self, step: int) -> "Footfalls":
         """Without the swings that began before that step."""
         late = self.swing_start >= step
-        lists = (self.swing_start, self.touch_down, self.episode, self.foot)
-        return Footfalls(self.stance, *(each[late] for each in lists))
+        return Footfalls(
+            stance=self.stance,
+            swing_start=self.swing_start[late],
+            touch_down=self.touch_down[late],
+            episode=self.episode[late],
+            foot=self.foot[late],
+        )
 
     def of(self, foot: int) -> tuple[Ints, Ints]:
         """Episodes and steps of one foot's touch-downs."""
@@ -52,7 +57,7 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     landed_row, landed = np.nonzero(change == 1)
     # They alternate: the latest lift-off before a landing, on the axis of all rows, is the foot's own if it has one.
     latest = np.searchsorted(lifted_row * steps + lifted, landed_row * steps + landed) - 1
-    owner = np.append(lifted_row, -1)[latest]  # of no lift-off, -1: nobody
+    owner = np.append(lifted_row, -1)[latest]  # -1 without a lift-off
     whole = owner == landed_row
     row = landed_row[whole]
     return Footfalls(stance, lifted[latest[whole]] + 1, landed[whole] + 1, row // feet, row % feet)

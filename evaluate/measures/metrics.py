@@ -6,6 +6,7 @@ what was recorded in single precision.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import footfalls
 from evaluate.measures.outcomes import RULES, STALLED, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
 from evaluate.measures.pushes import pushes
-from evaluate.measures.tracking import SETTLING_TIME
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def outcome(episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE]) -> NDAr
 def _outcome(
     episodes: Episodes, upright: Bools, following: dict[str, Floats], rule: SuccessRule
 ) -> NDArray[np.object_]:
-    """The same, of episodes whose commands were followed so."""
+    """The same, from the measures of tracking."""
     fell = episodes.fall_step < episodes.steps
     return outcomes(
         fell=fell,
@@ -119,7 +119,7 @@ def _outcome(
         failed=episodes.failed,
         commands=following["commands"],
         velocities=following["mean_velocities"],
-        durations=np.array([window.stop - window.start for window in _windows(episodes)], np.float64),
+        durations=np.array([window.stop - window.start for window in episodes.intervals.settled], np.float64),
         rule=rule,
     )
 
@@ -143,66 +143,54 @@ def summarise(episodes: Episodes) -> dict[str, float]:
     }
 
 
-def _settling(episodes: Episodes) -> int:
-    return round(SETTLING_TIME / episodes.dt)
-
-
-def _windows(episodes: Episodes) -> tuple[slice, ...]:
-    """Steps of each command interval after its first second."""
-    settling, intervals = _settling(episodes), tracking.command_intervals(episodes.steps, episodes.command_steps)
-    return tuple(slice(i.start + settling, i.stop) for i in intervals if i.stop - i.start > settling)
-
-
 def _tracking(episodes: Episodes, upright: Bools) -> tuple[dict[str, Floats], Floats]:
     """How commands were followed, and the distance covered."""
-    settling, windows = _settling(episodes), _windows(episodes)
-    settled = slice(settling, None)
+    settling, intervals = episodes.settling, episodes.intervals
+    settled, windows = slice(settling, None), intervals.settled
     command, velocity = (signal.astype(np.float64) for signal in (episodes.command, episodes.heading_velocity))
-    intervals = tracking.command_intervals(episodes.steps, episodes.command_steps)
-    stretches = tuple(slice(max(i.start, settling), i.stop) for i in intervals if i.stop > settling)
-    judged = command[settled], velocity[settled], upright[settled]
+    after: dict[str, Any] = {"command": command[settled], "velocity": velocity[settled], "upright": upright[settled]}
     measures = {
-        "velocity_error": tracking.velocity_error(*judged),
-        "yaw_rate_error": tracking.yaw_rate_error(*judged),
-        "velocity_error_upright": tracking.velocity_error_upright(*judged),
+        "velocity_error": tracking.velocity_error(**after),
+        "yaw_rate_error": tracking.yaw_rate_error(**after),
+        "velocity_error_upright": tracking.velocity_error_upright(**after),
         "mean_velocity_error": tracking.mean_velocity_error(command, velocity, upright, windows),
         "commands": tracking.commands_given(command, upright, tuple(w.start - settling for w in windows)),
         "mean_velocities": tracking.mean_velocities(velocity, upright, windows),
     }
-    return measures, tracking.distance_covered(velocity, upright, stretches, episodes.dt)
+    return measures, tracking.distance_covered(velocity, upright, intervals.travelled, episodes.dt)
 
 
 def _effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
     """What the motors did."""
-    robot, settling, dt = episodes.robot, _settling(episodes), episodes.dt
+    robot, settling, dt = episodes.robot, episodes.settling, episodes.dt
     settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
-    torque, speed, judged = episodes.joint_torque[settled], episodes.joint_velocity[settled], upright[settled]
+    torque, speed, counted = episodes.joint_torque[settled], episodes.joint_velocity[settled], upright[settled]
     power = effort.mechanical_power(torque, speed)
-    energy = effort.energy(power, judged, dt)
+    energy = effort.energy(power, counted, dt)
     action = episodes.action[with_the_step_before]
     return {
         "energy": energy,
         "cost_of_transport": effort.cost_of_transport(energy, distance, episodes.weight),
-        "mechanical_power": effort.mean_power(power, judged),
-        "peak_torque": effort.peak_torque(torque, judged),
-        "mean_torque": effort.mean_torque(torque, judged),
-        "torque_saturation": effort.torque_saturation(torque, episodes.torque_limit, judged),
+        "mechanical_power": effort.mean_power(power, counted),
+        "peak_torque": effort.peak_torque(torque, counted),
+        "mean_torque": effort.mean_torque(torque, counted),
+        "torque_saturation": effort.torque_saturation(torque, episodes.torque_limit, counted),
         "joint_limit": effort.joint_limit(
-            episodes.joint_position[settled], robot.joint_lower, robot.joint_upper, judged
+            episodes.joint_position[settled], robot.joint_lower, robot.joint_upper, counted
         ),
-        "overspeed": effort.overspeed(speed, robot.rated_speed, judged),
+        "overspeed": effort.overspeed(speed, robot.rated_speed, counted),
         "action_rate": effort.action_rate(action, upright[with_the_step_before], dt),
     }
 
 
 def _gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
     """How the robot stepped, stood and carried its trunk."""
-    settling, dt, count = _settling(episodes), episodes.dt, episodes.count
+    settling, dt, count = episodes.settling, episodes.dt, episodes.count
     settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
-    judged, judged_before = upright[settled], upright[with_the_step_before]
+    counted, counted_before = upright[settled], upright[with_the_step_before]
     falls = footfalls(episodes.foot_contact, upright, dt)
     swings = falls.after(settling)
-    windows = _windows(episodes)
+    windows = episodes.intervals.settled
     still = tracking.standing_still(episodes.command, windows)
     position = episodes.position[with_the_step_before]
     feet, contact = episodes.foot_position[with_the_step_before], episodes.foot_contact[with_the_step_before]
@@ -210,14 +198,14 @@ def _gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Flo
     return {
         "drift": tracking.drift(episodes.position.astype(np.float64), still, upright, windows, dt),
         "needless_steps": gait_quality.needless_steps(falls, still, upright, windows, dt),
-        "duty_factor": gait_quality.duty_factor(falls.stance[settled], judged),
-        "foot_slip": gait_quality.foot_slip(feet, contact, judged_before, dt),
+        "duty_factor": gait_quality.duty_factor(falls.stance[settled], counted),
+        "foot_slip": gait_quality.foot_slip(feet, contact, counted_before, dt),
         "foot_clearance": gait_quality.foot_clearance(episodes.foot_height, swings, count),
         "phase_error": gait_quality.phase_error(falls, episodes.robot.diagonals, settling, count, episodes.steps, dt),
-        "roll_rate": gait_quality.turning_rate(rate[..., 0], judged),
-        "pitch_rate": gait_quality.turning_rate(rate[..., 1], judged),
-        "vertical_speed": gait_quality.vertical_speed(position, judged_before, dt),
-        "froude_number": gait_quality.froude_number(distance, episodes.robot.leg_length, judged, dt),
+        "roll_rate": gait_quality.turning_rate(rate[..., 0], counted),
+        "pitch_rate": gait_quality.turning_rate(rate[..., 1], counted),
+        "vertical_speed": gait_quality.vertical_speed(position, counted_before, dt),
+        "froude_number": gait_quality.froude_number(distance, episodes.robot.leg_length, counted, dt),
     }
 
 
@@ -225,12 +213,12 @@ def _residual(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
     """What a residual made of its authority."""
     if episodes.correction is None or episodes.base_action is None:
         return dict.fromkeys(("authority_used", "authority_saturated", "against_base"), np.full(episodes.count, np.nan))
-    settling = _settling(episodes)
-    correction, judged = episodes.correction[settling:], upright[settling:]
+    settling = episodes.settling
+    correction, counted = episodes.correction[settling:], upright[settling:]
     before = slice(settling - 1, None)
     return {
-        "authority_used": residual_use.authority_used(correction, judged),
-        "authority_saturated": residual_use.authority_saturated(correction, judged),
+        "authority_used": residual_use.authority_used(correction, counted),
+        "authority_saturated": residual_use.authority_saturated(correction, counted),
         "against_base": residual_use.against_base(
             episodes.correction[before], episodes.base_action[before], upright[before], episodes.dt
         ),

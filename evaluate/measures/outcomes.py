@@ -95,15 +95,6 @@ RULES = {
 }
 
 
-def find(names: tuple[str, ...]) -> tuple[SuccessRule, ...]:
-    """The rules of those names, every one for `all`; ValueError lists the valid names."""
-    if names == ("all",):
-        return tuple(RULES.values())
-    if unknown := [name for name in names if name not in RULES]:
-        raise ValueError(f"--success: unknown rule {unknown[0]!r}; valid: {', '.join(RULES)}, or all")
-    return tuple(RULES[name] for name in names)
-
-
 def outcomes(
     *,
     fell: Bools,

@@ -1,6 +1,6 @@
 """What pushes do: when, how hard, from where, at which phase of the gait, and what came of them.
 
-Arrays (n, k): the k pushes of each of n episodes; NaN for a push that a fall forestalled.
+Arrays (n, k): the k pushes of each of n episodes; NaN for a push after the fall.
 """
 
 import numpy as np
@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, upright_steps
 from evaluate.measures.episodes import Episodes
-from evaluate.measures.tracking import SETTLING_TIME
 
 Ints = NDArray[np.int64]
 
 FALL_WITHIN = 2.0
-"""s from a push's onset within which a fall is put down to it."""
+"""s from a push's onset within which a fall is attributed to it."""
 GAIT_CYCLE = 0.4
 """s over which a velocity error is averaged, so that swaying within a stride is none."""
 RECOVERED_MARGIN = 0.1
@@ -36,7 +35,7 @@ def pushes(episodes: Episodes) -> dict[str, Floats]:
         phase = _at(episodes.phase.astype(np.float64), onset)
     deadline = np.minimum(onset + round(FALL_WITHIN / episodes.dt), _next(onset, episodes.steps))
     fell = np.where(pushed, episodes.fall_step[:, None] < deadline, np.nan)
-    recovery = np.where(pushed & _can_be_judged(episodes), _recovery(episodes), np.nan)
+    recovery = np.where(pushed & _evaluable(episodes), _recovery(episodes), np.nan)
     return {
         "fall_after_push": _known_mean(fell),
         "not_recovered": not_recovered(recovery),
@@ -55,22 +54,20 @@ def recovery_time(recovery: Floats) -> Floats:
 
 
 def not_recovered(recovery: Floats) -> Floats:
-    """Share of the pushes that can be judged after which the robot fell or did not recover, (n,)."""
+    """Share of the evaluable pushes after which the robot fell or did not recover, (n,)."""
     return _known_mean(np.where(np.isnan(recovery), np.nan, np.isinf(recovery)))
 
 
-def _can_be_judged(episodes: Episodes) -> Bools:
+def _evaluable(episodes: Episodes) -> Bools:
     """Whether command and surroundings stay the same from before a push to the end of the longest recovery, (n, k);
     known before the push, so that no outcome is left out for what it is."""
     onset, dt = episodes.push_step, episodes.dt
     end = onset + round((LONGEST_RECOVERY + GAIT_CYCLE) / dt)
-    since = onset % episodes.command_steps
-    same_command = (since >= round(SETTLING_TIME / dt)) & (since + end - onset <= episodes.command_steps)
-    return np.asarray(same_command & (end <= _next(onset, episodes.steps)))
+    return np.asarray(episodes.intervals.hold(onset, end) & (end <= _next(onset, episodes.steps)))
 
 
 def _recovery(episodes: Episodes) -> Floats:
-    """Recovery times of pushes that can be judged; anything of others."""
+    """Recovery times of evaluable pushes; arbitrary for others."""
     cycle, length = round(GAIT_CYCLE / episodes.dt), episodes.push_steps
     error = cycle_errors(episodes, cycle)
     onset = np.minimum(episodes.push_step, len(error) - 1)

@@ -33,6 +33,6 @@ def against_base(correction: Recorded, base: Recorded, upright: Bools, dt: float
     """
     motion = np.diff(base.astype(np.float64), axis=0)
     now = correction[1:]
-    judged = (np.abs(motion) >= SLOW * dt) & (np.abs(now) >= SLIGHT) & over_steps(upright[1:], now)
-    against = judged & (motion * now < 0)
-    return quotient(count(against).sum(axis=-1), count(judged).sum(axis=-1))
+    counted = (np.abs(motion) >= SLOW * dt) & (np.abs(now) >= SLIGHT) & over_steps(upright[1:], now)
+    against = counted & (motion * now < 0)
+    return quotient(count(against).sum(axis=-1), count(counted).sum(axis=-1))

@@ -19,7 +19,7 @@ RESPONDS = 0.2
 
 @dataclass(frozen=True)
 class Response:
-    """Response along one axis; NaN where too few intervals tell."""
+    """Response along one axis; NaN where there are too few intervals."""
 
     gain: float
     """Slope of the least-squares line of achieved against commanded velocity."""
@@ -32,7 +32,8 @@ class Response:
 
 def responses(commands: Floats, achieved: Floats) -> dict[str, Response]:
     """Response of each axis; commands and mean velocities (…, 3) of intervals, NaN of those that do not count."""
-    return {axis: response(*known(commands, achieved, number)) for number, axis in enumerate(AXES)}
+    pairs = {axis: known(commands, achieved, number) for number, axis in enumerate(AXES)}
+    return {axis: response(asked, got) for axis, (asked, got) in pairs.items()}
 
 
 def response(command: Floats, achieved: Floats) -> Response:

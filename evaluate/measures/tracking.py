@@ -1,9 +1,10 @@
 """How well commands are followed: pure functions over (steps, n, …) arrays in the heading frame.
 
-Every step that is not upright, up to the time limit, is billed the cap of the measure, so that a fall never makes an
-error smaller.
+Every step that is not upright, up to the time limit, is assigned the maximum error of the measure, so that a fall never
+makes an error smaller.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,27 +12,48 @@ from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
 
+Steps = NDArray[np.int64]
+
 SETTLING_TIME = 1.0
-"""Start of an episode, and of each command interval, that is not judged, s."""
+"""Start of an episode, and of each command interval, that is not evaluated, s."""
 VELOCITY_CAP = 2.0
-"""Largest planar velocity error that a step is billed, m/s; also what a step after a fall costs."""
+"""Maximum planar velocity error of a step, m/s, and the error of every step after a fall."""
 YAW_RATE_CAP = 3.0
-"""Largest yaw-rate error that a step is billed, rad/s; also what a step after a fall costs."""
+"""Maximum yaw-rate error of a step, rad/s, and the error of every step after a fall."""
 
 
-def command_intervals(steps: int, command_steps: int) -> tuple[slice, ...]:
-    """Steps of each command interval; a command lasts `command_steps`."""
-    return tuple(slice(start, min(start + command_steps, steps)) for start in range(0, steps, command_steps))
+@dataclass(frozen=True)
+class CommandIntervals:
+    """Command intervals of an episode, as slices of its control steps."""
+
+    settled: tuple[slice, ...]
+    """After the first second of each; an interval that is not longer is left out."""
+    travelled: tuple[slice, ...]
+    """After the first second of the episode."""
+
+    def hold(self, first: Steps, end: Steps) -> Bools:
+        """Whether one command is in force, and settled, from step `first` up to `end`, any shape."""
+        held = [(first >= window.start) & (end <= window.stop) for window in self.settled]
+        return np.asarray(np.any(held, axis=0))
+
+
+def command_intervals(steps: int, command_steps: int, settling: int) -> CommandIntervals:
+    """Intervals of an episode of so many control steps; a command lasts `command_steps`, settling takes `settling`."""
+    whole = [slice(start, min(start + command_steps, steps)) for start in range(0, steps, command_steps)]
+    return CommandIntervals(
+        settled=tuple(slice(i.start + settling, i.stop) for i in whole if i.stop - i.start > settling),
+        travelled=tuple(slice(max(i.start, settling), i.stop) for i in whole if i.stop > settling),
+    )
 
 
 def velocity_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Mean planar velocity error of all given steps, billed after a fall, (n,) m/s."""
-    return total(_billed(planar(command - velocity), upright, VELOCITY_CAP)) / len(upright)
+    """Mean planar velocity error of all given steps, the maximum after a fall, (n,) m/s."""
+    return total(_capped(planar(command - velocity), upright, VELOCITY_CAP)) / len(upright)
 
 
 def yaw_rate_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Mean yaw-rate error of all given steps, billed after a fall, (n,) rad/s."""
-    return total(_billed(np.abs(command[..., 2] - velocity[..., 2]), upright, YAW_RATE_CAP)) / len(upright)
+    """Mean yaw-rate error of all given steps, the maximum after a fall, (n,) rad/s."""
+    return total(_capped(np.abs(command[..., 2] - velocity[..., 2]), upright, YAW_RATE_CAP)) / len(upright)
 
 
 def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) -> Floats:
@@ -42,17 +64,17 @@ def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) ->
 def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
     """‖command − mean velocity‖ of each window, averaged over the windows' steps, (n,) m/s.
 
-    The mean is taken over a window's upright steps, and its error is what each of those is billed.
+    The mean is taken over a window's upright steps and its error counts for each of them; others have the maximum.
     """
-    billed, steps = np.zeros(upright.shape[1]), 0
+    errors, steps = np.zeros(upright.shape[1]), 0
     for window in windows:
         error = planar(command[window.start] - window_mean(velocity, upright, window))
         standing = upright[window].sum(axis=0)
         length = window.stop - window.start
-        billed += np.where(standing > 0, np.minimum(error, VELOCITY_CAP) * standing, 0.0)
-        billed += VELOCITY_CAP * (length - standing)
+        errors += np.where(standing > 0, np.minimum(error, VELOCITY_CAP) * standing, 0.0)
+        errors += VELOCITY_CAP * (length - standing)
         steps += length
-    return billed / steps
+    return errors / steps
 
 
 def commands_given(command: Floats, upright: Bools, starts: tuple[int, ...]) -> Floats:
@@ -99,5 +121,5 @@ def window_mean(velocity: Floats, upright: Bools, window: slice) -> Floats:
     return quotient(total(np.where(over_steps(standing, velocity), velocity[window], 0.0)), standing.sum(0)[:, None])
 
 
-def _billed(error: Floats, upright: Bools, cap: float) -> Floats:
+def _capped(error: Floats, upright: Bools, cap: float) -> Floats:
     return np.where(upright, np.minimum(error, cap), cap)

@@ -22,8 +22,6 @@ from quad_env.serialisation import check_types, from_plain, to_plain
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", "report.md", NAME)
 """What a comparison leaves in its folder."""
-JUNIT = "junit.xml"
-"""Another file, if there are gates."""
 CHUNKS = "parts"
 """Folder of the chunks of cells, while a run is going on."""
 SCHEMA = 1
@@ -57,7 +55,7 @@ class Manifest:
     cpu: str
     """The processor's name for itself."""
     options: Mapping[str, Any]
-    """As they were asked for, by name, so that --resume needs none of them again."""
+    """Options of the command line by name, so that --resume needs none of them again."""
     threads: int
     """Threads of the simulation; no figure depends on it."""
     hardware: Hardware = IDEAL

@@ -25,7 +25,7 @@ SOURCES = ("quad_env", "policies", "evaluate")
 REVISION = "SIMPLE_QUAD_REVISION"
 """Environment variable: the revision of code that was sent without its repository."""
 DIGEST = "2-"
-"""Begin of every policy's digest: results up to 2026 have digests without it, of which modules' names were a part."""
+"""Start of every policy's digest; older digests lack it and include names of modules."""
 _KINDS = {".py", ".xml", ".json"}
 
 
@@ -140,7 +140,7 @@ def _contents(value: Any) -> list[tuple[Any, Any]]:
         return sorted(value.items(), key=lambda item: repr(item[0]))
     if isinstance(value, list | tuple):
         return list(enumerate(value))
-    if is_dataclass(value):  # which may keep what it has worked out beside its fields
+    if is_dataclass(value):  # which may cache values outside its fields
         return sorted((field.name, getattr(value, field.name)) for field in fields(value))
     slots = {name: getattr(value, name) for name in getattr(type(value), "__slots__", ()) if hasattr(value, name)}
     return sorted((slots | getattr(value, "__dict__", {})).items())

@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import cell_of, read_table, table, write_table
-from evaluate.records.manifest import CHUNKS, FILES, JUNIT, Manifest
+from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.records.parquet import is_hashed
 from evaluate.rollouts.experiment import Cell, Chunk, evaluation_seeds, join
 from quad_env.cli.command_line import UsageError
@@ -24,7 +24,7 @@ from quad_env.scenarios.named import Scenario
 EPISODES = "episodes.parquet"
 _CHUNK = re.compile(r"\d{5}-\d{7}(-[0-9a-f]{8})?\.parquet")
 """Numbers of the cell and of the first episode, and the beginning of the run's fingerprint."""
-_TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, (*FILES, JUNIT)))}|{_CHUNK.pattern})\..{{8}}")
+_TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, FILES))}|{_CHUNK.pattern})\..{{8}}")
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
 
 def _stored(path: Path, manifest: Manifest) -> pa.Table:
     """The rows of episodes.parquet, none if there is no such file; ValueError unless they are whole cells of the run,
-    as they were written. What cannot be checked is said on stderr."""
+    as they were written. What cannot be checked is reported on stderr."""
     if not path.exists():
         return pa.table({})
     rows = read_table(path, manifest.fingerprint, partial(_check_whole, manifest))
@@ -191,7 +191,7 @@ def _chunks(folder: Path) -> Iterator[Path]:
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[Cell]:
-    """The cells of which every part is there; how many parts cannot be used is said on stderr."""
+    """The cells of which every part is there; how many parts cannot be used is reported on stderr."""
     there, used = len(list(_chunks(store.folder))), 0
     for scenario, policy in store.manifest.cells:
         chunks = store.load(policy, scenario)

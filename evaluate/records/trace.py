@@ -1,4 +1,4 @@
-"""Traces: the record of a cell's episodes as a Parquet file, a row an episode, from which it can be judged again.
+"""Traces: the record of a cell's episodes as a Parquet file, a row an episode, which other rules can score.
 
 A signal is one list a row, the steps of each component side by side: so laid out, and with their bytes apart,
 neighbours share most bytes, which is what the compression lives on.
@@ -77,7 +77,7 @@ def keep_only(folder: Path, names: Container[str]) -> None:
 
 
 def write(episodes: Episodes, header: Header, path: Path) -> None:
-    """Write a trace; ValueError if the episodes stopped at their falls, which leaves nothing to judge again."""
+    """Write a trace; ValueError if the episodes stopped at their falls, so that no other rule can score them."""
     if not episodes.after_falls:
         raise ValueError("these episodes were not recorded beyond their falls; run them with after_falls=True")
     wanted = shapes(episodes.robot) if header.kind == "full" else COMPACT

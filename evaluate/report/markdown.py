@@ -7,7 +7,7 @@ from pathlib import Path
 from evaluate.analysis.breaking_point_text import CAVEAT, HALF, breaking_point_text
 from evaluate.analysis.comparison import FALL_RATE, RATES, SUCCESS_RATE
 from evaluate.analysis.findings import PHRASES, UNSHOWN, findings_by_policy, headline, summary
-from evaluate.analysis.gate_verdicts import Verdict, by_gate
+from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
 from evaluate.analysis.summary import Summary
@@ -21,14 +21,17 @@ FIGURES = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
 """Metrics that the tables of figures show."""
 
 
-def write(results: Results, path: Path, verdicts: Sequence[Verdict] = ()) -> None:
+def write(results: Results, path: Path, gates: Sequence[GateResult] = ()) -> None:
     """Write report.md."""
-    write_atomically(path, render(results, verdicts).encode())
+    write_atomically(path, render(results, gates).encode())
 
 
-def render(results: Results, verdicts: Sequence[Verdict] = ()) -> str:
+def render(results: Results, gates: Sequence[GateResult] = ()) -> str:
     """The whole text."""
-    parts = [_head(results), *_gates(verdicts), *_findings(results)]
+    parts = [_head(results)]
+    if gates:
+        parts.append("### Gates\n\n" + "\n".join(f"- {_plain(each.line)}" for each in gates))
+    parts += _findings(results)
     parts += [*_breaking_points(results), CAVEAT] if results.breaking_points else []
     parts += [_folded(results, axis) for axis in severity_axes(results.cells)]
     return "\n\n".join(parts) + "\n"
@@ -51,21 +54,6 @@ def _head(results: Results) -> str:
 def _plain(text: str) -> str:
     """A text of a user's, in which Markdown sees no marks of its own."""
     return re.sub(r"([\\`*_<>\[\]])", r"\\\1", text)
-
-
-def _gates(verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """What failed of each gate; that it passed otherwise."""
-    if not verdicts:
-        return
-    lines = [line for gate, mine in by_gate(verdicts).items() for line in _gate(gate, mine)]
-    yield "### Gates\n\n" + "\n".join(lines)
-
-
-def _gate(gate: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
-    failed = [verdict for verdict in verdicts if not verdict.passed]
-    state = f"failed on {len(failed)} of {len(verdicts)} scenarios" if failed else "passed"
-    yield f"- `{gate}`: {state}"
-    yield from (f"  - {verdict.scenario}: {verdict.reason}" for verdict in failed)
 
 
 def _findings(results: Results) -> Iterator[str]:

@@ -9,10 +9,10 @@ NOTES = (
     "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
     "terrain. They come from a family of seeds that training and parameter searches never draw from.",
     "Velocity and yaw-rate error are means over the control steps after an episode's first second, in the heading "
-    "frame. A step's error is capped at 2 m/s and 3 rad/s, and every step from a fall to the time limit counts the "
-    "cap, so that falling early never pays.",
+    "frame. A step's error is capped at 2 m/s and 3 rad/s, and every step from a fall to the time limit is "
+    "assigned the cap, so that a fall never improves an error.",
     "Mean velocity error compares the command with the mean velocity over each command interval after its first "
-    "second: a gait is not billed for swaying within a stride. Falls are billed likewise.",
+    "second, so that swaying within a stride does not count. After a fall it is the cap too.",
     "A divergence of the simulation counts as a fall. A time-out does not.",
     "Cost of transport is the energy of all episodes, ∑|torque · joint speed| before a fall, over weight times "
     "distance, where the distance of a command interval is its time times its mean planar speed: swaying on the spot "

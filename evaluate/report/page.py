@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from evaluate.analysis.findings import PHRASES, UNSHOWN, Finding, findings_by_policy, headline, summary
-from evaluate.analysis.gate_verdicts import Verdict, by_gate
+from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.footage import footage
@@ -14,17 +15,14 @@ from evaluate.report.html import contents, fold, note, section
 from evaluate.report.notes import NOTES, extent, warnings
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
-from evaluate.report.sections.figures import policy_label
+from evaluate.report.sections.figures import definitions, policy_label, training
 from evaluate.report.sections.gait_section import gaits
-from evaluate.report.sections.measures_section import definitions
-from evaluate.report.sections.overview import overview, sensitivity
+from evaluate.report.sections.overview import overview, sensitivity, success
 from evaluate.report.sections.response_section import responses
-from evaluate.report.sections.success_section import success
-from evaluate.report.sections.training_section import training
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
-from quad_env.cli.format import counted, listed
+from quad_env.cli.format import listed
 from quad_env.files.writing import write_atomically
 
 FILM_PLACE = 6
@@ -37,21 +35,9 @@ Origin = tuple[str, str]
 """Command and day that a run was begun by and on; each empty where it is not known."""
 
 
-def write_report(
-    results: Results,
-    path: Path,
-    *,
-    film: bool = False,
-    trust: bool = False,
-    verdicts: Sequence[Verdict] = (),
-    made_by: Origin = ("", ""),
-) -> None:
-    """Write report.html; filming takes a few seconds, and the page says why where it is impossible.
-
-    `trust`, of the filmed policies: see `evaluate.report.camera.Shot`.
-    """
-    page = render(results, path.parent, film=film, trust=trust, verdicts=verdicts, made_by=made_by)
-    write_atomically(path, page.encode())
+def write_report(results: Results, path: Path, **about: Any) -> None:
+    """Write report.html; `about` as of `render`."""
+    write_atomically(path, render(results, path.parent, **about).encode())
 
 
 def render(
@@ -60,17 +46,21 @@ def render(
     *,
     film: bool = False,
     trust: bool = False,
-    verdicts: Sequence[Verdict] = (),
+    gates: Sequence[GateResult] = (),
     made_by: Origin = ("", ""),
 ) -> str:
-    """The whole page; `folder` is where the results are, for the commands that the page names."""
+    """The whole page; `folder` is where the results are, for the commands that the page names.
+
+    Filming takes a few seconds, and the page says why where it is impossible; `trust`, of the filmed policies: see
+    `evaluate.report.camera.Shot`.
+    """
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
-    with drawing.settings(), ThreadPoolExecutor(1) as beside:
-        shown = beside.submit(footage, results, trust) if film else None
+    with drawing.settings(), ThreadPoolExecutor(1) as pool:
+        shown = pool.submit(footage, results, trust) if film else None
         sections = [
             _outcome(results),
             success(results),
-            _gates(verdicts),
+            _gates(gates),
             overview(results),
             sensitivity(results),
             disturbances(results),
@@ -128,23 +118,11 @@ def _findings(results: Results, policy: str, found: list[Finding]) -> str:
     return fold(title, body, opened=len(severity_axes(results.cells)) <= FEW_AXES, printed=True) if found else ""
 
 
-def _gates(verdicts: Sequence[Verdict]) -> str:
-    """A line a gate, with what failed; empty without gates."""
-    return section("Gates", *(_gate(gate, mine) for gate, mine in by_gate(verdicts).items()))
-
-
-def _gate(name: str, verdicts: Sequence[Verdict]) -> str:
-    failed = [verdict for verdict in verdicts if not verdict.passed]
-    among = f"failed on {len(failed)} of {counted(len(verdicts), 'scenario')}" if failed else "passed"
-    lines = _list(failed) if failed else ""
-    every = fold("Every scenario", _list(verdicts)) if len(verdicts) > len(failed) else ""
-    return f"<h3><code>{escape(name)}</code> {among}</h3>{lines}{every}"
-
-
-def _list(verdicts: Sequence[Verdict]) -> str:
+def _gates(gates: Sequence[GateResult]) -> str:
+    """A line a gate; empty without gates."""
     kinds = {True: "better", False: "worse"}
-    lines = (f'<li class="{kinds[v.passed]}">{escape(v.scenario)}: {escape(v.reason)}</li>' for v in verdicts)
-    return f"<ul>{''.join(lines)}</ul>"
+    lines = "".join(f'<li class="{kinds[each.passed]}">{escape(each.line)}</li>' for each in gates)
+    return section("Gates", f"<ul>{lines}</ul>") if gates else ""
 
 
 def _notes(results: Results) -> str:
@@ -155,5 +133,5 @@ def _notes(results: Results) -> str:
         f"<ul>{notes}</ul>",
         fold("Every measure: unit, frame, formula, source", definitions(results.success_rule), printed=True),
         note(f"Made with {made_with}."),
-        note("Beside this page: results.json (these figures), episodes.parquet (a row an episode)."),
+        note("In the same folder: results.json (these figures), episodes.parquet (a row an episode)."),
     )

@@ -1,14 +1,20 @@
-"""The batteries: the scenarios that every policy is judged on, and what a name on the command line stands for."""
+"""The batteries: the scenarios that every policy runs on, and what a name on the command line stands for."""
 
+import runpy
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import chain
+from pathlib import Path
+from typing import Any
 
-from evaluate.rollouts.scenario_file import from_file
+from quad_env.files.reading import TEXT, check_file
+from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
+from quad_env.scenarios.combination import is_combination
 from quad_env.scenarios.named import SCENARIOS, WRITTEN, Scenario, find, scenarios_of
+from quad_env.serialisation import from_plain, to_plain
 
 NOMINAL = ("flat", "push", "rough")
 """What the quick battery begins with."""
@@ -63,7 +69,7 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
     if name in BATTERIES:
         return BATTERIES[name](robot)
     if of_file(name):
-        return from_file(name)
+        return _from_file(name)
     axis, colon, level = name.partition(":")
     if colon and axis in AXES and level == ALL:
         return tuple(map(axes_of(robot)[axis].level, range(1, len(AXES[axis].levels) + 1)))
@@ -88,3 +94,49 @@ def _battery(
             if not any(replace(new, name=known.name) == known for known in chosen):
                 chosen.append(new)
     return tuple(chosen)
+
+
+def _from_file(reference: str) -> tuple[Scenario, ...]:
+    """The scenarios that `file.py:NAME` refers to; ValueError, one line, where there are none."""
+    file, _, name = reference.rpartition(":")
+    contents = _contents_of(Path(file))
+    if name not in contents:
+        known = [key for key, value in contents.items() if _scenarios(value)]
+        raise ValueError(f"{file} has no {name!r}; its scenarios: {', '.join(known) or 'none'}")
+    found = _scenarios(contents[name])
+    if not found:
+        raise ValueError(f"{name} in {file} must be a quad_env.Scenario or a tuple of them, not {contents[name]!r:.80}")
+    for scenario in found:
+        _check(scenario, file)
+    return found
+
+
+def _contents_of(file: Path) -> dict[str, Any]:
+    """What the file defines."""
+    if not file.is_file():
+        raise ValueError(f"there is no file {file}")
+    try:
+        check_file(file, TEXT)
+        return runpy.run_path(str(file))
+    except (Exception, SystemExit) as error:
+        raise ValueError(f"{file} fails: {described(error)}") from error
+
+
+def _scenarios(value: Any) -> tuple[Scenario, ...]:
+    """The scenarios that a value is; none if it is something else."""
+    several = tuple(value) if isinstance(value, list | tuple) else (value,)
+    return several if all(isinstance(each, Scenario) for each in several) else ()
+
+
+def _check(scenario: Scenario, file: str) -> None:
+    """Raise ValueError for a scenario that a result could not hold."""
+    if not isinstance(scenario.name, str) or not scenario.name:
+        raise ValueError(f"a scenario in {file} needs a name, not {scenario.name!r}")
+    if scenario.name in SCENARIOS or ":" in scenario.name or is_combination(scenario.name):
+        raise ValueError(f"a scenario in {file} is called {scenario.name!r}, as one of quad_env's; call it differently")
+    try:
+        same = from_plain(to_plain(scenario)) == scenario
+    except ValueError as error:
+        raise ValueError(f"the scenario {scenario.name} in {file}: {error}") from error
+    if not same:
+        raise ValueError(f"the scenario {scenario.name} in {file} must be made of numbers and texts alone")

@@ -1,4 +1,4 @@
-"""Work spread over a Ray cluster: every piece is a task, wherever it runs; one whose worker dies is done again."""
+"""Work spread over a Ray cluster: every piece is a task; it is repeated if its worker dies."""
 
 import contextlib
 import os
@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from evaluate.rollouts.experiment import Chunk, Executor, Task, TaskProgress, simulate
 from evaluate.rollouts.workers import ENVIRONMENT, WorkerLost, worker_environment
@@ -15,45 +15,29 @@ from quad_env.cli.command_line import UsageError
 POLL_PERIOD = 0.5
 """s between two looks at what is done."""
 TRIES = 20
-"""How often a task is begun again whose worker died: one that kills its worker every time must end."""
+"""How often a task is repeated after its worker died: one that kills its worker every time must end."""
 OBJECT_STORE = 256 * 2**20
 """Memory in which an embedded cluster passes tasks and outcomes, byte."""
 REPOSITORY = Path(__file__).resolve().parents[2]
 NEEDED = ("quad_env", "policies", "evaluate", "train")
 """Packages that a task needs; other machines are sent them."""
-A = TypeVar("A")
-R = TypeVar("R")
 Report = Callable[[Any], None]
-"""What a task tells those who wait for it."""
+"""Sends news of a task to the process that waits for it."""
+Spread = Callable[..., Generator[tuple[int, Any]]]
+"""A cluster that is connected, see `cluster`."""
 
 
 class NoCluster(UsageError):
     """Ray is not installed, or no cluster answers at the address."""
 
 
-class Cluster(Protocol):
-    """A cluster that is connected."""
-
-    def __call__(
-        self,
-        work: Callable[[A, Report], R],
-        arguments: Sequence[A],
-        told: Callable[[int, Any], None] | None = None,
-        cores: int = 1,
-    ) -> Generator[tuple[int, R]]:
-        """Place and outcome of the work on each argument, as it comes.
-
-        `told` is given the place and what the work reports there, until its outcome has come. Raises WorkerLost, and
-        what the work raises.
-        """
-        ...
-
-
 @contextlib.contextmanager
-def cluster(count: int, address: str | None = None, check: Callable[[], None] = lambda: None) -> Iterator[Cluster]:
+def cluster(count: int, address: str | None = None, check: Callable[[], None] = lambda: None) -> Iterator[Spread]:
     """Context with the cluster at `address`, else with one of `count` cores that is embedded in this process.
 
-    `check` is called while it waits, and may raise.
+    It is a function of the work, its arguments, what receives (place, news) of a task that is not finished, and the
+    cores of a task; it gives the place and the outcome of the work on each argument, as it comes. `check` is called
+    while it waits, and may raise. Raises WorkerLost, and what the work raises.
     """
     ray = _connected(count, address)
     try:
@@ -79,7 +63,7 @@ def ray_cluster(count: int, address: str | None = None, check: Callable[[], None
     return execute
 
 
-def executor(spread: Cluster) -> Executor:
+def executor(spread: Spread) -> Executor:
     """Executor of a cluster that is connected."""
     return lambda tasks, progress: spread(_run_task, tasks, progress)
 
@@ -91,23 +75,23 @@ def _run_task(task: Task, report: Report) -> Chunk:
 def _spread(
     ray: Any,
     check: Callable[[], None],
-    work: Callable[[A, Report], R],
-    arguments: Sequence[A],
-    told: Callable[[int, Any], None] | None = None,
+    work: Callable[[Any, Report], Any],
+    arguments: Sequence[Any],
+    receive: Callable[[int, Any], None] | None = None,
     cores: int = 1,
-) -> Generator[tuple[int, R]]:
+) -> Generator[tuple[int, Any]]:
     from ray.util.queue import Queue
 
-    queue = None if told is None else Queue(actor_options={"num_cpus": 0})
+    queue = None if receive is None else Queue(actor_options={"num_cpus": 0})
     run = ray.remote(num_cpus=cores, max_retries=TRIES)(work)
     waiting = {run.remote(each, partial(_report, queue, place)): place for place, each in enumerate(arguments)}
     while waiting:
         check()
         done, _ = ray.wait(list(waiting), num_returns=1, timeout=POLL_PERIOD)
-        if queue is not None and told is not None:
+        if queue is not None and receive is not None:
             for place, news in queue.get_nowait_batch(queue.qsize()):
                 if place in waiting.values():
-                    told(place, news)
+                    receive(place, news)
         for reference in done:
             yield waiting.pop(reference), ray.get(reference)
 

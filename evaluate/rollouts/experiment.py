@@ -91,7 +91,7 @@ class Task:
     numbers: NDArray[np.int64]
     """Numbers of the episodes in their cell, (n,)."""
     seeds: NDArray[np.int64]
-    """Theirs, (n,)."""
+    """Seeds of the episodes, (n,)."""
     steps: int
     trace: TraceWriter | None
     hardware: Hardware
@@ -172,7 +172,7 @@ def sequential(nthread: int) -> Executor:
 
 
 def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chunk:
-    """Outcome of a task; `progress` is told the share of it that is done, below 1. Raises NotKept of its trace."""
+    """Outcome of a task; `progress` receives the share that is done, below 1. Raises NotKept of its trace."""
     label = task.policy.label
     episodes = rollout.run(
         task.policy.policy,
@@ -187,8 +187,15 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
     if task.trace is not None:
         with _keeping():
             task.trace(label, task.scenario, int(task.numbers[0]), episodes)
-    measured = episodes.fall_reason, measure(episodes), episodes.failure
-    return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, *measured))
+    cell = Cell(
+        policy=label,
+        scenario=task.scenario,
+        seeds=task.seeds,
+        fall_reason=episodes.fall_reason,
+        measures=measure(episodes),
+        failure=episodes.failure,
+    )
+    return Chunk(task.numbers, cell)
 
 
 @contextlib.contextmanager
@@ -217,8 +224,15 @@ class _PendingCell:
         stored = [np.arange(0), *(chunk.numbers for chunk in self.chunks)]
         missing = np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(stored))
         for numbers in _stretches(missing, settings.chunk_size):
-            shared = settings.steps, settings.trace, settings.hardware
-            yield Task(self.policy, self.scenario, numbers, self.seeds[numbers], *shared)
+            yield Task(
+                policy=self.policy,
+                scenario=self.scenario,
+                numbers=numbers,
+                seeds=self.seeds[numbers],
+                steps=settings.steps,
+                trace=settings.trace,
+                hardware=settings.hardware,
+            )
 
     def report(self, task: Task, share: float) -> None:
         self.shares[int(task.numbers[0])] = share * len(task.numbers)

@@ -1,4 +1,4 @@
-"""What the observers of a rollout are told at every control step; the one that watches for falls."""
+"""What the observers of a rollout receive at every control step; the observer of falls."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
 _REASONS = np.array([None, *FALL_REASONS[1:]], dtype=object)
-"""What an episode says of each code of a fall."""
+"""Name of each code of a fall in an episode."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,13 @@ class Step:
     action: Actions
     """Joint targets of the step, rad, (n, 12); at the start the home pose."""
     observation: NDArray[np.float32]
-    """What the policy is shown next, (n, k)."""
+    """The policy's next observation, (n, k)."""
     infos: dict[str, Any]
     """Infos of the environment, its readings among them; see `quad_env.task.readings`."""
 
 
 Observer = Callable[[Step], bool | None]
-"""Told the start and every control step, in order; what it asks of the policy counts from the next action on.
+"""Receives the start and every control step, in order; its changes of the policy act from the next action on.
 
 True ends the rollout.
 """

@@ -23,7 +23,7 @@ REPORT_EVERY = 25
 """Control steps between two calls of the progress callback."""
 
 Progress = Callable[[float], None]
-"""Told the share of the run that is done, 0 … 1; told 1 exactly once, at the end."""
+"""Receives the share of the run that is done, 0 … 1; 1 exactly once, at the end."""
 Robots = Generator[NDArray[np.float32], Actions | None, None]
 """n robots on a scenario: gives the observations of their start, takes None, and from then on gives observations and
 takes actions until it ends."""
@@ -40,7 +40,7 @@ def roll_out(
     terminate_on_fall: bool = True,
     hardware: Hardware = IDEAL,
 ) -> None:
-    """One episode of `policy` for each seed, all side by side, each step told to every observer.
+    """One episode of `policy` for each seed, all side by side; every observer receives each step.
 
     It ends after `steps` control steps, when no robot moves any more, or when an observer says so. A robot that has
     fallen stays frozen to the end; without `terminate_on_fall` it goes on. What comes before its fall is the same to
@@ -70,11 +70,11 @@ def watch(
     command: ArrayLike | None = None,
     hardware: Hardware = IDEAL,
 ) -> Generator[Step]:
-    """The start and the control steps of one episode, each simulated as it is asked for: several policies' episodes can
+    """The start and the control steps of one episode, each simulated on demand: several policies' episodes can
     go side by side. A robot that has fallen goes on; otherwise as in `roll_out`."""
-    told: list[Step] = []
+    steps_done: list[Step] = []
     how: Any = {"steps": steps, "nthread": 1, "command": command, "terminate_on_fall": False, "hardware": hardware}
-    with closing(_robots(policy, scenario, np.array([seed]), (told.append,), **how)) as robot:
+    with closing(_robots(policy, scenario, np.array([seed]), (steps_done.append,), **how)) as robot:
         next(robot)
         policy.reset(num_envs=1, seed=0)
         action = None
@@ -82,9 +82,9 @@ def watch(
             try:
                 observation = robot.send(action)
             except StopIteration:
-                yield told.pop()
+                yield steps_done.pop()
                 return
-            yield told.pop()
+            yield steps_done.pop()
             action = policy.act(observation)
 
 
@@ -248,6 +248,6 @@ class Recorder:
             weight=weight(env.robot, env.scenario),
             torque_limit=float(env.simulation.model.actuator_forcerange.max()),
             dt=env.dt,
-            command_steps=round(env.scenario.commands.interval / env.dt),
+            command_steps=env.scenario.commands.steps(env.dt),
             failure=self._failure,
         )

@@ -70,7 +70,7 @@ class Strides:
 def walked(
     policy: Gaits, command: Floats, seeds: NDArray[np.int64], *observers: Observer, steps: int, nthread: int = 1
 ) -> Strides:
-    """An episode of `policy` on flat ground for each seed, at held commands (3,) or (n, 3), told to `observers`."""
+    """An episode of `policy` on flat ground for each seed, at held commands (3,) or (n, 3), watched by `observers`."""
     recorder = _StrideRecorder(policy, Falls(len(seeds), steps))
     roll_out(policy, "flat", seeds, recorder, *observers, steps=steps, nthread=nthread, command=command)
     return recorder.strides()

@@ -57,7 +57,8 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
                     if (following := next(todo, None)) is None:
                         working.remove(worker)
                     else:
-                        worker.give(*following)
+                        place_next, task = following
+                        worker.give(place_next, task)
                     if isinstance(news, Chunk):
                         yield place, news
 

@@ -1,1 +1,1 @@
-"""Intervals, tests, breaking points, and the calibration that shows that they hold what they promise."""
+"""Intervals, tests and breaking points."""

@@ -4,8 +4,8 @@ Nothing is assumed of the curve but that more of the disturbance is not easier. 
 regression, drawn straight over the logarithm of severity between the levels, crosses one half. The interval reaches
 from the last level at which an exact test still shows that fewer than half fail to the first at which it shows that
 more do: what lies between two levels is not known, and it is all inside. Levels are tested in order, from the mildest
-up to the first that fails its test and from the hardest down likewise, so that many levels cost no correction, and
-each by itself, so that it does not matter what the same episodes do at other levels.
+up to the first that fails its test and from the hardest down in the same way, so that many levels cost no correction.
+Each is tested by itself, so that it does not matter what the same episodes do at other levels.
 """
 
 from collections.abc import Sequence
@@ -92,7 +92,7 @@ def bracket(failed: Bools, tail: float = (1.0 - CONFIDENCE) / 2.0) -> tuple[int,
 
 
 def next_level(severities: Floats, run: Sequence[int], failed: Bools) -> int | None:
-    """Number of the severity, of all that might be run, to run next; None where one more would tell nothing.
+    """Number of the severity, of all that might be run, to run next; None where one more would add nothing.
 
     The middle of the widest gap, over ln(severity), between neighbours of those that were run (their numbers, rising,
     and failures (k, n)) within the bracket of one half. Nothing where half fail at none or at every one of them.

@@ -19,11 +19,11 @@ UNBOUNDED = (-np.inf, np.inf)
 RESAMPLES = 9999
 """Resamples of a bootstrap of a mean."""
 FEWER_RESAMPLES = 1999
-"""Resamples of a bootstrap of anything slower than a mean; rliable takes 2000 for what it cannot do 50 000 times."""
+"""Resamples of a bootstrap of two samples."""
 KEPT_VALUES = 12_000_000
 """Resamples of at most so many values in all (96 MB) are drawn once and kept for the next of that size."""
 BLOCK_VALUES = 500_000
-"""Others are drawn anew, so many values at a time, which bounds the memory."""
+"""Others are drawn again each time, so many values at once, which bounds the memory."""
 
 
 def wilson_interval(successes: float, trials: float) -> Interval:
@@ -166,19 +166,16 @@ def two_sample_interval(a: Floats, b: Floats, bounds: Interval = UNBOUNDED) -> I
     return percentile_interval(means[0] - means[1])
 
 
-def agreeing_interval(values: Floats, bounds: Interval, trimmed: float = 0.0) -> Interval:
+def agreeing_interval(values: Floats, bounds: Interval) -> Interval:
     """Interval of the mean of n values that all agree; (NaN, NaN) for fewer than two.
 
     Others than those seen have at most the share that Wilson's interval has for none of n, 14 % of 24, and may be
-    anything within the bounds (after Hanley and Lippman-Hand 1983, JAMA 249). Of a mean without a share `trimmed` at
-    either end they count with what is left of them.
+    anything within the bounds (after Hanley and Lippman-Hand 1983, JAMA 249).
     """
     if len(values) < 2:
         return (np.nan, np.nan)
     value, (low, high) = float(values.mean()), bounds
-    unseen = min(1.0, (wilson_interval(0, len(values))[1] - trimmed) / (1.0 - 2.0 * trimmed))
-    if unseen <= 0.0:
-        return (value, value)
+    unseen = wilson_interval(0, len(values))[1]
     return (value - unseen * (value - low), value + unseen * (high - value))
 
 

@@ -85,7 +85,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 def fall_rates_test(a: Bools, b: Bools) -> float:
     """Barnard's exact p-value, two-sided, of two yes/no outcomes that are not paired, each of any number of episodes.
 
-    The largest chance, over the common fall rate that nobody knows, of outcomes whose pooled z is at least as large.
+    The largest chance, over the unknown common fall rate, of outcomes whose pooled z is at least as large.
     Nearer to its level than Fisher's test and never above it. `scipy.stats.barnard_exact` loses outcomes whose z
     is equal on paper but not in the last bit: it gives 0.0342 instead of 0.0345 for 1 of 12 against 9 of 20.
     """
@@ -100,7 +100,7 @@ def fall_rates_test(a: Bools, b: Bools) -> float:
 
 
 def _pooled_z(fallen_a: Counts, size_a: int, fallen_b: Counts, size_b: int) -> Floats:
-    """Difference of two shares in its standard deviations if both are the same share; 0 where nobody or all fell."""
+    """Difference of two shares in its standard deviations if both are the same share; 0 where none or all fell."""
     pooled = (fallen_a + fallen_b) / (size_a + size_b)
     variance = pooled * (1.0 - pooled) * (1.0 / size_a + 1.0 / size_b)
     difference = np.abs(fallen_a / size_a - fallen_b / size_b)

@@ -115,7 +115,7 @@ class Recorder:
             links=links_of(env.simulation.model, robot),
             description="" if robot.urdf is None else robot.urdf.read_text(encoding="utf-8"),
             dt=env.dt,
-            command_steps=round(env.scenario.commands.interval / env.dt),
+            command_steps=env.scenario.commands.steps(env.dt),
         )
         context = multiprocessing.get_context("spawn")
         shared = memory(context, source.width)

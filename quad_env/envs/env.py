@@ -99,7 +99,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
-        self._interval = round(self.scenario.commands.interval / self.dt)
+        self._interval = self.scenario.commands.steps(self.dt)
         (self._seed,), self._next_episode = fresh_seeds(1), 0
         self._episode: Episode | None = None
         self._clock, self._held = 0, False

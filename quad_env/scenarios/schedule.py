@@ -17,7 +17,7 @@ class Schedule:
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
         self._robot, self._scenario, self._dt = robot, scenario, dt
-        self._interval = round(scenario.commands.interval / dt)
+        self._interval = scenario.commands.steps(dt)
         self._seeds, self._next = fresh_seeds(num_envs), [0] * num_envs
         self._episodes = [Episode(robot, scenario, 0, 0, dt)] * num_envs
         plan = self._episodes[0].pushes

@@ -3,10 +3,11 @@
 The README gets a short table, `docs/results.md` every figure.
 """
 
+import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -15,13 +16,16 @@ from evaluate.analysis.score import Score
 from evaluate.commands.options import command
 from evaluate.commands.plan import limited
 from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
-from evaluate.report.places import insert
 from evaluate.report.plots import drawing, success
-from evaluate.report.results_page import every_figure, legend, newcomers_table, robots_table, scenarios_of
 from evaluate.rollouts.battery import BATTERIES, resolve
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
+from research.pages.places import insert
+from research.pages.results_page import every_figure, legend, newcomers_table, robots_table, scenarios_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MORE, ROBOTS = "more", "robots"
 """Names of the page's second place, and of the README's."""
@@ -71,6 +75,13 @@ def main(options: Options) -> int:
     return 0
 
 
+def _png(drawn: "Figure") -> bytes:
+    """A figure on white."""
+    buffer = io.BytesIO()
+    drawn.savefig(buffer, format="png", dpi=160, facecolor="white", metadata={"Software": None})
+    return buffer.getvalue()
+
+
 def _text(path: Path) -> str:
     try:
         return read_bytes(path).decode()
@@ -86,7 +97,7 @@ def _pictured(shown: list[str], found: dict[str, Any], options: Options, readme:
     picture = options.picture or options.page.with_name("success.png")
     where = Path(os.path.relpath(picture, readme.parent)).as_posix()
     with drawing.settings():
-        write_atomically(picture, success.png(success.heat_map(scores)))
+        write_atomically(picture, _png(success.heat_map(scores)))
     return [shown[0], "", f"![{ALT}]({where})", *shown[1:]]
 
 

@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 
 from evaluate.statistics.breaking_point import breaking_point, breaking_ratio, next_level
-from evaluate.statistics.improvement import improvement_by_episode, interquartile_mean, interquartile_mean_interval
 from evaluate.statistics.intervals import (
     Bools,
     Floats,
@@ -28,7 +27,7 @@ from research.statistics.exact_size import (
     discordance,
     mcnemar_p_value,
 )
-from research.statistics.synthetic import LARGE, Axis, Episodes, Kind, episodes, mean_error
+from research.statistics.synthetic import Axis, Episodes, Kind, episodes, mean_error
 
 COVERS = (0.93, 0.97)
 """Bounds of the share of 95 % intervals that hold the truth."""
@@ -83,8 +82,6 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
         "bootstrap, paired difference of errors": partial(_mean_difference, count, fall_probability),
         "Newcombe, falls of disjoint episodes": partial(_disjoint_fall_difference, count, fall_probability),
         "bootstrap, errors of disjoint episodes": partial(_disjoint_mean_difference, count, fall_probability),
-        "bootstrap, interquartile mean": partial(_interquartile_mean, count, fall_probability),
-        "score, improvement by episode": partial(_improvement_by_episode, count, fall_probability),
     }
     for name, outcome in rules.items():
         yield Check(name, count, fall_probability, outcome, COVERS)
@@ -195,27 +192,6 @@ def _disjoint_fall_difference(count: int, fall_probability: float, generator: np
 def _disjoint_mean_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     a, b = (each.error[0] for each in _two_disjoint(generator, count, fall_probability))
     return _within(two_sample_interval(b, a), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
-
-
-@cache
-def _true_interquartile_mean(fall_probability: float) -> float:
-    return interquartile_mean(_one_policy(np.random.default_rng(0), LARGE, fall_probability).error[0])
-
-
-def _interquartile_mean(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    error = _one_policy(generator, count, fall_probability).error[0]
-    return _within(interquartile_mean_interval(error), _true_interquartile_mean(fall_probability))
-
-
-@cache
-def _true_improvement(fall_probability: float) -> float:
-    a, b = _two_policies(np.random.default_rng(1), LARGE, fall_probability).error
-    return float((a > b).mean())
-
-
-def _improvement_by_episode(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _two_policies(generator, count, fall_probability).error
-    return _within(improvement_by_episode(a, b)[1], _true_improvement(fall_probability))
 
 
 def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> bool:

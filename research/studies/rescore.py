@@ -2,10 +2,10 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import numpy as np
 import tyro
@@ -14,8 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.measures import fall_rules, outcomes
-from evaluate.measures.fall_rules import FallCriterion
+from evaluate.measures import outcomes
 from evaluate.measures.metrics import outcome
 from evaluate.measures.outcomes import SuccessRule
 from evaluate.records import trace
@@ -27,8 +26,11 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import percent
 from quad_env.config import FALL_RULE
 from quad_env.files.writing import write_atomically
+from research.studies import fall_rules
+from research.studies.fall_rules import FallCriterion
 
 FILE = "rescored.json"
+Rule = TypeVar("Rule")
 
 
 @dataclass(frozen=True)
@@ -77,16 +79,21 @@ class SuccessScore:
 
 def main(options: Options) -> int:
     """Judge again, print and write; the exit code."""
-    try:
-        rules, of_success = fall_rules.find(options.rules), outcomes.find(options.success)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
+    rules = _chosen(fall_rules.RULES, options.rules, "--rules")
+    of_success = _chosen(outcomes.RULES, options.success, "--success")
     falls, successes = rescore(options.results, rules, of_success)
     console = Console(file=sys.stdout)
     console.print(table("success", [rule.name for rule in of_success], successes))
     console.print(table("falls", [rule.name for rule in rules], falls))
     write(falls, rules, successes, of_success, options.results / FILE)
     return 0
+
+
+def _chosen(rules: Mapping[str, Rule], names: tuple[str, ...], option: str) -> tuple[Rule, ...]:
+    """The rules of those names, every one for `all`; UsageError lists the valid names."""
+    if unknown := [name for name in names if name not in rules and names != ("all",)]:
+        raise UsageError(f"{option}: unknown rule {unknown[0]!r}; valid: {', '.join(rules)}, or all")
+    return tuple(rules[name] for name in (rules if names == ("all",) else names))
 
 
 def rescore(

@@ -15,7 +15,6 @@ from rich.progress import track
 
 from evaluate.measures.metrics import Measures
 from evaluate.measures.tracking import VELOCITY_CAP
-from evaluate.report.places import RESULTS, insert, page_with
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.rollouts.workers import process_pool
@@ -28,6 +27,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import scaled
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
+from research.pages.places import RESULTS, insert, page_with
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
 """Scenarios, and what to call them."""

@@ -15,7 +15,7 @@ import tyro
 
 import policies
 from evaluate.analysis.results import Results
-from evaluate.commands.options import Flag, available_cores
+from evaluate.commands.options import Flag
 from evaluate.commands.options import Options as Evaluation
 from evaluate.commands.plan import check
 from evaluate.records.store import read_run
@@ -24,6 +24,7 @@ from policies.parameters import limits_of, number
 from policies.residual_bases import describe
 from policies.shipped import folder_of
 from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.cores import available_cores
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.combination import scaled_name

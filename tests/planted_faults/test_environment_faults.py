@@ -395,7 +395,7 @@ def error_only_while_upright(patch: pytest.MonkeyPatch) -> None:
 
 def steps_after_a_fall_billed_nothing(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(
-        "evaluate.measures.tracking._billed", lambda error, upright, cap: np.where(upright, np.minimum(error, cap), 0.0)
+        "evaluate.measures.tracking._capped", lambda error, upright, cap: np.where(upright, np.minimum(error, cap), 0.0)
     )
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.analysis.comparison import compare
-from evaluate.statistics import breaking_point, improvement, significance
+from evaluate.statistics import breaking_point, significance
 from evaluate.statistics import intervals as statistics
 from evaluate.statistics.significance import relabelling_test
 from quad_env.scenarios import axes
@@ -26,7 +26,6 @@ def fewer_resamples(monkeypatch) -> None:
     """A tenth of the resamples: ends of intervals are a little noisier then, coverage and levels are the same."""
     for module, name, count in (
         (statistics, "RESAMPLES", 999),
-        (improvement, "FEWER_RESAMPLES", 399),
         (statistics, "FEWER_RESAMPLES", 399),
         (significance, "FLIPS", 999),
         (significance, "MORE_FLIPS", 1999),

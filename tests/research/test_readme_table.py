@@ -7,12 +7,12 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.analysis.results import with_nan
 from evaluate.commands.options import DEFAULT_POLICIES
-from evaluate.report.results_page import every_figure, newcomers_table
 from evaluate.rollouts.battery import BATTERIES
 from policies import summary
 from quad_env.cli.command_line import UsageError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.pages.readme import insert
+from research.pages.results_page import every_figure, newcomers_table
 from tests.quad_env.robots.alike import alike
 
 CELL = {

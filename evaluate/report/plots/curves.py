@@ -73,7 +73,8 @@ def _draw_rates(axes: "Axes", results: Results, axis: SeverityAxis, metric: str)
             line = "none" if fitted else "-"
             axes.plot(severities, values, mark, color=colour, markersize=4, linestyle=line, label=policy)
             if fitted:
-                axes.plot(*_curve(severities, values, of), color=colour, linewidth=1.4)
+                across, fit = _curve(severities, values, of)
+                axes.plot(across, fit, color=colour, linewidth=1.4)
     for point in results.breaking_points:
         if (point.axis, point.of, point.found) == (axis.name, of, "crossed"):
             ends = np.clip(point.ci, point.lowest, point.highest)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#882255", "#8C8C1A")
-"""Okabe and Ito's, and two of Tol's: told apart by colour-blind readers and, with the marks, in grey print."""
+"""Okabe and Ito's, and two of Tol's: distinct to colour-blind readers and, with the marks, in grey print."""
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 """Matplotlib's name -> the same mark in text."""
 OWN = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")

@@ -1,6 +1,5 @@
 """Success at a glance: a heat map of policies and axes, what came of all episodes, and success against severity."""
 
-import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -66,13 +65,6 @@ def _cell(axes: "Axes", left: float, top: float, rate: float) -> None:
     colour, ink = colormaps["cividis"](rate), "black" if rate > 0.5 else "white"
     axes.add_patch(Rectangle((left, top), COLUMN, 1.0, facecolor=colour, edgecolor="white"))
     axes.text(left + COLUMN / 2, top + 0.52, f"{100.0 * rate:.0f}", ha="center", va="center", color=ink, fontsize=7)
-
-
-def png(drawn: "Figure") -> bytes:
-    """A figure for pages that are not the report's, on white."""
-    buffer = io.BytesIO()
-    drawn.savefig(buffer, format="png", dpi=160, facecolor="white", metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def outcomes(results: Results) -> "Figure":

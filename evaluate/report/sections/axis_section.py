@@ -8,8 +8,7 @@ from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_a
 from evaluate.report.html import fold, grid, image, note, section
 from evaluate.report.plots import curves
 from evaluate.report.plots.drawing import cell_of
-from evaluate.report.sections.figures import comparison_table, level_table, summary_table
-from evaluate.report.sections.measures_section import figures_table
+from evaluate.report.sections.figures import comparison_table, figures_table, level_table, summary_table
 from evaluate.report.sections.push_section import pushes
 from evaluate.statistics.breaking_point import LEAST_LEVELS
 from quad_env.scenarios.named import Scenario
@@ -48,7 +47,7 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
         yield fold("Every figure", "".join(_figures(results, level) for level in axis.scenarios))
     else:
         scenario = axis.scenarios[0].name
-        yield grid((_bars(results, scenario, *figure) for figure in (SUCCESS, FALLS, ERROR)), 2)
+        yield grid((_bars(results, scenario, figure) for figure in (SUCCESS, FALLS, ERROR)), 2)
         yield summary_table(results, scenario)
         yield pushes(results, axis)
         yield fold("Every measure", figures_table(results, scenario))
@@ -79,7 +78,8 @@ def _curves(results: Results, axis: SeverityAxis) -> Iterator[str]:
     yield image(curves.errors(results, axis, metric, label), f"{label} of each policy against {axis.quantity}")
 
 
-def _bars(results: Results, scenario: str, metric: str, label: str, scale: float) -> str:
+def _bars(results: Results, scenario: str, figure: tuple[str, str, float]) -> str:
+    metric, label, scale = figure
     return image(curves.intervals(results, scenario, metric, label, scale), f"{label} of each policy on {scenario}")
 
 

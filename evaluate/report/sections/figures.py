@@ -1,4 +1,4 @@
-"""Tables of figures: what each policy did, and its paired differences."""
+"""Tables of figures: what each policy did, its paired differences, every measure, and the spread over seeds."""
 
 from collections.abc import Iterable
 from html import escape
@@ -7,11 +7,29 @@ from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS, RATES, SUCC
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place
 from evaluate.analysis.summary import Summary
+from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
+from evaluate.measures import catalogue
+from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
+from evaluate.measures.outcomes import RULES
 from evaluate.report.headings import DIFFERENCE_UNITS, FIRST, TITLES, UNITS
-from evaluate.report.html import BEST, breakable, heading, mark, table
+from evaluate.report.html import BEST, breakable, heading, mark, note, section, table
 from evaluate.report.plots.drawing import MARKS, style
-from quad_env.cli.format import ABSENT, interval, number, p_value, percent_interval, points, points_interval
+from quad_env.cli.format import (
+    ABSENT,
+    interval,
+    number,
+    p_value,
+    percent,
+    percent_interval,
+    points,
+    points_interval,
+)
 
+SEEDS_LEAD = (
+    "Policies from folders seed-<number> of one parent count as one training, repeated. A seed is one value, its mean "
+    "over the episodes. Below each mean over the seeds: the 95 % interval, which counts seeds (of errors Student's t), "
+    "then the lowest and highest seed."
+)
 HEADINGS = {metric: heading(TITLES[metric], UNITS[metric]) for metric in METRICS}
 """Metric -> its heading."""
 
@@ -82,3 +100,66 @@ def _difference(comparison: Comparison) -> str:
     value = points(comparison.difference) if rate else number(comparison.difference)
     ci = points_interval(comparison.ci) if rate else interval(comparison.ci)
     return f"{value}<small>{ci}</small><small>{escape(p_value(comparison.p_value_holm))}</small>"
+
+
+def figures_table(results: Results, scenario: str) -> str:
+    """Every measure of the catalogue: a measure a row, a policy a column."""
+    found = {policy: summary for (name, policy), summary in results.summaries.items() if name == scenario}
+    rows = [
+        {FIRST: heading(escape(BY_NAME[name].title), escape(BY_NAME[name].unit))}
+        | {policy: _four_digits(summary.figures[name]) for policy, summary in found.items()}
+        for name in FIGURES
+        if any(summary.figures[name] == summary.figures[name] for summary in found.values())
+    ]
+    rows += [
+        {FIRST: f"duty factor, {leg}"}
+        | {policy: _four_digits(summary.duty_factor[foot]) for policy, summary in found.items()}
+        for foot, leg in enumerate(results.hardware.quadruped.leg_names)
+    ]
+    return table({FIRST: "measure", **{policy: policy_label(results, policy) for policy in found}}, rows)
+
+
+def definitions(success_rule: str) -> str:
+    """The table of measures, the outcome by that rule."""
+    rows = [
+        {
+            "measure": f"{escape(m.title)}<small>{m.name}</small>",
+            "unit": escape(m.unit) or ABSENT,
+            "frame": escape(m.frame) or ABSENT,
+            "formula": escape(m.formula),
+            "source": escape(m.source) or "this project",
+            "over": m.scope,
+        }
+        for m in (catalogue.outcome(RULES[success_rule]), *MEASURES[1:])
+    ]
+    return note(KEY) + table({column: column for column in rows[0]}, rows, "text")
+
+
+def _four_digits(value: float) -> str:
+    """Four significant digits."""
+    return f"{value:.4g}" if abs(value) < float("inf") else ABSENT
+
+
+def training(results: Results) -> str:
+    """A table for each training that was repeated; empty without one."""
+    spreads = seed_spreads(results.cells)
+    runs = dict.fromkeys(spread.run for spread in spreads)
+    return section("Training seeds", note(SEEDS_LEAD), *(_run_of_seeds(run, spreads) for run in runs)) if runs else ""
+
+
+def _run_of_seeds(run: str, spreads: list[SeedSpread]) -> str:
+    mine = [spread for spread in spreads if spread.run == run]
+    cells = {(spread.scenario, spread.metric): _over_seeds(spread) for spread in mine}
+    scenarios = dict.fromkeys(spread.scenario for spread in mine)
+    rows = ({FIRST: escape(name), **{metric: cells[name, metric] for metric in HEADINGS}} for name in scenarios)
+    title = f"<h3>{escape(run)} <small>{mine[0].seeds} seeds</small></h3>"
+    return title + table({FIRST: "scenario", **HEADINGS}, rows)
+
+
+def _over_seeds(spread: SeedSpread) -> str:
+    rate = spread.metric in RATES
+    mean = percent(spread.mean) if rate else number(spread.mean)
+    ci = percent_interval(spread.ci) if rate else interval(spread.ci)
+    ends = (spread.lowest, spread.highest)
+    span = percent_interval(ends) if rate else interval(ends)
+    return f"{mean}<small>{ci}</small><small>{span}</small>"

@@ -1,4 +1,4 @@
-"""Every axis in one table: where each policy breaks, and what its hardest disturbance does to it."""
+"""The first pictures and tables of the page: success and scores, breaking points, and what each disturbance does."""
 
 from collections.abc import Mapping
 from html import escape
@@ -6,19 +6,52 @@ from html import escape
 from evaluate.analysis.breaking_point_text import CAVEAT, HALF, figure_and_interval
 from evaluate.analysis.breaking_points import AxisBreakingPoint, Of
 from evaluate.analysis.results import Results
+from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.sensitivity import LEAD as EFFECTS
 from evaluate.analysis.sensitivity import effect_text
 from evaluate.analysis.severity_levels import amount, severity_axes
 from evaluate.report.headings import FIRST
-from evaluate.report.html import note, section, table
+from evaluate.report.html import grid, heading, image, note, section, table, wide
+from evaluate.report.plots import success as success_plots
+from evaluate.report.plots.drawing import svg
 from evaluate.report.sections.axis_section import anchor
 from evaluate.report.sections.figures import policy_label
-from quad_env.cli.format import ABSENT, NO_BREAK
+from quad_env.cli.format import ABSENT, NO_BREAK, number, p_value, percent_interval, points, points_interval
 
-LEAD = (
+SUCCESS_LEAD = (
+    "Episodes that succeed, in %: in each block the severities of an axis in this run, the mildest to the left. An "
+    "episode succeeds if the robot stays upright and tracks its command within tolerance in every interval."
+)
+BREAKING_LEAD = (
     "Severities at which half of the episodes no longer succeed, and fall, with their 95 % intervals. "
     f"{CAVEAT} “None up to” is the hardest level tried; “already at” the mildest."
 )
+
+
+def success(results: Results) -> str:
+    """Heat map, outcomes, profile and scores; outcomes alone of a run of one axis."""
+    pictures = [image(svg(success_plots.outcomes(results)), "What came of the episodes of each policy")]
+    if not results.scores:
+        return section("Success", grid(pictures, 2))
+    if any(len(axis.levels) > 1 for axis in severity_axes(results.cells)):
+        pictures.append(image(svg(success_plots.profile(results)), "Mean success of each policy against severity"))
+    heat_map = image(
+        svg(success_plots.heat_map(results.scores)), "Success of each policy on each axis at each severity, in per cent"
+    )
+    minus = heading(f"minus {escape(results.baseline)}", "% points")
+    heads = {"policy": "policy", "score": heading("score", "%"), "difference": minus}
+    rows = (
+        {"policy": policy_label(results, each.policy), **_score_cells(each, results.baseline)}
+        for each in results.scores
+    )
+    return section("Success", note(SUCCESS_LEAD), wide(heat_map), grid(pictures, 2), note(WORDS), table(heads, rows))
+
+
+def _score_cells(score: Score, baseline: str) -> dict[str, str]:
+    """Column -> cell."""
+    figure = f"{number(100.0 * score.score, 1)}<small>{percent_interval(score.ci)}</small>"
+    ci = f"<small>{points_interval(score.difference_ci)}</small><small>{escape(p_value(score.p_value))}</small>"
+    return {"score": figure, "difference": f"{points(score.difference)}{ci}" if score.policy != baseline else ""}
 
 
 def overview(results: Results) -> str:
@@ -26,12 +59,12 @@ def overview(results: Results) -> str:
     found = {point.axis for point in results.breaking_points}
     axes = {axis.name: axis.quantity for axis in severity_axes(results.cells) if axis.name in found}
     tables = (_breaking_points(results, axes, of) for of in HALF)
-    return section("Breaking points", note(LEAD), *tables) if axes else ""
+    return section("Breaking points", note(BREAKING_LEAD), *tables) if axes else ""
 
 
 def _breaking_points(results: Results, axes: Mapping[str, str], of: Of) -> str:
     """A table, headed by what breaks."""
-    cells = {(point.axis, point.policy): _cell(point) for point in results.breaking_points if point.of == of}
+    cells = {(point.axis, point.policy): _breaking_cell(point) for point in results.breaking_points if point.of == of}
     return f"<h3>{HALF[of].capitalize()}</h3>{_by_axis(results, axes, cells)}" if cells else ""
 
 
@@ -53,6 +86,6 @@ def _by_axis(results: Results, axes: Mapping[str, str], cells: Mapping[tuple[str
     return table({FIRST: "axis", **{policy: policy_label(results, policy) for policy in policies}}, rows, "text")
 
 
-def _cell(point: AxisBreakingPoint) -> str:
+def _breaking_cell(point: AxisBreakingPoint) -> str:
     figure, ends = figure_and_interval(point)
     return f"{escape(figure)}<small>{escape(ends.replace(NO_BREAK, ' '))}</small>" if ends else escape(figure)

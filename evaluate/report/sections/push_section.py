@@ -21,7 +21,7 @@ COLOURS = "YlOrBr"
 
 
 def pushes(results: Results, axis: SeverityAxis) -> str:
-    """A push plot for each policy; empty where nobody was pushed."""
+    """A push plot for each policy; empty without pushes."""
     images = [
         image(push_plot(impulses, fell, policy), f"Falls of {policy} after pushes, by direction and impulse")
         for policy in results.policies
@@ -30,7 +30,7 @@ def pushes(results: Results, axis: SeverityAxis) -> str:
     ]
     lead = note(
         f"Share of the pushes that a fall followed within {FALL_WITHIN:g} s, by the direction in which the robot, seen "
-        "from above, was pushed and by the impulse. White: too few pushes to tell."
+        "from above, was pushed and by the impulse. White: too few pushes."
     )
     return lead + _scale() + grid(images, 4) if images else ""
 
@@ -88,7 +88,7 @@ def levels_of(impulses: Floats) -> Floats:
 
 
 def fall_shares(impulses: Floats, fell: Floats) -> tuple[Floats, Floats]:
-    """Edges between the rings, and the share of falls in each direction and ring; NaN where few pushes tell."""
+    """Edges between the rings, and the share of falls in each direction and ring; NaN for too few pushes."""
     levels = levels_of(impulses)
     middles = (levels[1:] + levels[:-1]) / 2.0
     outer = levels[-1] + (levels[-1] - levels[-2] if len(levels) > 1 else levels[-1]) / 2.0

@@ -1,4 +1,4 @@
-"""Speed response: what a policy does of the speed it is told, as curves, and its dead zones in a table."""
+"""Speed response: achieved against commanded speed as curves, and dead zones in a table."""
 
 import math
 from collections.abc import Mapping
@@ -38,11 +38,11 @@ def responses(results: Results) -> str:
     ]
     lead = note(
         "Median speed over the command intervals that the robot ended upright, after their first second, against the "
-        "speed commanded; bands hold the middle half. On the grey line it did as told."
+        "speed commanded; bands hold the middle half. The grey line is perfect tracking."
     )
     dead = note(
-        f"Slope: of the straight line through all intervals. Dead zone: commands below it get less than "
-        f"{100 * RESPONDS:.0f} % of the speed."
+        f"Slope: of the straight line through all intervals. Dead zone: below it less than "
+        f"{100 * RESPONDS:.0f} % of the commanded speed is achieved."
     )
     title = f"Speed response on {escape(scenario)}"
     return section(title, lead, grid(images, 3), dead, _dead_zones(results, scenario))
@@ -56,7 +56,8 @@ def _response(results: Results, scenario: str, component: int) -> bytes:
     axes.plot((-limit, limit), (-limit, limit), color="#888888", linewidth=1)
     for policy in results.policies:
         colour, mark = style(results, policy)
-        centre, low, middle, high = _quartiles(*_intervals(results, scenario, policy, component), limit)
+        commanded, achieved = _intervals(results, scenario, policy, component)
+        centre, low, middle, high = _quartiles(commanded, achieved, limit)
         if len(centre):
             axes.fill_between(centre, low, high, color=colour, alpha=0.15, linewidth=0)
             axes.plot(centre, middle, color=colour, marker=mark, markersize=4, linewidth=1.4)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from evaluate.analysis.comparison import compare
-from evaluate.statistics.improvement import improvement_by_episode
 from evaluate.statistics.intervals import share_difference_interval
 from evaluate.statistics.significance import holm
 from quad_env import SCENARIOS
@@ -71,11 +70,10 @@ def test_falls_have_the_interval_of_paired_shares(made_up_cell) -> None:
     falls = next(c for c in compare([made_up_cell("trot", trot), made_up_cell("a", a)]) if c.metric == "fall_rate")
     assert falls.difference == pytest.approx((1 - 7) / 64)
     assert falls.ci == share_difference_interval(1, 7, 64)
-    assert falls.improvement == pytest.approx(0.5 + (7 - 1) / 64 / 2)
     assert falls.gain == pytest.approx((7 - 1) / 64)
 
 
-def test_more_success_is_an_improvement_and_more_falls_are_none(made_up_cell) -> None:
+def test_more_success_is_a_gain_and_more_falls_are_none(made_up_cell) -> None:
     trot, a = NEVER.copy(), NEVER.copy()
     trot[:9], a[7:10] = True, True
     found = compare([made_up_cell("trot", trot), made_up_cell("a", a)])
@@ -83,9 +81,6 @@ def test_more_success_is_an_improvement_and_more_falls_are_none(made_up_cell) ->
     assert (success.difference, falls.difference) == (pytest.approx((7 - 1) / 64), pytest.approx((1 - 7) / 64))
     assert success.ci == share_difference_interval(7, 1, 64)
     assert success.gain == falls.gain > 0.0
-    assert success.improvement == falls.improvement == pytest.approx(0.5 + (7 - 1) / 64 / 2)
-    assert success.improvement_ci == falls.improvement_ci
-    assert success.improvement_ci[0] < success.improvement < success.improvement_ci[1]
 
 
 def test_no_fall_of_either_is_no_certainty(made_up_cell) -> None:
@@ -94,13 +89,3 @@ def test_no_fall_of_either_is_no_certainty(made_up_cell) -> None:
     assert low == pytest.approx(-high)
     assert 0.03 < high < 0.08
     assert not falls.significant
-
-
-def test_improvement_is_of_a_and_smaller_is_better(made_up_cell) -> None:
-    errors = np.random.default_rng(2).random(64)
-    better = errors - np.where(np.arange(64) < 48, 0.01, 0.0)
-    found = compare([made_up_cell("trot", NEVER, errors), made_up_cell("a", NEVER, better)])
-    velocity = next(c for c in found if c.metric == "velocity_error")
-    assert velocity.difference < 0.0
-    assert (velocity.improvement, velocity.improvement_ci) == improvement_by_episode(errors, better)
-    assert velocity.improvement == pytest.approx((48 + 16 / 2) / 64)

@@ -14,14 +14,14 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.analysis.comparison import compare
 from evaluate.analysis.results import analyse
 from evaluate.measures import metrics
-from evaluate.measures.episodes import blank, uneventful
+from evaluate.measures.episodes import blank
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import Cell, evaluation_seeds
+from evaluate.rollouts.experiment import evaluation_seeds
 from quad_env.robots.named import ROBOTS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 CELL_NUMBERS = (
     "fall_rate",
@@ -218,49 +218,3 @@ def test_the_table_is_readable_in_80_columns(run) -> None:
 
 def test_progress_goes_to_stderr_a_line_a_cell(run) -> None:
     assert [line.split("]")[0] for line in run.stderr.splitlines()] == [f"[{k}/6" for k in range(1, 7)]
-
-
-def cell(policy: str, seeds, fell, error) -> Cell:
-    count = len(seeds)
-    values = np.asarray(error, float)
-    return Cell(
-        policy=policy,
-        scenario=quad_env.SCENARIOS["flat"],
-        seeds=np.asarray(seeds),
-        fall_reason=np.full(count, None, dtype=object),
-        measures=replace(
-            metrics.measure(uneventful(SIMPLE_QUAD, 200, count)),
-            fell=np.asarray(fell),
-            velocity_error=values,
-            yaw_rate_error=values,
-            mean_velocity_error=values,
-        ),
-    )
-
-
-def test_comparisons_pair_by_episode() -> None:
-    """A difference far smaller than the spread between episodes is found, since it is the same in each of them."""
-    seeds, spread = np.arange(64), np.random.default_rng(0).normal(0.5, 0.2, 64)
-    never = np.zeros(64, bool)
-    better = spread - np.random.default_rng(1).uniform(0.009, 0.011, 64)
-    found = compare([cell("trot", seeds, never, spread), cell("better", seeds, never, better)])
-    velocity = next(c for c in found if c.metric == "velocity_error")
-    assert (velocity.a, velocity.b) == ("better", "trot")
-    assert velocity.difference == pytest.approx(-0.01, abs=0.0002)
-    assert velocity.ci == pytest.approx((-0.01, -0.01), abs=0.0003)
-    assert velocity.p_value < 0.001
-
-
-def test_cells_with_different_episodes_are_never_compared() -> None:
-    never = np.zeros(3, bool)
-    with pytest.raises(ValueError, match="different episodes"):
-        compare([cell("trot", [1, 2, 3], never, [0, 0, 0]), cell("stand", [1, 3, 2], never, [0, 0, 0])])
-
-
-def test_falls_are_compared_by_the_pairs_that_disagree() -> None:
-    fell_a, fell_b = np.zeros(20, bool), np.zeros(20, bool)
-    fell_b[:6], fell_a[0] = True, True  # one falls in both, five in b alone
-    found = compare([cell("trot", np.arange(20), fell_b, np.zeros(20)), cell("a", np.arange(20), fell_a, np.zeros(20))])
-    falls = next(c for c in found if c.metric == "fall_rate")
-    assert falls.difference == pytest.approx(-5 / 20)
-    assert falls.p_value == pytest.approx(2 / 2**5)

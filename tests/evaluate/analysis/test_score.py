@@ -7,7 +7,7 @@ import pytest
 
 from evaluate.analysis.results import analyse, as_json
 from evaluate.analysis.score import scores
-from evaluate.report.sections.success_section import success as section
+from evaluate.report.sections.overview import success as section
 from evaluate.rollouts.battery import resolve
 from evaluate.statistics.intervals import difference_interval, mean_share_interval
 from evaluate.statistics.significance import sign_flip_test

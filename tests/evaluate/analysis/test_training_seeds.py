@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluate.analysis.training_seeds import seed_spreads, spread_over_seeds, training_runs
+from evaluate.analysis.training_seeds import deviation_and_interval, seed_spreads, training_runs
 from quad_env import SCENARIOS
 
 SEEDS = ("models/run/seed-0", "models/run/seed-1", "models/run/seed-2", "models/run/seed-3")
@@ -16,8 +16,7 @@ def test_runs_are_folders_of_seed_folders() -> None:
 
 def test_spread_by_hand() -> None:
     # Mean 3, deviations −2, −1, 0, 3: variance 14/3, standard error √(14/3)/2; t of 3 degrees of freedom 3.1824.
-    mean, lowest, highest, deviation, (low, high) = spread_over_seeds(np.array([1.0, 2.0, 3.0, 6.0]))
-    assert (mean, lowest, highest) == (3.0, 1.0, 6.0)
+    deviation, (low, high) = deviation_and_interval(np.array([1.0, 2.0, 3.0, 6.0]))
     assert deviation == pytest.approx(np.sqrt(14 / 3))
     assert (low, high) == pytest.approx(
         (3 - 3.18245 * np.sqrt(14 / 3) / 2, 3 + 3.18245 * np.sqrt(14 / 3) / 2), rel=1e-5
@@ -25,8 +24,7 @@ def test_spread_by_hand() -> None:
 
 
 def test_one_seed_has_no_spread() -> None:
-    mean, lowest, highest, deviation, interval = spread_over_seeds(np.array([0.4]))
-    assert mean == lowest == highest == 0.4
+    deviation, interval = deviation_and_interval(np.array([0.4]))
     assert np.isnan([deviation, *interval]).all()
 
 
@@ -44,11 +42,10 @@ def cells(made_up_cell):
 def test_a_seed_is_one_value_however_many_episodes_it_ran(cells, made_up_cell) -> None:
     spreads = {spread.metric: spread for spread in seed_spreads(cells)}
     assert list(spreads) == ["success_rate", "fall_rate", "velocity_error", "yaw_rate_error", "mean_velocity_error"]
-    error, expected = spreads["velocity_error"], spread_over_seeds(np.array([0.1, 0.2, 0.3, 0.6]))
+    error, (deviation, ci) = spreads["velocity_error"], deviation_and_interval(np.array([0.1, 0.2, 0.3, 0.6]))
     assert (error.run, error.scenario, error.seeds) == ("models/run", "flat", 4)
-    assert (error.mean, error.lowest, error.highest, error.standard_deviation, *error.ci) == pytest.approx(
-        (*expected[:4], *expected[4])
-    )
+    assert (error.mean, error.lowest, error.highest) == pytest.approx((0.3, 0.1, 0.6))
+    assert (error.standard_deviation, *error.ci) == pytest.approx((deviation, *ci))
     twice = [
         made_up_cell(cell.policy, np.tile(cell.measures.fell, 2), np.tile(cell.measures.velocity_error, 2))
         for cell in cells

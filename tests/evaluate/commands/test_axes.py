@@ -1,40 +1,29 @@
-"""Fall rates along the axes; the spread over training seeds; the time left."""
+"""Fall rates along the axes; the spread over training seeds."""
 
 import io
 import json
 import shutil
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-import policies
 from evaluate.__main__ import main
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.commands.outputs import analysed
 from evaluate.records.store import read_run
 from evaluate.report.plots import curves
 from evaluate.report.table import print_levels, print_spread
-from policies import bundle
-from policies.network import Network
-from policies.residual import Features, ResidualPolicy
-from quad_env.cli.progress import Forecast, duration
 from quad_env.scenarios.axes import AXES
+from tests.evaluate.trained import trained
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two training seeds and a policy that always falls, at all levels of one axis."""
     place = tmp_path_factory.mktemp("axes")
-    for seed in (0, 1):
-        base = policies.Trot()
-        sizes = (Features(base).width, 4, 12)
-        weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
-        network = Network(weights, tuple(np.full(size, 0.2 * seed, np.float32) for size in sizes[1:]), "tanh")
-        bundle.save(place / f"seed-{seed}", ResidualPolicy(base, network, name="r"), {}, "0" * 40)
-    seeds = [str(place / f"seed-{seed}") for seed in (0, 1)]
+    seeds = [str(trained(place / f"seed-{seed}", 0.2 * seed)) for seed in (0, 1)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("evaluate.rollouts.rollout.STEPS", 150)
         patch.setattr(
@@ -122,32 +111,3 @@ def test_a_report_of_measures_that_are_no_more_is_refused(folder, tmp_path, caps
     assert main(["report", str(tmp_path)]) == 2
     error = capsys.readouterr().err
     assert (error.count("\n"), "it lacks the columns distance" in error) == (1, True)
-
-
-def test_the_rest_takes_as_long_as_the_policys_finished_cells_did() -> None:
-    """Two policies on three scenarios; the first takes 10 s a cell, the second 2 s."""
-    forecast = Forecast(("slow", "quick") * 3, now=0.0)
-    assert forecast.seconds is None
-    forecast.update("slow", "flat", 0.0, 0.0)
-    forecast.update("slow", "flat", 0.5, 5.0)
-    assert forecast.seconds == pytest.approx(5.5 * 10.0)  # as if all were slow
-    forecast.update("slow", "flat", 1.0, 10.0)
-    forecast.update("quick", "flat", 0.0, 10.0)
-    forecast.update("quick", "flat", 1.0, 12.0)
-    assert forecast.seconds == pytest.approx(2 * 10.0 + 2 * 2.0)
-
-
-def test_what_was_done_before_counts_for_no_time() -> None:
-    forecast = Forecast(("slow",) * 4, now=0.0)
-    forecast.update("slow", "a", 1.0, 0.0)  # kept whole
-    forecast.update("slow", "b", 0.5, 0.0)  # kept by half
-    assert forecast.seconds is None
-    forecast.update("slow", "b", 1.0, 5.0)
-    assert forecast.seconds == pytest.approx(2 * 10.0)
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"), [(0.4, "0 s"), (59.4, "59 s"), (200.0, "3 min 20 s"), (7500.0, "2 h 5 min")]
-)
-def test_durations_read_as_people_say_them(seconds, words) -> None:
-    assert duration(seconds) == words

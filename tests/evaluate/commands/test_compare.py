@@ -126,11 +126,6 @@ def test_a_column_that_one_of_them_lacks_is_left_out(run, tmp_path, capsys) -> N
     assert (code, "6 of 6" in said, "–" in said) == (0, True, True)
 
 
-def test_policies_of_different_names(run, capsys) -> None:
-    code, said = compare(capsys, run.folder, run.folder, "--policies", "document", "trot")
-    assert (code, "document →" in said) == (0, True)
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -1,19 +1,225 @@
-"""What every command of `python -m evaluate` does alike: --help, a mistake, Ctrl-C."""
+"""Every command of `python -m evaluate`: its --help, mistakes and Ctrl-C, and an effect of each of its options.
 
+`EFFECTS` has an entry for each option, or `ELSEWHERE` names the test of it; an option without either fails. Options are
+given all at once, each other than its default; those that exclude others are given apart.
+"""
+
+import json
 import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import fields
 from importlib import import_module
+from pathlib import Path
+from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import COMMANDS, main
+from evaluate.commands import execution
+from evaluate.commands import options as default
+from evaluate.rollouts.experiment import evaluation_seeds, sequential
+from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual, robots
+from tests.evaluate.commands import test_placed_levels
+from tests.evaluate.records import test_resume
 
-NEEDED = {
-    "replay": ["folder", "0"],
-    "compare": ["folder", "folder"],
-    "rescore": ["folder"],
-}
-"""What a command cannot be called without."""
+BRIEF = 130
+"""Control steps of an episode."""
+NEEDED = {"replay": ["folder", "0"], "compare": ["folder", "folder"]}
+"""Arguments that a command cannot be called without."""
 EVERY = pytest.mark.parametrize("name", COMMANDS)
+
+
+def options_of(command: str) -> Any:
+    return import_module(COMMANDS[command].module).Options if command else default.Options
+
+
+def once(read: Reading) -> Reading:
+    """A reading of the batches, each value once, in their order."""
+    return lambda made: list(dict.fromkeys(robots(read)(made)))
+
+
+SCENARIOS, COUNT = once(lambda each: each.env.scenario.name), once(lambda each: len(each.seeds))
+SEEDS, THREADS = once(lambda each: each.seeds), once(lambda each: each.threads)
+
+
+def drawn(seed: int, count: int) -> list[tuple[int, ...]]:
+    return [tuple(evaluation_seeds(seed, count).tolist())]
+
+
+def written(name: str) -> Reading:
+    """Whether there is such a file, with something in it."""
+    return lambda made: bool(made.done and (made.folder / name).stat().st_size)
+
+
+def called(function: str, argument: str) -> Reading:
+    """That argument of the function, in each call."""
+    return lambda made: made.of(function, argument)
+
+
+def held(name: str, key: str) -> Reading:
+    """An entry of a JSON file."""
+    return lambda made: json.loads((made.folder / name).read_bytes())[key] if made.done else None
+
+
+def baselines(name: str) -> Reading:
+    return lambda made: {each["b"] for each in held(name, "comparisons")(made)}
+
+
+def traced(made: Called) -> tuple[bool, set[bool]]:
+    """Whether torques are in the traces, and whether robots are frozen after a fall."""
+    assert made.code in {0, 1}
+    columns = {name for path in made.folder.rglob("traces/*.parquet") for name in pq.read_schema(path).names}
+    return "joint_torque" in columns, {each.env.terminate_on_fall for each in made.batches}
+
+
+def replayed(made: Called) -> list[tuple[str, str, int]]:
+    """Policy, scenario and number of the rows with the seed that was simulated, on the scenario that was."""
+    rows = pq.read_table(made.folder / "a/episodes.parquet").to_pylist()
+    first = made.batches[0]
+    (policy,) = made.of("resolve", "name_or_path")
+    wanted = first.seeds[0], first.env.scenario.name, policy
+    found = [row for row in rows if (row["seed"], row["scenario"], row["policy"]) == wanted]
+    return [(row["policy"], row["scenario"], row["episode"]) for row in found]
+
+
+TRUSTED = Effect("--trust", called("resolve", "trust"), [True])
+FAILS = Effect("--gate GATE", lambda made: made.code, 1)
+SHORT = "--policies stand --scenarios flat --episodes 5 --threads 1 --no-film --out FOLDER/new"
+EFFECTS: dict[str, dict[str, Effect]] = {
+    "": {
+        "policies": Effect("--policies crouch stand", called("resolve", "name_or_path"), ["crouch", "stand"]),
+        "trust": TRUSTED,
+        "scenarios": Effect("--scenarios push=42 flat", SCENARIOS, ["push=42", "flat"]),
+        "episodes": Effect("--episodes 3", COUNT, [3]),
+        "robot": Effect("--robot go1", once(lambda each: each.env.robot.name), ["go1"]),
+        "actuator": Effect("--actuator motor", once(lambda each: each.warms), [True]),
+        "sensors": Effect("--sensors typical", once(lambda each: each.sensed), [True]),
+        "estimator": Effect(
+            "--estimator kalman", once(lambda each: type(each.env.estimator).__name__), ["KalmanFilter"]
+        ),
+        "seed": Effect("--seed 5", SEEDS, drawn(5, 3)),
+        "out": Effect("--out FOLDER/new", written("new/report.md"), True),
+        "gate": FAILS,
+        "baseline": Effect("--baseline crouch", baselines("new/results.json"), {"crouch"}),
+        "film": Effect("--no-film", called("report", "film"), [False]),
+        "trace": Effect("--trace full", traced, (True, {False})),
+        "threads": Effect("--threads 1", THREADS, [1]),
+        "at_once": Effect("--at-once 2", COUNT, [2, 1], given=SHORT),
+        "quick": Effect(
+            "--quick",
+            SCENARIOS,
+            ["flat", "push", "rough", "push:4", "rough:4"],
+            given=SHORT.replace("--scenarios flat ", ""),
+        ),
+    },
+    "report": {
+        "folder": Effect("FOLDER/a", written("a/report.md"), True),
+        "gate": FAILS,
+        "baseline": Effect("--baseline crouch", baselines("a/results.json"), {"crouch"}),
+        "film": Effect("--no-film", called("report", "film"), [False]),
+        "trust": Effect("--trust", called("report", "trust"), [True]),
+    },
+    "replay": {
+        "results": Effect("FOLDER/a", replayed, [("crouch", "push", 2)]),
+        "episode": Effect("2", replayed, [("crouch", "push", 2)]),
+        "policy": Effect("--policy crouch", replayed, [("crouch", "push", 2)]),
+        "scenario": Effect("--scenario push", replayed, [("crouch", "push", 2)]),
+        "trust": TRUSTED,
+        "video": Effect("--video FOLDER/walk.png", written("walk.png"), True),
+    },
+    "compare": {
+        "a": Effect("FOLDER/a", lambda made: Path(held("found.json", "a")(made)).name, "a"),
+        "b": Effect("FOLDER/b", lambda made: Path(held("found.json", "b")(made)).name, "b"),
+        "policies": Effect(
+            "--policies crouch stand",
+            lambda made: {(each["a"], each["b"]) for each in held("found.json", "comparisons")(made)},
+            {("crouch", "stand")},
+        ),
+        "json": Effect("--json FOLDER/found.json", written("found.json"), True),
+    },
+    "axes": {
+        "axes": Effect("dropout", lambda made: {name.split(":")[0] for name in SCENARIOS(made)}, {"dropout"}),
+        "policies": Effect("--policies stand", called("resolve", "name_or_path"), ["stand"]),
+        "trust": TRUSTED,
+        "episodes": Effect("--episodes 2", COUNT, [2]),
+        "seed": Effect("--seed 5", SEEDS, drawn(5, 2)),
+        "robot": Effect("--robot go1", once(lambda each: each.env.robot.name), ["go1"]),
+        "out": Effect("--out FOLDER/new", written("new/fall_rates.svg"), True),
+        "threads": Effect("--threads 1", THREADS, [1]),
+    },
+}
+
+
+def test_a_cluster_is_asked_for_by_engine_and_address(tmp_path, monkeypatch) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(execution, "ray_cluster", lambda *given: asked.append(given[:2]) or sequential(1))
+    words = SHORT.replace("FOLDER", str(tmp_path)).split()
+    for more in ([], ["--engine", "ray"], ["--engine", "ray", "--address", "here:1"]):
+        assert main([*words, *more]) == 0
+    assert asked == [(1, None), (1, "here:1")]
+
+
+ELSEWHERE = {
+    "": {
+        "resume": test_resume.test_a_run_that_is_killed_from_outside_goes_on,
+        "engine": test_a_cluster_is_asked_for_by_engine_and_address,
+        "address": test_a_cluster_is_asked_for_by_engine_and_address,
+    },
+    "axes": {
+        "resume": test_placed_levels.test_a_stopped_run_goes_on_to_the_same_files,
+        "sequential": test_placed_levels.test_each_policy_runs_levels_where_it_breaks,
+        "budget": test_placed_levels.test_a_budget_ends_it,
+    },
+}
+"""Options with a test of their own."""
+
+
+def runs() -> Iterator[Any]:
+    """Command and words that are given together."""
+    for command, effects in EFFECTS.items():
+        marks = [pytest.mark.rendering] if "video" in effects else []
+        for given in dict.fromkeys(each.given for each in effects.values()):
+            yield pytest.param(command, given, marks=marks, id=f"evaluate {command} {given}".strip())
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_every_option_has_an_effect_that_is_tested(command: str) -> None:
+    options = {field.name for field in fields(options_of(command))}
+    assert options == EFFECTS[command].keys() | ELSEWHERE.get(command, {}).keys()
+
+
+@pytest.fixture(autouse=True)
+def _brief_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of two policies on two scenarios."""
+    folder = tmp_path_factory.mktemp("evaluated")
+    words = "--policies stand crouch --scenarios flat push --episodes 3 --no-film --threads 1 --out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
+        assert main([*words.split(), str(folder)]) == 0
+    return folder
+
+
+@pytest.mark.parametrize(("command", "given"), [*runs()])
+def test_options_reach_what_they_govern(
+    command: str, given: str, evaluated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a", "b"):
+        shutil.copytree(evaluated, tmp_path / name)
+    (tmp_path / "a/report.md").unlink()
+    effects = {name: each for name, each in EFFECTS[command].items() if each.given == given}
+    text = " ".join([given, *(each.words for each in effects.values())]).replace("FOLDER", str(tmp_path))
+    words = ["stand falls > 50 %" if word == "GATE" else word for word in text.split()]
+    check_other_than_usual(options_of(command), words, effects.keys())
+    made = Called(main, [*filter(None, [command]), *words], tmp_path)
+    assert made.code in {0, 1}, capsys.readouterr().err
+    check_all(effects, made)
 
 
 @EVERY
@@ -30,38 +236,31 @@ def test_help_explains_every_option_with_its_default(capsys, name) -> None:
 
 
 @EVERY
-def test_an_unknown_option_is_one_line(capsys, name) -> None:
+def test_mistakes_and_ctrl_c_are_one_line(capsys, monkeypatch, name) -> None:
     assert main([name, *NEEDED.get(name, []), "--nonsense"]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err == f"error: Unrecognized options: --nonsense; see `python -m evaluate {name} --help`\n"
+    said = f"error: Unrecognized options: --nonsense; see `python -m evaluate {name} --help`\n"
+    assert capsys.readouterr() == ("", said)
 
-
-@EVERY
-def test_ctrl_c_is_one_line(capsys, monkeypatch, name) -> None:
     def interrupted(_options) -> int:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(import_module(COMMANDS[name].module), "main", interrupted)
     assert main([name, *NEEDED.get(name, [])]) == 130
-    assert capsys.readouterr().err == "interrupted: no further file was written\n"
+    assert capsys.readouterr() == ("", "interrupted: no further file was written\n")
 
 
-def test_the_programs_help_lists_every_command(capsys) -> None:
+def test_the_programs_help_lists_every_command_and_an_old_name_gives_the_new_one(capsys) -> None:
     with pytest.raises(SystemExit):
         main(["--help"])
     printed = capsys.readouterr().out
     for name, command in COMMANDS.items():
         assert re.search(rf"^  {name} +{re.escape(command.summary)}$", printed, re.MULTILINE)
         assert len(command.summary) <= 64  # a line of 80 columns holds it
+    assert main(["rescore", "results"]) == 2
+    assert capsys.readouterr().err == "error: `python -m evaluate rescore` is now `python -m research rescore`\n"
 
 
-READERS = pytest.mark.parametrize(
-    "arguments", [["report"], ["replay", "0"], ["compare", "{}"], ["rescore"]], ids=" ".join
-)
-
-
-@READERS
+@pytest.mark.parametrize("arguments", [["report"], ["replay", "0"], ["compare", "{}"]], ids=" ".join)
 @pytest.mark.parametrize(
     ("folder", "said"),
     [
@@ -78,46 +277,18 @@ def test_a_folder_without_results_is_one_line_that_says_what_to_name(capsys, tmp
     assert capsys.readouterr() == ("", f"error: {said.format(tmp_path / folder)}\n")
 
 
-def test_a_readme_table_of_no_results_says_how_to_make_them(capsys, tmp_path) -> None:
-    files = ["--readme", str(tmp_path / "README.md"), "--page", str(tmp_path / "README.md")]
-    (tmp_path / "README.md").write_text("", encoding="utf-8")
-    assert main(["readme", str(tmp_path / "results.json"), *files]) == 2
-    assert capsys.readouterr().err == (
-        f"error: there is no {tmp_path / 'results.json'}; `python -m evaluate --out {tmp_path}` makes it\n"
-    )
-
-
-@pytest.mark.parametrize("words", [["trot", "stand", "--scenarios", "flat", "--out", "{}"], ["report", "{}"]])
-def test_a_baseline_that_takes_no_part_is_refused(capsys, tmp_path, run, words) -> None:
-    folder = run.folder if words[0] == "report" else tmp_path
-    assert main([*(word.format(folder) for word in words), "--baseline", "gallop"]) == 2
-    assert "--baseline: gallop is not among the policies" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["jump", "--robots", "100000000000"], "--robots must be from 1 to 65536, not 100000000000"),
-        (["jump", "--seed", "-1"], "--seed must be from 0 to"),
-        (["recovery", "--robots", "100000000000"], "--robots must be from 1 to 1000000"),
-        (["safety", "--episodes", "0"], "--episodes must be from 1 to"),
-        (["safety", "--hours", "nan"], "--hours must be from 0.001 to 1000.0, not nan"),
-        (["safety", "--policy", "gallop"], "no policy 'gallop': name one of"),
-        (["calibration", "--seed", "-1"], "--seed must be from 0 to"),
-        (["calibration", "--sets", "100000000000"], "--sets must be from 2 to"),
-        (["calibration", "--episodes"], "--episodes and --fall-probabilities must each have at least one value"),
-        (["calibration", "--fall-probabilities", "0.5", "nan"], "--fall-probabilities must be from 0.001 to 0.999"),
-        (["gait-diagram", "--command", "nan", "0", "0"], "--command must be from -10.0 to 10.0, not (nan, 0.0, 0.0)"),
-        (["trot@", "--out", "out"], "--policies: name scenarios after the @ of trot@, as in document@flat"),
-        (["compare", "a", "b", "--json", "."], "--json: . is a folder; name a file"),
-        (["gait-diagram", "--out", "file/gait.png"], "--out: cannot write to the folder file ("),
+        ("trot stand --scenarios flat --out FOLDER --baseline gallop", "--baseline: gallop is not among the policies"),
+        ("report RUN --baseline gallop", "--baseline: gallop is not among the policies"),
+        ("trot@ --out out", "--policies: name scenarios after the @ of trot@, as in document@flat"),
+        ("compare a b --json .", "--json: . is a folder; name a file"),
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_values_that_nothing_can_be_done_with_are_one_line(capsys, tmp_path, monkeypatch, words, said) -> None:
+def test_values_that_nothing_can_be_done_with_are_one_line(capsys, tmp_path, monkeypatch, run, words, said) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    assert main(words) == 2
+    assert main(words.replace("FOLDER", str(tmp_path)).replace("RUN", str(run.folder)).split()) == 2
     printed = capsys.readouterr()
     assert (printed.out, printed.err.count("\n")) == ("", 1)
     assert printed.err.startswith(f"error: {said}")

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.analysis.gate_verdicts import judge
-from evaluate.analysis.gates import parse
 from evaluate.commands.options import DEFAULT_POLICIES, WALKING_POLICIES, Options
 from evaluate.commands.plan import check, limited, policies_asked_for
 from evaluate.records.store import FILES, ChunkStore, read_run
@@ -70,33 +68,13 @@ def test_an_interrupted_run_goes_on_to_the_same_files(whole, tmp_path, monkeypat
 
 def test_its_report_comparison_and_episodes_are_made_again(whole, tmp_path, capsys) -> None:
     shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
-    assert main(["report", str(tmp_path), "--no-film", "--gate", "document falls >= trot"]) == 0
-    assert "every gate holds, on 1 scenario" in capsys.readouterr().out
+    assert main(["report", str(tmp_path), "--no-film", "--gate", "document falls >= 0.5"]) == 0
+    assert "gate passed" in capsys.readouterr().out
     assert cells(tmp_path) == CELLS
     assert main(["compare", str(whole), str(tmp_path)]) == 0
     assert "5 of 5" in capsys.readouterr().out
     assert main(["replay", str(whole), "1", "--policy", "document"]) == 0
     assert "identical to the bit" in capsys.readouterr().out
-
-
-def test_a_gate_that_names_a_scenario_still_fails_where_the_policy_did_not_run(whole) -> None:
-    from evaluate.commands.outputs import analysed
-
-    results = analysed(read_run(whole))
-    (verdict,) = judge([parse("document falls >= trot on push")], results)
-    assert (verdict.passed, verdict.reason) == (False, "document did not run on push")
-    assert [verdict.scenario for verdict in judge([parse("stand falls <= 1")], results)] == ["push", "flat"]
-
-
-def test_the_readme_names_the_command_and_shows_the_policy_where_it_ran(whole, tmp_path) -> None:
-    for name in ("README.md", "page.md"):
-        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
-    files = ["--readme", str(tmp_path / "README.md"), "--page", str(tmp_path / "page.md")]
-    assert main(["readme", str(whole / "results.json"), *files]) == 0
-    page = (tmp_path / "page.md").read_text(encoding="utf-8")
-    assert "`python -m evaluate --policies trot stand document@flat --scenarios push flat --episodes 2`" in page
-    assert "\n| flat | `document` |" in page
-    assert "\n| push | `document` |" not in page
 
 
 def test_the_default_is_everyone_that_walks_on_the_battery_and_the_document_on_flat_ground_alone(tmp_path) -> None:

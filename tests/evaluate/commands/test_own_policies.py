@@ -6,10 +6,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.measures.episodes import uneventful
 from evaluate.measures.metrics import measure
 from policies.foreign import policy as foreign
 from quad_env import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 FILE = """
 import time
@@ -111,7 +111,7 @@ def test_a_worker_process_asks_it_as_this_one_does(tmp_path, file, monkeypatch) 
 )
 @pytest.mark.parametrize(
     "command",
-    [["--policies"], ["axes", "push", "--policies"], ["pictures", "--policies"], ["safety", "--policy"]],
+    [["--policies"], ["axes", "push", "--policies"]],
     ids=lambda words: words[0],
 )
 def test_what_is_none_is_one_line(capsys, tmp_path, file, monkeypatch, command, policy, words) -> None:

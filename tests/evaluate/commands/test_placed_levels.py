@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.analysis.breaking_points import breaking_points
-from evaluate.analysis.level_placement import NEAREST, grid, wanted
+from evaluate.analysis.breaking_points import NEAREST, breaking_points, grid, wanted
 from evaluate.records.store import read_run
 from evaluate.rollouts import experiment
 from quad_env.scenarios.axes import AXES, axes_of

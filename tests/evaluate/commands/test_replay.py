@@ -103,31 +103,22 @@ def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
         assert word in said
 
 
-def test_an_episode_is_run_again_with_the_sensors_that_it_was_run_with(tmp_path, capsys, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("option", "usual", "other", "column"),
+    [("sensors", "truth", "typical", "velocity_error"), ("actuator", "ideal", "motor", "energy")],
+)
+def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch, option, usual, other, column) -> None:
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
-    errors = []
-    for name in ("truth", "typical"):
-        arguments = ["--policies", "residual", "--scenarios", "flat", "--episodes", "2", "--no-film", "--sensors", name]
-        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+    figures = []
+    for name in (usual, other):
+        words = f"--policies residual --scenarios flat --episodes 2 --no-film --{option} {name} --out {tmp_path / name}"
+        assert main(words.split()) == 0
         assert replay(capsys, tmp_path / name, 1)[0] == 0
-        errors.append(pq.read_table(tmp_path / name / "episodes.parquet").column("velocity_error")[1].as_py())
-    assert errors[0] != errors[1]
-    truth, typical = (manifest.read(tmp_path / name) for name in ("truth", "typical"))
-    assert manifest.differences(truth, typical) == ["sensors was truth and is typical"]
-
-
-def test_an_episode_is_run_again_with_the_motors_that_it_was_run_with(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
-    energies = {}
-    for name in ("ideal", "motor"):
-        arguments = ["--policies", "trot", "--scenarios", "flat", "--episodes", "2", "--no-film", "--actuator", name]
-        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
-        assert replay(capsys, tmp_path / name, 1)[0] == 0
-        energies[name] = pq.read_table(tmp_path / name / "episodes.parquet").column("energy")[1].as_py()
-    assert energies["ideal"] != energies["motor"]
-    ideal, motor = (manifest.read(tmp_path / name) for name in energies)
-    assert manifest.differences(ideal, motor) == ["actuator was ideal and is motor"]
-    assert ideal.fingerprint != motor.fingerprint
+        figures.append(pq.read_table(tmp_path / name / "episodes.parquet").column(column)[1].as_py())
+    assert figures[0] != figures[1]
+    then, now = (manifest.read(tmp_path / name) for name in (usual, other))
+    assert manifest.differences(then, now) == [f"{option} was {usual} and is {other}"]
+    assert then.fingerprint != now.fingerprint
 
 
 def test_a_policy_that_is_gone_is_a_mistake(run, tmp_path, capsys, monkeypatch) -> None:

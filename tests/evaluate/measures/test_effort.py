@@ -10,10 +10,12 @@ import quad_env
 from evaluate.analysis.summary import summarise
 from evaluate.measures import effort, metrics, residual_use
 from evaluate.measures.averages import upright_mean, upright_share
-from evaluate.measures.episodes import blank, uneventful, weight
+from evaluate.measures.episodes import blank, weight
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Cell
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.faults import checked, replaced, wrapped
+from tests.evaluate.measures.uneventful import uneventful
 
 DT = 0.1
 STEPS = 50
@@ -145,10 +147,6 @@ def against_base() -> None:
     assert measured("against_base", **use) == pytest.approx(4 / 14)
 
 
-def replaced(module: object, name: str, faulty: object) -> Callable[[pytest.MonkeyPatch], None]:
-    return lambda patch: patch.setattr(module, name, faulty)
-
-
 def signed_power(torque: np.ndarray, speed: np.ndarray) -> np.ndarray:
     return (torque * speed.astype(float)).sum(axis=-1)
 
@@ -161,8 +159,8 @@ FAULTS = {
     "braking gives energy back": (energy, replaced(effort, "mechanical_power", signed_power)),
     "mass for weight": (
         cost_of_transport,
-        lambda patch, true=effort.cost_of_transport: patch.setattr(
-            effort, "cost_of_transport", lambda energy, distance, weight: true(energy, distance, weight / 9.81)
+        wrapped(
+            effort, "cost_of_transport", lambda true, energy, distance, weight: true(energy, distance, weight / 9.81)
         ),
     ),
     "power over the whole time limit": (
@@ -185,9 +183,7 @@ FAULTS = {
     ),
     "lower limits alone": (
         joint_limit,
-        replaced(
-            effort, "joint_limit", lambda angle, lower, _, upright: upright_share(angle <= lower + 0.01, upright)
-        ),
+        replaced(effort, "joint_limit", lambda angle, lower, _, upright: upright_share(angle <= lower + 0.01, upright)),
     ),
     "forward speeds alone": (
         overspeed,
@@ -195,9 +191,7 @@ FAULTS = {
     ),
     "change a step for rate": (
         action_rate,
-        lambda patch, true=effort.action_rate: patch.setattr(
-            effort, "action_rate", lambda action, upright, dt: true(action, upright, 1.0)
-        ),
+        wrapped(effort, "action_rate", lambda true, action, upright, dt: true(action, upright, 1.0)),
     ),
     "corrections that cancel": (
         authority_used,
@@ -209,29 +203,14 @@ FAULTS = {
     ),
     "the base's place for its motion": (
         against_base,
-        lambda patch, true=residual_use.against_base: patch.setattr(
-            residual_use, "against_base", lambda c, base, upright, dt: true(c, np.cumsum(base, axis=0), upright, dt)
+        wrapped(
+            residual_use,
+            "against_base",
+            lambda true, c, base, upright, dt: true(c, np.cumsum(base, axis=0), upright, dt),
         ),
     ),
     "slight corrections judged": (against_base, replaced(residual_use, "SLIGHT", 0.0)),
-}  # fmt: skip
+}
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-def test_measured_by_hand(check: Callable[[], None]) -> None:
-    check()
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    check, plant = FAULTS[fault]
-    plant(monkeypatch)
-    with pytest.raises(AssertionError):
-        check()
-
-
-def test_every_measure_of_motors_and_residuals_is_checked_and_has_a_fault() -> None:
-    episodes = uneventful(SIMPLE_QUAD, STEPS, dt=DT)
-    upright = np.ones((STEPS, 1), bool)
-    names = {*metrics._effort(episodes, upright, np.ones(1)), *metrics._residual(episodes, upright)}
-    assert {check.__name__ for check in CHECKS} == {check.__name__ for check, _ in FAULTS.values()} == names
+test_measured_by_hand, test_the_fault_is_found = checked(CHECKS, FAULTS)

@@ -1,6 +1,5 @@
 """How a robot steps, stands still and carries its trunk: by hand, and with a fault planted into each measure."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,8 +7,10 @@ import pytest
 
 from evaluate.measures import footfalls, gait_quality, metrics, tracking
 from evaluate.measures.averages import count, quotient, upright_mean
-from evaluate.measures.episodes import blank, uneventful
+from evaluate.measures.episodes import blank
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.faults import checked, replaced, wrapped
+from tests.evaluate.measures.uneventful import uneventful
 
 DT = 0.01
 STEPS = 1000
@@ -132,10 +133,6 @@ def froude_number() -> None:
     assert measured("froude_number", heading_velocity=velocity, **FELL) == expected
 
 
-def replaced(module: object, name: str, faulty: object) -> Callable[[pytest.MonkeyPatch], None]:
-    return lambda patch: patch.setattr(module, name, faulty)
-
-
 def path_length(position, still, upright, windows, dt):
     steps = np.hypot(*np.moveaxis(np.diff(position[..., :2], axis=0), -1, 0))
     time = np.array([window.stop - window.start for window in windows]) * dt
@@ -174,9 +171,7 @@ FAULTS = {
     "slip of feet in the air": (foot_slip, replaced(gait_quality, "foot_slip", slip_of_all_feet)),
     "pairs of one side": (
         phase_error,
-        lambda patch, true=gait_quality.phase_error: patch.setattr(
-            gait_quality, "phase_error", lambda falls, _, *more: true(falls, ((FL, HL), (FR, HR)), *more)
-        ),
+        wrapped(gait_quality, "phase_error", lambda true, falls, _, *more: true(falls, ((FL, HL), (FR, HR)), *more)),
     ),
     "every command is zero": (
         needless_steps,
@@ -188,29 +183,16 @@ FAULTS = {
     "horizontal motion as vertical": (vertical_speed, replaced(gait_quality, "vertical_speed", sideways_too)),
     "the time limit for the time upright": (
         froude_number,
-        lambda patch, true=gait_quality.froude_number: patch.setattr(
-            gait_quality, "froude_number", lambda distance, leg, upright, dt: true(distance, leg, upright | True, dt)
+        wrapped(
+            gait_quality,
+            "froude_number",
+            lambda true, distance, leg, upright, dt: true(distance, leg, upright | True, dt),
         ),
     ),
 }
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-def test_measured_by_hand(check: Callable[[], None]) -> None:
-    check()
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    check, plant = FAULTS[fault]
-    plant(monkeypatch)
-    with pytest.raises(AssertionError):
-        check()
-
-
-def test_every_measure_of_the_gait_is_checked_and_has_a_fault() -> None:
-    names = set(metrics._gait(uneventful(SIMPLE_QUAD, STEPS), np.ones((STEPS, 1), bool), np.ones(1)))
-    assert {check.__name__ for check in CHECKS} == {check.__name__ for check, _ in FAULTS.values()} == names
+test_measured_by_hand, test_the_fault_is_found = checked(CHECKS, FAULTS)
 
 
 def test_gaps_shorter_than_a_swing_are_filled_and_others_kept() -> None:

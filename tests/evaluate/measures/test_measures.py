@@ -9,8 +9,10 @@ import pytest
 from evaluate.measures import catalogue as measures
 from evaluate.measures import metrics
 from evaluate.measures.catalogue import BY_NAME, FIGURES, LISTS, MEASURES, VERDICTS
-from evaluate.measures.episodes import TRUTHS, Episodes, blank, shapes, uneventful
+from evaluate.measures.episodes import TRUTHS, Episodes, blank, shapes
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures import test_effort, test_gait_quality, test_pushes
+from tests.evaluate.measures.uneventful import uneventful
 
 
 def test_every_measure_is_in_the_table_once() -> None:
@@ -72,3 +74,10 @@ def test_measures_go_by_the_figures_of_the_recorded_robot() -> None:
     ours, others = (metrics.measure(uneventful(robot, 200, **moving)) for robot in (SIMPLE_QUAD, other))
     assert (ours.overspeed[0], others.overspeed[0]) == (0.0, 1.0)
     assert others.froude_number[0] == pytest.approx(3 * ours.froude_number[0])
+
+
+def test_every_figure_is_checked_by_hand_and_has_a_fault() -> None:
+    checked = {check.__name__ for module in (test_effort, test_gait_quality, test_pushes) for check in module.CHECKS}
+    of_tracking = {name for name in FIGURES if name.startswith(("velocity_error", "yaw_rate", "mean_velocity"))}
+    others = {"outcome", "fell", "diverged", "fall_time", "distance", "commands", "mean_velocities"}  # test_metrics
+    assert checked | of_tracking | others == set(BY_NAME)

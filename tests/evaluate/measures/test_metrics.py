@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from evaluate.measures import metrics, tracking
 from evaluate.measures.averages import upright_mean
 from evaluate.measures.catalogue import FIGURES, MEASURES
-from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes, uneventful
+from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.uneventful import uneventful
 
 DT = 0.1
 STEPS = 100
@@ -254,7 +255,7 @@ FAULTS = {
     ),
     "one window for both commands": (
         "command_intervals",
-        lambda steps, command_steps: (slice(0, steps),),
+        lambda steps, command_steps, settling: tracking.CommandIntervals(*[(slice(settling, steps),)] * 2),
         test_each_command_interval_has_its_own_mean_after_its_first_second,
     ),
 }

@@ -1,6 +1,5 @@
 """What pushes do: by hand, and with a fault planted into each measure."""
 
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,8 +7,10 @@ import numpy as np
 import pytest
 
 from evaluate.measures import metrics, pushes
-from evaluate.measures.episodes import blank, uneventful
+from evaluate.measures.episodes import blank
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.measures.faults import checked, replaced
+from tests.evaluate.measures.uneventful import uneventful
 
 DT = 0.01
 STEPS = 1000
@@ -110,10 +111,6 @@ def without_falls(truth, then, otherwise):
     return then if truth.shape == (1, 2) else np.where(truth, then, otherwise)
 
 
-def replaced(name: str, faulty: object) -> Callable[[pytest.MonkeyPatch], None]:
-    return lambda patch: patch.setattr(pushes, name, faulty)
-
-
 def one_step_late(values, step, true=pushes._at):
     return true(values, step + 1)
 
@@ -124,46 +121,34 @@ CHECKS = (
 FAULTS = {
     "pushes after the fall": (
         push_time,
-        replaced("np", SimpleNamespace(**vars(np) | {"where": without_falls})),
+        replaced(pushes, "np", SimpleNamespace(**vars(np) | {"where": without_falls})),
     ),
-    "world frame for heading frame": (push_impulse, replaced("_in_heading", lambda episodes: episodes.push_impulse)),
-    "heading of the pushed robot": (push_impulse, replaced("_at", one_step_late)),
-    "phase one step late": (push_phase, replaced("_at", one_step_late)),
+    "world frame for heading frame": (
+        push_impulse,
+        replaced(pushes, "_in_heading", lambda episodes: episodes.push_impulse),
+    ),
+    "heading of the pushed robot": (push_impulse, replaced(pushes, "_at", one_step_late)),
+    "phase one step late": (push_phase, replaced(pushes, "_at", one_step_late)),
     "a fall put down to every push before it": (
         push_fell,
-        replaced("_next", lambda onset, steps: np.full_like(onset, steps)),
+        replaced(pushes, "_next", lambda onset, steps: np.full_like(onset, steps)),
     ),
-    "a fall put down to any push ever": (fall_after_push, replaced("FALL_WITHIN", 10.0)),
-    "swaying taken for an error": (push_recovery, replaced("GAIT_CYCLE", DT)),
-    "no error before the push": (push_recovery, replaced("RECOVERED_MARGIN", -1.0)),
+    "a fall put down to any push ever": (fall_after_push, replaced(pushes, "FALL_WITHIN", 10.0)),
+    "swaying taken for an error": (push_recovery, replaced(pushes, "GAIT_CYCLE", DT)),
+    "no error before the push": (push_recovery, replaced(pushes, "RECOVERED_MARGIN", -1.0)),
     "pushes judged across commands": (
         push_recovery,
-        replaced("_can_be_judged", lambda episodes: np.ones(episodes.push_step.shape, bool)),
+        replaced(pushes, "_evaluable", lambda episodes: np.ones(episodes.push_step.shape, bool)),
     ),
     "no recovery counted as none": (
         recovery_time,
-        replaced("recovery_time", lambda recovery: np.nan_to_num(recovery, posinf=2.0).mean(axis=1)),
+        replaced(pushes, "recovery_time", lambda recovery: np.nan_to_num(recovery, posinf=2.0).mean(axis=1)),
     ),
     "falls are no failure to recover": (
         not_recovered,
-        replaced("not_recovered", lambda recovery: np.isinf(recovery).sum(axis=1) * 0.0),
+        replaced(pushes, "not_recovered", lambda recovery: np.isinf(recovery).sum(axis=1) * 0.0),
     ),
 }
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-def test_measured_by_hand(check: Callable[[], None]) -> None:
-    check()
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    check, plant = FAULTS[fault]
-    plant(monkeypatch)
-    with pytest.raises(AssertionError):
-        check()
-
-
-def test_every_measure_of_pushes_is_checked_and_has_a_fault() -> None:
-    names = set(pushes.pushes(uneventful(SIMPLE_QUAD, STEPS)))
-    assert {check.__name__ for check in CHECKS} == {check.__name__ for check, _ in FAULTS.values()} == names
+test_measured_by_hand, test_the_fault_is_found = checked(CHECKS, FAULTS)

@@ -26,6 +26,7 @@ from evaluate.records.parquet import SHA256, content_hash
 from evaluate.records.store import EPISODES, ChunkStore, read_run
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Chunk
+from research.__main__ import main as research
 
 OLD = Path(__file__).parents[2] / "data" / "results_of_2c74e47"
 """Written before there were hashes."""
@@ -56,7 +57,8 @@ def command(*arguments: object) -> tuple[int, str]:
     """Exit code and stderr."""
     error = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(error):
-        code = main([str(argument) for argument in arguments])
+        words = [str(argument) for argument in arguments]
+        code = (research if words[0] == "rescore" else main)(words)
     return code, error.getvalue()
 
 

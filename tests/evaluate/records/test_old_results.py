@@ -16,6 +16,7 @@ from evaluate.__main__ import main
 from evaluate.records import manifest, provenance
 from evaluate.records.episode_table import read_table, write_table
 from evaluate.records.store import read_run
+from research.__main__ import main as research
 
 OLD = Path(__file__).parents[2] / "data" / "results_of_2c74e47"
 UNKNOWN = "whether the policy trot has changed is not known, since that revision described policies differently"
@@ -114,7 +115,7 @@ def test_digests_of_one_kind_tell_a_policy_that_has_changed(then, now, said) -> 
 
 
 def test_their_traces_are_scored_again(folder, capsys) -> None:
-    assert main(["rescore", str(folder)]) == 0
+    assert research(["rescore", str(folder)]) == 0
     scored = json.loads((folder / "rescored.json").read_text(encoding="utf-8"))["policies"]
     assert list(scored) == ["document_repaired"]
     assert scored["document_repaired"]["scenarios"]["push"]["simple-quad/1"]["episodes"] == 3

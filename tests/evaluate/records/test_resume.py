@@ -4,14 +4,12 @@ import contextlib
 import dataclasses
 import io
 import json
-import os
 import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +25,10 @@ from evaluate.records.episode_table import read_table, write_parquet, write_tabl
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Cell, Chunk, LabelledPolicy, Settings, evaluation_seeds, run_cell
-from policies import bundle
-from policies.network import Network
-from policies.residual import Features, ResidualPolicy
 from quad_env import SCENARIOS, StartNoise
 from quad_env.files.writing import write_atomically
+from research.__main__ import main as research
+from tests.evaluate.trained import trained
 
 STEPS = 150
 RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "push:4", "--episodes", "5", "--seed", "2")
@@ -44,7 +41,7 @@ import os, signal, sys
 from evaluate.rollouts import rollout
 from evaluate.__main__ import main
 from evaluate.records.episode_table import read_table, write_parquet, write_table
-from quad_env.files.reading import writing as files
+from quad_env.files import writing as files
 from evaluate.commands import outputs as ending
 from evaluate.analysis import results
 rollout.STEPS = int(sys.argv[1])
@@ -281,15 +278,6 @@ def test_another_commit_with_the_same_code_is_no_hindrance(tmp_path, whole, monk
     assert_same(tmp_path, whole)
 
 
-def trained(folder: Path, bias: float) -> Path:
-    base = policies.Trot()
-    sizes = (Features(base).width, 4, 12)
-    weights = tuple(np.zeros(shape, np.float32) for shape in pairwise(sizes))
-    network = Network(weights, tuple(np.full(size, bias, np.float32) for size in sizes[1:]), "tanh")
-    bundle.save(folder, ResidualPolicy(base, network, name="residual"), {}, "0" * 40)
-    return folder
-
-
 def test_a_policy_that_has_been_trained_on_is_refused(tmp_path) -> None:
     policy, out = trained(tmp_path / "policy", 0.0), tmp_path / "out"
     assert evaluate("--policies", policy, "--scenarios", "flat", "--episodes", "2", "--out", out)[0] == 0
@@ -330,34 +318,6 @@ def test_a_manifest_that_is_none_is_refused(tmp_path, content) -> None:
         assert "manifest.json" in error
 
 
-def test_a_manifest_that_was_edited_is_refused(tmp_path, whole) -> None:
-    unfinished(whole, tmp_path)
-    path = tmp_path / "manifest.json"
-    path.write_text(path.read_text(encoding="utf-8").replace('"severity": 65.0', '"severity": 66.0'), encoding="utf-8")
-    code, error = evaluate("--resume", "--out", tmp_path)
-    assert (code, error.count("\n")) == (2, 1)
-    assert "manifest.json has been changed since it was written" in error
-
-
-def test_a_disk_that_is_full_keeps_what_was_done(tmp_path, whole, monkeypatch) -> None:
-    write, left = store.write_table, 3
-
-    def filling(rows, path, run):
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise OSError(28, os.strerror(28))
-        write(rows, path, run)
-
-    monkeypatch.setattr(store, "write_table", filling)
-    code, error = evaluate(*RUN, "--at-once", "2", "--out", tmp_path)
-    assert code == 2
-    assert error.splitlines()[-1].endswith(f"python -m evaluate --resume --out {tmp_path}")
-    monkeypatch.setattr(store, "write_table", write)
-    assert evaluate("--resume", "--out", tmp_path)[0] == 0
-    assert_same(tmp_path, whole)
-
-
 @pytest.mark.parametrize("arguments", [("--threads", "1"), ("--threads", "2", "--at-once", "3")])
 def test_threads_and_company_change_no_bit(tmp_path, whole, arguments) -> None:
     assert evaluate(*RUN, *arguments, "--out", tmp_path)[0] == 0
@@ -393,7 +353,7 @@ def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
     (tmp_path / "traces" / f".{whole_trace.name}.abcdefgh").write_bytes(b"half")
     assert evaluate("--resume", "--threads", "1", "--out", tmp_path)[0] == 0
     assert {path.name for path in (tmp_path / "traces").iterdir()} == names
-    assert evaluate("rescore", tmp_path)[0] == 0
+    assert research(["rescore", str(tmp_path)]) == 0
 
 
 @pytest.mark.parametrize("at", ["evaluate.rollouts.rollout.run", "evaluate.commands.execution.process_pool"])

@@ -7,8 +7,7 @@ import pytest
 
 import policies
 import quad_env
-from evaluate.measures import fall_rules
-from evaluate.measures.episodes import Episodes, uneventful
+from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.records import trace
 from evaluate.rollouts import rollout
@@ -17,6 +16,8 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError
 from quad_env.config import FALL_RULE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from research.studies import fall_rules
+from tests.evaluate.measures.uneventful import uneventful
 from tests.quad_env.robots.alike import alike
 
 STEPS = 250

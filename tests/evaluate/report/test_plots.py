@@ -48,17 +48,6 @@ def test_a_sector_is_about_its_direction(angle, sector) -> None:
     assert np.flatnonzero(np.isfinite(shares[:, 0])).tolist() == [sector]
 
 
-def test_plots_are_small_svg_images() -> None:
-    impulses = np.random.default_rng(0).normal(0.0, 30.0, (200, 2))
-    contact = np.random.default_rng(0).random((200, 4)) > 0.5
-    for drawn in (
-        push_plot(impulses, np.ones(200), "trot"),
-        gait_diagram(SIMPLE_QUAD, contact, 2.0, 0.01, "#000000", "a_rather_long_name/of/a/policy"),
-    ):
-        assert b"<svg" in drawn[:500]
-        assert len(drawn) < 200_000
-
-
 LONG = "models/residual-with-a-long-name/seed-12"
 WIDE = "W" * 30
 

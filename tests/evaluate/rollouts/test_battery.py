@@ -10,8 +10,6 @@ from evaluate.__main__ import main
 from evaluate.rollouts import battery
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
-from quad_env.scenarios.disturbances import Motors
-from quad_env.serialisation import from_plain, to_plain
 
 WRITTEN = """
 import quad_env
@@ -145,34 +143,3 @@ def test_a_file_that_fails_is_one_line(tmp_path, capsys, content, words) -> None
 def test_a_file_that_is_not_there_is_said(tmp_path) -> None:
     with pytest.raises(ValueError, match=r"there is no file .*nowhere\.py"):
         battery.resolve((f"{tmp_path / 'nowhere.py'}:GUST",))
-
-
-@pytest.mark.parametrize("scenario", battery.BATTERIES["full"](SIMPLE_QUAD), ids=lambda scenario: scenario.name)
-def test_every_scenario_is_written_down_and_read_back(scenario) -> None:
-    assert from_plain(to_plain(scenario)) == scenario
-
-
-@pytest.mark.parametrize(("written", "read"), [(100.0, None), (50.0, 50.0)])
-def test_results_up_to_2026_named_the_only_robots_own_torque_where_nothing_was_said(written, read) -> None:
-    """A scenario of theirs is today's, not a changed one."""
-    then = to_plain(Motors(written, 5.0)) | {"type": "quad_env.disturbances.Motors"}
-    assert from_plain(then) == Motors(read, 5.0)
-    assert from_plain(to_plain(Motors(written))) == Motors(written)
-
-
-@pytest.mark.parametrize(
-    "value",
-    [
-        {"type": "os.system", "command": "false"},
-        {"type": "quad_env.physics.simulation.mujoco"},
-        {"type": "quad_env.scenarios.named.scenario", "which": "flat"},
-        {"type": "quad_env.scenarios.named.Scenario", "name": "x", "unknown": 1},
-        {"type": "quad_env.nowhere.Scenario"},
-        {"type": None},
-        {},
-    ],
-    ids=str,
-)
-def test_nothing_but_settings_of_quad_env_is_made_from_a_file(value) -> None:
-    with pytest.raises(ValueError, match=r"of that kind|no part of|is missing"):
-        from_plain(value)

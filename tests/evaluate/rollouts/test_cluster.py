@@ -13,7 +13,7 @@ import pytest
 
 import policies
 from evaluate.__main__ import main
-from evaluate.rollouts import cluster, experiment
+from evaluate.rollouts import cluster
 from evaluate.rollouts.experiment import LabelledPolicy, Task, sequential
 from evaluate.rollouts.hardware import IDEAL
 from quad_env import SCENARIOS
@@ -85,17 +85,21 @@ class Fails:
 """
 
 
-def test_a_users_policies_are_judged_as_here_and_progress_is_told(monkeypatch, tmp_path, capsys):
+def test_a_users_policies_are_evaluated_as_here_and_progress_is_reported(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(POLICIES, encoding="utf-8")
     run = ["--policies", "mine.py:Walk", "mine.py:Fails", "--scenarios", "flat", "--episodes", "2", "--no-film"]
     shares = []
-    report = experiment._PendingCell.report
-    monkeypatch.setattr(experiment._PendingCell, "report", lambda *told: shares.append(told[2]) or report(*told))
+
+    @contextlib.contextmanager
+    def progress(_cells):
+        yield lambda policy, scenario, share: shares.append(share)
+
+    monkeypatch.setattr("evaluate.commands.execution.show_progress", progress)
     assert main([*run, "--engine", "ray", "--threads", "2", "--out", "apart"]) == 0
-    assert set(shares) <= {steps / 150 for steps in range(0, 150, 25)}
-    assert max(shares) > 0
+    assert {0.0 < share < 1.0 for share in shares} == {True, False}
+    assert shares.count(1.0) == 2
     assert main([*run, "--threads", "1", "--out", "here"]) == 0
     assert (tmp_path / "apart/episodes.parquet").read_bytes() == (tmp_path / "here/episodes.parquet").read_bytes()
     assert "mine.py:Fails failed in 2 of 2 episodes; in the first it raised RuntimeError" in capsys.readouterr().out

@@ -9,7 +9,7 @@ import policies
 import quad_env
 from evaluate.measures.episodes import OF_POLICY, Episodes, shapes
 from evaluate.measures.metrics import measure
-from evaluate.rollouts import battery, rollout
+from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from evaluate.rollouts.observers import Falls, Step
 from policies.base import Policy
@@ -183,15 +183,6 @@ def test_many_episodes_run_in_chunks_with_the_same_outcome() -> None:
     np.testing.assert_array_equal(chunks.seeds, seeds)
     np.testing.assert_array_equal(chunks.measures.fall_time, whole.measures.fall_time)
     assert shares.count(1.0) == 1
-
-
-def test_the_battery_lists_its_scenarios_when_asked_for_another() -> None:
-    with pytest.raises(ValueError, match="flat, push, rough"):
-        battery.resolve(("flatt",))
-    with pytest.raises(ValueError, match="twice"):
-        battery.resolve(("flat", "flat"))
-    assert [s.name for s in battery.resolve(("all",))] == list(quad_env.SCENARIOS)
-    assert [s.name for s in battery.BATTERIES["quick"](SIMPLE_QUAD)[:3]] == list(battery.NOMINAL)
 
 
 def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy() -> None:

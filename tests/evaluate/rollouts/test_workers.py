@@ -203,15 +203,6 @@ def test_the_environment_is_as_it_was_after_workers_began(monkeypatch) -> None:
     assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
 
 
-def test_an_evaluation_with_more_processes_than_cells_writes_the_same_episodes(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", STEPS)
-    run = ["--policies", "trot", "--scenarios", "flat", "--episodes", "5", "--no-film"]
-    assert main([*run, "--threads", "3", "--out", str(tmp_path / "three")]) == 0
-    assert main([*run, "--threads", "1", "--out", str(tmp_path / "one")]) == 0
-    three, one = (tmp_path / name / "episodes.parquet" for name in ("three", "one"))
-    assert three.read_bytes() == one.read_bytes()
-
-
 def children(process: int) -> set[int]:
     """Processes whose parent it is."""
     found = set()

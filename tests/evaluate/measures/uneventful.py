@@ -1,0 +1,30 @@
+"""Episodes in which nothing happens, for measures to be tried on."""
+
+from typing import Any
+
+import numpy as np
+
+from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes
+from quad_env.config import GRAVITY
+from quad_env.robots.robot import Robot
+
+
+def uneventful(
+    robot: Robot, steps: int, count: int = 1, *, dt: float = 0.01, command_steps: int = 500, **changes: Any
+) -> Episodes:
+    """Episodes in which nothing happens, every signal zero, but for `changes`: to try measures on."""
+    nothing: dict[str, Any] = {
+        "robot": robot,
+        "seeds": np.arange(count),
+        **{name: blank(robot, name, steps, count) for name in shapes(robot)},
+        **dict.fromkeys(OF_POLICY),
+        "push_step": np.empty((count, 0), np.int64),
+        "push_impulse": np.empty((count, 0, 2)),
+        "push_steps": 0,
+        "fall_step": np.full(count, steps, np.int64),
+        "fall_reason": np.full(count, None, dtype=object),
+        "divergence_step": np.full(count, steps, np.int64),
+        "weight": robot.mass * GRAVITY,
+        "torque_limit": robot.rated_torque,
+    }
+    return Episodes(**nothing | {"dt": dt, "command_steps": command_steps} | changes)
