@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import onnx
 import pytest
+from tests.train.shipping import test_publish
 
 from policies import Trot, bundle
 from policies.network import Network
@@ -16,7 +17,6 @@ from quad_env.seeding import episode_seeds
 from research.training import publish
 from tests.effects import Called, Effect, check_all, check_other_than_usual, robots
 from tests.quad_env.robots.alike import alike
-from tests.train.shipping import test_publish
 from train import export
 from train.__main__ import main
 
