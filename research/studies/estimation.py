@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
-from evaluate.report.places import RESULTS, insert, page_with
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import Hardware, check
 from evaluate.rollouts.observers import Falls, Step
@@ -39,6 +38,7 @@ from quad_env.seeding import episode_seeds
 from quad_env.sensing.channel import steps_late
 from quad_env.sensing.error_state import TILT, VELOCITY
 from quad_env.sensing.estimators import ESTIMATORS
+from research.pages.places import RESULTS, insert, page_with
 from research.studies import policies_on_estimates
 from research.studies.ground import elsewhere
 

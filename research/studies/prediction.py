@@ -17,7 +17,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.report.places import insert, page_with
 from evaluate.report.plots.drawing import COLOURS
 from evaluate.rollouts.observers import Falls, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
@@ -29,6 +28,7 @@ from quad_env.files.writing import write_atomically
 from quad_env.physics.dynamics import WholeBody, whole_body
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
+from research.pages.places import insert, page_with
 from research.studies.estimation import roll_pitch
 from research.studies.ground import elsewhere
 

@@ -10,10 +10,10 @@ from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
 from evaluate.report import markdown
 from evaluate.report.headings import IN_A_LINE
-from evaluate.report.results_page import score_table
 from evaluate.rollouts import hardware
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.format import number, p_value, percent, points, share
+from research.pages.evaluations import score_table
 from train.config import TrainConfig
 from train.run_record import command
 
