@@ -6,9 +6,9 @@ import json
 import pytest
 
 from quad_env.cli.command_line import UsageError
+from research.__main__ import main
 from research.training import sweep
 from research.training.sweep import JOURNAL, TABLE, Options, changed, distributions, worth
-from train.__main__ import main
 from train.config import PpoConfig, TrainConfig, load_config
 from train.run_folder import VALIDATIONS_FILE
 
