@@ -12,21 +12,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from PIL import Image
 
 from evaluate.__main__ import COMMANDS, main
-from policies.gaits.parameters import OFFSETS
 from quad_env.seeding import episode_seeds
-from research.studies import estimation, prediction, safety
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual, robots
-from tests.evaluate.commands import test_placed_levels, test_readme_table
+from tests.evaluate.commands import test_placed_levels
 
 BRIEF = 130
 """Control steps of an episode."""
-GROUNDS = ["flat", "push", "rough"]
 
 
 def drawn(seed: int, count: int, purpose: Any = "evaluation") -> tuple[int, ...]:
@@ -63,11 +58,6 @@ def called(function: str, argument: str) -> Reading:
     return lambda made: made.of(function, argument)
 
 
-def checks(what: str) -> Reading:
-    """Of each check that is repeated."""
-    return lambda made: [getattr(each, what) for each in made.of("share_of_yes", "check")]
-
-
 def held(name: str, *keys: str) -> Reading:
     """What a JSON file holds below these keys."""
 
@@ -85,18 +75,9 @@ def compared(made: Called) -> set[tuple[str, str]]:
     return {(each["a"], each["b"]) for each in held("new/found.json", "comparisons")(made)}
 
 
-def picture(made: Called) -> tuple[int, int]:
-    """Columns and rows of tiles."""
-    assert made.code == 0
-    with Image.open(made.folder / "new/strip.png") as image:
-        return image.width // 240, image.height // 200
-
-
 TRUSTED = Effect("--trust", called("resolve", "trust"), [True])
 SEED = "--seed 5"
 THREADS = "--threads 1", some(lambda each: each.threads), {1}
-WALKS = "--policies stand --scenarios flat --episodes 2 --threads 1"
-GAITS = "--gaits walk stand --robots 3 --seconds 3.1"
 EFFECTS: dict[str, dict[str, Effect]] = {
     "report": {
         "folder": Effect("FOLDER/a", written("a/report.md"), True),
@@ -131,144 +112,12 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "out": Effect("--out FOLDER/new", written("new/fall_rates.svg"), True),
         "threads": Effect(*THREADS),
     },
-    "rescore": {
-        "results": Effect("FOLDER/a", written("a/rescored.json"), True),
-        "rules": Effect("--rules tilt-70", held("a/rescored.json", "rules"), ["tilt-70"]),
-        "success": Effect("--success survival", held("a/rescored.json", "success", "rules"), ["survival"]),
-    },
-    "gaits": {
-        "gaits": Effect("--gaits pace stand", said("pace", "stand", "walk"), [True, True, False]),
-        "robots": Effect("--robots 3", some(lambda each: len(each.seeds)), {3}),
-        "seconds": Effect("--seconds 3.1", robots(lambda each: each.env.max_episode_steps), [310, 310, 600, 600]),
-        "seed": Effect(SEED, seeds, [drawn(5, 3)] * 2 + [drawn(6, 3)] * 2),
-        "threads": Effect(*THREADS),
-        "changes": Effect("--no-changes", lambda made: len(made.batches), 2, given=GAITS),
-    },
-    "gait-diagram": {
-        "gait": Effect(
-            "--gait pace",
-            lambda made: [each.offsets[0, 0].round(3).tolist() for each in made.of("draw", "strides")],
-            [np.round(OFFSETS["pace"], 3).tolist()],
-        ),
-        "then": Effect("--then stand", called("draw", "title"), ["pace → stand"]),
-        "out": Effect("--out FOLDER/new/gait.png", written("new/gait.png"), True),
-        "command": Effect("--command 0.2 0.1 -0.1", some(lambda each: each.command), {(0.2, 0.1, -0.1)}),
-        "start": Effect("--start 1.5", some(lambda each: each.env.max_episode_steps), {150 + 130}),
-        "length": Effect("--length 1.3", lambda made: [len(each.phase) for each in made.of("draw", "strides")], [130]),
-        "seed": Effect(SEED, seeds, [drawn(5, 1)]),
-    },
-    "recovery": {
-        "robots": Effect("--robots 2", robots(lambda each: len(each.seeds)), [2]),
-        "seed": Effect(SEED, seeds, [drawn(5, 2, "search")]),
-        "seeds": Effect("--seeds search", robots(lambda each: each.purpose), ["search"]),
-    },
-    "jump": {
-        "robots": Effect("--robots 2", robots(lambda each: len(each.seeds)), [2]),
-        "seed": Effect(SEED, seeds, [drawn(5, 2)]),
-    },
-    "safety": {
-        "policy": Effect("--policy trot_feedback", called("resolve", "name_or_path"), ["trot_feedback"]),
-        "trust": TRUSTED,
-        "episodes": Effect("--episodes 2", lambda made: {len(each) for each in seeds(made)[:-1]}, {2}),
-        "hours": Effect("--hours 0.0015", lambda made: {len(each) for each in seeds(made)[-1:]}, {4}),
-        "seed": Effect(
-            SEED,
-            lambda made: list(dict.fromkeys(seeds(made)))[::8],
-            [drawn(5000, 2, "validation"), drawn(5500, 4, "validation")],
-        ),
-        "seeds": Effect("--seeds validation", some(lambda each: each.purpose), {"validation"}),
-    },
-    "ground": {
-        "policies": Effect("--policies stand crouch", called("resolve", "name_or_path"), ["stand", "crouch"]),
-        "scenarios": Effect("--scenarios rough:2", names, ["rough:2"]),
-        "episodes": Effect("--episodes 2", some(lambda each: len(each.seeds)), {2}),
-        "seed": Effect(SEED, lambda made: set(seeds(made)), {drawn(5, 2)}),
-        "other": Effect("--other 4", robots(lambda each: each.env.scenario.terrain.seed), [0, 4, 0, 4]),
-        "threads": Effect(*THREADS),
-    },
-    "estimation": {
-        "policy": Effect("--policy crouch", lambda made: walkers(made).count("crouch"), 6),
-        "policies": Effect("--policies stand", lambda made: walkers(made)[-3:], ["stand"] * 3),
-        "scenarios": Effect("--scenarios rough:2", lambda made: names(made)[-1:], ["rough:2"]),
-        "sensors": Effect("--sensors ideal", lambda made: [each.sensors for each in made.batches].count("ideal"), 8),
-        "episodes": Effect("--episodes 3", some(lambda each: len(each.seeds)), {3}),
-        "seed": Effect(SEED, lambda made: set(seeds(made)), {drawn(5, 3, "search")}),
-        "seeds": Effect("--seeds search", some(lambda each: each.purpose), {"search"}),
-        "ground": Effect("--ground 4", some(lambda each: getattr(each.env.scenario.terrain, "seed", 4)), {4}),
-        "threads": Effect("--threads 2", some(lambda each: each.threads), {2}),
-        "page": Effect(
-            "--page FOLDER/page.md", lambda made: [word in page(made) for word in ("NEES", "truth")], [True] * 2
-        ),
-        "tables": Effect("--tables success", lambda made: len(made.batches), 3, given=WALKS),
-    },
-    "straight-walking": {
-        "robot": Effect("--robot simple_quad", some(lambda each: each.env.robot.name), {"simple_quad"}),
-        "policies": Effect("--policies crouch stand", called("resolve", "name_or_path"), ["crouch", "stand"]),
-        "speeds": Effect("--speeds 0.5", names, [f"{name} at 0.50 m/s" for name in GROUNDS]),
-        "episodes": Effect("--episodes 3", some(lambda each: len(each.seeds)), {3}),
-        "seed": Effect(SEED, lambda made: set(seeds(made)), {drawn(5, 3)}),
-        "page": Effect("--page FOLDER/page.md", lambda made: page(made).count("0.50 m/s | `crouch`"), 3),
-        "threads": Effect(*THREADS),
-    },
-    "prediction": {
-        "policy": Effect("--policy mpc", lambda made: "`mpc`" in page(made), True),
-        "episodes": Effect("--episodes 2", robots(lambda each: len(each.seeds)), [2, 1]),
-        "seed": Effect(SEED, seeds, [drawn(5, 2, "validation"), drawn(5, 1, "validation")]),
-        "ground": Effect("--ground 4", lambda made: made.batches[0].env.scenario.terrain.seed, 4),
-        "start": Effect("--start 110", called("draw", "start"), [110]),
-        "out": Effect("--out FOLDER/new/plan.png", written("new/plan.png"), True),
-        "page": Effect("--page FOLDER/page.md", lambda made: "| rough | 0.40 |" in page(made), True),
-    },
-    "pictures": {
-        "policies": Effect("--policies stand crouch", called("resolve", "name_or_path"), ["stand", "crouch"]),
-        "trust": TRUSTED,
-        "scenarios": Effect("--scenarios push slope", names, ["push", "slope"]),
-        "out": Effect("--out FOLDER/new/strip.png", written("new/strip.png"), True),
-        "robots": Effect("--robots go1", some(lambda each: each.env.robot.name), {"go1"}),
-        "command": Effect("--command 0.4 0.0 -0.2", some(lambda each: each.command[2] < 0.0), {True}),
-        "start": Effect("--start 0.2", some(lambda each: each.env.max_episode_steps), {21 + 2 * 3}),
-        "every": Effect("--every 0.03", some(lambda each: each.env.max_episode_steps), {21 + 2 * 3}),
-        "frames": Effect("--frames 3", picture, (3, 4)),
-        "seed": Effect(SEED, lambda made: set(seeds(made)), {(5,)}),
-        "camera": Effect("--camera side", called("Camera.__init__", "camera"), ["side"]),
-    },
-    "calibration": {
-        "sets": Effect("--sets 20", called("share_of_yes", "sets"), [20]),
-        "episodes": Effect(
-            "--episodes 16", lambda made: [each.count for each in made.of("share_of_yes", "check")], [16]
-        ),
-        "fall_probabilities": Effect(
-            "--fall-probabilities 0.37",
-            checks("fall_probability"),
-            [0.37],
-        ),
-        "only": Effect(
-            "--only lot",
-            checks("name"),
-            ["McNemar, ties by lot"],
-        ),
-        "seed": Effect(SEED, called("share_of_yes", "seed"), [5]),
-        "real": Effect(
-            "--real FOLDER/a/episodes.parquet",
-            said("halves of crouch on push"),
-            [True],
-            given="--sets 2 --only Barnard",
-        ),
-    },
 }
 ELSEWHERE = {
     "axes": {
         "resume": test_placed_levels.test_a_stopped_run_goes_on_to_the_same_files,
         "sequential": test_placed_levels.test_each_policy_runs_levels_where_it_breaks,
         "budget": test_placed_levels.test_a_budget_ends_it,
-    },
-    "readme": {
-        "results": test_readme_table.test_the_command_that_makes_the_tables_is_below_them,
-        "readme": test_readme_table.test_a_page_alone_leaves_the_readme_and_its_picture_as_they_are,
-        "page": test_readme_table.test_a_page_alone_leaves_the_readme_and_its_picture_as_they_are,
-        "picture": test_readme_table.test_a_score_has_a_picture_in_the_readme_and_a_row_on_the_page,
-        "more": test_readme_table.test_further_policies_have_a_place_of_their_own,
-        "robots": test_readme_table.test_other_robots_have_a_row_each,
     },
 }
 """Options with a test of their own, which gives them."""
@@ -288,21 +137,10 @@ def replayed(made: Called) -> list[dict[str, Any]]:
     return [row for row in rows if (row["seed"], row["scenario"], row["policy"]) == wanted]
 
 
-def walkers(made: Called) -> list[str]:
-    """Names of the policies in the order in which they are loaded."""
-    assert made.done
-    return [each["name_or_path"] for each in made.calls["resolve"]]
-
-
-def page(made: Called) -> str:
-    assert made.code == 0
-    return (made.folder / "page.md").read_text("utf-8")
-
-
 def runs() -> Iterator[Any]:
     """Command and words that are given together."""
     for command, effects in EFFECTS.items():
-        marks = [pytest.mark.rendering] if {"video", "camera"} & effects.keys() else []
+        marks = [pytest.mark.rendering] if "video" in effects else []
         for given in dict.fromkeys(each.given for each in effects.values()):
             yield pytest.param(command, given, marks=marks, id=f"{command} {given}".strip())
 
@@ -315,10 +153,7 @@ def test_every_option_has_an_effect_that_is_tested(command: str) -> None:
 
 @pytest.fixture(autouse=True)
 def _brief_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    for place in ("evaluate.rollouts.rollout", safety.__name__, estimation.__name__):
-        monkeypatch.setattr(f"{place}.STEPS", BRIEF)
-    monkeypatch.setattr(prediction, "GROUNDS", ("rough",))
-    monkeypatch.setattr(prediction.walk, "__defaults__", (None, 2 * BRIEF))
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
 
 
 @pytest.fixture(scope="module")
@@ -340,9 +175,6 @@ def test_options_reach_what_they_govern(
     for name in ("a", "b"):
         shutil.copytree(evaluated, tmp_path / name)
     (tmp_path / "a/report.md").unlink(missing_ok=True)
-    (tmp_path / "page.md").write_text(
-        "".join(f"<!-- {name} -->\n<!-- /{name} -->\n" for name in ("results", "success", "prediction")), "utf-8"
-    )
     effects = {name: each for name, each in EFFECTS[command].items() if each.given == given}
     text = " ".join([given, *(each.words for each in effects.values())]).replace("FOLDER", str(tmp_path))
     words = ["stand falls > 50 %" if word == "GATE" else word for word in text.split()]

@@ -17,6 +17,7 @@ from evaluate.records.store import read_run
 from evaluate.statistics.intervals import wilson_interval
 from quad_env.config import FALL_RULE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from research.__main__ import main as research
 from research.studies import rescore
 
 STEPS = 6
@@ -72,7 +73,7 @@ def traced(tmp_path_factory):
 
 
 def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys) -> None:
-    assert main(["rescore", str(traced)]) == 0
+    assert research(["rescore", str(traced)]) == 0
     run, again = (json.loads((traced / name).read_text(encoding="utf-8")) for name in ("results.json", rescore.FILE))
     for policy, contents in run["policies"].items():
         cell, scores = contents["scenarios"]["push"], again["policies"][policy]["scenarios"]["push"]
@@ -93,24 +94,24 @@ def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys
 
 
 def test_rules_can_be_chosen(traced, capsys) -> None:
-    assert main(["rescore", str(traced), "--rules", "tilt-90"]) == 0
+    assert research(["rescore", str(traced), "--rules", "tilt-90"]) == 0
     assert list(json.loads((traced / rescore.FILE).read_text(encoding="utf-8"))["rules"]) == ["tilt-90"]
-    assert main(["rescore", str(traced), "--rules", "tilt-90", "--success", "survival"]) == 0
+    assert research(["rescore", str(traced), "--rules", "tilt-90", "--success", "survival"]) == 0
     assert list(json.loads((traced / rescore.FILE).read_text(encoding="utf-8"))["success"]["rules"]) == ["survival"]
     assert "height" not in capsys.readouterr().out
 
 
 def test_mistakes_are_one_line(traced, run, tmp_path, capsys) -> None:
-    assert main(["rescore", str(traced), "--rules", "tilt-91"]) == 2
-    assert main(["rescore", str(traced), "--success", "luck"]) == 2
-    assert main(["rescore", str(run.folder)]) == 2
+    assert research(["rescore", str(traced), "--rules", "tilt-91"]) == 2
+    assert research(["rescore", str(traced), "--success", "luck"]) == 2
+    assert research(["rescore", str(run.folder)]) == 2
     other = Path(shutil.copytree(traced, tmp_path / "other"))
     there = read_run(other)
     fell = ~there.cells[0].measures.fell
     measures = replace(there.cells[0].measures, fell=fell, fall_time=np.where(fell, 1.0, np.nan))
     cells = [replace(there.cells[0], measures=measures), *there.cells[1:]]
     write_parquet(cells, other / "episodes.parquet", there.manifest.fingerprint)
-    assert main(["rescore", str(other)]) == 2
+    assert research(["rescore", str(other)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 4
     assert "survival" in lines.pop(1)
