@@ -53,7 +53,7 @@ VARIANTS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Options:
-    """What is compared, and how thoroughly."""
+    """Which variants to compare, with how many steps, seeds and episodes."""
 
     variants: tuple[str, ...] = tuple(VARIANTS)
     """Names of the variants."""
@@ -62,7 +62,7 @@ class Options:
     seeds: int = number(5, limits=(2, 1000))
     """Training seeds of each variant, from 0 on."""
     episodes: int = number(24, limits=(1, 100_000))
-    """Episodes a scenario on which a run is judged."""
+    """Validation episodes of each scenario."""
     threads: int = number(2, limits=(1, 256))
     """Threads of the simulation."""
     out: Path = Path("runs/ablations")
@@ -105,7 +105,7 @@ def main(options: Options) -> int:
 
 
 def judged_scenarios() -> tuple[str, ...]:
-    """Those that the default trains on, whatever a variant trains on."""
+    """Scenarios of the validation: those that the default trains on, for all variants."""
     return DEFAULTS["residual"].judged.scenarios
 
 
@@ -121,7 +121,7 @@ def config(options: Options, name: str, seed: int) -> TrainConfig:
 
 
 def finish(run: TrainConfig) -> None:
-    """Train to the end what is not there yet. Raises UsageError where the folder holds another run."""
+    """Train what is missing of a run. Raises UsageError where the folder holds another run."""
     from train.run import train
 
     resume = has_checkpoint(run.folder)
@@ -132,7 +132,7 @@ def finish(run: TrainConfig) -> None:
 
 
 def found(name: str, runs: Sequence[TrainConfig]) -> Found:
-    """What finished runs came to."""
+    """Results of the finished runs of a variant."""
     last = [json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1] for run in runs]
     seconds = [last_metrics(run.folder)["time/seconds"] for run in runs]
     return Found(

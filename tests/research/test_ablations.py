@@ -1,4 +1,4 @@
-"""The study of what each choice of the training is worth."""
+"""The study of the effect of each choice of the training."""
 
 import dataclasses
 

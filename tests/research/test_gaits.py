@@ -39,7 +39,6 @@ def test_diagram_is_drawn(tmp_path, capsys) -> None:
     [
         (["gaits", "--gaits", "gallop"], "walk"),
         (["gaits", "--gaits", "walk", "walk"], "once"),
-        (["gaits", "--seconds", "nan"], "--seconds"),
         (["gait-diagram", "--then", "gallop"], "gallop"),
         (["gait-diagram", "--length", "1000"], "--length"),
         (["gait-diagram", "--command", "nan", "0", "0"], "--command"),

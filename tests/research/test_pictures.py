@@ -67,7 +67,6 @@ def test_a_policy_that_falls_is_shown_where_it_lies(tmp_path) -> None:
         (["--policies"], "--policies"),
         (["--scenarios", "ice"], "ice"),
         (["--frames", "1000000000"], "--frames"),
-        (["--every", "nan"], "--every"),
         (["--start", "-1"], "--start"),
         (["--out", "strip.nonsense"], "--out"),
     ],

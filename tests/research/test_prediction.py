@@ -1,4 +1,4 @@
-"""What is foreseen is compared with what MuJoCo has, in the frame and at the moment that it is meant for."""
+"""Predictions are compared with MuJoCo in the right frame and at the right time."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def walked() -> Walk:
     return walk(MpcWbc(MpcParameters()), "flat", seeds, command=(0.5, 0.0, 0.6), steps=300)
 
 
-def test_a_forecast_errs_less_than_going_on_as_it_is(walked: Walk) -> None:
+def test_a_prediction_errs_less_than_the_assumption_that_nothing_changes(walked: Walk) -> None:
     for steps in (1, 5):
         height, horizontal, upward, tilt = errors(walked, steps, *PERIODS)
         same = errors(walked, steps, *PERIODS, still=True)

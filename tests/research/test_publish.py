@@ -1,4 +1,4 @@
-"""What ships is seed 0, beside all others, and the card's command repeats its run."""
+"""Seed 0 ships, the card shows the other seeds too, and its command repeats the run."""
 
 import dataclasses
 import shutil
