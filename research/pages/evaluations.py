@@ -100,7 +100,7 @@ def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
     names = [name for name in of_each[0] if all(name in each for each in of_each)]
     rows = [
         {FIRST: f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"}
-        | {name: share(policies[name].score, tuple(policies[name].ci)) for name in names}
+        | {name: share(policies[name].score, policies[name].ci) for name in names}
         for robot, policies in zip(map(robot_of, found), of_each, strict=True)
     ]
     return table({FIRST: "robot", **{name: f"`{name}`" for name in names}}, rows).splitlines()
