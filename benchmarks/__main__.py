@@ -1,14 +1,14 @@
-"""`python -m benchmarks`: the measurements that take minutes together, as the rows of what must be seen.
+"""`python -m benchmarks`: the five measurements that together take a few minutes, with the limits of their figures.
 
-Their tables, and the rows that take longer, are those of the commands named: `python -m benchmarks.NAME --help`.
+The other commands, and more figures of these five: `python -m benchmarks.NAME --help`.
 """
 
 from dataclasses import dataclass
 
 from benchmarks import physics, policies, single_env, startup, vector_env
-from benchmarks.probes.physics_settings import FIRST, SHIPPED
 from benchmarks.support.bars import BARS
 from benchmarks.support.command import Outcome, Output, command
+from benchmarks.support.physics_settings import FIRST, SHIPPED
 from quad_env.cli.launcher import launch
 
 

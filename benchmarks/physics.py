@@ -11,12 +11,11 @@ import numpy as np
 from mujoco.batch import Batch
 from rich.table import Table
 
-from benchmarks.probes.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
-from benchmarks.probes.physics_settings import FIRST, SETTINGS, SHIPPED
 from benchmarks.support.bars import ACCURACY, check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread
-from benchmarks.support.progress import stage
+from benchmarks.support.measure import Floats, Subject, cores, interleave, speed_ratio, spread, stage
+from benchmarks.support.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
+from benchmarks.support.physics_settings import FIRST, SETTINGS, SHIPPED
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import launch
 

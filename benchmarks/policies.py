@@ -1,7 +1,7 @@
 """`python -m benchmarks.policies`: what an action costs, and whether one robot's loops keep their time.
 
-The last table has the 99.9th percentile of single calls: a robot's control loop has 10 ms, its joint loop 2 ms. Beside
-the wall time stands the processor's: what else runs on the machine lengthens the one, not the other.
+The last table has the 99.9th percentile of single calls: a robot's control loop has 10 ms, its joint loop 2 ms. It has
+wall time and processor time: other work on the machine lengthens the first alone.
 """
 
 import time

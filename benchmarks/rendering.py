@@ -1,7 +1,7 @@
 """`python -m benchmarks.rendering`: frames a second of 640 x 480 pixels, as `gym.make` gives them.
 
-Counted in the processor's time, of all threads: what one core that renders in software manages, whatever else it does
-meanwhile. A graphics processor's work is not in it.
+The time is the processor time of all threads: the rate of one core that renders in software, without the influence of
+other work on the machine. Work of a graphics processor is not counted.
 """
 
 import time

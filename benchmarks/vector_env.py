@@ -1,8 +1,8 @@
 """`python -m benchmarks.vector_env`: the whole of the batch's `step` against a bare `Batch.step` of the same robots.
 
-Both walk from the same states with the same actions, on as many threads. What happens too seldom to meet every round is
-billed: a thousandth of a reset, for the end of an episode, and twice that for the commands drawn each 5 s, of which a
-reset holds one.
+Both walk from the same states with the same actions, on as many threads. The costs of rare events are
+added to every step: a thousandth of a reset for the end of an episode, and twice that for the commands drawn each 5 s,
+since a reset draws one.
 """
 
 import time
@@ -16,9 +16,18 @@ import policies
 from benchmarks.support import bare
 from benchmarks.support.bars import check
 from benchmarks.support.command import Common, Outcome, cell, command, table
-from benchmarks.support.measure import Floats, Spread, cores, difference, interleave, speed_ratio, spread
-from benchmarks.support.progress import Advance, stage
-from quad_env import ENV_ID, MAX_EPISODE_STEPS, OBSERVATION_SIZE, SCENARIOS, CommandRanges, HeightScan
+from benchmarks.support.measure import (
+    Advance,
+    Floats,
+    Spread,
+    cores,
+    difference,
+    interleave,
+    speed_ratio,
+    spread,
+    stage,
+)
+from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import launch
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -26,7 +35,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 JUDGED = ("flat", 1024)
 """Scenario and number of robots that the bar is for."""
 RESETS = 5
-"""Resets that are timed for the bill."""
+"""Resets that are timed (count)."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +63,9 @@ class Result:
     """One size on one scenario."""
 
     seconds: dict[str, Floats]
-    """Per robot and control step, (rounds,): of the environment with what is billed, and of the bare batch."""
+    """Per robot and control step, (rounds,): of the environment with its share of resets, and of the bare batch."""
     reset_us: Spread
-    """A robot."""
+    """Of one robot, µs."""
     ratio: Spread
     overhead_us: Spread
 
@@ -88,7 +97,7 @@ def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Res
     """Environment and bare batch, a control step each in turns."""
     start = bare.start(name, num_envs, options.robot)
     robots = bare.Robots(start, options.threads)
-    walkers = Walkers(name, start, options.threads, robot=options.robot)
+    walkers = Walkers(name, start, options.threads, options.robot)
     for _ in range(options.warm_up):
         walkers.step()
         robots.run(walkers.action[None])
@@ -109,14 +118,12 @@ def compare(name: str, num_envs: int, options: Options, advance: Advance) -> Res
 
 
 class Walkers:
-    """The environment's batch under the trot, which sees no scan, from the given start."""
+    """The environment's batch under the trot, from the given start."""
 
-    def __init__(
-        self, name: str, start: bare.Start, threads: int, scan: HeightScan | None = None, robot: str = SIMPLE_QUAD.name
-    ) -> None:
+    def __init__(self, name: str, start: bare.Start, threads: int, robot: str = SIMPLE_QUAD.name) -> None:
         count = len(start.seeds)
         self.env: gym.vector.VectorEnv[Any, Any, Any] = gym.make_vec(
-            ENV_ID, count, scenario=name, nthread=threads, height_scan=scan, robot=robot
+            ENV_ID, count, scenario=name, nthread=threads, robot=robot
         )
         self._policy = policies.make("trot", robot=robot)
         self._policy.reset(count)
@@ -127,7 +134,7 @@ class Walkers:
 
     def step(self) -> float:
         """Seconds a robot that `step` took, without the policy."""
-        self.action = self._policy.act(self.observation[:, :OBSERVATION_SIZE])
+        self.action = self._policy.act(self.observation)
         begin = time.perf_counter()
         self.observation, _, terminated, truncated, _ = self.env.step(self.action)
         seconds = time.perf_counter() - begin

@@ -1,14 +1,12 @@
-"""`python -m benchmarks.view`: the live view with a browser beside it, on this machine's processors.
+"""`python -m benchmarks.view`: the live view in a headless browser, on this machine's processors.
 
-The browser is headless and draws without graphics hardware, as on a machine that has none. A residual walks ahead; real
+The browser draws in software, without graphics hardware. A residual policy walks ahead; real
 time is the simulation's own, frames are those that the page has drawn. With `--seconds 3600` the growth is that of an
-hour. `--peers` shows the same robot in MuJoCo Studio's web viewer and in mjviser (`pip install mjviser`), whose frames
-are those that their pages draw.
+hour.
 """
 
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import time
@@ -36,11 +34,6 @@ LONG = 600.0
 EVERY = 1.0
 """s between two readings."""
 SIZE = {"width": 1280, "height": 900}
-COUNT_DRAWN = """() => {
-  window.drawn = 0;
-  const count = () => { window.drawn++; requestAnimationFrame(count); };
-  requestAnimationFrame(count);
-}"""
 
 
 @dataclass(frozen=True)
@@ -53,21 +46,16 @@ class Options(Output):
     """What the robot walks on."""
     policy: tuple[str, ...] = ("residual",)
     """Policies, a robot each."""
-    peers: bool = False
-    """MuJoCo Studio and mjviser too, 20 s each."""
 
 
 def measure(options: Options) -> Outcome:
-    """Watch our view, and the others for comparison."""
+    """Watch the view for that long."""
     if options.quick:
         options = Options(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
     with _browser() as browser:
         own = _watch(browser, options)
-        peers = {name: _peer(browser, name) for name in ("studio", "mjviser") if options.peers and _there(name)}
-    rows = table("Live view, a headless browser beside it", "viewer", "x real time", "frames/s", "first frame, s")
+    rows = table("Live view in a headless browser", "viewer", "x real time", "frames/s", "first frame, s")
     rows.add_row("quad_env view", f"{own['real_time']:.2f}", f"{own['frames']:.1f}", f"{own['first_frame']:.1f}")
-    for name, found in peers.items():
-        rows.add_row(name, "", f"{found['frames']:.1f}", f"{found['first_frame']:.1f}")
     growth = table(f"Growth over {options.seconds:g} s", "of", "at first", "at last", "share")
     for name in ("simulation, MiB", "page, MiB"):
         first, last = own[name]
@@ -77,7 +65,7 @@ def measure(options: Options) -> Outcome:
         check("view frames", own["frames"]),
         check("view first frame", own["first_frame"]),
     )
-    return Outcome({"view": own, "peers": peers}, (rows, growth), checks)
+    return Outcome({"view": own}, (rows, growth), checks)
 
 
 def _watch(browser: Any, options: Options) -> dict[str, Any]:
@@ -109,24 +97,6 @@ def _watch(browser: Any, options: Options) -> dict[str, Any]:
         "simulation, MiB": [simulation for simulation, _ in memory],
         "page, MiB": [heap for _, heap in memory],
     }
-
-
-def _peer(browser: Any, name: str) -> dict[str, float]:
-    port, begun = _free_port(), time.perf_counter()
-    with _process("-m", "benchmarks.probes.viewers", name, str(port)):
-        _until_open(port)
-        page = browser.new_page(viewport=SIZE)
-        page.goto(f"http://localhost:{port}/")
-        page.locator("canvas").first.wait_for(timeout=60_000)
-        first_frame = time.perf_counter() - begun
-        page.wait_for_timeout(1000 * 2 * WARM_UP)
-        page.evaluate(COUNT_DRAWN)
-        start = time.perf_counter()
-        page.wait_for_timeout(10_000)
-        drawn = page.evaluate("() => window.drawn")
-        rate = drawn / (time.perf_counter() - start)
-        page.close()
-    return {"frames": rate, "first_frame": first_frame}
 
 
 def _frames(page: Any) -> int:
@@ -165,24 +135,6 @@ def _process(*words: str) -> Iterator[subprocess.Popen[str]]:
     finally:
         process.kill()
         process.communicate()
-
-
-def _there(name: str) -> bool:
-    return name != "mjviser" or find_spec("mjviser") is not None
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return int(free.getsockname()[1])
-
-
-def _until_open(port: int) -> None:
-    for _ in range(300):
-        with socket.socket() as trial:
-            if trial.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.1)
-    raise UsageError("the viewer did not start")
 
 
 main = command(Options, measure, "benchmarks.view", __doc__)

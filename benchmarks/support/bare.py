@@ -1,4 +1,4 @@
-"""The limit: MuJoCo alone, on the model, start states and actions of the environment it is compared with."""
+"""MuJoCo alone, with the model, start states and actions of the environment that is compared with it."""
 
 import time
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
 COMMAND = (0.5, 0.0, 0.3)
-"""What the robots of the benchmarks are told to do: forward m/s, lateral m/s, yaw rate rad/s."""
+"""Velocity command of the benchmarks: forward m/s, lateral m/s, yaw rate rad/s."""
 MOST_STARTS = 256
 """Different start states of a batch; a larger one repeats them."""
 

@@ -1,4 +1,4 @@
-"""What all commands share: options, ranges, the way from a measurement to tables, a file and an exit code."""
+"""What all commands share: options, their limits, printed tables, the JSON file and the exit code."""
 
 import dataclasses
 import json
@@ -25,18 +25,13 @@ LIMITS = {
     "rounds": (1, 10_000),
     "envs": (1, 65_536),
     "threads": (1, 256),
-    "episodes": (1, 10**6),
     "robot_steps": (1, 10**9),
     "warm_up": (1, MAX_EPISODE_STEPS),
     "calls": (10, 10**7),
     "frames": (1, 10**6),
     "seconds": (1.0, 1e6),
-    "seeds": (0, 1000),
-    "kills": (1, 1000),
-    "every": (1, 10**12),
-    "piece": (1, 10**9),
 }
-"""Least and most of each option of that name, whichever command has it."""
+"""Smallest and largest value of each option, by name, in all commands."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +57,7 @@ Options = TypeVar("Options", bound=Output)
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a command measured: JSON figures, tables for people, and rows of what must be seen."""
+    """What a command measured: figures for the JSON file, tables to print, and figures that have limits."""
 
     figures: dict[str, Any]
     tables: tuple[Table, ...]
@@ -75,8 +70,10 @@ class Outcome:
 def command(
     kind: type[Options], measure: Callable[[Options], Outcome], program: str, description: str | None
 ) -> Callable[..., int]:
-    """Parses, measures, prints and keeps; gives the exit code: 0, 2 with one line after a user's mistake, 130 after
-    Ctrl-C. Takes the words of the command line, or those that the process was called with."""
+    """A function of the command line's words, by default those of the process: it parses, measures, prints and writes.
+
+    It returns the exit code: 0, 2 with one line after a user's mistake, 130 after Ctrl-C.
+    """
 
     def run(words: Sequence[str]) -> int:
         options = parse(kind, list(words), program=f"python -m {program}", description=description or "")
@@ -100,7 +97,7 @@ def _check(options: Output) -> None:
 
 
 def conclude(outcome: Outcome, facts: dict[str, Any], options: Output, program: str) -> None:
-    """Print the tables, the notes and the rows of what must be seen; write the JSON file."""
+    """Print the tables, the notes and the figures with limits; write the JSON file."""
     console = Console(width=WIDTH, highlight=False)
     for part in outcome.tables:
         console.print(part)
@@ -121,25 +118,23 @@ def conclude(outcome: Outcome, facts: dict[str, Any], options: Output, program: 
 
 
 def checks_table(checks: Sequence[Check], unmeasured: Sequence[str]) -> Table:
-    """The rows of what must be seen; `unmeasured` bars name the command that measures them."""
-    rows = table("What must be seen", "row", "bar", "measured", "")
+    """The figures with their limits; an `unmeasured` one names the command that measures it."""
+    rows = table("Limits", "figure", "bar", "measured", "")
     for each in checks:
         limits = BARS[each.bar].limits
-        units = [limit.unit for limit in limits] or [""]
-        values = ", ".join(f"{value:.4g}{unit}" for value, unit in zip(each.values, units, strict=True))
-        verdict = {True: "[green]met[/]", False: "[red]not met[/]", None: ""}[each.met]
-        rows.add_row(BARS[each.bar].what, _limits(each.bar), values, verdict)
+        values = ", ".join(f"{value:.4g}{limit.unit}" for value, limit in zip(each.values, limits, strict=True))
+        rows.add_row(BARS[each.bar].what, _limits(each.bar), values, "[green]met[/]" if each.met else "[red]not met[/]")
     for name in unmeasured:
         rows.add_row(BARS[name].what, _limits(name), f"python -m benchmarks.{BARS[name].command}", "")
     return rows
 
 
 def _limits(bar: str) -> str:
-    return " or ".join(map(str, BARS[bar].limits)) or "-"
+    return " or ".join(map(str, BARS[bar].limits))
 
 
 def table(title: str, *heads: str) -> Table:
-    """An empty table, its first column to the left, the others to the right."""
+    """An empty table, its first column left-aligned, the others right-aligned."""
     made = Table(title=title, title_justify="left", title_style="bold")
     for number, head in enumerate(heads):
         made.add_column(head, justify="right" if number else "left")
@@ -152,7 +147,7 @@ def cell(value: Spread, digits: int = 2) -> str:
 
 
 def plain(value: Any) -> Any:
-    """JSON types of dataclasses, arrays and paths, however nested; what is not finite becomes None."""
+    """JSON types of dataclasses, arrays and paths, nested to any depth; None for numbers that are not finite."""
     return without_nan(json.loads(json.dumps(value, default=_plain)))
 
 

@@ -1,22 +1,42 @@
-"""Fair measurement: subjects take turns (A B A B …), so that what else the machine does meets all of them alike."""
+"""Fair measurement: subjects take turns (A B A B …), so that other work on the machine slows all of them alike."""
 
 import os
 import platform
-from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from benchmarks.support.progress import stage
 from evaluate.records.provenance import cpu_model
 
 Floats = NDArray[np.float64]
 Subject = Callable[[], float]
-"""Does the same work at every call; gives the seconds that one unit of it took."""
+"""Does the same work at every call; returns the seconds that one unit of it took."""
+Advance = Callable[[], None]
+"""Counts one part of the work as done."""
+
+
+@contextmanager
+def stage(description: str, total: int) -> Iterator[Advance]:
+    """Progress of `total` parts of work on stderr: a bar on a terminal, one line at the end elsewhere."""
+    console = Console(stderr=True)
+    begin = time.perf_counter()
+    if console.is_terminal:
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        with Progress(*columns, TextColumn("left"), TimeRemainingColumn(), console=console, transient=True) as progress:
+            task = progress.add_task(description, total=total)
+            yield lambda: progress.advance(task)
+        return
+    yield lambda: None
+    print(f"{description}: {time.perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
 
 
 def interleave(subjects: Mapping[str, Subject], rounds: int, title: str = "", warm_up: int = 1) -> dict[str, Floats]:

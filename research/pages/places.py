@@ -1,15 +1,16 @@
-"""Places in Markdown files that commands write tables into."""
+"""Places in Markdown files that commands write into: what is between `<!-- NAME -->` and `<!-- /NAME -->`."""
 
 from pathlib import Path
 
 from quad_env.cli.command_line import UsageError
+from quad_env.files.reading import read_bytes
 
 RESULTS = "results"
-"""Name of a file's first place: between `<!-- results -->` and `<!-- /results -->`."""
+"""Name of a file's first place."""
 
 
 def insert(text: str, lines: list[str], place: str = RESULTS) -> str:
-    """The text with the lines between the markers of that place; UsageError where it has none."""
+    """The text with the lines between the markers of that place. Raises UsageError where it has none."""
     begin, end = f"<!-- {place} -->", f"<!-- /{place} -->"
     if begin not in text or end not in text:
         raise UsageError(f"no {begin} and {end} in the file that is to hold the results")
@@ -19,11 +20,11 @@ def insert(text: str, lines: list[str], place: str = RESULTS) -> str:
 
 
 def page_with(page: Path, *places: str) -> str:
-    """Text of the page; UsageError where it cannot be read or lacks one of the places."""
+    """Text of the page. Raises UsageError where it cannot be read or lacks one of the places."""
     try:
-        text = page.read_text(encoding="utf-8")
+        text = read_bytes(page).decode()
     except (OSError, UnicodeError) as error:
-        raise UsageError(f"--page: cannot read {page} ({error})") from error
+        raise UsageError(f"cannot read the page {page} ({error})") from error
     for place in places:
         insert(text, [], place)
     return text

@@ -1,19 +1,17 @@
-"""`python -m research calibration`: do intervals cover, and tests cry wolf, as often as they say?
+"""`python -m research calibration`: error rates of the intervals and tests on made-up data.
 
-Every row repeats one interval or test on made-up data sets whose truth is known, or one test on random halves of the
-episodes of one policy.
+A row repeats one interval or test on many data sets whose truth is known, and counts how often the interval holds the
+truth, or how often the test claims a difference that is not there.
 """
 
 import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.files.reading import LARGEST, read_bytes
 from research.statistics import checks
 from research.statistics.checks import Check
 
@@ -33,8 +31,6 @@ class Options:
     """Fall probabilities of the made-up policies."""
     only: str = ""
     """Rows whose name contains this; all, if empty."""
-    real: Path | None = None
-    """An episodes.parquet: each policy on each scenario in it is split at random into halves, and those are tested."""
     seed: int = 0
     """Which data sets (whole number from 0)."""
 
@@ -52,28 +48,7 @@ def _checks(options: Options) -> Iterator[Check]:
     if not options.episodes or not options.fall_probabilities:
         raise UsageError("--episodes and --fall-probabilities must each have at least one value")
     check_numbers(options, LIMITS)
-    if options.real is None:
-        yield from checks.all_checks(options.episodes, options.fall_probabilities)
-    else:
-        yield from _real(options.real)
-
-
-def _real(path: Path) -> Iterator[Check]:
-    """Checks of every policy on every scenario of an episodes.parquet."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        content = pa.py_buffer(read_bytes(path, LARGEST))
-        rows = pq.read_table(content, columns=["policy", "scenario", "fell", "velocity_error"]).to_pylist()
-    except (OSError, pa.ArrowException) as error:
-        raise UsageError(f"cannot read {path}: {error}") from error
-    cells: dict[str, list[tuple[bool, float]]] = {}
-    for row in rows:
-        cells.setdefault(f"{row['policy']} on {row['scenario']}", []).append((row["fell"], row["velocity_error"]))
-    for label, outcomes in cells.items():
-        fell, errors = zip(*outcomes, strict=True)
-        yield from checks.split_checks(label, np.array(fell), np.array(errors))
+    yield from checks.all_checks(options.episodes, options.fall_probabilities)
 
 
 def _run(rows: list[Check], options: Options) -> None:

@@ -8,8 +8,6 @@ import numpy as np
 
 from evaluate.statistics.breaking_point import breaking_point, breaking_ratio, next_level
 from evaluate.statistics.intervals import (
-    Bools,
-    Floats,
     Interval,
     bootstrap_interval,
     difference_interval,
@@ -21,7 +19,6 @@ from evaluate.statistics.intervals import (
 from evaluate.statistics.significance import mcnemar, relabelling_test, sign_flip_test
 from research.statistics.exact_size import (
     SIGNIFICANT,
-    attainable_barnard,
     attainable_mcnemar,
     barnard_p_value,
     discordance,
@@ -111,30 +108,6 @@ def null_checks(count: int, fall_probability: float) -> Iterator[Check]:
     }
     for name, (outcome, bounds, expected) in rules.items():
         yield Check(name, count, fall_probability, outcome, bounds, expected)
-
-
-def split_checks(label: str, fell: Bools, error: Floats) -> Iterator[Check]:
-    """Is a difference claimed between random halves of the episodes of one policy?"""
-    half = len(fell) // 2
-    fell, error = fell[: 2 * half], error[: 2 * half]
-
-    def halves(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        order = generator.permutation(2 * half)
-        return order[:half], order[half:]
-
-    def errors_differ(generator: np.random.Generator) -> bool:
-        a, b = halves(generator)
-        return relabelling_test(error[a], error[b]) < SIGNIFICANT
-
-    def falls_differ(generator: np.random.Generator) -> bool:
-        a, b = halves(generator)
-        return barnard_p_value(half, int(fell[a].sum()), int(fell[b].sum())) < SIGNIFICANT
-
-    rate = float(fell.mean())
-    yield Check(f"relabelling, halves of {label}", half, rate, errors_differ, HOLDS_LEVEL, SIGNIFICANT)
-    exact = attainable_barnard(half, int(fell.sum()))
-    bounds = (exact - SIGNIFICANT / 5, exact + SIGNIFICANT / 5)
-    yield Check(f"Barnard, halves of {label}", half, rate, falls_differ, bounds, exact)
 
 
 def share_of_yes(check: Check, sets: int, seed: int) -> float:

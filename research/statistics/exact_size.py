@@ -22,20 +22,6 @@ def attainable_mcnemar(pairs: int, discordant: float) -> float:
     return size
 
 
-def attainable_barnard(half: int, falls: int) -> float:
-    """Exact chance that Barnard's test is significant between random halves of that many episodes with so many falls.
-
-    Over all counts of falls it is at most 5 %; at a given one it can be more.
-    """
-    from scipy.stats import hypergeom
-
-    in_a = np.arange(max(0, falls - half), min(half, falls) + 1)
-    chance = hypergeom.pmf(in_a, 2 * half, falls, half)
-    likely = chance > 1e-6
-    rejected = [barnard_p_value(half, int(k), falls - int(k)) < SIGNIFICANT for k in in_a[likely]]
-    return float(chance[likely] @ rejected)
-
-
 @cache
 def discordance(fall_probability: float) -> float:
     """Probability that just one of two equal policies falls, which share half of their luck."""

@@ -1,16 +1,15 @@
-"""How well the sensors' readings tell attitude and velocity: `python -m research estimation`.
+"""Errors of estimated attitude and velocity: `python -m research estimation`.
 
-The same episodes of a trot that walks by what is estimated, at 0.5 to 1 m/s, once with each estimator. An error is that
-of the estimate of the moment that all sensors have reported, or of what the observation shows, which is a control step
-later with sensors of that delay; roots of mean squares over robots and control steps, after the first second and before
-a fall.
+A trot walks on estimates at 0.5 to 1 m/s, in the same episodes with each estimator. One error is that of the estimate
+for the moment of the readings; the other is that of the observation, which is a control step later with sensors of that
+delay. Both are root mean squares over robots and control steps, after the first second and before a fall.
 
-NEES is the normalised estimation error squared eᵀ P⁻¹ e of the tilt, two entries, and the velocity, three, P being the
-covariance that the estimator claims: 5 on average if it claims what is true. Of the mean over n runs 95 % lie in the
-band that χ² of 5 n degrees of freedom has (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
+NEES is the normalised estimation error squared eᵀ P⁻¹ e of tilt (two entries) and velocity (three), where P is the
+estimator's covariance: 5 on average if the covariance is right. 95 % of the means over n runs lie in the band of
+χ² with 5 n degrees of freedom (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
 Navigation, 2001).
 
-A second table says what policies lose by walking on estimates: `policies_on_estimates`.
+A second table compares the success of policies on the truth and on estimates: `policies_on_estimates`.
 """
 
 from collections import deque
@@ -56,15 +55,15 @@ class Options:
     """Measure the estimators."""
 
     tables: tuple[Literal["errors", "success"], ...] = ("errors", "success")
-    """What is measured: errors of the estimators, success of policies on estimates."""
+    """Tables to make: errors of the estimators, success of policies on estimates."""
     policy: str = "trot"
-    """Policy that walks for the errors: a name or a folder, as of python -m evaluate."""
+    """Policy for the errors: a name or a folder, as for python -m evaluate."""
     policies: tuple[str, ...] = ("trot_feedback", "residual", "mpc_wbc")
-    """Policies whose success is measured, likewise."""
+    """Policies whose success is measured: names or folders."""
     scenarios: tuple[str, ...] = ("flat", "push", "rough")
-    """Scenarios that they walk on, as of python -m evaluate."""
+    """Scenarios, as for python -m evaluate."""
     sensors: str = "typical"
-    """Sensors that are walked by, one of quad_env.SENSORS: ideal or typical."""
+    """Sensors, one of quad_env.SENSORS: ideal or typical."""
     episodes: int = 32
     """Episodes of 10 s in each row (count)."""
     seed: int = 0
@@ -94,7 +93,7 @@ class Errors(NamedTuple):
     height: Floats
     """Of the trunk above the ground, of that moment, m, (steps, n); not a number where it is not estimated"""
     height_claimed: Floats
-    """Its standard deviation by the estimator, likewise"""
+    """The estimator's standard deviation of the height, m, (steps, n)"""
 
 
 def main(options: Options) -> int:
@@ -121,7 +120,7 @@ def main(options: Options) -> int:
 
 
 def _check_success(options: Options) -> None:
-    """Raise UsageError, before anything walks, where the second table's policies or scenarios are none."""
+    """Raise UsageError, before anything is simulated, for unknown policies or scenarios of the second table."""
     try:
         battery.resolve(options.scenarios)
     except ValueError as error:
@@ -161,14 +160,14 @@ def table(options: Options) -> Iterator[str]:
 
 
 def _height(found: Errors) -> str:
-    """Error of the height, mm, and what is claimed of it; a dash where there is none."""
+    """Error of the height and its standard deviation by the estimator, mm; a dash where it has none."""
     if np.isnan(found.height).all():
         return ABSENT
     return f"{1e3 * rms(found.height):.1f} ({1e3 * rms(found.height_claimed):.1f} claimed)"
 
 
 def walks(ground: int) -> dict[str, Scenario]:
-    """What is walked, by name; the rough ground is the field of that number."""
+    """Scenarios by name; the rough ground is the field of that number."""
     flat, rough = (_forward(elsewhere(SCENARIOS[name], ground)) for name in ("flat", "rough"))
     straight = replace(flat, commands=replace(flat.commands, yaw_rate=(0.0, 0.0)))
     return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
@@ -219,7 +218,7 @@ def consistency(nees: Floats) -> tuple[str, str]:
 
 
 class _Watch:
-    """Observer of the errors of what is estimated `late` control steps ago and shown now."""
+    """Observer of the errors of estimates that are `late` control steps old, and of the observation."""
 
     def __init__(self, late: int) -> None:
         self._truths: deque[tuple[Floats, Floats, Floats]] = deque(maxlen=late + 1)
@@ -244,7 +243,7 @@ class _Watch:
         self._rows.append((tilt, moved, velocity - estimator.velocity, nees, height, claimed))
 
     def errors(self, fall_step: NDArray[np.int64]) -> Errors:
-        """The finished record, but for what follows falls."""
+        """The errors, without those after falls."""
         found = Errors._make(np.array(column) for column in zip(*self._rows, strict=True))
         fallen = np.arange(SETTLING, SETTLING + len(found.nees))[:, None] >= fall_step
         for each in found:
@@ -259,9 +258,9 @@ def roll_pitch(gravity: Floats) -> Floats:
 
 
 def normalised(gravity: Floats, turned: Floats, moved: Floats, covariance: Floats) -> Floats:
-    """NEES of errors of tilt, rad, and velocity, m/s, (n, 3) each, beside estimates of gravity, (n,).
+    """NEES of errors of tilt, rad, and velocity, m/s, (n, 3) each, at estimates of gravity (n, 3); shape (n,).
 
-    The tilt about gravity itself is none; the two entries are along axes across it.
+    A rotation about gravity is no tilt; the two entries are along axes normal to gravity.
     """
     across = np.cross(gravity, (1.0, 0.0, 0.0))
     across /= np.linalg.norm(across, axis=-1, keepdims=True)

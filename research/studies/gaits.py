@@ -1,10 +1,9 @@
-"""What the gaits do on flat ground: `python -m research gaits`.
+"""The gaits on flat ground: `python -m research gaits`.
 
-Each gait at its speed: falls, and measured against commanded duty factors and phase offsets. Every change of gait under
-way, at a time of its own for each robot: falls, and how fast the joint targets move. What an action costs.
+Each gait at its speed: falls, and measured against commanded duty factors and phase offsets. Every change of gait while
+walking, at a different time for each robot: falls, and the speed of the joint targets.
 """
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,6 @@ from evaluate.rollouts.strides import Strides, walked
 from policies.base import CONTROL_PERIOD
 from policies.gaits.parameters import GAITS, OFFSETS
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
-from quad_env import OBSERVATION_SIZE
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.seeding import episode_seeds
 
@@ -29,7 +27,6 @@ CHANGE = (200, 250)
 """Control steps within which the change of gait is asked for."""
 CHANGE_STEPS = 600
 """Control steps of an episode with a change of gait."""
-TIMED_ROBOTS, TIMED_STEPS = 1024, 200
 
 LIMITS = {"robots": (1, 65_536), "seconds": (3.0, 1000.0), "threads": (1, 256), "seed": (0, 2**31)}
 """Smallest and largest value of each number of the options."""
@@ -75,20 +72,6 @@ def changes(first: str, others: tuple[str, ...], seeds: NDArray[np.int64], *, th
 
     found = walked(policy, command, np.tile(seeds, len(others)), change, steps=CHANGE_STEPS, nthread=threads)
     return [found.of(goal == number) for number in range(len(others))]
-
-
-def microseconds(robots: int = TIMED_ROBOTS, steps: int = TIMED_STEPS) -> float:
-    """Median cost of an action of one robot among so many, µs, each robot in its own gait."""
-    policy, observation = Gaits(), np.zeros((robots, OBSERVATION_SIZE), np.float32)
-    policy.reset(robots)
-    for number, gait in enumerate(GAITS):
-        policy.request(gait, np.arange(robots) % len(GAITS) == number)
-    taken = []
-    for _ in range(steps):
-        begin = time.perf_counter()
-        policy.act(observation)
-        taken.append(time.perf_counter() - begin)
-    return float(np.median(taken)) / robots * 1e6
 
 
 def _steady_table(options: Options) -> Table:
@@ -147,5 +130,4 @@ def main(options: Options) -> int:
     console.print(_steady_table(options))
     if options.changes and len(options.gaits) > 1:
         console.print(_change_table(options))
-    console.print(f"{microseconds():.2f} µs a robot and control step, {TIMED_ROBOTS} robots in all gaits")
     return 0

@@ -1,9 +1,9 @@
-"""Whether a result hangs on the ground: `python -m research ground` judges policies on two disjoint sets of surfaces.
+"""Dependence of success on the very surfaces: `python -m research ground` runs policies on two disjoint sets of them.
 
-Every episode on random ground has a surface of its own, a part of one large field. Here the same episodes, seed by
-seed, are run on that of the evaluation and on another field. If what is found is true of such ground, and not of those
-very surfaces, each share of successes lies within the 95 % interval of the other, but for about one in six that chance
-puts outside; whether the paired difference is more than chance is tested too, corrected by Holm's method.
+Every episode on random ground has its own surface, a part of one large field. Here the same episodes, seed by seed, run
+on the field of the evaluation and on another one. If the results hold for such ground in general, each share of
+successes lies within the 95 % interval of the other, except about one in six by chance. The paired difference is also
+tested, corrected by Holm's method.
 """
 
 from collections.abc import Iterator
@@ -46,7 +46,7 @@ class Options:
     seed: int = 0
     """Which set of episodes (whole number from 0)."""
     other: int = 3
-    """Seed of the other field; 1, 2 and those from 1000 on are what validation, searches and training walk on."""
+    """Seed of the other field; 1, 2 and those from 1000 on are the fields of validation, searches and training."""
     threads: int = 2
     """Threads of the simulation."""
 
@@ -67,7 +67,7 @@ class Pair:
 
 
 def main(options: Options) -> int:
-    """Judge and print; exit code 1 where a difference is significant. Raises UsageError."""
+    """Run and print; exit code 1 where a difference is significant. Raises UsageError."""
     check_numbers(options, LIMITS)
     found = list(pairs(options, _on_random_ground(options)))
     corrected = holm([mcnemar(pair.here, pair.there) for pair in found])
@@ -78,7 +78,7 @@ def main(options: Options) -> int:
 
 
 def pairs(options: Options, scenarios: list[Scenario]) -> Iterator[Pair]:
-    """What each policy does on each scenario."""
+    """Successes of each policy on each scenario."""
     seeds = evaluation_seeds(options.seed, options.episodes)
     for scenario in scenarios:
         for name in options.policies:
@@ -97,8 +97,8 @@ def elsewhere(scenario: Scenario, seed: int) -> Scenario:
 def succeeded(policy: str, scenario: Scenario, seeds: NDArray[np.int64], threads: int) -> Bools:
     """Which of the episodes succeed, (n,)."""
     parts = np.array_split(seeds, -(-len(seeds) // AT_ONCE))
-    judged = (measure(run(policies.resolve(policy), scenario, part, nthread=threads)) for part in parts)
-    return np.concatenate([each.succeeded for each in judged])
+    measured = (measure(run(policies.resolve(policy), scenario, part, nthread=threads)) for part in parts)
+    return np.concatenate([each.succeeded for each in measured])
 
 
 def table(found: list[Pair], corrected: list[float]) -> Table:

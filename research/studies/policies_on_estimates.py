@@ -1,4 +1,4 @@
-"""What policies lose by walking on estimates: their successes on the truth and with each estimator, the same episodes.
+"""Success of policies on the truth and with each estimator, in the same episodes.
 
 Success is that of the evaluator; a difference is that of shares paired by episode, with its 95 % score interval.
 """

@@ -1,12 +1,11 @@
-"""What the predictive controllers foresee beside what happens: `python -m research prediction`.
+"""Predictions of the predictive controllers and what happens: `python -m research prediction`.
 
-At every control step the plan says where the robot, as one rigid body, is to be after each step of the horizon, and
-what its feet bear on the way. The same is read from MuJoCo when that time has come: centre of mass, velocities and
-attitude of the whole robot, forces of the contacts. All is told in the level frame of the moment of the plan. A plan is
-carried out for one control step alone, then comes the next one: what is compared is the model together with the steps
-that the controller has yet to decide, as it counts on them.
+At every control step the plan predicts the state of the robot, as one rigid body, after each step of the horizon, and
+the forces of its feet. MuJoCo gives the same quantities at those times: centre of mass, velocities and attitude of the
+whole robot, forces of the contacts. All are in the level frame of the moment of the plan. Only the first control step
+of a plan is executed, so the comparison tests the model and the controller's expectation of its own later steps.
 
-A forecast is worth something if it errs less than "it goes on as it is": the same height, velocities and attitude.
+A useful prediction has smaller errors than the assumption that height, velocities and attitude stay the same.
 """
 
 from collections.abc import Iterator
@@ -36,15 +35,15 @@ SETTLING = 100
 """Control steps from the start that do not count."""
 GROUNDS = ("flat", "rough", "push")
 AHEAD = (1, 5, 10)
-"""Steps of the horizon after which errors are told."""
+"""Steps of the horizon after which errors are measured."""
 COMMAND = (0.5, 0.0, 0.0)
-"""Of the stride that is drawn, m/s, m/s and rad/s."""
+"""Command of the drawn stride, m/s, m/s and rad/s."""
 _LIMITS = {"episodes": (1, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "start": (SETTLING, STEPS - 100)}
 
 
 @dataclass(frozen=True)
 class Options:
-    """Compare what is foreseen with what happens."""
+    """Compare predictions with what happens."""
 
     policy: Literal["mpc", "mpc_wbc"] = "mpc_wbc"
     """Policy that walks."""
@@ -64,16 +63,16 @@ class Options:
 
 
 class Walk(NamedTuple):
-    """What n robots did and were to do."""
+    """What n robots did, and the predictions."""
 
     measured: WholeBody
     """Before each control step, and after the last one."""
     rise: Floats
-    """Foreseen rise of the centre of mass after each step of the horizon, (steps, n, N), m."""
+    """Predicted rise of the centre of mass after each step of the horizon, (steps, n, N), m."""
     velocity: Floats
-    """Foreseen velocity in the level frame of the plan's moment, (steps, n, N, 3), m/s."""
+    """Predicted velocity in the level frame of the plan's moment, (steps, n, N, 3), m/s."""
     tilt: Floats
-    """Foreseen change of roll and pitch, (steps, n, N, 2), rad."""
+    """Predicted change of roll and pitch, (steps, n, N, 2), rad."""
     forces: Floats
     """Planned forces of the feet in that frame, (steps, n, N, 4, 3), N."""
     phase: Floats
@@ -106,28 +105,31 @@ def table(policy: Mpc, options: Options) -> Iterator[str]:
         seeds = episode_seeds("validation", options.seed, options.episodes)
         found = walk(policy, elsewhere(SCENARIOS[name], options.ground), seeds)
         for steps in AHEAD:
-            foreseen, same = (errors(found, steps, period, policy.control_period, still) for still in (False, True))
-            cells = (f"{a:.{n}f} ({b:.{n}f})" for a, b, n in zip(foreseen, same, (1, 3, 3, 2), strict=True))
+            predicted, same = (errors(found, steps, period, policy.control_period, still) for still in (False, True))
+            cells = (f"{a:.{n}f} ({b:.{n}f})" for a, b, n in zip(predicted, same, (1, 3, 3, 2), strict=True))
             yield f"| {name} | {steps * period:.2f} | {' | '.join(cells)} |"
     yield ""
     yield (
         f"`{policy.name}`, {options.episodes} validation episodes on each ground; root mean square errors, in brackets "
-        "those of going on as it is."
+        "those of the assumption that nothing changes."
     )
 
 
 def walk(
     policy: Mpc, scenario: str | Scenario, seeds: NDArray[np.int64], command: Any = None, steps: int = STEPS
 ) -> Walk:
-    """An episode of `policy` for each seed; what follows a fall means nothing."""
+    """An episode of `policy` for each seed; entries after a fall mean nothing."""
     falls, watch = Falls(len(seeds), steps), _Watch(policy)
     roll_out(policy, scenario, seeds, falls, watch, command=command, steps=steps)
     return watch.walk(falls.step)
 
 
 def errors(found: Walk, steps: int, horizon_step: float, control_period: float, still: bool = False) -> Floats:
-    """Root mean square errors of a forecast so many steps of the horizon ahead: height, mm, horizontal and upward
-    velocity, m/s, roll and pitch together, °; `still`: of one that says that nothing changes."""
+    """Root mean square errors of a prediction so many steps of the horizon ahead, shape (4,).
+
+    Height, mm; horizontal and upward velocity, m/s; roll and pitch together, °. `still`: of the prediction that nothing
+    changes.
+    """
     late, at = round(steps * horizon_step / control_period), steps - 1
     heading = turned_back(found.measured.rotation[:-late])
     counts = np.arange(len(heading))[:, None]
@@ -172,7 +174,7 @@ class _Watch:
     def __init__(self, policy: Mpc) -> None:
         self._policy = policy
         self._measured: list[WholeBody] = []
-        self._foreseen: list[tuple[Floats, ...]] = []
+        self._predicted: list[tuple[Floats, ...]] = []
 
     def __call__(self, step: Step) -> None:
         count = len(step.observation)
@@ -184,21 +186,21 @@ class _Watch:
         # The action of the step that is done was chosen before it: by what was measured one step ago.
         forecast = self._policy.forecast()
         start, path = forecast.body, forecast.path
-        foreseen = (
+        predicted = (
             path.position[..., 2] - start.position[:, None, 2],
             path.velocity,
             path.angles[..., :2] - start.angles[:, None, :2],
             forecast.forces,
         )
-        row = [np.full((count, *each.shape[1:]), np.nan) for each in foreseen]
-        for whole, part in zip(row, foreseen, strict=True):
+        row = [np.full((count, *each.shape[1:]), np.nan) for each in predicted]
+        for whole, part in zip(row, predicted, strict=True):
             whole[forecast.robots] = part
-        self._foreseen.append((*row, self._policy.phase.copy()))
+        self._predicted.append((*row, self._policy.phase.copy()))
 
     def walk(self, fall_step: NDArray[np.int64]) -> Walk:
         """The finished record."""
         measured = WholeBody(*(np.array(each) for each in zip(*self._measured, strict=True)))
-        rise, velocity, tilt, forces, phase = (np.array(each) for each in zip(*self._foreseen, strict=True))
+        rise, velocity, tilt, forces, phase = (np.array(each) for each in zip(*self._predicted, strict=True))
         return Walk(measured, rise, velocity, tilt, forces, phase, fall_step)
 
 
@@ -220,7 +222,7 @@ def draw(policy: Mpc, found: Walk, start: int, out: Path) -> None:
     ends = policy.parameters.horizon_step * np.arange(HORIZON + 1)
     velocity = measured.velocity @ heading.T
     lean = np.degrees(tilt_of(measured.rotation) - tilt_of(measured.rotation[0]))
-    foreseen_tilt = np.degrees(found.tilt[first, 0])
+    predicted_tilt = np.degrees(found.tilt[first, 0])
     figure, panels = plt.subplots(2, 4, figsize=(12, 5), layout="constrained", sharex=True)
     shown = (
         (
@@ -230,11 +232,11 @@ def draw(policy: Mpc, found: Walk, start: int, out: Path) -> None:
         ),
         ("forward velocity, m/s", velocity[:, 0], found.velocity[first, 0, :, 0]),
         ("upward velocity, m/s", velocity[:, 2], found.velocity[first, 0, :, 2]),
-        ("change of pitch, °", lean[:, 1], foreseen_tilt[:, 1]),
+        ("change of pitch, °", lean[:, 1], predicted_tilt[:, 1]),
     )
-    for axes, (title, happened, foreseen) in zip(panels[0], shown, strict=True):
+    for axes, (title, happened, predicted) in zip(panels[0], shown, strict=True):
         axes.plot(times, happened, color=COLOURS[0], label="measured")
-        axes.plot(ends, (happened[0], *foreseen), "o--", color=COLOURS[1], markersize=4, label="foreseen")
+        axes.plot(ends, (happened[0], *predicted), "o--", color=COLOURS[1], markersize=4, label="predicted")
         axes.set_title(title, fontsize=10, loc="left")
     for leg, axes in enumerate(panels[1]):
         axes.plot(times, measured.forces[:, leg, 2], color=COLOURS[0])

@@ -1,8 +1,8 @@
 """Getting up, measured: `python -m research recovery` drops robots in random poses and counts those that then stand.
 
 A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
-(`quad_env.AnyPose`). A robot stands from the moment after which, to the end, it meets the rule of
-`evaluate.measures.at_rest`.
+(`quad_env.AnyPose`). The time to stand is the start of the last stretch in which the robot meets the rule of
+`evaluate.measures.at_rest` until the end.
 """
 
 import itertools
@@ -44,7 +44,7 @@ def main(options: Options) -> int:
 
 
 def recover(seeds: NDArray[np.int64]) -> Outcome:
-    """One robot for each seed, told to stand at the first step."""
+    """One robot for each seed; the policy recovers from the first step on."""
     policy = Behaviour(start=State.RECOVER, follow=False)
     parts = [recover_with(policy, chunk) for chunk in np.array_split(seeds, -(-len(seeds) // AT_ONCE))]
     return Outcome(

@@ -1,11 +1,11 @@
-"""`python -m research rescore`: judge a traced evaluation again, under other rules of falls and of success."""
+"""`python -m research rescore`: falls and successes of a traced evaluation under other rules."""
 
 import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import tyro
@@ -35,7 +35,7 @@ Rule = TypeVar("Rule")
 
 @dataclass(frozen=True)
 class Options:
-    """Judge an evaluation that was run with --trace again; nothing is simulated."""
+    """Apply other rules to an evaluation that was run with --trace; nothing is simulated."""
 
     results: Annotated[Path, tyro.conf.Positional]
     """Folder of the results."""
@@ -47,38 +47,22 @@ class Options:
 
 @dataclass(frozen=True)
 class Score:
-    """Falls of one policy on one scenario under one rule."""
+    """Falls, or successes, of one policy on one scenario under one rule."""
 
     policy: str
     scenario: str
     rule: str
-    episodes: int
-    falls: int
-    fall_rate: float
-    fall_rate_ci: Interval
+    count: int
+    """Episodes that fell, or succeeded."""
+    rate: float
+    rate_ci: Interval
     """Wilson, 95 %."""
-    time_to_fall: float | None
-    """Mean over the episodes that fell, s."""
-
-
-@dataclass(frozen=True)
-class SuccessScore:
-    """Successes of one policy on one scenario under one rule; falls are those of the run."""
-
-    policy: str
-    scenario: str
-    rule: str
-    episodes: int
-    successes: int
-    success_rate: float
-    success_rate_ci: Interval
-    """Wilson, 95 %."""
-    outcomes: dict[str, int]
-    """Episodes of each outcome."""
+    figures: dict[str, Any]
+    """All figures of the score for the file."""
 
 
 def main(options: Options) -> int:
-    """Judge again, print and write; the exit code."""
+    """Apply the rules, print and write; the exit code."""
     rules = _chosen(fall_rules.RULES, options.rules, "--rules")
     of_success = _chosen(outcomes.RULES, options.success, "--success")
     falls, successes = rescore(options.results, rules, of_success)
@@ -98,7 +82,7 @@ def _chosen(rules: Mapping[str, Rule], names: tuple[str, ...], option: str) -> t
 
 def rescore(
     results: Path, rules: tuple[FallCriterion, ...], of_success: tuple[SuccessRule, ...]
-) -> tuple[list[Score], list[SuccessScore]]:
+) -> tuple[list[Score], list[Score]]:
     """Falls and successes of every traced cell under every rule; UsageError where there is no trace."""
     run = read_run(results)
     paths = sorted((results / trace.FOLDER).glob("*.parquet"))
@@ -118,10 +102,10 @@ def rescore(
         for rule_of_success in of_success:
             key = (header.scenario, header.policy, rule_of_success.name)
             found.setdefault(key, []).append(outcome(episodes, rule_of_success))
-    scores = [_score(*key, np.concatenate(times)) for key, times in steps.items()]
+    scores = [_falls(*key, np.concatenate(times)) for key, times in steps.items()]
     _check_belong(scores, run, results / trace.FOLDER)
     wanted = {rule.name for rule in rules}
-    successes = [_success(*key, np.concatenate(parts)) for key, parts in found.items()]
+    successes = [_successes(*key, np.concatenate(parts)) for key, parts in found.items()]
     return [score for score in scores if score.rule in wanted], successes
 
 
@@ -129,43 +113,34 @@ def _check_belong(scores: list[Score], run: Run, folder: Path) -> None:
     """UsageError unless the run has every traced cell, with as many falls as its trace under their own rule."""
     there = {(cell.policy, cell.scenario.name): (cell.episodes, int(cell.measures.fell.sum())) for cell in run.cells}
     for score in scores:
-        if score.rule == FALL_RULE and there.get((score.policy, score.scenario)) != (score.episodes, score.falls):
+        found = score.figures["episodes"], score.count
+        if score.rule == FALL_RULE and there.get((score.policy, score.scenario)) != found:
             raise UsageError(
                 f"the trace of {score.policy} on {score.scenario} is not of these results: "
                 f"delete {folder} and run the evaluation again"
             )
 
 
-def _score(scenario: str, policy: str, rule: str, time: NDArray[np.float64]) -> Score:
+def _falls(scenario: str, policy: str, rule: str, time: NDArray[np.float64]) -> Score:
     fell = ~np.isnan(time)
-    falls = int(fell.sum())
-    return Score(
-        policy=policy,
-        scenario=scenario,
-        rule=rule,
-        episodes=len(time),
-        falls=falls,
-        fall_rate=falls / len(time),
-        fall_rate_ci=wilson_interval(falls, len(time)),
-        time_to_fall=float(time[fell].mean()) if falls else None,
-    )
+    more = {"time_to_fall": float(time[fell].mean()) if fell.any() else None}  # mean over the episodes that fell, s
+    return _score((policy, scenario, rule), fell, ("falls", "fall_rate"), more)
 
 
-def _success(scenario: str, policy: str, rule: str, found: NDArray[np.object_]) -> SuccessScore:
-    successes = int((found == outcomes.SUCCEEDED).sum())
-    return SuccessScore(
-        policy=policy,
-        scenario=scenario,
-        rule=rule,
-        episodes=len(found),
-        successes=successes,
-        success_rate=successes / len(found),
-        success_rate_ci=wilson_interval(successes, len(found)),
-        outcomes={name: int((found == name).sum()) for name in outcomes.RULES[rule].outcomes},
-    )
+def _successes(scenario: str, policy: str, rule: str, found: NDArray[np.object_]) -> Score:
+    more = {"outcomes": {name: int((found == name).sum()) for name in outcomes.RULES[rule].outcomes}}
+    return _score((policy, scenario, rule), found == outcomes.SUCCEEDED, ("successes", "success_rate"), more)
 
 
-def table(what: str, rules: Sequence[str], scores: Sequence[Score | SuccessScore]) -> Table:
+def _score(of: tuple[str, str, str], counted: NDArray[np.bool_], names: tuple[str, str], more: dict[str, Any]) -> Score:
+    """The score of episodes (n,) that are counted or not; `names` are those of count and rate in the file."""
+    episodes, count = len(counted), int(counted.sum())
+    rate, interval = count / episodes, wilson_interval(count, episodes)
+    figures = {"episodes": episodes, names[0]: count, names[1]: rate, f"{names[1]}_ci": interval, **more}
+    return Score(*of, count, rate, interval, figures)
+
+
+def table(what: str, rules: Sequence[str], scores: Sequence[Score]) -> Table:
     """A row for each policy on each scenario, a column for each rule; 80 columns are enough."""
     found: dict[str, dict[str, dict[str, str]]] = {}
     for score in scores:
@@ -179,7 +154,7 @@ def table(what: str, rules: Sequence[str], scores: Sequence[Score | SuccessScore
 def write(
     falls: Sequence[Score],
     rules: Sequence[FallCriterion],
-    successes: Sequence[SuccessScore],
+    successes: Sequence[Score],
     of_success: Sequence[SuccessRule],
     path: Path,
 ) -> None:
@@ -196,20 +171,15 @@ def write(
     write_atomically(path, (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
 
 
-def _by_policy(scores: Sequence[Score | SuccessScore]) -> dict[str, dict[str, dict[str, dict[str, object]]]]:
+def _by_policy(scores: Sequence[Score]) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
     """Policy -> "scenarios" -> scenario -> rule -> figures."""
-    policies: dict[str, dict[str, dict[str, dict[str, object]]]] = {}
+    policies: dict[str, dict[str, dict[str, dict[str, Any]]]] = {}
     for score in scores:
         scenarios = policies.setdefault(score.policy, {"scenarios": {}})["scenarios"]
-        scenarios.setdefault(score.scenario, {})[score.rule] = {
-            name: value for name, value in vars(score).items() if name not in ("policy", "scenario", "rule")
-        }
+        scenarios.setdefault(score.scenario, {})[score.rule] = score.figures
     return policies
 
 
-def _shown(score: Score | SuccessScore) -> str:
-    if isinstance(score, Score):
-        rate, (low, high) = score.fall_rate, score.fall_rate_ci
-    else:
-        rate, (low, high) = score.success_rate, score.success_rate_ci
-    return f"{percent(rate)}\n{escape(f'[{100 * low:.0f}, {100 * high:.0f}]')}"
+def _shown(score: Score) -> str:
+    low, high = score.rate_ci
+    return f"{percent(score.rate)}\n{escape(f'[{100 * low:.0f}, {100 * high:.0f}]')}"

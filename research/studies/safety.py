@@ -1,9 +1,9 @@
-"""The safety layer, scored: `python -m research safety` prints what it averts on the push axis and its false alarms.
+"""The safety layer: `python -m research safety` prints the falls that it averts on the push axis and its false alarms.
 
 Every episode is run without and with the layer from the same seed. A fall is averted if the same episode with the layer
 ends upright or in a controlled stop; lead is the time from the layer's last alarm before it to the fall of the policy
-alone. A false alarm is one in undisturbed walking: at the speed that a gait is judged at, and over the whole range of
-commands, which only a policy that follows it walks through.
+alone. A false alarm is one in undisturbed walking: at the gait's own speed, and over the whole range of commands for a
+policy that tracks commands.
 """
 
 from dataclasses import dataclass
@@ -131,7 +131,7 @@ def run(policy: Policy, where: str | Scenario, seeds: NDArray[np.int64], forward
 
 
 class _Watch:
-    """Observer of what tells a controlled stop from a fall."""
+    """Observer of the motion by which controlled stops differ from falls."""
 
     def __init__(self) -> None:
         self._rows: list[tuple[NDArray[np.floating], ...]] = []

@@ -1,36 +1,40 @@
-"""Straight walking at constant speed: `python -m research straight-walking --robot go1` compares policies as the
-benchmark of predictive and learned controllers on a Go1 does (arXiv 2501.16590): speed held, pushes, uneven ground, and
-what a metre costs.
+"""Straight walking at constant speed: `python -m research straight-walking --robot go1`, as in arXiv 2501.16590.
 
-Every policy walks the same episodes, straight ahead from any heading, at speeds of the same Froude number for every
-robot. The cost of transport is mechanical energy over weight and way, of the episodes that are walked to their end.
+Speed, pushes, uneven ground and cost of transport of several policies on the same episodes, straight ahead from any
+heading, at speeds of the same Froude number for every robot. The cost of transport is mechanical energy over weight and
+distance, of the episodes without a fall.
 """
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.progress import track
 
 from evaluate.measures.metrics import Measures
 from evaluate.measures.tracking import VELOCITY_CAP
+from evaluate.report import markdown
+from evaluate.report.headings import FIRST
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from evaluate.rollouts.workers import process_pool
 from evaluate.statistics.intervals import UNBOUNDED, bootstrap_interval, wilson_interval
-from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.cli.format import ABSENT, number, share
+from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
+from quad_env.cli.format import number, percent
 from quad_env.config import CommandRanges
 from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import scaled
 from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
+from research.pages.csv_text import csv_text
 from research.pages.places import RESULTS, insert, page_with
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
-"""Scenarios, and what to call them."""
+"""Scenario -> its name in the tables."""
 LIMITS = {"episodes": (2, 65_536), "seed": (0, 2**63 - 1), "threads": (1, 256), "speeds": (0.01, 10.0)}
 
 
@@ -48,8 +52,10 @@ class Options:
     """Episodes of 10 s of each policy, speed and ground (count)."""
     seed: int = 0
     """Which set of episodes (whole number from 0)."""
+    table: Path = Path("results/straight_walking.csv")
+    """CSV file to write."""
     page: Path | None = None
-    """Markdown file with the lines `<!-- results -->` and `<!-- /results -->`, between which the table goes."""
+    """Markdown file with the lines `<!-- results -->` and `<!-- /results -->`, between which a short table goes."""
     threads: int = 2
     """Processes that simulate side by side (count). No outcome depends on it."""
 
@@ -64,10 +70,13 @@ def main(options: Options) -> int:
         if not given or len(set(given)) < len(given):
             raise UsageError(f"--{option} are to be named, and none twice (speeds to 0.01 m/s)")
     compared = [LabelledPolicy(name, hardware.policy(name)) for name in options.policies]
-    lines = list(table(options, hardware, walks, compared))
-    print("\n".join(lines))
+    make_folder_of(options.table, "--table")
+    table = rows(options, hardware, walks, compared)
+    write_atomically(options.table, csv_text(table))
+    short = lines(options, hardware.quadruped, table)
+    print("\n".join(short))
     if page is not None and options.page is not None:
-        write_atomically(options.page, insert(page, lines).encode())
+        write_atomically(options.page, insert(page, short).encode())
     return 0
 
 
@@ -83,38 +92,52 @@ def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
     return found
 
 
-def table(
+def rows(
     options: Options, hardware: Hardware, walks: Sequence[Scenario], compared: Sequence[LabelledPolicy]
-) -> Iterator[str]:
-    """Lines of the table, in Markdown."""
-    robot = hardware.quadruped
-    push, rough = scenario("push", robot).severity, scenario("rough", robot).severity
-    yield (
-        f"{robot.name}, {robot.mass:.1f} kg; {options.episodes} episodes of 10 s each, the same for all; pushes of "
-        f"{push:.3g} N·s, ground of {rough:.3g} m from valley to peak. In brackets 95 % intervals."
-    )
-    yield ""
-    yield "| ground, speed | policy | success | falls | velocity error, m/s | cost of transport |"
-    yield "|---|---|---|---|---|---|"
+) -> list[dict[str, Any]]:
+    """A row for each walk and policy; shares and means with the ends of their 95 % intervals."""
     seeds = evaluation_seeds(options.seed, options.episodes)
     settings = Settings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)
     total = len(walks) * len(compared)
     cells = list(track(run_cells(compared, walks, seeds, settings), description="walking", total=total))
+    found = []
     for walk in walks:
-        words = f"{GROUNDS[walk.name.split()[0]]}, {walk.commands.forward[0]:.2f} m/s"
         for policy in compared:
             (cell,) = (each for each in cells if each.scenario.name == walk.name and each.policy == policy.label)
-            yield f"| {words} | `{policy.label}` | {' | '.join(_figures(cell.measures))} |"
+            ground, speed = GROUNDS[walk.name.split()[0]], walk.commands.forward[0]
+            found.append({"ground": ground, "speed": speed, "policy": policy.label, **_figures(cell.measures)})
+    return found
 
 
-def _figures(measures: Measures) -> Iterator[str]:
-    """Success, falls, velocity error and cost of transport of the episodes that were walked to their end."""
-    for counted in (measures.succeeded, measures.fell):
-        yield share(counted.mean(), wilson_interval(int(counted.sum()), len(counted)))
+def lines(options: Options, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What the page shows, in Markdown: success and cost of transport, a walk a row and a policy a column."""
+    push, rough = scenario("push", robot).severity, scenario("rough", robot).severity
+    by_walk: dict[str, dict[str, str]] = {}
+    for row in table:
+        words = f"{row['ground']}, {row['speed']:.2f} m/s"
+        cost = number(row["cost_of_transport"], 2)
+        by_walk.setdefault(words, {FIRST: words})[row["policy"]] = f"{percent(row['success_rate'])}, {cost}"
+    return [
+        f"{robot.name}, {robot.mass:.1f} kg; {options.episodes} episodes of 10 s each, the same for all policies; "
+        f"pushes of {push:.3g} N·s, ground of {rough:.3g} m. In each cell: success, cost of transport.",
+        "",
+        *markdown.table(
+            {FIRST: "ground, speed", **{name: f"`{name}`" for name in options.policies}}, by_walk.values()
+        ).splitlines(),
+    ]
+
+
+def _figures(measures: Measures) -> dict[str, float]:
+    """Success, falls, velocity error, and cost of transport of the episodes that ended upright, with intervals."""
     whole = measures.cost_of_transport[~measures.fell & np.isfinite(measures.cost_of_transport)]
-    for values, digits, bounds in ((measures.velocity_error, 3, (0.0, VELOCITY_CAP)), (whole, 2, UNBOUNDED)):
-        if len(values) < 2:
-            yield ABSENT
-        else:
-            low, high = (number(end, digits) for end in bootstrap_interval(values, bounds))
-            yield f"{number(values.mean(), digits)} [{low}, {high}]"
+    found = {}
+    for name, counted in (("success_rate", measures.succeeded), ("fall_rate", measures.fell)):
+        found[name] = (float(counted.mean()), *wilson_interval(int(counted.sum()), len(counted)))
+    for name, values, bounds in (
+        ("velocity_error", measures.velocity_error, (0.0, VELOCITY_CAP)),
+        ("cost_of_transport", whole, UNBOUNDED),
+    ):
+        enough = len(values) >= 2
+        found[name] = (float(values.mean()), *bootstrap_interval(values, bounds)) if enough else (math.nan,) * 3
+    ends = ("", "_low", "_high")
+    return {f"{name}{end}": value for name, each in found.items() for end, value in zip(ends, each, strict=True)}

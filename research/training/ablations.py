@@ -1,8 +1,8 @@
-"""What each choice in the training is worth: `python -m research ablations` writes docs/ablations.md.
+"""The effect of each choice of the training: `python -m research ablations` writes docs/results/ablations.csv and .png.
 
-Every variant differs from the default command in what its name says, and trains for as many steps from the same seeds.
-All are judged by their best validation, on episodes and ground that no evaluation uses. A study that was stopped goes
-on where it was: finished runs in --out are kept.
+Every variant differs from the default command in what its name says, and trains for the same number of steps from the
+same seeds. Success is that of the last validation, on episodes and ground that no evaluation uses. A study that was
+stopped continues: finished runs in --out are kept.
 """
 
 import json
@@ -10,16 +10,20 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from evaluate.report.plots import drawing
+from evaluate.report.plots.success import png
 from evaluate.statistics.intervals import CONFIDENCE
 from policies.base import Floats
 from policies.parameters import limits_of, number
-from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
+from research.pages.csv_text import csv_text
 from train.command import parse
 from train.config import DEFAULTS, Count, TrainConfig, differences, load_config
 from train.run_folder import VALIDATIONS_FILE, has_checkpoint, steps_done
@@ -44,15 +48,11 @@ VARIANTS: Mapping[str, str] = {
     "no curriculum": "--curriculum 1",
 }
 """Name of each variant -> the options in which it differs from the default command."""
-HEADER = (
-    "| variant | options | success of each seed, % | median | minus default, points | flat error, m/s | time, min |",
-    "|---|---|---|---|---|---|---|",
-)
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is compared, and how thoroughly."""
+    """Which variants to compare, with how many steps, seeds and episodes."""
 
     variants: tuple[str, ...] = tuple(VARIANTS)
     """Names of the variants."""
@@ -61,13 +61,13 @@ class Options:
     seeds: int = number(5, limits=(2, 1000))
     """Training seeds of each variant, from 0 on."""
     episodes: int = number(24, limits=(1, 100_000))
-    """Episodes a scenario on which a run is judged."""
+    """Validation episodes of each scenario."""
     threads: int = number(2, limits=(1, 256))
     """Threads of the simulation."""
     out: Path = Path("runs/ablations")
     """Folder of the runs; finished ones of the same settings are kept."""
-    page: Path = Path("docs/ablations.md")
-    """Where the table goes."""
+    table: Path = Path("docs/results/ablations.csv")
+    """CSV file to write; the figure goes next to it, as a PNG of the same name."""
 
 
 @dataclass(frozen=True)
@@ -83,10 +83,11 @@ class Found:
 
 
 def main(options: Options) -> int:
-    """Train what has not been trained yet, then write the page; the exit code. Raises UsageError."""
+    """Train what has not been trained yet, then write table and figure; the exit code. Raises UsageError."""
     check_numbers(options, limits_of(options))
     if unknown := [name for name in options.variants if name not in VARIANTS]:
         raise UsageError(f"--variants: unknown {unknown[0]!r}; valid: {', '.join(map(repr, VARIANTS))}")
+    make_folder_of(options.table, "--table")
     raise_on_interrupt()
     names = (DEFAULT, *(name for name in options.variants if name != DEFAULT))
     runs = {name: [config(options, name, seed) for seed in range(options.seeds)] for name in names}
@@ -95,14 +96,15 @@ def main(options: Options) -> int:
         for name in names:
             print(f"{name}, seed {seed}", flush=True)
             finish(runs[name][seed])
-    text = page(options, [found(name, runs[name]) for name in names])
-    write_atomically(options.page, text.encode())
-    print(text, end="")
+    table = rows([found(name, runs[name]) for name in names])
+    write_atomically(options.table, csv_text(table))
+    draw(table, options.table.with_suffix(".png"))
+    print(csv_text(table).decode(), end="")
     return 0
 
 
 def judged_scenarios() -> tuple[str, ...]:
-    """Those that the default trains on, whatever a variant trains on."""
+    """Scenarios of the validation: those that the default trains on, for all variants."""
     return DEFAULTS["residual"].complete_validation.scenarios
 
 
@@ -116,7 +118,7 @@ def config(options: Options, name: str, seed: int) -> TrainConfig:
 
 
 def finish(run: TrainConfig) -> None:
-    """Train to the end what is not there yet. Raises UsageError where the folder holds another run."""
+    """Train what is missing of a run. Raises UsageError where the folder holds another run."""
     from train.run import train
 
     resume = has_checkpoint(run.folder)
@@ -127,7 +129,7 @@ def finish(run: TrainConfig) -> None:
 
 
 def found(name: str, runs: Sequence[TrainConfig]) -> Found:
-    """What finished runs came to."""
+    """Results of the finished runs of a variant."""
     last = [json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1] for run in runs]
     seconds = [last_metrics(run.folder)["time/seconds"] for run in runs]
     return Found(
@@ -138,56 +140,47 @@ def found(name: str, runs: Sequence[TrainConfig]) -> Found:
     )
 
 
-def page(options: Options, variants: Sequence[Found]) -> str:
-    """The table of all variants, in Markdown; the default is the first."""
-    default = variants[0]
-    scenarios = config(options, DEFAULT, 0).validation.scenarios
-    lines = [
-        "# What each choice of the training is worth",
-        "",
-        f"Written by `python -m research ablations --steps {options.steps} --seeds {options.seeds} "
-        f"--episodes {options.episodes}{_chosen(variants)}`: each variant differs from the default command, "
-        "`python -m train`, in the "
-        f"options shown alone, and trains {options.steps:,} steps from each of {options.seeds} seeds. Success is the "
-        f"mean over {len(scenarios)} scenarios ({', '.join(scenarios)}), {options.episodes} validation episodes each; "
-        "no evaluation uses these. Differences are of means over seeds, in percentage points, with 95 % intervals over "
-        "seeds, not corrected for their number.",
-        "",
-        *HEADER,
-        *(_row(each, default) for each in variants),
+def rows(variants: Sequence[Found]) -> list[dict[str, Any]]:
+    """A row for each variant, the default first: success, and its difference of means over seeds."""
+    default = np.array(variants[0].success)
+    return [
+        {
+            "variant": each.name,
+            "options": VARIANTS[each.name],
+            "success_by_seed_percent": " ".join(f"{value:.1f}" for value in each.success),
+            "median_percent": float(np.median(each.success)),
+            **(_difference(np.array(each.success), default) if each is not variants[0] else {}),
+            "flat_velocity_error": float(np.median(each.flat_error)),
+            "minutes": float(np.median(each.minutes)),
+        }
+        for each in variants
     ]
-    return "\n".join(lines) + "\n"
 
 
-def _chosen(variants: Sequence[Found]) -> str:
-    """The option that names the variants, where it is not all of them."""
-    names = [each.name for each in variants]
-    return "" if set(names) == set(VARIANTS) else f" --variants {' '.join(map(repr, names))}"
-
-
-def _row(each: Found, default: Found) -> str:
-    success, reference = np.array(each.success), np.array(default.success)
-    against = "" if each is default else _difference(success, reference)
-    cells = (
-        each.name,
-        f"`{VARIANTS[each.name]}`" if VARIANTS[each.name] else "",
-        ", ".join(f"{value:.1f}" for value in each.success),
-        f"{np.median(success):.1f}",
-        against,
-        f"{np.median(each.flat_error):.3f}",
-        f"{np.median(each.minutes):.1f}",
-    )
-    return f"| {' | '.join(cells)} |"
-
-
-def _difference(a: Floats, b: Floats) -> str:
+def _difference(a: Floats, b: Floats) -> dict[str, float]:
     """Mean of a less that of b, with the interval of Welch's test: resampling five seeds would make it too narrow."""
     from scipy.stats import ttest_ind
 
-    difference = f"{a.mean() - b.mean():+.1f}"
+    difference = {"minus_default_points": float(a.mean() - b.mean())}
     if np.ptp(a) == np.ptp(b) == 0.0:
         return difference
     with warnings.catch_warnings():  # of one variant whose seeds are all alike
         warnings.simplefilter("ignore", RuntimeWarning)
         low, high = ttest_ind(a, b, equal_var=False).confidence_interval(CONFIDENCE)
-    return f"{difference} ({low:+.1f} … {high:+.1f})"
+    return difference | {"low": float(low), "high": float(high)}
+
+
+def draw(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
+    """Write the figure, a PNG: the difference of each variant from the default with its 95 % interval."""
+    shown = [row for row in table if row.get("minus_default_points") is not None]
+    left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in shown)), default=0.0)
+    with drawing.settings():
+        figure, axes = drawing.figure(0.6 + 0.2 * len(shown), left + 3.2, drawing.Margins(left=left))
+        for line, row in enumerate(shown):
+            if row.get("low") is not None:
+                axes.plot((row["low"], row["high"]), (line, line), color=drawing.COLOURS[0], linewidth=1.4)
+            axes.plot(row["minus_default_points"], line, "o", color=drawing.COLOURS[0], markersize=4)
+        axes.axvline(0.0, color="black", linewidth=0.8)
+        axes.set_yticks(range(len(shown)), [row["variant"] for row in shown])
+        axes.set(ylim=(len(shown) - 0.5, -0.5), xlabel="success minus the default's, % points")
+        write_atomically(picture, png(figure))

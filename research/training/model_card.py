@@ -1,4 +1,4 @@
-"""MODEL.md of a trained policy: what it is, how it was trained, what it is worth beside its base and other seeds."""
+"""MODEL.md of a trained policy: its description, its training, its results with those of its base and other seeds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,19 +13,19 @@ from evaluate.report.headings import IN_A_LINE
 from evaluate.rollouts import hardware
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.format import number, p_value, percent, points, share
-from research.pages.results_page import score_table
+from research.pages.evaluations import score_table
 from train.config import ACTIVATION, TrainConfig
 from train.run_record import command
 
 BOTH = (FALL_RATE, "velocity_error", "yaw_rate_error")
-"""Metrics of which the figure of the base stands in one cell with that of the policy."""
+"""Metrics whose cells have the figures of both the base and the policy."""
 SIGNIFICANT = 0.05
 """Largest p-value, corrected, with which a difference is one."""
 
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """A finished run as the card speaks of it."""
+    """What the card says of a finished run."""
 
     label: str
     config: TrainConfig
@@ -37,8 +37,10 @@ class TrainedRun:
 
 
 def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """The whole MODEL.md of a policy that ships by that name; `runs` are all that were judged, and policies of
-    `results` that are no run are baselines."""
+    """The whole MODEL.md of a policy that ships by that name.
+
+    `runs` are all runs that were evaluated; the other policies of `results` are baselines.
+    """
     config = shipped.config
     kinds: dict[str, str] = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
     tables = "\n\n".join(
@@ -93,7 +95,7 @@ def mixture(config: TrainConfig) -> str:
 
 
 def table(called: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """The seeds of one policy beside the shipped one's base, a row for each scenario, in Markdown."""
+    """The seeds of one policy and the base of the shipped one, a row for each scenario, in Markdown."""
     first, *others = sorted(runs, key=lambda run: run is not shipped)
     base, name = shipped.config.base, f"{called} {seed(first, shipped)}"
     rest = ", ".join(str(run.config.seed) for run in others)
@@ -112,7 +114,7 @@ def scores(called: Mapping[str, str], runs: Sequence[TrainedRun], shipped: Train
 
 
 def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:
-    """Figures of the base, of the first of the runs beside it, and the successes of the others, by column."""
+    """Figures of the base and of the first run, and the successes of the other runs, by column."""
     before, *after = (results.summaries[scenario, policy] for policy in (base, *(run.label for run in runs)))
     shown = after[0]
     seeds = [percent(each.success_rate) for each in after[1:]]
@@ -142,7 +144,7 @@ def _against(base: str, scenario: str, run: TrainedRun, metric: str, results: Re
 
 
 def verdicts(shipped: TrainedRun, results: Results) -> str:
-    """Scenarios by what the shipped policy does there beside its base, in Markdown."""
+    """Scenarios where the shipped policy is better or worse than its base, in Markdown."""
     base = shipped.config.base
     found = {
         (metric, scenario): _against(base, scenario, shipped, metric, results)

@@ -1,7 +1,7 @@
 """`python -m research publish`: evaluate finished runs and ship the one of seed 0, with the table of all in MODEL.md.
 
-A policy that has been shipped, such as models/go1/residual, is evaluated again in the same way: its MODEL.md is written
-again from what it says of its training and from today's episodes.
+A shipped policy, such as models/go1/residual, is evaluated again in the same way: its MODEL.md is written again with
+the old facts of its training and the new results.
 """
 
 import json
@@ -34,7 +34,7 @@ from train.run_folder import BEST, CHECKPOINTS
 
 CARD = "MODEL.md"
 SHIPPED_SEED = 0
-"""Fixed before any run, so that what ships is not the luckiest."""
+"""Fixed before any run, so that the shipped policy is not the best of several."""
 
 SCENARIOS = (
     "flat",
@@ -57,15 +57,15 @@ SCENARIOS = (
     "surprise",
     "surprise=2",
 )
-"""What a policy is judged on: every axis where robots begin to fail, and four of them at their nominal severity."""
+"""Scenarios of the evaluation: every axis where robots begin to fail, and four of them at their nominal severity."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What to judge and where to put it."""
+    """Which runs to evaluate and where to put the shipped one."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of finished runs: the seeds of one policy, and others to show beside it (such as end-to-end). Or the
+    """Folders of finished runs: the seeds of one policy, and others to compare it with (such as end-to-end). Or the
     folder of a shipped policy, whose MODEL.md is to be written again."""
     to: Path | None = None
     """Folder that gets policy.json, policy.safetensors and MODEL.md; by default POLICY among the models of the robot,
@@ -73,7 +73,7 @@ class Options:
     policy: str = "residual"
     """Which kind of policy ships."""
     scenarios: tuple[str, ...] | None = None
-    """Scenarios judged on; by default every axis where robots begin to fail."""
+    """Scenarios of the evaluation; by default every axis where robots begin to fail."""
     episodes: int = number(512, limits=(1, 1_000_000))
     """Episodes of each policy on each scenario."""
     seed: int = number(0, limits=(0, 2**63 - 1))
@@ -87,7 +87,7 @@ class Options:
 
 
 def main(options: Options) -> int:
-    """Judge the runs, then write the shipped one's bundle and card; the exit code. Raises UsageError."""
+    """Evaluate the runs, then write the shipped one's bundle and card; the exit code. Raises UsageError."""
     check_numbers(options, limits_of(options))
     if not options.runs:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
@@ -98,7 +98,7 @@ def main(options: Options) -> int:
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
     to = options.to or folder_of(robot) / options.policy.replace("-", "_")
     make_writable_folder(to)
-    card = model_card(to.resolve().name, runs, shipped, judge(options, runs, shipped))
+    card = model_card(to.resolve().name, runs, shipped, evaluated(options, runs, shipped))
     if to.resolve() != shipped.bundle.resolve():
         bundle.copy(shipped.bundle, to)
     write_atomically(to / CARD, card.encode())
@@ -106,8 +106,8 @@ def main(options: Options) -> int:
     return 0
 
 
-def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
-    """What the runs and the shipped one's base do in the evaluation's episodes.
+def evaluated(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
+    """Results of the runs and of the shipped one's base in the evaluation's episodes.
 
     Raises UsageError, and KeyboardInterrupt after a Ctrl-C, once all is kept.
     """
@@ -133,7 +133,7 @@ def judge(options: Options, runs: Sequence[TrainedRun], shipped: TrainedRun) -> 
 
 
 def trained_run(folder: Path) -> TrainedRun:
-    """What a finished run's folder says about it. Raises UsageError for one that is unfinished, damaged or none."""
+    """The run in a folder. Raises UsageError where it is unfinished or damaged, or where there is none."""
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
     if (folder / CARD).is_file():
         return _shipped(folder)

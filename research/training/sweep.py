@@ -1,10 +1,9 @@
-"""A search of training's settings by Optuna: each trial is a run in a folder of its own, judged by its best validation.
+"""A search of training's settings by Optuna: each trial is a run in its own folder, ranked by its best validation.
 
     python -m research sweep --steps 1e6 --trials 30 --ranges ppo.learning-rate 1e-4 3e-3 ppo.gamma 0.9 0.99
 
-All trials have the same seed and steps, and start from the settings of --policy, or those of the run in --like. What a
-trial proposes follows from --seed and the trials before it, so that a sweep that was killed and carried on is the one
-in one go.
+All trials have the same seed and steps, and start from the settings of --policy, or those of the run in --like. The
+settings of a trial depend on --seed and the earlier trials alone, so a resumed sweep equals an uninterrupted one.
 """
 
 import dataclasses
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 JOURNAL, TABLE = "journal.log", "trials.md"
 """Optuna's storage, and the trials as a table, in the sweep's folder."""
 FAILURES = 1000.0
-"""What m/s of error a share of failures of one counts as: success decides, and the error between equals."""
+"""Cost of a failure rate of 1, m/s of error: success decides, and the error only between equal rates."""
 RANGES = (
     ("ppo.learning_rate", 1e-4, 3e-3),
     ("ppo.gamma", 0.9, 0.995),
@@ -43,7 +42,7 @@ RANGES = (
 
 @dataclass(frozen=True)
 class Options:
-    """What is searched, and for how long."""
+    """Which settings to search, and for how long."""
 
     ranges: tuple[tuple[str, float, float], ...] = RANGES
     """Settings of `python -m train` that are searched, each from its least to its largest value; where these are ten
@@ -158,7 +157,7 @@ def _left(study: "Study", options: Options, start: TrainConfig) -> "Iterator[Tri
 
 
 def _run(study: "Study", trial: "Trial | FrozenTrial", options: Options, start: TrainConfig) -> None:
-    """Train a trial to its end, and tell what it is worth; one that cannot be trained has failed."""
+    """Train a trial to its end and report its cost; a trial that cannot be trained has failed."""
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
     from optuna.trial import TrialState
 
@@ -175,11 +174,11 @@ def _run(study: "Study", trial: "Trial | FrozenTrial", options: Options, start: 
         print(f"trial {trial.number} failed: {str(error).splitlines()[0]}", flush=True)
         study.tell(trial.number, state=TrialState.FAIL)
         return
-    study.tell(trial.number, worth(folder))
+    study.tell(trial.number, cost(folder))
 
 
-def worth(folder: Path) -> float:
-    """What the best trial has least of."""
+def cost(folder: Path) -> float:
+    """Cost of a trial, which the search minimises: failures first, then the velocity error."""
     found = best_validation(folder)
     return float(FAILURES * (1.0 - found["success"]) + found["score"])
 
@@ -191,8 +190,8 @@ def table(trials: "list[FrozenTrial]", folder: Path) -> list[str]:
     for trial in sorted(trials, key=lambda trial: float("inf") if trial.value is None else trial.value):
         run = _folder_of(trial, folder)
         found = None if trial.value is None else best_validation(run)
-        judged = ["failed", ""] if found is None else [f"{found['success']:.1%}", f"{found['score']:.3f}"]
-        lines.append(f"| {' | '.join([run.name, *judged, *(f'{trial.params[name]:.4g}' for name in names)])} |")
+        result = ["failed", ""] if found is None else [f"{found['success']:.1%}", f"{found['score']:.3f}"]
+        lines.append(f"| {' | '.join([run.name, *result, *(f'{trial.params[name]:.4g}' for name in names)])} |")
     return lines
 
 

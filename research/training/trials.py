@@ -1,4 +1,4 @@
-"""Trials of settings beside each other: `python -m research trials FOLDER…` writes docs/trials.md from their runs."""
+"""Training runs of different settings: `python -m research trials FOLDER…` writes docs/results/trials.csv."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -8,20 +8,16 @@ from typing import Annotated, Any
 
 import tyro
 
-from quad_env.cli.command_line import UsageError
+from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
+from research.pages.csv_text import csv_text
 from train.config import DEFAULTS, flat, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE
 from train.run_record import best_validation, last_metrics, words
 
-HEADER = (
-    "| trial | settings other than today's defaults | steps | time, min | judged on | success, % | flat: success, % | "
-    "flat: velocity error, m/s |",
-    "|---|---|---|---|---|---|---|---|",
-)
 _APART = ("policy", "seed", "steps", "validation.")
-"""Settings that have a column of their own, or say no more than how a run was watched."""
+"""Settings that have a column of their own, or only say how a run was validated."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +26,13 @@ class Options:
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders of runs, finished or not, of today's settings or older ones."""
-    page: Path = Path("docs/trials.md")
-    """Where the table goes."""
+    table: Path = Path("docs/results/trials.csv")
+    """CSV file to write."""
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A run as its folder tells of it."""
+    """What a run's folder says."""
 
     name: str
     settings: Mapping[str, Any]
@@ -49,12 +45,13 @@ class Tried:
 
 
 def main(options: Options) -> int:
-    """Write the page; the exit code. Raises UsageError."""
+    """Write the table; the exit code. Raises UsageError."""
     if not options.runs:
         raise UsageError("name the folders of the runs, as in: runs/residual-0 runs/end-to-end-0")
-    text = page([tried(folder) for folder in options.runs])
-    write_atomically(options.page, text.encode())
-    print(text, end="")
+    make_folder_of(options.table, "--table")
+    text = csv_text(rows([tried(folder) for folder in options.runs]))
+    write_atomically(options.table, text)
+    print(text.decode(), end="")
     return 0
 
 
@@ -69,47 +66,40 @@ def tried(folder: Path) -> Tried:
     return Tried(folder.name, settings, last["steps"], last["time/seconds"] / 60.0, best)
 
 
-def page(trials: Sequence[Tried]) -> str:
-    """The tables of all trials, one for each kind of policy, the most successful first; in Markdown."""
-    lines = [
-        "# Trials of the training's settings",
-        "",
-        "Written by `python -m research trials` from the folders of the runs, also of those that found nothing. Each "
-        "was judged by its best validation, on episodes that no evaluation uses: the mean over the scenarios that it "
-        "names. Times are those of a machine that may have had other work. A setting that is not there any more stands "
-        "under the name that it had; bases may have been searched anew since.",
-    ]
+def rows(trials: Sequence[Tried]) -> list[dict[str, Any]]:
+    """A row for each trial, by kind of policy, the most successful first."""
+    found = []
     for kind in DEFAULTS:
+        today = dict(flat(to_dict(DEFAULTS[kind])))
         of_kind = [trial for trial in trials if trial.settings["policy"] == kind]
-        if of_kind:
-            today = dict(flat(to_dict(DEFAULTS[kind])))
-            rows = [_row(trial, today) for trial in sorted(of_kind, key=_success, reverse=True)]
-            lines += ["", f"## {kind}", "", *HEADER, *rows]
-    return "\n".join(lines) + "\n"
+        found += [_row(kind, trial, today) for trial in sorted(of_kind, key=_success, reverse=True)]
+    return found
 
 
 def _success(trial: Tried) -> float:
     return -1.0 if trial.best is None else float(trial.best["success"])
 
 
-def _row(trial: Tried, today: Mapping[str, Any]) -> str:
+def _row(kind: str, trial: Tried, today: Mapping[str, Any]) -> dict[str, Any]:
     other = [
         f"{name} {words(value) or 'none'}"
         for name, value in flat(trial.settings)
         if not name.startswith(_APART) and today.get(name, ...) != value
     ]
-    judged = ["", "stopped", "", ""]
+    row = {
+        "table": kind,
+        "trial": trial.name,
+        "settings": ", ".join(other),
+        "steps": trial.steps,
+        "minutes": f"{trial.minutes:.1f}",
+        "judged_on": "stopped",
+    }
     if trial.best is not None:
         scenarios, on_flat = trial.best["scenarios"], trial.best["scenarios"].get("flat")
         several = f"{len(scenarios)} scenarios" if len(scenarios) > 3 else ", ".join(scenarios)
-        judged = [
-            f"{several} × {trial.settings['validation']['episodes']}",
-            f"{100.0 * _success(trial):.1f}",
-            *(["", ""] if on_flat is None else _on_flat(on_flat)),
-        ]
-    cells = (trial.name, ", ".join(other), f"{trial.steps:,}", f"{trial.minutes:.1f}", *judged)
-    return f"| {' | '.join(cells)} |"
-
-
-def _on_flat(means: Mapping[str, float]) -> list[str]:
-    return [f"{100.0 * means['success_rate']:.0f}", f"{means['velocity_error']:.3f}"]
+        row["judged_on"] = f"{several} x {trial.settings['validation']['episodes']}"
+        row["success_percent"] = f"{100.0 * _success(trial):.1f}"
+        if on_flat is not None:
+            row["flat_success_percent"] = f"{100.0 * on_flat['success_rate']:.0f}"
+            row["flat_velocity_error"] = f"{on_flat['velocity_error']:.3f}"
+    return row

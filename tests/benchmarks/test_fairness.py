@@ -4,13 +4,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from benchmarks import breaking_points
-from benchmarks.probes.physics_accuracy import accuracy, strides
-from benchmarks.probes.physics_settings import SETTINGS, SHIPPED, Setting, options
 from benchmarks.support import bare
-from benchmarks.training import seconds_to
+from benchmarks.support.physics_accuracy import accuracy, strides
+from benchmarks.support.physics_settings import SETTINGS, SHIPPED, Setting, options
 from benchmarks.vector_env import Walkers
-from evaluate.analysis.breaking_points import AxisBreakingPoint
 from quad_env import ENV_ID, OBSERVATION
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -64,24 +61,3 @@ def test_a_setting_deviates_from_itself_by_nothing_and_from_a_finer_one_by_somet
     assert (itself.trunk_mm, itself.joints_rad) == (0.0, 0.0)
     assert itself.tilt_rad < 1e-6
     assert accuracy(Setting(options()), walked, reference=options(timestep=0.001)).trunk_mm > 0
-
-
-def test_seconds_are_those_of_the_first_judgement_that_is_good_enough() -> None:
-    trace = [
-        {"seconds": 0.5, "velocity_error": 0.12},
-        {"seconds": 3.0, "velocity_error": 0.16},
-        {"seconds": 7.0, "velocity_error": 0.09},
-        {"seconds": 9.0, "velocity_error": 0.11},
-    ]
-    assert seconds_to(trace) == {0.15: 0.5, 0.10: 7.0, 0.08: float("inf")}
-
-
-def test_sets_of_levels_agree_where_each_interval_holds_the_others_figures() -> None:
-    def point(severity50: float, low: float, high: float, found: str = "crossed") -> AxisBreakingPoint:
-        return AxisBreakingPoint("push", "trot", "N·s", severity50, (low, high), found, 20.0, 100.0, 100.0)
-
-    wide, narrow, apart = point(55.0, 35.0, 65.0), point(58.0, 54.0, 61.0), point(62.0, 61.5, 70.0)
-    never = point(np.nan, 80.0, np.inf, "never")
-    assert breaking_points.agreeing([wide, wide], [[narrow, narrow], [apart, never]])
-    assert not breaking_points.agreeing([wide, narrow], [[narrow, apart]])
-    assert not breaking_points.agreeing([never, narrow], [[wide, wide]])

@@ -1,4 +1,4 @@
-"""Subjects take turns, ratios are of the same rounds, and what cannot be measured is not called met."""
+"""Subjects take turns, ratios are of the same rounds, and a figure that is not a number keeps no limit."""
 
 from contextlib import nullcontext
 
@@ -54,17 +54,15 @@ def test_ratio_and_difference_are_taken_round_by_round() -> None:
     [
         ("single_env", (0.55,), True),
         ("single_env", (0.549,), False),
-        ("help", (1.0,), True),
-        ("help", (1.01,), False),
+        ("help", (0.8,), True),
+        ("help", (0.81,), False),
         ("vector_env", (0.95, 9.0), True),
         ("vector_env", (0.5, 6.0), True),
         ("vector_env", (0.89, 6.1), False),
         ("physics", (float("nan"),), False),
-        ("residual 0.08", (float("inf"),), False),
-        ("end-to-end 0.08", (1.0,), None),
     ],
 )
-def test_a_bar_is_met_by_one_of_its_limits(bar: str, values: tuple[float, ...], met: bool | None) -> None:
+def test_a_bar_is_met_by_one_of_its_limits(bar: str, values: tuple[float, ...], met: bool) -> None:
     assert check(bar, *values).met is met
 
 

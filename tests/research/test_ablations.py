@@ -1,13 +1,13 @@
-"""The study of what each choice of the training is worth."""
+"""The study of the effect of each choice of the training."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
+from research.__main__ import main
 from research.training import ablations
-from research.training.ablations import DEFAULT, VARIANTS, Found, Options, config, page
-from train.__main__ import main
+from research.training.ablations import DEFAULT, VARIANTS, Found, Options, config, rows
 from train.config import DEFAULTS, differences
 from train.run import make_env
 
@@ -32,31 +32,34 @@ def test_a_variant_can_be_trained(name):
     make_env(dataclasses.replace(run, ppo=dataclasses.replace(run.ppo, envs=16))).close()
 
 
-def test_the_page_by_hand():
+def test_the_rows_by_hand():
     """Means 60 and 50 of spreads 1 and 1: Welch's 95 % for 2 and 2 is 10 ± 4.303 · 1."""
     found = [
         Found(DEFAULT, (50.0 - np.sqrt(0.5), 50.0 + np.sqrt(0.5)), (0.1, 0.2), (1.0, 3.0)),
         Found("no memory", (60.0 - np.sqrt(0.5), 60.0 + np.sqrt(0.5)), (0.3, 0.5), (1.0, 2.0)),
     ]
-    first, second = page(OPTIONS, found).splitlines()[-2:]
-    assert first == "| default |  | 49.3, 50.7 | 50.0 |  | 0.150 | 2.0 |"
-    assert "| 60.0 | +10.0 (+5.7 … +14.3) | 0.400 | 1.5 |" in second
-    assert f"`{VARIANTS['no memory']}`" in second
+    first, second = rows(found)
+    assert (first["success_by_seed_percent"], first["median_percent"], first["minutes"]) == ("49.3 50.7", 50.0, 2.0)
+    assert "low" not in first
+    assert (second["options"], second["flat_velocity_error"]) == (VARIANTS["no memory"], 0.4)
+    difference = [second[name] for name in ("minus_default_points", "low", "high")]
+    assert difference == pytest.approx([10.0, 10.0 - 4.303, 10.0 + 4.303], abs=0.001)
 
 
-def test_a_study_trains_what_is_missing_and_writes_its_page(tmp_path, monkeypatch, capsys):
+def test_a_study_trains_what_is_missing_and_writes_table_and_figure(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(ablations, "VARIANTS", {DEFAULT: TINY, "no memory": f"{TINY} --ppo.hold 3"})
     options = ["--variants", "no memory", "--steps", "64", "--seeds", "2", "--episodes", "1", "--threads", "1"]
-    words = ["ablations", *options, "--out", str(tmp_path / "runs"), "--page", str(tmp_path / "page.md")]
+    words = ["ablations", *options, "--out", str(tmp_path / "runs"), "--table", str(tmp_path / "table.csv")]
     monkeypatch.setattr(ablations, "judged_scenarios", lambda: ("flat",))
     assert main(words) == 0
-    text = (tmp_path / "page.md").read_text(encoding="utf-8")
-    assert "| no memory |" in text
+    text = (tmp_path / "table.csv").read_text(encoding="utf-8")
+    assert "\nno memory," in text
+    assert (tmp_path / "table.png").read_bytes().startswith(b"\x89PNG")
     trained = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("policy.safetensors")}
     assert len(trained) >= 4
     capsys.readouterr()
     assert main(words) == 0
-    assert (tmp_path / "page.md").read_text(encoding="utf-8") == text
+    assert (tmp_path / "table.csv").read_text(encoding="utf-8") == text
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("policy.safetensors")} == trained
     assert main([*words, "--steps", "128"]) == 2
     assert "holds a run of other settings" in capsys.readouterr().err

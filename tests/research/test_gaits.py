@@ -3,10 +3,10 @@
 import matplotlib.image
 import pytest
 
-from evaluate.__main__ import main
 from policies.gaits.parameters import GAITS
 from policies.gaits.policy import TARGET_RATE_LIMIT
 from quad_env.seeding import episode_seeds
+from research.__main__ import main
 from research.studies import gaits
 
 
@@ -23,24 +23,7 @@ def test_command_prints_a_row_a_gait_and_a_row_a_change(capsys) -> None:
     assert main(["gaits", "--gaits", "walk", "stand", "--robots", "2", "--seconds", "4"]) == 0
     printed = capsys.readouterr().out
     assert "from \\ to" in printed
-    assert "µs a robot and control step" in printed
     assert sum(line.startswith("│ walk") for line in printed.splitlines()) == 2
-
-
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (["--gaits", "gallop"], "gallop|walk"),
-        (["--gaits", "walk", "walk"], "once"),
-        (["--robots", "0"], "--robots"),
-        (["--seconds", "nan"], "--seconds"),
-    ],
-)
-def test_mistakes_are_one_line(arguments, word, capsys) -> None:
-    assert main(["gaits", *arguments]) == 2
-    complaint = capsys.readouterr().err
-    assert len(complaint.splitlines()) == 1
-    assert any(each in complaint for each in word.split("|"))
 
 
 def test_diagram_is_drawn(tmp_path, capsys) -> None:
@@ -54,17 +37,16 @@ def test_diagram_is_drawn(tmp_path, capsys) -> None:
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (["--gait", "gallop"], "gallop"),
-        (["--then", "gallop"], "gallop"),
-        (["--start", "-1"], "--start"),
-        (["--length", "1000"], "--length"),
-        (["--command", "nan", "0", "0"], "--command"),
-        (["--seed", "-1"], "--seed"),
-        (["--out", "gait.pdf"], "--out"),
+        (["gaits", "--gaits", "gallop"], "walk"),
+        (["gaits", "--gaits", "walk", "walk"], "once"),
+        (["gait-diagram", "--then", "gallop"], "gallop"),
+        (["gait-diagram", "--length", "1000"], "--length"),
+        (["gait-diagram", "--command", "nan", "0", "0"], "--command"),
+        (["gait-diagram", "--out", "gait.pdf"], "--out"),
     ],
 )
-def test_diagram_mistakes_are_one_line(arguments, word, capsys) -> None:
-    assert main(["gait-diagram", *arguments]) == 2
+def test_mistakes_are_one_line(arguments, word, capsys) -> None:
+    assert main(arguments) == 2
     complaint = capsys.readouterr().err
     assert len(complaint.splitlines()) == 1
     assert word in complaint

@@ -52,7 +52,6 @@ def test_real_episodes_are_the_same_seeds_on_another_field(monkeypatch) -> None:
         (ground.Options(scenarios=("flat",)), "the ground of flat is not random"),
         (ground.Options(scenarios=("moon",)), "--scenarios: unknown scenario 'moon'"),
         (ground.Options(other=0), "is the ground of rough itself"),
-        (ground.Options(episodes=0), "episodes"),
     ],
 )
 def test_what_cannot_be_compared_is_said(options, words) -> None:

@@ -1,4 +1,4 @@
-"""What ships is seed 0, beside all others, and the card's command repeats its run."""
+"""Seed 0 ships, the card shows the other seeds too, and its command repeats the run."""
 
 import dataclasses
 import shutil
@@ -12,9 +12,10 @@ from evaluate.analysis.results import analyse
 from evaluate.analysis.score import Score
 from evaluate.records.store import ChunkStore
 from quad_env.cli.command_line import UsageError
+from research.__main__ import main
 from research.training.model_card import TrainedRun, difference, does, model_card, scores
 from research.training.publish import choose
-from train.__main__ import main
+from train.__main__ import main as train
 from train.command import parse
 from train.config import DEFAULTS, PpoConfig, to_dict
 from train.run_record import command
@@ -104,7 +105,7 @@ def test_the_cards_p_values_are_corrected_for_their_number():
 def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     for seed in ("0", "1"):
-        assert main([*OPTIONS.split(), "--seed", seed, "--out", str(folder / seed)]) == 0
+        assert train([*OPTIONS.split(), "--seed", seed, "--out", str(folder / seed)]) == 0
     return folder
 
 

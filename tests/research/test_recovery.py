@@ -1,4 +1,4 @@
-"""Getting up as it is measured, and the rule by which a robot stands."""
+"""The share of robots that get up, and the rule by which a robot stands."""
 
 import numpy as np
 import pytest

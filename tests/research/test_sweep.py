@@ -1,4 +1,4 @@
-"""A sweep: trials that are runs, carried on where they were stopped, listed by what their best policies are worth."""
+"""A sweep: trials are runs, an interrupted sweep can be resumed, and the table ranks trials by their best policies."""
 
 import dataclasses
 import json
@@ -6,9 +6,9 @@ import json
 import pytest
 
 from quad_env.cli.command_line import UsageError
+from research.__main__ import main
 from research.training import sweep
-from research.training.sweep import JOURNAL, TABLE, Options, changed, distributions, worth
-from train.__main__ import main
+from research.training.sweep import JOURNAL, TABLE, Options, changed, cost, distributions
 from train.config import PpoConfig, TrainConfig, load_config
 from train.run_folder import VALIDATIONS_FILE
 
@@ -86,7 +86,7 @@ def test_a_trial_is_a_run_and_success_decides_before_the_error(training, tmp_pat
     by_rank = sorted(stub.runs, key=lambda each: (-round(each.ppo.learning_rate, 3), each.joint_authority))
     assert named == [each.folder.name for each in by_rank]
     first = stub.runs[0]
-    assert worth(first.folder) == pytest.approx(
+    assert cost(first.folder) == pytest.approx(
         1000.0 * (1.0 - round(first.ppo.learning_rate, 3)) + first.joint_authority
     )
 
@@ -153,6 +153,6 @@ def test_a_real_trial_is_judged_by_its_best_validation(tmp_path, monkeypatch):
     monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: figures)
     monkeypatch.setitem(sweep.DEFAULTS, "residual", TrainConfig(threads=1, mixture=(("flat", 1.0),), ppo=small))
     assert main(["sweep", "--trials", "1", "--steps", "64", "--threads", "1", "--out", str(tmp_path / "sweep")]) == 0
-    assert worth(tmp_path / "sweep" / "trial-0000") == pytest.approx(250.3)
+    assert cost(tmp_path / "sweep" / "trial-0000") == pytest.approx(250.3)
     assert load_config(tmp_path / "sweep" / "trial-0000").steps == 64
     assert (tmp_path / "sweep" / JOURNAL).exists()

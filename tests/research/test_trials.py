@@ -1,10 +1,12 @@
-"""The page of trials says of each run what its own folder says, whatever became of it."""
+"""The table of trials says of each run what its own folder says, finished or not."""
 
+import csv
 import json
 
 import pytest
 
-from train.__main__ import main
+from research.__main__ import main
+from train.__main__ import main as train
 from train.run_folder import CONFIG_FILE, METRICS_FILE, VALIDATIONS_FILE
 
 OPTIONS = "--steps 64 --ppo.envs 8 --ppo.rollout-steps 4 --ppo.minibatch 16 --ppo.epochs 1 --max-episode-steps 8"
@@ -15,7 +17,7 @@ VALIDATION = "--validation.interval 0 --validation.episodes 2 --validation.scena
 def runs(tmp_path_factory):
     """One that was finished, and one that an older program began, with another setting, and left."""
     folder = tmp_path_factory.mktemp("trials")
-    assert main([*OPTIONS.split(), *VALIDATION.split(), "--out", str(folder / "whole")]) == 0
+    assert train([*OPTIONS.split(), *VALIDATION.split(), "--out", str(folder / "whole")]) == 0
     (folder / "old").mkdir()
     settings = json.loads((folder / "whole" / CONFIG_FILE).read_bytes())
     settings["ppo"] |= {"gamma": 0.9, "burn_in": 7}
@@ -25,33 +27,33 @@ def runs(tmp_path_factory):
     return folder
 
 
-def rows(page):
-    lines = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
-    return {cells[0]: cells[1:] for line in lines for cells in [[cell.strip() for cell in line.split("|")[1:-1]]]}
+def rows(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return {row.pop("trial"): list(row.values())[1:] for row in csv.DictReader(file)}
 
 
 def test_a_row_has_the_settings_the_effort_and_the_best_validation(runs, tmp_path):
-    page = tmp_path / "page.md"
-    assert main(["trials", str(runs / "old"), str(runs / "whole"), "--page", str(page)]) == 0
-    found = rows(page)
+    table = tmp_path / "table.csv"
+    assert main(["trials", str(runs / "old"), str(runs / "whole"), "--table", str(table)]) == 0
+    found = rows(table)
     settings, steps, _, judged, success, on_flat, error = found["whole"]
     assert settings == (
         "mixture flat 1.0, max-episode-steps 8, ppo.envs 8, ppo.rollout-steps 4, ppo.minibatch 16, ppo.epochs 1"
     )
-    assert (steps, judged) == ("64", "flat × 2")
+    assert (steps, judged) == ("64", "flat x 2")
     record = json.loads((runs / "whole" / VALIDATIONS_FILE).read_bytes())["validations"][-1]
     flat = record["scenarios"]["flat"]
     assert [success, on_flat] == [f"{100 * record['success']:.1f}", f"{100 * flat['success_rate']:.0f}"]
     assert error == f"{flat['velocity_error']:.3f}"
-    assert list(found) == ["trial", "whole", "old"]  # what was stopped comes last
+    assert list(found) == ["whole", "old"]  # what was stopped comes last
 
 
 def test_a_run_that_was_stopped_is_listed_with_the_names_that_it_had(runs, tmp_path):
-    page = tmp_path / "page.md"
-    assert main(["trials", str(runs / "old"), "--page", str(page)]) == 0
-    settings, *rest = rows(page)["old"]
+    table = tmp_path / "table.csv"
+    assert main(["trials", str(runs / "old"), "--table", str(table)]) == 0
+    settings, *rest = rows(table)["old"]
     assert settings.endswith("ppo.gamma 0.9, ppo.burn-in 7")
-    assert rest == ["32", "1.5", "", "stopped", "", ""]
+    assert rest == ["32", "1.5", "stopped"]
 
 
 def test_the_best_validation_counts_not_the_last(runs, tmp_path):
@@ -62,13 +64,13 @@ def test_the_best_validation_counts_not_the_last(runs, tmp_path):
     means = {"success_rate": 0.5, "velocity_error": 0.1}
     both = [{"steps": n, "success": share, "scenarios": {"flat": means}} for n, share in ((32, 0.75), (64, 0.25))]
     (folder / VALIDATIONS_FILE).write_text(json.dumps({"best": 32, "validations": both}), encoding="utf-8")
-    assert main(["trials", str(folder), "--page", str(tmp_path / "page.md")]) == 0
-    assert rows(tmp_path / "page.md")["two"][4:] == ["75.0", "50", "0.100"]
+    assert main(["trials", str(folder), "--table", str(tmp_path / "table.csv")]) == 0
+    assert rows(tmp_path / "table.csv")["two"][4:] == ["75.0", "50", "0.100"]
 
 
 def test_what_is_no_run_is_refused(tmp_path, capsys):
-    assert main(["trials", str(tmp_path), "--page", str(tmp_path / "page.md")]) == 2
+    assert main(["trials", str(tmp_path), "--table", str(tmp_path / "table.csv")]) == 2
     assert f"no run in {tmp_path}" in capsys.readouterr().err
     assert main(["trials"]) == 2
     assert "name the folders" in capsys.readouterr().err
-    assert not (tmp_path / "page.md").exists()
+    assert not (tmp_path / "table.csv").exists()

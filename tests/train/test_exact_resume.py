@@ -15,12 +15,11 @@ import torch
 from gymnasium.error import ResetNeeded
 
 import policies
-from benchmarks.resume import bits
 from policies.network import Network
 from quad_env.physics.footsteps import Footsteps
 from train.__main__ import main
 from train.config import load_config
-from train.run_folder import METRICS_FILE, steps_done
+from train.run_folder import CHECKPOINTS, METRICS_FILE, VALIDATIONS_FILE, steps_done
 from train.sb3 import callbacks, checkpoint
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import segment_steps
@@ -34,6 +33,21 @@ OPTIONS = (
 )
 ROLLOUT, SEGMENT, RUN = 8, 16, 40
 """Steps of each of the 16 robots."""
+
+
+def bits(folder: Path) -> dict[str, bytes]:
+    """Content of a run's folder by file, without times and logs, which an interruption changes."""
+    found = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.safetensors")}
+    found[VALIDATIONS_FILE] = (folder / VALIDATIONS_FILE).read_bytes()
+    for path in (folder / CHECKPOINTS).glob("*.json"):
+        record = json.loads(path.read_bytes())
+        del record["remembered"]["seconds"]
+        found[path.name] = json.dumps(record).encode()
+    metrics = [json.loads(line) for line in (folder / METRICS_FILE).read_bytes().splitlines()]
+    for figures in metrics:
+        del figures["time/seconds"]
+    found[METRICS_FILE] = json.dumps(metrics).encode()
+    return found
 
 
 class Killed(BaseException):

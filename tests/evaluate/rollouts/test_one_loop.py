@@ -6,9 +6,8 @@ from pathlib import Path
 LOOPS = (ast.For, ast.While, ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
 OTHERS = (
     "train/training_robots.py",  # the learner's own
-    *(f"benchmarks/{name}.py" for name in ("peers", "vector_env", "policies", "physics")),  # the bare speed of stepping
-    *(f"benchmarks/{name}.py" for name in ("probes/growth_probe", "probes/training_run", "support/bare")),
-    "benchmarks/probes/viewers.py",  # a session's robots in other people's viewers
+    # the speed of stepping alone
+    *(f"benchmarks/{name}.py" for name in ("vector_env", "policies", "physics", "support/bare")),
     "live/commands/ros.py",  # a session's, paced, on what ROS sends
     "live/dataset.py",  # the environment of `gym.make`, which a dataset makes again
     "live/doctor/walking.py",  # a robot that has no name

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
-from benchmarks.probes.physics_settings import FINE, Change, Setting, compiled
 from benchmarks.support.bars import ACCURACY
+from benchmarks.support.physics_settings import FINE, Change, Setting, compiled
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from quad_env import TaskConfig
@@ -43,9 +43,9 @@ class Accuracy:
     trunk_mm: float
     """Largest distance of the trunk from the reference's, in the worst stride."""
     tilt_rad: float
-    """Likewise the angle between the trunks."""
+    """Largest angle between the two trunks."""
     joints_rad: float
-    """Likewise of any joint."""
+    """Largest difference of a joint angle."""
     sinks_mm: float
     """How deep a standing foot sinks."""
     slip_mm_s: float

@@ -51,7 +51,7 @@ def together(*changes: Change) -> Change:
 
 
 FINE = options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
-"""Four times finer, with a fully converged solver: what the accuracy of a setting is measured against."""
+"""Four times finer, with a fully converged solver: the reference for the accuracy of a setting."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Setting:
     """Stepped as the environment steps it; False: every sensor evaluated, islands of constraints searched."""
 
     def model(self) -> mujoco.MjModel:
-        """What is stepped."""
+        """The compiled model."""
         model = compiled(self.change)
         return stepped_model(model) if self.lean else model
 

@@ -1,1 +1,0 @@
-"""What the benchmarks measure in processes or settings of their own."""

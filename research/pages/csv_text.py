@@ -1,0 +1,36 @@
+"""Tables as CSV: a row a line, numbers with six digits, empty cells for what is not known."""
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+
+def csv_text(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """The rows as a CSV file in UTF-8; columns are the keys of all rows, in the order of their first use."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+    return text.getvalue().encode()
+
+
+def flat(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """An entry of a results.json as a row: an interval `x_ci` becomes `x_low` and `x_high`; dicts and other lists are
+    left out."""
+    row: dict[str, Any] = {}
+    for name, value in entry.items():
+        if name == "ci" or name.endswith("_ci"):
+            stem = name.removesuffix("ci")
+            row |= dict(zip((f"{stem}low", f"{stem}high"), value, strict=True))
+        elif not isinstance(value, dict | list):
+            row[name] = value
+    return row
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return "" if value is None else value

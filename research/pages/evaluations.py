@@ -1,0 +1,135 @@
+"""A results.json of `python -m evaluate` for README and docs: read and checked, as Markdown tables and as a figure."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from evaluate.analysis.results import with_nan
+from evaluate.analysis.score import WORDS, Score
+from evaluate.commands.options import command
+from evaluate.commands.plan import limited
+from evaluate.measures.outcomes import SUCCESS_1, SUCCESS_RULE
+from evaluate.report.headings import FIRST
+from evaluate.report.markdown import table
+from evaluate.report.plots import drawing, success
+from evaluate.rollouts.battery import BATTERIES, resolve
+from evaluate.rollouts.hardware import Hardware, hardware_of
+from policies.summaries import explained
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.format import (
+    ABSENT,
+    counted,
+    listed,
+    number,
+    p_value,
+    percent_interval,
+    points,
+    points_interval,
+    share,
+)
+from quad_env.files.reading import parse_json, read_bytes
+from quad_env.files.writing import write_atomically
+from quad_env.robots.robot import Robot
+
+ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
+"""The figure's text for readers who do not see it."""
+_KEYS = "policies", "scores", "baseline", "breaking_points", "sensitivities", "versions", "episodes", "seed"
+
+
+def read(path: Path) -> dict[str, Any]:
+    """A results.json with NaN for null. Raises UsageError where it is none, unfinished or without scores."""
+    if not path.exists():
+        raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
+    try:
+        found = dict(with_nan(parse_json(read_bytes(path))))
+        complete, versions = found["complete"], found["versions"]["mujoco"] and found["versions"]["python"]
+        whole = bool(versions) and all(name in found for name in _KEYS if name != "scores")
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise UsageError(f"{path} is not a results.json of `python -m evaluate` ({error!r})") from error
+    if not complete:
+        raise UsageError(f"the evaluation of {path} was interrupted: carry it on with --resume")
+    if not whole:
+        raise UsageError(f"{path} is not a results.json of `python -m evaluate`: it lacks one of {', '.join(_KEYS)}")
+    if not found.get("scores"):
+        raise UsageError(f"the evaluation of {path} has no scores: they need several axes of disturbance")
+    return found
+
+
+def scores(found: dict[str, Any]) -> list[Score]:
+    """Scores of the policies, the highest first."""
+    return [Score(**each) for each in found["scores"]]
+
+
+def scenarios_of(found: dict[str, Any]) -> list[str]:
+    """Names of the scenarios, in the order of the run."""
+    return list(dict.fromkeys(name for policy in found["policies"].values() for name in policy["scenarios"]))
+
+
+def made_by(found: dict[str, Any]) -> str:
+    """The command that makes these figures, without options at their defaults, and the versions that it ran with."""
+    provenance, versions, scenarios = found.get("provenance", {}), found["versions"], scenarios_of(found)
+    battery = next((name for name in BATTERIES if [one.name for one in resolve((name,))] == scenarios), None)
+    chosen = {
+        "policies": list(limited(found["policies"], provenance.get("only_on", {}))),
+        "scenarios": [battery] if battery else scenarios,
+        "episodes": found["episodes"],
+        "seed": found["seed"],
+    }
+    words = command(chosen | provenance.get("hardware", {}))
+    rule = versions.get("success_rule") or SUCCESS_1
+    older = "" if rule == SUCCESS_RULE else f"; success by the older rule {rule}"
+    return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}{older}."
+
+
+def legend(found: dict[str, Any]) -> str:
+    """What each policy is, in one line of Markdown that shows as one line each; empty where none is known."""
+    return "<br>".join(f"`{name}`: {text}." for name, text in explained(found["policies"]).items())
+
+
+def headline(found: dict[str, Any]) -> str:
+    """The scores in one sentence."""
+    each = scores(found)
+    figures = [f"`{score.policy}` {share(score.score, score.ci)}" for score in each]
+    count, axes = counted(found["episodes"], "episode"), len(each[0].axes)
+    return f"**Success, mean over {axes} axes of disturbance, {count} at each severity: {listed(figures)}.**"
+
+
+def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
+    """Lines of the table of other robots, a robot a row: the score of each policy that all of them have."""
+    of_each = [{score.policy: score for score in scores(one)} for one in found]
+    names = [name for name in of_each[0] if all(name in each for each in of_each)]
+    rows = [
+        {FIRST: f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"}
+        | {name: share(policies[name].score, policies[name].ci) for name in names}
+        for robot, policies in zip(map(robot_of, found), of_each, strict=True)
+    ]
+    return table({FIRST: "robot", **{name: f"`{name}`" for name in names}}, rows).splitlines()
+
+
+def robot_of(found: dict[str, Any]) -> Robot:
+    """The robot that was evaluated. Raises UsageError where it is not to be had here."""
+    name = found.get("provenance", {}).get("hardware", {}).get("robot", Hardware.robot)
+    return hardware_of(name, "the results' robot").quadruped
+
+
+def score_table(of: Iterable[Score], baseline: str, called: Mapping[str, str] | None = None) -> list[str]:
+    """Each policy's score and its difference from the baseline's, in Markdown; `called` has names to show instead."""
+    names = called or {}
+    rows = [
+        {
+            "policy": names.get(each.policy, f"`{each.policy}`"),
+            "score": f"{number(100.0 * each.score, 1)} [{percent_interval(each.ci)}]",
+            "difference": f"{points(each.difference)} [{points_interval(each.difference_ci)}], {p_value(each.p_value)}"
+            if each.policy != baseline
+            else ABSENT,
+        }
+        for each in of
+    ]
+    heads = {"policy": "policy", "score": "score, %", "difference": f"minus `{baseline}`, % points"}
+    return [WORDS, "", *table(heads, rows).splitlines()]
+
+
+def draw(found: dict[str, Any], picture: Path) -> None:
+    """Write the figure, a PNG: success of every policy on every axis."""
+    with drawing.settings():
+        write_atomically(picture, success.png(success.heat_map(scores(found))))

@@ -1,0 +1,94 @@
+"""Results as data and figures: `python -m research results FOLDER…` writes docs/results from evaluations.
+
+A folder NAME of `python -m evaluate` gives NAME.csv, every figure of each policy on each scenario; NAME_scores.csv,
+NAME_breaking_points.csv and NAME_disturbances.csv; and NAME.png, success of each policy on each axis. A page with the
+lines `<!-- NAME -->` and `<!-- /NAME -->` gets the scores, the figure, links to the files, and the command.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from evaluate.analysis.score import Score
+from quad_env.cli.command_line import UsageError
+from quad_env.files.writing import make_writable_folder, write_atomically
+from research.pages import evaluations
+from research.pages.csv_text import csv_text, flat
+from research.pages.places import insert, page_with
+
+TABLES = {
+    "": "each policy on each scenario",
+    "_scores": "scores",
+    "_breaking_points": "severities at which half of the episodes fail",
+    "_disturbances": "what the hardest level of each axis costs",
+}
+"""Ending of each file's name -> what the file holds."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Write results as CSV files and figures, and into pages."""
+
+    folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = tuple(
+        Path("results") / name for name in ("evaluation", "go1", "go2")
+    )
+    """Folders of evaluations; the last part of each path is the name of its files."""
+    out: Path = Path("docs/results")
+    """Folder of the CSV files and figures."""
+    pages: tuple[Path, ...] = (Path("docs/results.md"), Path("docs/robots.md"))
+    """Pages that have a place for one of the evaluations."""
+
+
+def main(options: Options) -> int:
+    """Write the files and pages; the exit code. Raises UsageError."""
+    names = [folder.resolve().name for folder in options.folders]
+    if not names or len(set(names)) < len(names):
+        raise UsageError("name at least one folder, and no two that are called alike")
+    files = (folder / "results.json" for folder in options.folders)
+    found = dict(zip(names, map(evaluations.read, files), strict=True))
+    texts = {page: page_with(page) for page in options.pages}
+    make_writable_folder(options.out)
+    for name, one in found.items():
+        for ending, rows in tables(one).items():
+            write_atomically(options.out / f"{name}{ending}.csv", csv_text(rows))
+        evaluations.draw(one, options.out / f"{name}.png")
+        for page, text in texts.items():
+            if f"<!-- {name} -->" in text:
+                folder = Path(os.path.relpath(options.out, page.parent)).as_posix()
+                texts[page] = insert(text, lines(name, one, folder), name)
+    for page, text in texts.items():
+        write_atomically(page, text.encode())
+    return 0
+
+
+def tables(found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """Rows of each CSV file, by the ending of its name."""
+    return {
+        "": [
+            {"scenario": scenario, "policy": policy, **flat(cell)}
+            for policy, of_policy in found["policies"].items()
+            for scenario, cell in of_policy["scenarios"].items()
+        ],
+        "_scores": [{**flat(each), "baseline": found["baseline"]} for each in found["scores"]],
+        "_breaking_points": [flat(each) for each in found["breaking_points"]],
+        "_disturbances": [flat(each) for each in found["sensitivities"]],
+    }
+
+
+def lines(name: str, found: dict[str, Any], folder: str) -> list[str]:
+    """What a page shows of an evaluation; `folder` is that of the files, seen from the page."""
+    scores: list[Score] = evaluations.scores(found)
+    files = (f"[{words}]({folder}/{name}{ending}.csv)" for ending, words in TABLES.items())
+    return [
+        *evaluations.score_table(scores, found["baseline"]),
+        "",
+        f"![{evaluations.ALT}]({folder}/{name}.png)",
+        "",
+        f"All figures: {'; '.join(files)}.",
+        "",
+        evaluations.made_by(found),
+    ]

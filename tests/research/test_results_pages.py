@@ -1,0 +1,171 @@
+"""README, pages, CSV files and figures hold the figures of results.json."""
+
+import csv
+import json
+
+import pytest
+
+from evaluate.commands.options import DEFAULT_POLICIES
+from evaluate.rollouts.battery import BATTERIES
+from policies import summary
+from quad_env.cli.command_line import UsageError
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from research.__main__ import main
+from research.pages.places import insert
+from tests.quad_env.robots.alike import alike
+
+CELL = {
+    "success_rate": 0.5,
+    "success_rate_ci": [0.41, None],
+    "velocity_error": 0.12345678,
+    "velocity_error_ci": [0.11, 0.14],
+    "outcomes": {"succeeded": 64},
+}
+SCORE = {"policy": "trot", "score": 0.471, "ci": [0.432, 0.534], "axes": {"flat": [1.0], "push": [0.8, 0.2]}}
+SCORE |= {"difference": 0.0, "difference_ci": [0.0, 0.0], "p_value": 1.0}
+WORSE = SCORE | {"policy": "stand", "score": 0.1, "difference": -0.371, "difference_ci": [-0.5, None]}
+POINT = {"axis": "push", "unit": "N·s", "policy": "trot", "severity50": 48.2, "ci": [45.0, None], "found": "crossed"}
+FOUND = {
+    "complete": True,
+    "baseline": "trot",
+    "scores": [SCORE, WORSE],
+    "breaking_points": [POINT],
+    "sensitivities": [{"axis": "noise", "policy": "trot", "success": -0.25, "success_ci": [-0.4, -0.1]}],
+    "episodes": 128,
+    "seed": 0,
+    "versions": {"mujoco": "4.0.0", "python": "3.11.7", "success_rule": "success/2"},
+    "policies": {"trot": {"scenarios": {"flat": CELL}}, "stand": {"scenarios": {"flat": CELL}}},
+}
+EMPTY = "head\n<!-- results -->\n<!-- /results -->\n<!-- robots -->\n<!-- /robots -->\n<!-- run -->\n<!-- /run -->\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder, the current one, with a README and a page that have all places."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "docs" / "results").mkdir(parents=True)
+    for name in ("README.md", "docs/page.md"):
+        (tmp_path / name).write_text(EMPTY, encoding="utf-8")
+    return tmp_path
+
+
+def evaluation(folder, found=FOUND, name="run") -> str:
+    (folder / name).mkdir(exist_ok=True)
+    path = folder / name / "results.json"
+    path.write_text(found if isinstance(found, str) else json.dumps(found), encoding="utf-8")
+    return str(path)
+
+
+def readme(folder, found=FOUND, *options) -> str:
+    """The README after the command."""
+    assert main(["readme", evaluation(folder, found), "--picture", "docs/results/run.png", *options]) == 0
+    return (folder / "README.md").read_text(encoding="utf-8")
+
+
+def page(folder, found=FOUND) -> str:
+    """The page after the command."""
+    evaluation(folder, found)
+    assert main(["results", "run", "--pages", "docs/page.md"]) == 0
+    return (folder / "docs/page.md").read_text(encoding="utf-8")
+
+
+def test_the_readme_has_policies_scores_and_figure(folder) -> None:
+    text = readme(folder)
+    lines = text.splitlines()
+    assert lines[2] == f"`trot`: {summary('trot')}.<br>`stand`: {summary('stand')}."
+    assert "mean over 2 axes of disturbance, 128 episodes" in lines[4]
+    assert "`trot` 47\u00a0% [43,\u00a053] and `stand` 10\u00a0%" in lines[4]
+    assert lines[6].endswith("](docs/results/run.png)")
+    assert (folder / "docs/results/run.png").read_bytes().startswith(b"\x89PNG")
+    unknown = FOUND | {"policies": {"my.onnx": FOUND["policies"]["trot"]}}
+    assert readme(folder, unknown).splitlines()[2].startswith("**Success")
+
+
+def test_a_page_has_scores_figure_files_and_command_at_its_place(folder) -> None:
+    head, run = page(folder).replace("\u00a0", " ").split("<!-- run -->")
+    assert head == EMPTY.split("<!-- run -->", maxsplit=1)[0]
+    assert "| `trot` | 47.1 [43.2 … 53.4 %] | – |" in run
+    assert "| `stand` | 10.0 [43.2 … 53.4 %] | −37.1 [–], p = 1.00 |" in run
+    assert "](results/run.png)" in run
+    assert "](results/run_scores.csv)" in run
+    assert "`python -m evaluate --policies trot stand --scenarios flat --episodes 128`; MuJoCo 4.0.0" in run
+    assert (folder / "docs/results/run.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_files_have_a_row_for_each_entry_and_intervals_by_their_ends(folder) -> None:
+    page(folder)
+    rows = {}
+    for ending in ("", "_scores", "_breaking_points", "_disturbances"):
+        with (folder / f"docs/results/run{ending}.csv").open(encoding="utf-8", newline="") as file:
+            rows[ending] = list(csv.DictReader(file))
+    ends = {"success_rate_low": "0.41", "success_rate_high": "", "velocity_error_low": "0.11"}
+    row = {"scenario": "flat", "policy": "trot", "success_rate": "0.5", "velocity_error": "0.123457"}
+    assert rows[""][0] == row | ends | {"velocity_error_high": "0.14"}
+    assert [each["policy"] for each in rows["_scores"]] == ["trot", "stand"]
+    assert rows["_scores"][1]["difference_high"] == ""
+    assert (rows["_breaking_points"][0]["low"], rows["_breaking_points"][0]["high"]) == ("45", "")
+    assert rows["_disturbances"][0]["success_high"] == "-0.1"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, "python -m evaluate --policies trot stand --scenarios flat --episodes 128`; MuJoCo 4.0.0, Python 3.11.7."),
+        ({"provenance": {"hardware": {"actuator": "motor", "sensors": "truth"}}}, "--episodes 128 --actuator motor`;"),
+        ({"seed": 3, "episodes": 24}, "python -m evaluate --policies trot stand --scenarios flat --seed 3`;"),
+        ({"versions": {"mujoco": "3", "python": "3"}}, "Python 3; success by the older rule success/1."),
+    ],
+)
+def test_the_command_and_versions_that_made_the_results_are_named(changes, words, folder) -> None:
+    assert words in readme(folder, FOUND | changes)
+
+
+@pytest.mark.parametrize(("battery", "words"), [("default", ""), ("quick", " --scenarios quick")])
+def test_a_battery_is_called_by_its_name(battery, words, folder) -> None:
+    cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery](SIMPLE_QUAD)), CELL)
+    of = {policy: {"scenarios": cells} for policy in DEFAULT_POLICIES}
+    assert f"\n`python -m evaluate{words}`;" in readme(folder, FOUND | {"policies": of, "episodes": 24})
+
+
+def test_other_robots_have_a_row_each(folder) -> None:
+    def of_robot(robot: str, *policies: str) -> dict:
+        scores = [SCORE | {"policy": policy} for policy in policies]
+        return FOUND | {"scores": scores, "provenance": {"hardware": {"robot": robot}}}
+
+    alike(folder)
+    one = evaluation(folder, of_robot("simple_quad", "trot", "residual"), "one")
+    other = evaluation(folder, of_robot(str(folder / "alike.xml"), "residual", "mpc_wbc"), "other")
+    table = readme(folder, FOUND, "--robots", one, other).split("<!-- robots -->\n")[1].splitlines()
+    assert table[0] == "| robot | `residual` |"  # what all of them have
+    assert table[2] == "| simple_quad, 14.2 kg on legs of 0.60 m | 47\u00a0% [43,\u00a053] |"
+    assert table[3].startswith("| alike, 1.4 kg on legs of 0.24 m | ")
+
+
+def test_only_what_is_between_the_markers_changes() -> None:
+    text = "head\n<!-- results -->\nold\n<!-- /results -->\ntail\n"
+    assert insert(text, ["new"]) == "head\n<!-- results -->\nnew\n<!-- /results -->\ntail\n"
+    assert insert(insert(text, ["a"]), ["b"]) == insert(text, ["b"])
+    with pytest.raises(UsageError, match="results"):
+        insert("nothing here", ["new"])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (json.dumps(FOUND | {"complete": False}), "--resume"),
+        (json.dumps(FOUND | {"scores": []}), "no scores"),
+        *((text, "results.json") for text in ("", "{", "[]", "null", "{}", json.dumps(FOUND | {"versions": None}))),
+        (json.dumps({"complete": True, "versions": FOUND["versions"]}), "results.json"),
+    ],
+)
+def test_what_is_no_finished_evaluation_is_refused(content, words, folder, capsys) -> None:
+    path = evaluation(folder, content)
+    for line in (["readme", path], ["results", "run", "--pages", "docs/page.md"]):
+        assert main(line) == 2
+        error = capsys.readouterr().err
+        assert error.startswith("error: ")
+        assert error.count("\n") == 1
+        assert words in error
+    for name in ("README.md", "docs/page.md"):
+        assert (folder / name).read_text(encoding="utf-8") == EMPTY
+    assert not list(folder.glob("docs/results/*"))
