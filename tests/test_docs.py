@@ -87,9 +87,8 @@ def test_python_block_runs_as_it_stands(block: str, tmp_path: Path) -> None:
 
 
 def named_by(package: str) -> list[str]:
-    """Names of a package's commands; those of `quad_env` that need policies are in `live`."""
-    packages = (package, "live") if package == "quad_env" else (package,)
-    return [name for each in packages for name in getattr(importlib.import_module(f"{each}.__main__"), "COMMANDS", {})]
+    """Names of a package's commands."""
+    return list(getattr(importlib.import_module(f"{package}.__main__"), "COMMANDS", {}))
 
 
 def help_of(words: list[str]) -> str:
@@ -148,7 +147,7 @@ def test_set_up_is_two_commands_that_each_stand_alone() -> None:
     first, second = (block.strip() for block in blocks("bash", README)[:2])
     assert first == f"{environment} . && python -m evaluate"
     assert second == f'{environment} ".[train,dev]" && pytest'
-    names = {"train", "dataset", "dev", "video", "cluster", "docs", "onnx", "recording", "robots", "sweep", "clients"}
+    names = {"train", "dev", "video", "cluster", "docs", "onnx", "recording", "robots", "sweep", "clients"}
     assert set(extras) == names
 
 
