@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.physics.rendering import Viewpoint
+
 TURN, ZOOM = 0.4, 0.0015
 """Degrees a pixel that the mouse is dragged, and share of the distance a unit that its wheel is turned."""
 STEEPEST = 89.0
@@ -15,17 +17,9 @@ FOLLOWING = 0.15
 
 
 @dataclass(frozen=True)
-class Orbit:
-    """A camera's place."""
+class Orbit(Viewpoint):
+    """Viewpoint that the mouse turns, and that follows a robot or stays."""
 
-    azimuth: float = 120.0
-    """Direction in which it looks, about the vertical from world x, degrees."""
-    elevation: float = -18.0
-    """Above the horizontal, degrees: negative looks down."""
-    distance: float = 2.2
-    """From what it looks at, m."""
-    target: tuple[float, float, float] = (0.0, 0.0, 0.3)
-    """What it looks at, world, m."""
     follow: bool = True
 
     def dragged(self, right: float, down: float) -> "Orbit":

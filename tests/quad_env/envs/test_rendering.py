@@ -11,6 +11,7 @@ import pytest
 
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics import rendering
 
 
 @pytest.mark.rendering
@@ -76,12 +77,10 @@ def test_importing_chooses_no_opengl() -> None:
 
 def test_a_display_and_a_choice_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where there is a display, MuJoCo's own choice stands."""
-    from quad_env.physics import rendering
-
-    monkeypatch.setattr(rendering, "_render_without_a_display", lambda: pytest.fail("a display was overlooked"))
-    monkeypatch.setattr(rendering.mujoco, "Renderer", lambda *_: None)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setenv("DISPLAY", ":0")
-    rendering.Camera(SimpleQuadEnv().model)
+    rendering.find_backend()
+    assert "MUJOCO_GL" not in os.environ
 
 
 @pytest.mark.parametrize("size", [{"width": -5}, {"height": 0}, {"width": 64.0}, {"height": 100_000}, {"width": True}])
