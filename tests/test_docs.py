@@ -20,9 +20,9 @@ import pytest
 from markdown_it import MarkdownIt
 
 import policies
-from live.doctor.checks import checks
+from live.commands import doctor
 from quad_env import AXES, FALL_REASONS, SCENARIOS, SIMPLE_QUAD
-from quad_env.doctor.checks import OF_THE_INSTALLATION, OF_THE_ROBOT
+from quad_env.doctor.command import CHECKS
 from quad_env.task.observations import observation_table
 
 ROOT = Path(__file__).parents[1]
@@ -179,7 +179,7 @@ def test_every_axis_has_its_row_with_its_levels_and_its_nominal_one_bold() -> No
 
 def test_every_check_of_the_doctor_has_its_row_in_its_order() -> None:
     rows = table("| check | well if | else look at |", "docs/doctor.md")
-    assert [row[0] for row in rows] == [check.name for check in (*OF_THE_INSTALLATION, *OF_THE_ROBOT, *checks("trot"))]
+    assert [row[0] for row in rows] == [check.name for check in (*CHECKS, *doctor.CHECKS)]
     symptoms = table("| what is seen | what may cause it | what `doctor` looks at |", "docs/doctor.md")
     named = {name.strip(" `") for row in symptoms for name in row[2].split(",")}
     assert named <= {row[0] for row in rows}

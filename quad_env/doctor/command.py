@@ -1,16 +1,34 @@
 """Find what is wrong with the installation, a robot or a policy: each check is printed as it ends, then a summary."""
 
+import json
 import sys
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from typing import Annotated
 
 import tyro
 
 from quad_env.cli.command_line import UsageError
-from quad_env.doctor import report
+from quad_env.cli.format import counted
 from quad_env.doctor.check import Check, Entry, examine
-from quad_env.doctor.checks import OF_THE_INSTALLATION, OF_THE_ROBOT
 from quad_env.doctor.subject import Subject
+
+HERE = "quad_env.doctor"
+CHECKS = (
+    Check("packages", f"{HERE}.packages:packages"),
+    Check("mujoco", f"{HERE}.packages:mujoco", ("packages",)),
+    Check("opengl", f"{HERE}.drawing:opengl", ("mujoco",)),
+    Check("model", f"{HERE}.model:model", ("mujoco",)),
+    Check("limits", f"{HERE}.joints:limits", ("model",)),
+    Check("joints", f"{HERE}.joints:joints", ("limits",)),
+    Check("servos", f"{HERE}.standing:servos", ("joints",)),
+    Check("plausible", f"{HERE}.model:plausible", ("servos",)),
+    Check("stands", f"{HERE}.standing:stands", ("servos",)),
+)
+"""In the order in which one depends on another: the first problem is the one to repair."""
+SCHEMA = 1
+NO_CLONE = "walking and policies were not examined: they need a clone of the project"
 
 
 @dataclass(frozen=True)
@@ -41,11 +59,38 @@ def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
         subject = Subject(options.robot, options.policy)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    clone = of_policies is not None
     entries: list[Entry] = []
-    for entry in examine((*OF_THE_INSTALLATION, *OF_THE_ROBOT, *(of_policies or ())), subject):
+    for entry in examine((*CHECKS, *(of_policies or ())), subject):
         entries.append(entry)
         if not options.json or sys.stderr.isatty():
-            print("\n".join(report.lines(entry)), file=sys.stderr if options.json else sys.stdout, flush=True)
-    print((report.as_json if options.json else report.summary)(entries, clone=clone))
-    return int(report.problems(entries) > 0)
+            print("\n".join(_lines(entry)), file=sys.stderr if options.json else sys.stdout, flush=True)
+    clone = of_policies is not None
+    print(_as_json(entries, clone) if options.json else _summary(entries, clone))
+    return int(_problems(entries) > 0)
+
+
+def _lines(entry: Entry) -> Iterator[str]:
+    """The observation, and cause and remedy where there are any."""
+    found = entry.finding
+    yield f"{found.result:9} {entry.name:9} {found.seen}"
+    if found.remedy:
+        yield f"{'':20}cause:  {found.cause}"
+        yield f"{'':20}remedy: {found.remedy}"
+
+
+def _summary(entries: Sequence[Entry], clone: bool) -> str:
+    """Counts of results, in a line."""
+    counts = Counter(entry.finding.result for entry in entries)
+    faults = [counted(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
+    others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
+    return ", ".join(faults + others) + ("" if clone else f"; {NO_CLONE}")
+
+
+def _as_json(entries: Sequence[Entry], clone: bool) -> str:
+    checks = [{"name": entry.name, **asdict(entry.finding), "seconds": round(entry.seconds, 3)} for entry in entries]
+    report = {"schema": SCHEMA, "policies_examined": clone, "problems": _problems(entries), "checks": checks}
+    return json.dumps(report, indent=2, ensure_ascii=False)
+
+
+def _problems(entries: Sequence[Entry]) -> int:
+    return sum(entry.finding.result == "problem" for entry in entries)
