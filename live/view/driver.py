@@ -19,9 +19,8 @@ from evaluate.rollouts.observers import Observer
 from live.pace import Pace
 from live.recording.recorder import Recorder, recorder_for
 from live.session import Session
-from live.view.painter import Picture
+from live.view.camera import Picture, ViewCamera
 from live.view.requests import Request
-from live.view.sight import Sight
 from live.view.telemetry import COLUMNS, Telemetry
 from policies.base import Policy, PolicyError
 from quad_env.scenarios.axes import axes_of
@@ -64,7 +63,7 @@ class Driver:
         self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
         self._recording, self._path, self._asked_for = ExitStack(), "", False
         self._recorder: Recorder | None = None
-        self.sight, self._telemetry = Sight(), Telemetry(start.hardware.quadruped.rated_torque)
+        self.camera, self._telemetry = ViewCamera(), Telemetry(start.hardware.quadruped.rated_torque)
         self._scenario = self._found(start.scenario)
         self._offered = tuple(dict.fromkeys((*start.policies, *policies.names())))
         self._companion = start.policies[1] if len(start.policies) > 1 else COMPANION
@@ -83,12 +82,12 @@ class Driver:
             "pause": self._pause,
             "step": self._step_once,
             "speed": lambda factor: setattr(self._pace, "speed", factor),
-            "drag": lambda right, down: setattr(self.sight, "orbit", self.sight.orbit.dragged(right, down)),
-            "zoom": lambda wheel: setattr(self.sight, "orbit", self.sight.orbit.zoomed(wheel)),
-            "follow": self.sight.follow,
-            "together": lambda on: setattr(self.sight, "together", on),
-            "forces": lambda on: setattr(self.sight, "forces", on),
-            "ghost": lambda on: setattr(self.sight, "ghost", on),
+            "drag": lambda right, down: setattr(self.camera, "orbit", self.camera.orbit.dragged(right, down)),
+            "zoom": lambda wheel: setattr(self.camera, "orbit", self.camera.orbit.zoomed(wheel)),
+            "follow": self.camera.follow,
+            "together": lambda on: setattr(self.camera, "together", on),
+            "forces": lambda on: setattr(self.camera, "forces", on),
+            "ghost": lambda on: setattr(self.camera, "ghost", on),
             "record": lambda on: self._record(self._free_path()) if on else self._stop_recording(),
         }
 
@@ -128,7 +127,7 @@ class Driver:
 
     def picture(self) -> Picture:
         """What there is to be seen now."""
-        return self.sight.picture(self.session)
+        return self.camera.picture(self.session)
 
     def offer(self) -> dict[str, Any]:
         """What a page is told once: names of policies and axes of scenarios, the robot, and what rows hold."""
@@ -144,7 +143,7 @@ class Driver:
 
     def state(self) -> dict[str, Any]:
         """How things stand now, with rows and events since the last call."""
-        session, sight, events = self.session, self.sight, list(self._events)
+        session, camera, events = self.session, self.camera, list(self._events)
         self._events.clear()
         held = session.command
         return {
@@ -159,10 +158,10 @@ class Driver:
             "command": [
                 round(float(value), 3) for value in (session.latest.infos["command"][0] if held is None else held)
             ],
-            "together": sight.together,
-            "forces": sight.forces,
-            "ghost": sight.ghost,
-            "follow": sight.orbit.follow,
+            "together": camera.together,
+            "forces": camera.forces,
+            "ghost": camera.ghost,
+            "follow": camera.orbit.follow,
             "robots": self._telemetry.robots(session.policies),
             "rows": self._telemetry.rows(),
             "events": events,
@@ -198,7 +197,7 @@ class Driver:
 
     def _begun(self, scenario: Scenario, walkers: Sequence[Policy], seed: int, command: ArrayLike | None) -> Session:
         """A session with everybody who watches."""
-        watching: list[Observer] = [self.sight, self._telemetry]
+        watching: list[Observer] = [self.camera, self._telemetry]
         hardware = self._start.hardware
         session = Session(walkers, scenario, seed=seed, command=command, hardware=hardware, observers=watching)
         session.listeners.append(self._note)

@@ -8,8 +8,7 @@ from contextlib import ExitStack, closing, suppress
 from typing import Any
 
 from live.view.driver import Driver
-from live.view.keys import request_of
-from live.view.native import NativeWindow
+from live.view.native import NativeWindow, request_of
 from live.view.painter import Painter
 from live.view.quality import Quality
 from live.view.requests import Request, RequestError, parse

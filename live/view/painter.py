@@ -2,41 +2,22 @@
 
 import io
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
 
-from live.view.latest import Latest
-from live.view.orbit import Orbit
+from live.view.camera import Picture
+from live.view.last_value import LastValue
 from live.view.quality import Level, Quality
 from quad_env.physics.marker import COMPANIONS
-from quad_env.physics.marks import Colour, Mark
+from quad_env.physics.marks import Colour
 from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80
 _INK, _EDGE = (255, 255, 255), (30, 34, 38)
-
-
-@dataclass(frozen=True)
-class Picture:
-    """What there is to be seen at one moment."""
-
-    model: Any
-    """mujoco.MjModel of the simulation, the same object for as long as it is one simulation."""
-    robots: Sequence[Any]
-    """mujoco.MjData of each robot."""
-    places: Sequence[tuple[float, float, float]]
-    """What the camera looks at for each robot, world, m."""
-    names: Sequence[str]
-    orbit: Orbit
-    marks: Sequence[Mark]
-    """About the first robot."""
-    together: bool
-    """All robots in one picture, in colours of their own, instead of a picture each."""
-    forces: bool
 
 
 class Painter:
@@ -55,7 +36,7 @@ class Painter:
         """Why nothing can be drawn, once that is known."""
         self.drawn = 0
         """Frames so far."""
-        self._thread: Latest[Picture] = Latest("painter", self._take, self._forget)
+        self._thread: LastValue[Picture] = LastValue("painter", self._take, self._forget)
 
     @property
     def idle(self) -> bool:

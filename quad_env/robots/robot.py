@@ -62,7 +62,7 @@ class Robot:
     """Points of the hull of each foot that is no ball, from its centre, base frame with the legs straight down, shape
     (4, k, 3), m."""
     imported: bool = False
-    """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.stage`)."""
+    """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.arena`)."""
     source: Path | None = None
     """File of a user's that it was read from, its MJCF or a TOML; None of a robot that has a name here."""
 
@@ -195,7 +195,7 @@ class Robot:
     @cached_property
     def model(self) -> Any:
         """The compiled `mujoco.MjModel` on flat ground; not to be written to."""
-        from quad_env.robots.stage import spec_of  # here, since MuJoCo takes long, and most figures need none
+        from quad_env.robots.arena import spec_of  # here, since MuJoCo takes long, and most figures need none
 
         return spec_of(self).compile()
 

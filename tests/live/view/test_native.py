@@ -17,9 +17,8 @@ from mcap_ros2.decoder import DecoderFactory
 
 from evaluate.rollouts.hardware import Hardware
 from live.view.driver import Driver, Start
-from live.view.keys import request_of
-from live.view.latest import Latest
-from live.view.native import NativeWindow
+from live.view.last_value import LastValue
+from live.view.native import NativeWindow, request_of
 from live.view.requests import FASTEST, Request
 from quad_env.cli.command_line import UsageError
 from tests.waiting import until
@@ -61,7 +60,7 @@ def test_the_newest_is_taken_and_what_came_in_between_is_left_out() -> None:
         begun.set()
         return go_on.wait(60)
 
-    latest = Latest("test", take, left.set)
+    latest = LastValue("test", take, left.set)
     assert latest.idle
     latest.hand(1)
     assert begun.wait(60)
