@@ -49,8 +49,6 @@ class Options:
     """Recording from the start on, an .mcap or the folder of a ROS 2 bag; as `python -m quad_env record` makes."""
     recordings: Path = Path("results/recordings")
     """Folder of the recordings that the page begins."""
-    window: Flag = False
-    """A native window too, where there is a display; closing it ends the view."""
     browser: bool = True
     """Open the page in a browser, where there is a display."""
     seconds: float | None = None
@@ -73,7 +71,7 @@ def main(options: Options) -> int:
             raise UsageError(f"--policy: {error}") from error
         if options.record is not None:
             driver.record(options.record)
-        view = LiveView(driver, lambda receive: _server(options, receive), Quality(options.quality), options.window)
+        view = LiveView(driver, lambda receive: _server(options, receive), Quality(options.quality))
         stack.enter_context(closing(view))
         print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
         if options.browser and shows_windows():

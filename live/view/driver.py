@@ -115,16 +115,6 @@ class Driver:
         self._telemetry.note(self.session.latest, self.session.policies[0])
         return True
 
-    def words(self) -> str:
-        """How the first robot stands, in a few lines."""
-        session, (robot, *_) = self.session, self._telemetry.robots(self.session.policies)
-        forward, left, turn = session.latest.infos["command"][0]
-        speed = "paused" if self.paused else f"{self._pace.measured:.2f} x real time"
-        return (
-            f"{robot['policy']}, {self._scenario.name}, seed {session.seed}, {speed}\n"
-            f"command {forward:+.2f} m/s forward, {left:+.2f} m/s left, {turn:+.2f} rad/s\n{robot['outcome']}"
-        )
-
     def picture(self) -> Picture:
         """What there is to be seen now."""
         return self.camera.picture(self.session)

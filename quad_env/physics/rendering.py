@@ -4,7 +4,7 @@ import ctypes
 import importlib
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -125,49 +125,24 @@ class _Renderer(mujoco.Renderer):  # type: ignore[misc]
 
 
 class Window:
-    """MuJoCo's passive viewer; needs a display.
+    """MuJoCo's passive viewer; needs a display."""
 
-    Args:
-        on_key: told GLFW's code of every key that is pressed in it, in a thread of the viewer.
-    """
-
-    def __init__(self, model: mujoco.MjModel, on_key: Callable[[int], None] | None = None) -> None:
+    def __init__(self, model: mujoco.MjModel) -> None:
         if not shows_windows():
             raise RuntimeError("render_mode='human' needs a display; use 'rgb_array', or start a virtual display")
         from mujoco import viewer
 
-        self._shown = mujoco.MjData(model)
-        self._model, self._marker = model, Marker(model)
-        look = {"show_left_ui": False, "show_right_ui": False, "key_callback": on_key}
-        self._viewer = viewer.launch_passive(model, self._shown, **look)
+        self._model, self._shown = model, mujoco.MjData(model)
+        self._viewer = viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
         self._viewer.cam.type = mujoco.mjtCamera.mjCAMERA_TRACKING
         self._viewer.cam.trackbodyid = model.body("base_link").id
         self._viewer.cam.distance = 2.5
 
-    @property
-    def is_open(self) -> bool:
-        """Whether nobody has closed it."""
-        return bool(self._viewer.is_running())
-
-    def draw(
-        self,
-        data: mujoco.MjData,
-        depth: bool = False,
-        others: Sequence[mujoco.MjData] = (),
-        marks: Sequence[Mark] = (),
-        text: str = "",
-    ) -> None:
-        """Show the snapshot, other robots in colours of their own, marks, and a text in the corner."""
+    def draw(self, data: mujoco.MjData, depth: bool = False) -> None:
+        """Show the snapshot."""
         with self._viewer.lock():
             self._shown.qpos[:], self._shown.qvel[:], self._shown.time = data.qpos, data.qvel, data.time
             mujoco.mj_forward(self._model, self._shown)
-            if (scene := self._viewer.user_scn) is not None:
-                scene.ngeom = 0
-                self._marker.accompany(scene, others)
-                self._marker.draw(scene, marks)
-        if text:
-            corner = mujoco.mjtGridPos.mjGRID_TOPLEFT
-            self._viewer.set_texts((mujoco.mjtFontScale.mjFONTSCALE_100, corner, text, ""))
         self._viewer.sync()
 
     def close(self) -> None:

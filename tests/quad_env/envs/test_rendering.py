@@ -1,6 +1,7 @@
 """Frames: what they show, on which machines, and mistakes in asking for them."""
 
 import os
+import shutil
 import subprocess
 import sys
 from typing import Any
@@ -44,6 +45,24 @@ def test_rendering_mistakes_say_what_to_do(monkeypatch: pytest.MonkeyPatch) -> N
     env = gym.make("SimpleQuad-v0", render_mode="human").unwrapped
     with pytest.raises(RuntimeError, match="display"):
         env.reset(seed=0)
+
+
+HUMAN = """
+import gymnasium as gym
+env = gym.make("quad_env:SimpleQuad-v0", render_mode="human")
+env.reset(seed=0)
+env.step(env.action_space.sample())
+env.close()
+"""
+
+
+@pytest.mark.rendering
+@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="needs Xvfb")
+def test_a_window_opens_on_a_display() -> None:
+    environment = {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}
+    command = ["xvfb-run", "-a", sys.executable, "-c", HUMAN]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
 
 
 IMPORTED_FIRST = """
