@@ -41,7 +41,7 @@ class Panel:
         """The control step that the episode is at."""
         self._recorder(self.step)
         self._scene = Scene(self.step)
-        self._judged = take.steps > round(SETTLING_TIME / self.step.env.dt)
+        self._has_outcome = take.steps > round(SETTLING_TIME / self.step.env.dt)
 
     def advance(self) -> None:
         """Simulate a control step; a robot whose simulation has diverged stays as it is."""
@@ -84,8 +84,8 @@ class Panel:
         return ("pushed" if self._scene.pushed else ""), ALARM
 
     def _outcome(self) -> str | None:
-        """By the rule that evaluations run under; None of an episode too short to be judged."""
-        return str(metrics.outcome(self._recorder.episodes())[0]) if self._judged else None
+        """By the rule that evaluations run under; None of an episode that is too short."""
+        return str(metrics.outcome(self._recorder.episodes())[0]) if self._has_outcome else None
 
     def close(self) -> None:
         """End the episode and free the renderer."""

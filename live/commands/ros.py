@@ -22,7 +22,7 @@ from quad_env.cli.launcher import raise_on_interrupt
 
 LIMITS = {"seed": (0, 2**63 - 1), "real_time_factor": (0.01, 100.0)}
 SLOW = 0.9
-"""Share of the asked speed below which the simulation counts as too slow."""
+"""Share of the wanted speed below which the simulation counts as too slow."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class Options(EpisodeOptions):
     version: Literal["1", "2"] | None = None
     """Version of ROS; by default the one that is sourced, else the first that is found."""
     network: Flag = False
-    """Let other machines in, as ROS_IP, ROS_MASTER_URI and ROS_DOMAIN_ID tell: whoever reaches the ports drives the
-    robot, for ROS asks nobody who they are. Without it the node listens on this machine alone."""
+    """Let other machines in, as ROS_IP, ROS_MASTER_URI and ROS_DOMAIN_ID say: anyone who reaches the ports drives the
+    robot, for ROS has no passwords. Without it the node listens on this machine alone."""
 
 
 def main(options: Options) -> int:
@@ -87,7 +87,7 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
                 link.send(bridge.step())
                 if not slow and 0.0 < pace.measured < SLOW * speed:
                     slow = True
-                    say(f"slower than asked: {pace.measured:.2f} simulated s a second")
+                    say(f"slower than wanted: {pace.measured:.2f} simulated s a second")
                 pace.wait()
     except KeyboardInterrupt:
         kept = "" if record is None else f", all of it in {record}"

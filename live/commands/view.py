@@ -94,7 +94,7 @@ def _check(options: Options) -> None:
 
 
 def _server(options: Options, receive: Receive) -> Server:
-    """At the port that was asked for, else the first free one."""
+    """At the port of --port, else the first free one."""
     if options.port is not None:
         return Server(options.host, options.port, receive)
     for port in range(FIRST_PORT, FIRST_PORT + PORTS):

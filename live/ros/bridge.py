@@ -65,7 +65,7 @@ class Bridge:
         if news := self._falls(step):
             self._say(news)
         if step.infos["diverged"][0]:
-            self._say("the simulation has diverged; the robot starts anew")
+            self._say("the simulation has diverged; the robot is reset")
             self._session.reset()
         return packet
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from evaluate.rollouts.observers import Step
-from live.imu import FELT, Imu
+from live.imu import READINGS, Imu
 from live.ros.link import Packet
 from live.ros.topics import IMU, JOINT_STATE_PERIOD, JOINT_STATES, RESET
 from quad_env.config import FALL_REASONS
@@ -23,8 +23,8 @@ class Readings:
     def of_step(self, step: Step, number: int, time: int) -> Packet:
         """The packet of a control step, the `number`-th since the beginning, which ended at that time, ns."""
         infos = {name: values[0] for name, values in step.infos.items()}
-        row = {name: np.array(infos[name], float).reshape(1, -1) for name in FELT}
-        quaternion, turning, force = np.split(self._imu.felt(row, np.array([step.number == 1]))[0], (4, 7))
+        row = {name: np.array(infos[name], float).reshape(1, -1) for name in READINGS}
+        quaternion, turning, force = np.split(self._imu.measure(row, np.array([step.number == 1]))[0], (4, 7))
         packet: Packet = {
             "time": time,
             IMU: {

@@ -53,7 +53,7 @@ class Orbit(Viewpoint):
         x, y, z = robot
         return replace(self, target=(float(x), float(y), self.target[2] + FOLLOWING * (float(z) - self.target[2])))
 
-    def beside(self, robot: NDArray[np.float64]) -> "Orbit":
+    def placed(self, robot: NDArray[np.float64]) -> "Orbit":
         """At once there."""
         return replace(self, target=(float(robot[0]), float(robot[1]), float(robot[2])))
 
@@ -97,7 +97,7 @@ class ViewCamera:
         if step.number == 0:
             self._footholds.clear()
             self._scene = Scene(step)
-            self.orbit = self.orbit.beside(step.infos["position"][0])
+            self.orbit = self.orbit.placed(step.infos["position"][0])
         elif not np.array_equal(command, self._command):
             self._scene = Scene(step)
         else:

@@ -26,7 +26,7 @@ IDLE = 0.01
 _NOT_TO_BE_DONE = (ValueError, UsageError, OSError, ImportError)
 """What comes of a request for a scenario or policy that is not there, or of a full disk."""
 Serve = Callable[[Receive], Server]
-"""Makes a server, told what is to receive its texts."""
+"""Makes a server whose texts that function receives."""
 
 
 class LiveView:

@@ -21,7 +21,7 @@ SOURCE = Path(__file__).parents[2] / "pyproject.toml"
 
 
 @dataclass(frozen=True)
-class Asked:
+class Requirements:
     """Requirements of the project."""
 
     python: SpecifierSet
@@ -30,15 +30,15 @@ class Asked:
     """Command that installs them."""
 
 
-def asked() -> Asked:
+def requirements() -> Requirements:
     """Requirements of the clone, else of the installed package. Raises PackageNotFoundError."""
     project = tomllib.loads(SOURCE.read_text(encoding="utf-8"))["project"] if SOURCE.is_file() else {}
     if project.get("name") == PROJECT:
         command = f"pip install -U -e {shlex.quote(str(SOURCE.parent))}"
-        return Asked(SpecifierSet(project["requires-python"]), _parsed(project["dependencies"]), command)
+        return Requirements(SpecifierSet(project["requires-python"]), _parsed(project["dependencies"]), command)
     needed = _parsed(metadata.requires(PROJECT) or ())
     base = tuple(each for each in needed if not each.marker or each.marker.evaluate({"extra": ""}))
-    return Asked(SpecifierSet(metadata.metadata(PROJECT)["Requires-Python"]), base, f"pip install -U {PROJECT}")
+    return Requirements(SpecifierSet(metadata.metadata(PROJECT)["Requires-Python"]), base, f"pip install -U {PROJECT}")
 
 
 def _parsed(lines: Iterable[str]) -> tuple[Requirement, ...]:
@@ -47,9 +47,9 @@ def _parsed(lines: Iterable[str]) -> tuple[Requirement, ...]:
 
 def packages(_: Subject) -> Finding:
     """Whether Python and the packages that every command needs are there, in versions that fit."""
-    wanted, version = asked(), platform.python_version()
+    wanted, version = requirements(), platform.python_version()
     if not wanted.python.contains(version, prereleases=True):
-        needed = f"Python {version}, but {wanted.python} is asked for"
+        needed = f"Python {version}, but {wanted.python} is required"
         return problem(needed, "the environment was made with another Python", "make one with a newer Python")
     wrong = [fault for each in wanted.packages if (fault := _fault(each))]
     if not wrong:
@@ -72,7 +72,7 @@ def _fault(needed: Requirement) -> str | None:
         return f"{needed.name} is missing"
     if needed.specifier.contains(version, prereleases=True):
         return None
-    return f"{needed.name} is {version}, {needed.specifier} is asked for"
+    return f"{needed.name} is {version}, {needed.specifier} is required"
 
 
 def mujoco(_: Subject) -> Finding:

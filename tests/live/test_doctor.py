@@ -241,7 +241,7 @@ def test_an_old_package_is_found_with_the_command_that_updates_it(
     (place / "METADATA").write_text("Metadata-Version: 2.1\nName: scipy\nVersion: 1.0\n", encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     found = complaints(Subject(), OF_THE_INSTALLATION[:1])["packages"]
-    assert found.seen.startswith("scipy is 1.0, >=1.15 is asked for")
+    assert found.seen.startswith("scipy is 1.0, >=1.15 is required")
     assert found.remedy == f"pip install -U -e {repository}"
 
 
@@ -249,7 +249,7 @@ def test_an_old_package_is_found_with_the_command_that_updates_it(
     ("old", "new", "seen"),
     [
         ("dependencies = [\n", 'dependencies = [\n    "not-there-yet>=1",\n', "not-there-yet is missing"),
-        ('requires-python = ">=3.11"', 'requires-python = ">=9.9"', ">=9.9 is asked for"),
+        ('requires-python = ">=3.11"', 'requires-python = ">=9.9"', ">=9.9 is required"),
     ],
     ids=["package", "python"],
 )
