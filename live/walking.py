@@ -91,7 +91,8 @@ def policy(subject: Subject) -> Finding:
             return problem(seen, cause, f"{remedy}, or name its robot with --robot")
         return problem(seen, "it is not the file that was saved, or was made for something else", remedy)
     found = walk(chosen, subject)
-    if failures := [each for each in getattr(chosen, "failure", None) or () if each]:
+    failure = getattr(chosen, "failure", None)
+    if failure is not None and (failures := [each for each in failure if each]):
         return _failing(f"{subject.policy} fails: {failures[0]}")
     if all(each.good for each in found):
         return ok(f"{subject.policy}: {'; '.join(each.words for each in found)}")
