@@ -65,8 +65,10 @@ class Camera:
             model = self._ground.model
             model.vis.quality.offsamples = 4 if fine else 0
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
-        self._renderer = _Renderer(model, height, width)
+        self._size = height, width
         self._option, self._marker = mujoco.MjvOption(), Marker(model)
+        # A free camera's begins with the first frame, once the ground is cut: to load all of it takes seconds.
+        self._renderer = None if camera is None else _Renderer(model, *self._size)
 
     def draw(
         self,
@@ -87,10 +89,12 @@ class Camera:
             viewpoint: of a free camera.
             forces: whether those of the first robot's contacts are shown.
         """
+        camera = self._camera or self._free(data, viewpoint or Viewpoint())
         renderer, flags = self._renderer, self._option.flags
+        assert renderer is not None
         (renderer.enable_depth_rendering if depth else renderer.disable_depth_rendering)()
         flags[mujoco.mjtVisFlag.mjVIS_CONTACTPOINT] = flags[mujoco.mjtVisFlag.mjVIS_CONTACTFORCE] = forces
-        renderer.update_scene(data, self._camera or self._free(data, viewpoint or Viewpoint()), self._option)
+        renderer.update_scene(data, camera, self._option)
         if self._ground is not None:
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._fine
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -100,12 +104,16 @@ class Camera:
 
     def close(self) -> None:
         """Free the GL context."""
-        self._renderer.close()
+        if self._renderer is not None:
+            self._renderer.close()
 
     def _free(self, data: mujoco.MjData, viewpoint: Viewpoint) -> mujoco.MjvCamera:
         """Camera at the viewpoint, with the ground about its target."""
         assert self._ground is not None
-        if self._ground.come_near(viewpoint.target):
+        is_cut = self._ground.come_near(viewpoint.target)
+        if self._renderer is None:
+            self._renderer = _Renderer(self._ground.model, *self._size)
+        elif is_cut:
             self._renderer.upload(self._ground.height_field)
         self._ground.move(data)
         camera = mujoco.MjvCamera()
