@@ -102,7 +102,7 @@ print(sys.modules["quad_env"].__file__)
     assert run.returncode == 0, run.stderr
     assert "policies, view, film, record, ros: in a clone of the project" in run.stdout
     assert "error: record is in a clone of the project" in run.stderr
-    assert "walking and policies not looked at: they come with a clone" in run.stdout
+    assert "they need a clone of the project" in run.stdout
     assert Path(run.stdout.splitlines()[-1]).is_relative_to(installed_wheel)
 
 

@@ -108,4 +108,5 @@ def test_a_terminal_without_unicode_gets_the_same(monkeypatch) -> None:
     narrow = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     monkeypatch.setattr(sys, "stdout", narrow)
     assert main(["info"]) == 0
+    narrow.flush()
     assert b"35 N?s" in narrow.buffer.getvalue()
