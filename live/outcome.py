@@ -1,4 +1,4 @@
-"""Outcome so far: what an episode that is still going on would be judged to be if it ended now."""
+"""Outcome so far: that of an episode that goes on, if it ended now."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from evaluate.measures.tracking import SETTLING_TIME
 from evaluate.rollouts.observers import Step
 
 NOTHING_YET = "upright"
-"""Said of a robot that cannot be judged yet and has not fallen."""
+"""Outcome of a robot that has not fallen, before the first interval counts."""
 POLICY_FAILED = "policy_failed"
 """Info of a live session: whether each robot's policy has failed, (n,)."""
 
@@ -61,20 +61,20 @@ class OutcomeSoFar:
         self._diverged |= diverged
 
     def words(self) -> list[str]:
-        """Outcome of each robot, one of `OUTCOMES` with spaces; `NOTHING_YET` where nothing could be judged yet."""
-        judged = [number for number, steps in enumerate(self._steps) if steps > self._settling]
-        if not judged:
+        """Outcome of each robot, one of `OUTCOMES` with spaces; `NOTHING_YET` where nothing could be counted yet."""
+        counted = [number for number, steps in enumerate(self._steps) if steps > self._settling]
+        if not counted:
             ended = {DIVERGED: self._diverged, POLICY_ERROR: self._failed, FELL: self._fell}
             found = np.select(list(ended.values()), list(ended), NOTHING_YET)
             return [_words(each) for each in found]
-        steps = np.array([self._steps[number] - self._settling for number in judged])
+        steps = np.array([self._steps[number] - self._settling for number in counted])
         found = outcomes(
             fell=self._fell | self._diverged,
             diverged=self._diverged,
             stopped=np.zeros_like(self._fell),
             failed=self._failed,
-            commands=np.stack([self._commands[number] for number in judged], axis=1),
-            velocities=np.stack([self._sums[number] for number in judged], axis=1) / steps[:, None],
+            commands=np.stack([self._commands[number] for number in counted], axis=1),
+            velocities=np.stack([self._sums[number] for number in counted], axis=1) / steps[:, None],
             durations=steps.astype(np.float64),
         )
         return [_words(each) for each in found]

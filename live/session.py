@@ -1,17 +1,16 @@
-"""Session: robots of one episode, a policy each, stepped side by side while somebody steers and pushes them."""
+"""Session: robots of one episode, a policy each, that a person steers and pushes while they walk."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Observer, Step
+from evaluate.rollouts.rollout import advance, batch_of, begin
 from live.outcome import POLICY_FAILED
 from policies.base import Actions, Policy, PolicyError
 from policies.gait_cycle import smoothstep
-from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.scenario import Scenario
 
 CHANGE = 0.4
@@ -19,20 +18,20 @@ CHANGE = 0.4
 
 
 class Session:
-    """n robots with the same start, ground, pushes and commands, which goes on until somebody ends it.
+    """n robots with the same start, ground, pushes and commands, without a time limit.
 
-    There is no time limit, and a fallen robot is moved on. Commands and pushes are the scenario's until `steer` and
-    `push`. Observers are told the start of every episode, as step 0, and every control step after it; listeners are
-    told in a few words what somebody did: `reset, seed 4`, `trot chosen`.
+    A fallen robot goes on. Commands and pushes are the scenario's until `steer` and `push`. Observers get the start of
+    every episode, as step 0, and every control step after it; listeners get a few words about every intervention:
+    `reset, seed 4`, `trot chosen`.
 
     Args:
-        policies: one for each robot, each for one robot and nobody else's.
+        policies: one for each robot; no two share an object.
         seed: of the first episode, for every robot.
         command: held from the first step on, as by `steer`.
 
     Raises:
         ValueError: no policy, or one that was made for another robot or another control period.
-        PolicyError: policies that want to be shown different things.
+        PolicyError: policies with different observations.
     """
 
     def __init__(
@@ -47,19 +46,17 @@ class Session:
     ) -> None:
         if not policies:
             raise ValueError("a session needs a policy for each robot, and at least one")
-        self.env = SimpleQuadVectorEnv(
+        self.env = batch_of(
+            policies[0],
+            scenario,
             len(policies),
-            scenario=scenario,
+            steps=None,
             nthread=1,
-            autoreset_mode="DISABLED",
-            max_episode_steps=None,
             terminate_on_fall=False,
-            readings=True,
-            height_scan=policies[0].height_scan,
-            **asdict(hardware),
+            hardware=hardware,
         )
         self.policies = list(policies)
-        """Who moves each robot."""
+        """Policy of each robot."""
         self.observers = list(observers)
         self.listeners: list[Callable[[str], None]] = []
         self.command = None if command is None else np.asarray(command, np.float64)
@@ -77,7 +74,7 @@ class Session:
             raise
 
     def reset(self, seed: int | None = None) -> Step:
-        """Start an episode anew, by default that of the next seed; a command that was given stays."""
+        """Start an episode, by default that of the next seed; a command that was given stays."""
         self.seed = self.seed + 1 if seed is None else seed
         self.tell(f"reset, seed {self.seed}")
         self.latest = self._begin()
@@ -87,9 +84,8 @@ class Session:
         """Move all robots on by a control step."""
         observation = self.latest.observation
         action = np.concatenate([self._action(robot, observation[[robot]]) for robot in range(len(self.policies))])
-        observation, _, _, _, infos = self.env.step(action)
-        infos[POLICY_FAILED] = np.array([bool(failure_of(policy)) for policy in self.policies])
-        self.latest = Step(self.latest.number + 1, self.env, action, observation, infos)
+        self.latest, _ = advance(self.latest, action)
+        self.latest.infos[POLICY_FAILED] = np.array([bool(failure_of(policy)) for policy in self.policies])
         self._observed()
         return self.latest
 
@@ -109,8 +105,8 @@ class Session:
         self.tell(f"pushed by hand, {np.hypot(forward, left) * duration:.3g} N·s")
 
     def choose(self, robot: int, policy: Policy) -> None:
-        """Have another policy move that robot; joint targets pass over within `CHANGE`. Raises as the session's making,
-        and nothing has changed then."""
+        """Replace the policy of that robot; joint targets change over within `CHANGE`. Raises as the constructor, and
+        nothing has changed then."""
         self._check(policy)
         policy.reset(num_envs=1, seed=0)
         self.policies[robot], self._chosen_at[robot] = policy, self.latest.number
@@ -118,7 +114,7 @@ class Session:
         self.tell(f"{policy.name} chosen")
 
     def tell(self, event: str) -> None:
-        """Tell the listeners."""
+        """Send an event to the listeners."""
         for listener in self.listeners:
             listener(event)
 
@@ -129,16 +125,14 @@ class Session:
     def _check(self, policy: Policy) -> None:
         policy.check_fits(self.env.robot, self.env.dt)
         if policy.height_scan != self.policies[0].height_scan:
-            raise PolicyError(f"{policy.name} is shown other heights of the ground than {self.policies[0].name}")
+            raise PolicyError(f"{policy.name} needs other ground heights than {self.policies[0].name}")
 
     def _begin(self) -> Step:
         self._chosen_at.clear()
         self._offset.clear()
         for policy in self.policies:
             policy.reset(num_envs=1, seed=0)
-        options = None if self.command is None else {"command": self.command}
-        observation, infos = self.env.reset(seed=[self.seed] * len(self.policies), options=options)
-        self.latest = Step(0, self.env, infos["action"].astype(np.float32), observation, infos)
+        self.latest = begin(self.env, np.full(len(self.policies), self.seed), self.command)
         self._observed()
         return self.latest
 
@@ -159,6 +153,6 @@ class Session:
 
 
 def failure_of(policy: Policy) -> str:
-    """Why a policy of a user's moves its one robot no longer, empty where it does."""
+    """Error that stopped a user's policy of one robot; empty without one."""
     failure = getattr(policy, "failure", None)
     return "" if failure is None else failure[0] or ""

@@ -1,17 +1,26 @@
-"""What a robot's model tells, as text for a terminal; whether the robot stands; a file in which to tell the rest."""
+"""Description of a robot's model, and whether the robot stands; `python -m quad_env describe`.
+
+A short file of the robot's figures can be written, for changes by hand.
+"""
 
 import json
 import math
 import os
+import sys
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 
+from quad_env.cli.command_line import UsageError
 from quad_env.info import joint_table
 from quad_env.robots.anatomy import ModelError
 from quad_env.robots.imported import FIGURES
 from quad_env.robots.model_file import remarks
+from quad_env.robots.named import robot_of
 from quad_env.robots.plausibility import warnings_of
 from quad_env.robots.robot import Robot
 
@@ -21,8 +30,40 @@ LARGEST_TILT, LARGEST_SINK = 0.1, 0.2
 """Of a robot that stands: rad, and a share of its height."""
 
 
+@dataclass(frozen=True)
+class Options:
+    """Describe a robot, and let it stand for two seconds."""
+
+    robot: Annotated[str, tyro.conf.Positional]
+    """Robot: an MJCF (.xml), a .toml that this command has written, or a name of quad_env.ROBOTS."""
+    picture: Path | None = None
+    """Picture of the standing robot to write, PNG."""
+    toml: Path | None = None
+    """File of the robot's figures to write, TOML, for changes by hand."""
+
+
+def main(options: Options) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    try:
+        robot = robot_of(options.robot)
+        print("\n".join(text(robot)))
+        if options.toml is not None:
+            write_toml(options.toml, robot.mjcf, robot)
+            print(f"written: {options.toml}")
+        print(standing(robot, options.picture))
+    except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
+        model, toml = Path(options.robot), options.toml
+        if toml is not None and model.suffix == ".xml" and model.is_file() and not toml.exists():
+            write_toml(toml, model, None)
+            print(f"written, with the figures still to be given: {toml}", file=sys.stderr)
+        raise UsageError(str(error)) from error
+    if options.picture is not None:
+        print(f"written: {options.picture}")
+    return 0
+
+
 def text(robot: Robot) -> Iterator[str]:
-    """What was found, in lines."""
+    """Lines about the model."""
     yield f"{robot.name}: {robot.mass:.1f} kg, {robot.num_joints} joints, from {robot.mjcf}"
     yield (
         f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "
@@ -36,7 +77,7 @@ def text(robot: Robot) -> Iterator[str]:
         f"at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s"
     )
     if robot.imported:
-        yield from (f"{heading:12} {told}" for heading, told in remarks(robot.mjcf))
+        yield from (f"{heading:12} {remark}" for heading, remark in remarks(robot.mjcf))
     yield from (f"warning      {line}" for line in warnings_of(robot))
     yield from joint_table(robot)
     yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
@@ -55,7 +96,7 @@ def _knees(robot: Robot) -> str:
 
 
 def standing(robot: Robot, picture: Path | None = None) -> str:
-    """Stand on the home pose's targets for a while; what came of it. Raises ModelError where the robot does not."""
+    """Sentence about a robot that holds its home pose for a while. Raises ModelError where it does not stand."""
     from quad_env.config import TaskConfig
     from quad_env.envs.env import SimpleQuadEnv
 
@@ -70,14 +111,14 @@ def standing(robot: Robot, picture: Path | None = None) -> str:
 
         Image.fromarray(np.asarray(env.render())).save(picture)
     env.close()
-    told = f"after {STAND_TIME:g} s its trunk is {height:.3f} m high and tilted by {tilt:.3f} rad"
+    end = f"after {STAND_TIME:g} s its trunk is {height:.3f} m high and tilted by {tilt:.3f} rad"
     if tilt > LARGEST_TILT or height < (1.0 - LARGEST_SINK) * robot.home_height:
-        raise ModelError(f"the robot does not stand in its home pose: {told}; give another home_pose or stiffer servos")
-    return f"It stands: {told}."
+        raise ModelError(f"the robot does not stand in its home pose: {end}; give another home_pose or stiffer servos")
+    return f"It stands: {end}."
 
 
 def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
-    """Write a robot's figures, all of them inferred or, without a robot, all yet to be told."""
+    """Write a robot's figures, all of them inferred or, without a robot, all still to be given."""
     lines = [f"mjcf = {json.dumps(os.path.relpath(mjcf, path.parent))}"]
     lines += [f"# {figure} =" for figure in FIGURES] if robot is None else _figures(robot)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,18 +1,34 @@
-"""What the environment consists of, as text for a terminal: robot, spaces, scenarios, actuators, sensors."""
+"""The environment as text: the robot, spaces, scenarios, actuators and sensors; `python -m quad_env info`."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 
 import quad_env
 from quad_env.actuation.models import ACTUATORS
 from quad_env.config import FALL_REASONS, FALL_RULE, TaskConfig
+from quad_env.robots.named import robot_named
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.axes import Axis, axes_of
+from quad_env.scenarios.axes import axes_of
+from quad_env.scenarios.listing import axis_line
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.suite import SENSORS, TRUTH
 from quad_env.task.observations import observation_table
+
+
+@dataclass(frozen=True)
+class Options:
+    """Print the robot, spaces, scenarios, actuators and sensors of the environment."""
+
+    robot: str = "simple_quad"
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+
+
+def main(options: Options) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    print(text(robot_named(options.robot)))
+    return 0
 
 
 def text(robot: Robot = SIMPLE_QUAD) -> str:
@@ -68,39 +84,4 @@ def _rest() -> Iterator[str]:
 
 def _axes(robot: Robot) -> Iterator[str]:
     yield "scenario=    name, its severity, and the levels of its axis (push:3 is the third)"
-    yield from map(_axis, axes_of(robot).values())
-
-
-def scenarios(robot: Robot = SIMPLE_QUAD) -> str:
-    """Every scenario with its severities and a sentence; how severities are written."""
-    return "\n".join((*_scenarios(robot), "", *_spellings(robot)))
-
-
-def _scenarios(robot: Robot) -> Iterator[str]:
-    yield f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"
-    for axis in axes_of(robot).values():
-        yield _axis(axis)
-        yield f"  {'':13}{axis.sentence}"
-
-
-EXAMPLES = {
-    "push": "the nominal severity of the axis",
-    "push:3": "the third of its levels",
-    "push=42": "that severity, in the unit of the axis",
-    "payload=15+slope=10": "several at once, joined by +",
-    "push:all": "every level; of python -m evaluate --scenarios alone, as are the next two",
-    "quick": "a battery of scenarios; so are default, full and all",
-    "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",
-}
-"""What scenarios are written as, and what that means."""
-
-
-def _spellings(robot: Robot) -> Iterator[str]:
-    yield "where a scenario is asked for, write"
-    yield from (f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items())
-
-
-def _axis(axis: Axis) -> str:
-    unit = f" {axis.unit}" if axis.unit not in ("", "°") else axis.unit
-    levels = " ".join(f"{level:.4g}" for level in axis.levels)
-    return f"  {axis.name:13}{f'{axis.nominal:.4g}{unit}':12}{axis.quantity}: {levels}"
+    yield from map(axis_line, axes_of(robot).values())

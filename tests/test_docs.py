@@ -21,9 +21,9 @@ import pytest
 from markdown_it import MarkdownIt
 
 import policies
-from live.doctor.checks import checks
+from live.commands import doctor
 from quad_env import AXES, FALL_REASONS, SCENARIOS, SIMPLE_QUAD
-from quad_env.doctor.checks import OF_THE_INSTALLATION, OF_THE_ROBOT
+from quad_env.doctor.command import CHECKS
 from quad_env.task.observations import observation_table
 
 ROOT = Path(__file__).parents[1]
@@ -88,9 +88,8 @@ def test_python_block_runs_as_it_stands(block: str, tmp_path: Path) -> None:
 
 
 def named_by(package: str) -> list[str]:
-    """Names of a package's commands; those of `quad_env` that need policies are in `live`."""
-    packages = (package, "live") if package == "quad_env" else (package,)
-    return [name for each in packages for name in getattr(importlib.import_module(f"{each}.__main__"), "COMMANDS", {})]
+    """Names of a package's commands."""
+    return list(getattr(importlib.import_module(f"{package}.__main__"), "COMMANDS", {}))
 
 
 def help_of(words: list[str]) -> str:
@@ -146,7 +145,7 @@ def test_set_up_is_two_commands_that_each_stand_alone() -> None:
     first, second = (block.strip() for block in blocks("bash", README)[:2])
     assert first == f"{environment} . && python -m evaluate"
     assert second == f'{environment} ".[train,dev]" && pytest'
-    names = {"train", "dataset", "dev", "video", "cluster", "docs", "onnx", "recording", "robots", "sweep", "clients"}
+    names = {"train", "dev", "video", "cluster", "docs", "onnx", "recording", "robots", "sweep", "clients"}
     assert set(extras) == names
 
 
@@ -179,7 +178,7 @@ def test_every_axis_has_its_row_with_its_levels_and_its_nominal_one_bold() -> No
 
 def test_every_check_of_the_doctor_has_its_row_in_its_order() -> None:
     rows = table("| check | well if | else look at |", "docs/doctor.md")
-    assert [row[0] for row in rows] == [check.name for check in (*OF_THE_INSTALLATION, *OF_THE_ROBOT, *checks("trot"))]
+    assert [row[0] for row in rows] == [check.name for check in (*CHECKS, *doctor.CHECKS)]
     symptoms = table("| what is seen | what may cause it | what `doctor` looks at |", "docs/doctor.md")
     named = {name.strip(" `") for row in symptoms for name in row[2].split(",")}
     assert named <= {row[0] for row in rows}

@@ -91,6 +91,7 @@ env = gymnasium.make("quad_env:SimpleQuad-v0")
 observation, info = env.reset(seed=0)
 assert env.observation_space.contains(env.step(env.action_space.sample())[0])
 from quad_env.__main__ import main
+assert main([]) == 0
 assert main(["info"]) == 0
 assert main(["record", "walk.mcap"]) == 2
 assert main(["doctor", "--policy", "trot"]) == 2
@@ -99,9 +100,9 @@ print(sys.modules["quad_env"].__file__)
 """
     run = python(code, str(installed_wheel), str(repository), cwd=tmp_path)
     assert run.returncode == 0, run.stderr
-    assert "there is no command record; there are info, " in run.stderr
-    assert "a clone of the project has more" in run.stderr
-    assert "walking and policies not looked at: they come with a clone" in run.stdout
+    assert "policies, view, film, record, ros: in a clone of the project" in run.stdout
+    assert "error: record is in a clone of the project" in run.stderr
+    assert "they need a clone of the project" in run.stdout
     assert Path(run.stdout.splitlines()[-1]).is_relative_to(installed_wheel)
 
 

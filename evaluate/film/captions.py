@@ -34,12 +34,12 @@ class Text:
         return Image.new("RGB", (width, lines * self.line + _MARGIN), DARK)
 
     def write(
-        self, image: Image.Image, text: str, line: int, ink: Ink = WHITE, *, right: bool = False, beside: int = 0
+        self, image: Image.Image, text: str, line: int, ink: Ink = WHITE, *, right: bool = False, taken: int = 0
     ) -> int:
-        """One line, counted from the top, at the left or the right margin, beside what takes up so many pixels of the
-        other one; gives how many pixels it takes up itself."""
+        """One line, counted from the top, at the left or the right margin, where so many pixels of it are `taken`;
+        gives how many pixels it takes itself."""
         draw = ImageDraw.Draw(image)
-        text, size = self._fitted(draw, text, image.width - 2 * _MARGIN - beside)
+        text, size = self._fitted(draw, text, image.width - 2 * _MARGIN - taken)
         length = round(draw.textlength(text, font_size=size))
         left = image.width - _MARGIN - length if right else _MARGIN
         place = left, _MARGIN // 2 + line * self.line

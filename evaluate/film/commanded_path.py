@@ -1,4 +1,4 @@
-"""Where a robot would be that did exactly what it is asked to do."""
+"""Place of an ideal robot that follows its commands exactly."""
 
 import math
 from dataclasses import dataclass, replace

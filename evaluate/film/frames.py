@@ -1,41 +1,33 @@
-"""Frames of a robot as it moves."""
+"""Frames of a robot as it moves: what films, the report and pictures are made of."""
 
 from collections.abc import Sequence
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import roll_out
+from policies.base import Policy
 from quad_env.cli.command_line import UsageError
 from quad_env.physics.marks import Mark
+from quad_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
 Frame = NDArray[np.uint8]
 """(height, width, 3)"""
-CAMERAS = ("track", "side")
-"""Every robot's."""
 
 
-class Frames:
-    """Frames of the first of n robots; as an observer, one every so many control steps from a first one on.
+class Filming:
+    """Draws frames of the first of n robots, all of one size (width, height), pixels; close it in the end."""
 
-    Close it in the end.
-    """
-
-    def __init__(self, every: int = 1, first: int = 0, *, width: int, height: int, camera: str = CAMERAS[0]) -> None:
-        self.taken: list[Frame] = []
-        self._every, self._first = every, first
-        self._view = width, height, camera
+    def __init__(self, size: tuple[int, int], camera: str = "track") -> None:
+        self._view = *size, camera
         self._camera: Any = None
-
-    def __call__(self, step: Step) -> None:
-        """Take a picture if one is due, or if the simulation has diverged, which ends the rollout."""
-        due = step.number >= self._first and (step.number - self._first) % self._every == 0
-        if due or step.infos["diverged"][0]:
-            self.taken.append(self.draw(step.env))
 
     def draw(self, env: "SimpleQuadVectorEnv", marks: Sequence[Mark] = ()) -> Frame:
         """The first robot as it is now, with these marks.
@@ -60,3 +52,42 @@ class Frames:
         """Free the renderer."""
         if self._camera is not None:
             self._camera.close()
+
+
+def frames_of(
+    policy: Policy,
+    scenario: str | Scenario,
+    seed: int,
+    *,
+    first: int,
+    every: int,
+    count: int,
+    size: tuple[int, int],
+    camera: str = "track",
+    command: ArrayLike | None = None,
+    hardware: Hardware = IDEAL,
+) -> list[Frame]:
+    """`count` frames of an episode, one every so many control steps from the step `first` on.
+
+    A fallen robot is shown where it lies; where the simulation diverges, the frames that are left are the last one.
+    Raises as `Filming.draw` and `roll_out`.
+    """
+    taken: list[Frame] = []
+    with closing(Filming(size, camera)) as filming:
+
+        def film(step: Step) -> None:
+            due = step.number >= first and (step.number - first) % every == 0
+            if due or step.infos["diverged"][0]:
+                taken.append(filming.draw(step.env))
+
+        roll_out(
+            policy,
+            scenario,
+            np.array([seed]),
+            film,
+            steps=first + (count - 1) * every,
+            command=command,
+            terminate_on_fall=False,
+            hardware=hardware,
+        )
+    return taken + taken[-1:] * (count - len(taken))

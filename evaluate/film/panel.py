@@ -4,7 +4,7 @@ import numpy as np
 from PIL import Image
 
 from evaluate.film import captions
-from evaluate.film.frames import Frames
+from evaluate.film.frames import Filming
 from evaluate.film.scene import GHOST, VELOCITY, Scene
 from evaluate.film.take import Look, Take
 from evaluate.measures import metrics
@@ -27,10 +27,12 @@ class Panel:
 
     def __init__(self, policy: LabelledPolicy, take: Take, look: Look) -> None:
         self._label, self._look = policy.label, look
-        self._frames = Frames(width=look.size[0], height=look.size[1], camera=look.camera)
+        self._filming = Filming(look.size, look.camera)
         self._recorder = Recorder(policy.policy, np.array([take.seed]), take.steps)
         self._steps = watch(
-            *(policy.policy, take.scenario, take.seed),
+            policy.policy,
+            take.scenario,
+            take.seed,
             steps=take.steps,
             command=take.command,
             hardware=take.hardware,
@@ -39,7 +41,7 @@ class Panel:
         """The control step that the episode is at."""
         self._recorder(self.step)
         self._scene = Scene(self.step)
-        self._judged = take.steps > round(SETTLING_TIME / self.step.env.dt)
+        self._has_outcome = take.steps > round(SETTLING_TIME / self.step.env.dt)
 
     def advance(self) -> None:
         """Simulate a control step; a robot whose simulation has diverged stays as it is."""
@@ -59,7 +61,7 @@ class Panel:
     def draw(self, last: bool) -> Image.Image:
         """The robot now, with its captions; at last with its outcome."""
         marks = self._scene.marks() if self._look.ghost else ()
-        image = Image.fromarray(self._frames.draw(self.step.env, marks))
+        image = Image.fromarray(self._filming.draw(self.step.env, marks))
         text = captions.Text(self._look.letters, edge=1)
         text.write(image, self._label, 0)
         if self._look.ghost:
@@ -82,10 +84,10 @@ class Panel:
         return ("pushed" if self._scene.pushed else ""), ALARM
 
     def _outcome(self) -> str | None:
-        """By the rule that evaluations run under; None of an episode too short to be judged."""
-        return str(metrics.outcome(self._recorder.episodes())[0]) if self._judged else None
+        """By the rule that evaluations run under; None of an episode that is too short."""
+        return str(metrics.outcome(self._recorder.episodes())[0]) if self._has_outcome else None
 
     def close(self) -> None:
         """End the episode and free the renderer."""
         self._steps.close()
-        self._frames.close()
+        self._filming.close()

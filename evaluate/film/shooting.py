@@ -47,7 +47,7 @@ def _header(width: int, take: Take, look: Look, step: Step, number: int) -> Imag
     image = text.band(width, 2)
     slowed = "" if look.speed == 1.0 else f" at {look.speed:g} of real time"
     room = text.write(image, f"{number * step.env.dt:.2f} s{slowed}", 0, right=True)
-    text.write(image, take.title, 0, beside=room)
+    text.write(image, take.title, 0, taken=room)
     command = captions.motion(step.infos["command"][0])
     text.write(image, f"command {command}", 1, captions.ink(COMMAND))
     return image

@@ -6,16 +6,14 @@
 import io
 import pickle
 import sys
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from evaluate.film.frames import Frames
+from evaluate.film.frames import frames_of
 from evaluate.rollouts.hardware import IDEAL, Hardware
-from evaluate.rollouts.rollout import roll_out
 from quad_env.scenarios.named import Scenario
 
 WIDTH, HEIGHT = 240, 180
@@ -41,14 +39,19 @@ class Shot:
 
 
 def film(shot: Shot) -> bytes:
-    """The frames one below the other, as WebP; a fallen robot is shown where it lies."""
-    policy, seeds = shot.hardware.policy(shot.policy, shot.trust), np.array([shot.seed])
-    steps = shot.first_step + FRAMES * STEPS_PER_FRAME
-    with closing(Frames(STEPS_PER_FRAME, shot.first_step + 1, width=WIDTH, height=HEIGHT)) as frames:
-        roll_out(policy, shot.scenario, seeds, frames, steps=steps, terminate_on_fall=False, hardware=shot.hardware)
+    """The frames one below the other, as WebP."""
+    frames = frames_of(
+        shot.hardware.policy(shot.policy, shot.trust),
+        shot.scenario,
+        shot.seed,
+        first=shot.first_step + 1,
+        every=STEPS_PER_FRAME,
+        count=FRAMES,
+        size=(WIDTH, HEIGHT),
+        hardware=shot.hardware,
+    )
     buffer = io.BytesIO()
-    strip = np.concatenate(frames.taken + frames.taken[-1:] * (FRAMES - len(frames.taken)))
-    Image.fromarray(strip).save(buffer, "webp", quality=QUALITY, method=1)
+    Image.fromarray(np.concatenate(frames)).save(buffer, "webp", quality=QUALITY, method=1)
     return buffer.getvalue()
 
 

@@ -6,7 +6,7 @@ One episode an environment, so that short ones are never over-counted.
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,9 @@ from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Falls, Observer, Step
 from policies.base import Actions, Policy
 from quad_env.scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
 STEPS = 1000
 """Control steps of a full episode."""
@@ -120,10 +123,43 @@ def _robots(
     hardware: Hardware = IDEAL,
 ) -> Robots:
     """See `roll_out`."""
+    env = batch_of(
+        policy,
+        scenario,
+        len(seeds),
+        steps=steps,
+        nthread=nthread,
+        terminate_on_fall=terminate_on_fall,
+        hardware=hardware,
+    )
+    with closing(env):
+        policy.check_fits(env.robot, env.dt)
+        step, ended = begin(env, seeds, command), False
+        yield step.observation
+        while True:
+            enough = [observer(step) for observer in observers]
+            if ended or any(enough):
+                return
+            action = yield step.observation
+            assert action is not None
+            step, ended = advance(step, action)
+
+
+def batch_of(
+    policy: Policy,
+    scenario: str | Scenario,
+    count: int,
+    *,
+    steps: int | None,
+    nthread: int,
+    terminate_on_fall: bool,
+    hardware: Hardware,
+) -> "SimpleQuadVectorEnv":
+    """`count` robots whose readings observers get, for episodes of so many control steps, or without a time limit."""
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
-    env = SimpleQuadVectorEnv(
-        len(seeds),
+    return SimpleQuadVectorEnv(
+        count,
         scenario=scenario,
         nthread=nthread,
         autoreset_mode="DISABLED",
@@ -133,20 +169,19 @@ def _robots(
         height_scan=policy.height_scan,
         **asdict(hardware),
     )
-    with closing(env):
-        policy.check_fits(env.robot, env.dt)
-        options = None if command is None else {"command": command}
-        observation, infos = env.reset(seed=seeds.tolist(), options=options)
-        yield observation
-        step, ended = Step(0, env, infos["action"].astype(np.float32), observation, infos), False
-        while True:
-            enough = [observer(step) for observer in observers]
-            if ended or any(enough):
-                return
-            action = yield observation
-            assert action is not None
-            observation, _, terminated, truncated, infos = env.step(action)
-            step, ended = Step(step.number + 1, env, action, observation, infos), bool((terminated | truncated).all())
+
+
+def begin(env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None) -> Step:
+    """Start of an episode for each seed; see `roll_out` for the command."""
+    options = None if command is None else {"command": command}
+    observation, infos = env.reset(seed=seeds.tolist(), options=options)
+    return Step(0, env, infos["action"].astype(np.float32), observation, infos)
+
+
+def advance(step: Step, action: Actions) -> tuple[Step, bool]:
+    """The next control step, and whether no robot moves any more."""
+    observation, _, terminated, truncated, infos = step.env.step(action)
+    return Step(step.number + 1, step.env, action, observation, infos), bool((terminated | truncated).all())
 
 
 def run(

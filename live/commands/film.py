@@ -10,13 +10,12 @@ from typing import Annotated, Literal
 
 import tyro
 
-from evaluate.commands.options import Flag
 from evaluate.film import files
 from evaluate.film.shooting import film
 from evaluate.film.take import Look, Take
 from evaluate.rollouts.experiment import LabelledPolicy
-from evaluate.rollouts.hardware import IDEAL, hardware_of
-from live.commands.episode import Command, check_command, one_scenario
+from evaluate.rollouts.hardware import IDEAL
+from live.commands.episode import Command, EpisodeOptions, check_command
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.launcher import raise_on_interrupt
@@ -33,19 +32,13 @@ LIMITS = {
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(EpisodeOptions):
     """Film an episode; a robot that falls is filmed for a second more."""
 
     out: Annotated[Path, tyro.conf.Positional]
     """File to write: .mp4 (extra `video`), .webp, .gif, or .png for a strip of frames; one that exists is replaced."""
     policies: tuple[str, ...] = ("residual",)
     """Policies, by name, or folders of trained ones, or files; several go side by side."""
-    scenario: str = "flat"
-    """Scenario, also with a level or severity: push:3, push=42."""
-    robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
-    seed: int = 0
-    """Seed of the episode (whole number from 0)."""
     seconds: float = 10.0
     """How long, simulated s."""
     command: Command | None = None
@@ -60,8 +53,6 @@ class Options:
     """Camera, which goes along with the robot."""
     ghost: bool = True
     """Whether ghost and arrows are drawn."""
-    trust: Flag = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
 
 
 def main(options: Options) -> int:
@@ -70,8 +61,7 @@ def main(options: Options) -> int:
     check_command(options.command)
     if not 1 <= len(options.policies) <= MOST_POLICIES:
         raise UsageError(f"--policies must name 1 to {MOST_POLICIES}, not {len(options.policies)}")
-    hardware = hardware_of(options.robot)
-    scenario = one_scenario(options.scenario, hardware)
+    hardware, scenario = options.resolve()
     policies = tuple(LabelledPolicy(name, hardware.policy(name, options.trust)) for name in options.policies)
     robot = "" if hardware == IDEAL else f"{hardware.quadruped.name}, "
     title, steps = f"{robot}{scenario.name}, seed {options.seed}", round(options.seconds / CONTROL_PERIOD)

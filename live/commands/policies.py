@@ -51,13 +51,14 @@ def _lines(robot: Robot) -> Iterator[str]:
 def _trained(folder: Path) -> Iterator[str]:
     """What a bundle corrects and how it was trained; what is wrong with it, if anything is."""
     try:
-        told = parsed(folder, read_bytes(folder / bundle.DESCRIPTION))
-        base, training = told["base"]["name"], told["training"]
+        description = parsed(folder, read_bytes(folder / bundle.DESCRIPTION))
+        base, training = description["base"]["name"], description["training"]
+        authority, scenarios = max(description["authority"]), counted(len(training["mixture"]), "scenario")
         yield (
-            f"base {base}, at most {max(told['authority']):.2g} rad a joint; {training['steps']:,} steps of training, "
-            f"seed {training['seed']}, on {counted(len(training['mixture']), 'scenario')}"
+            f"base {base}, at most {authority:.2g} rad a joint; {training['steps']:,} steps of training, "
+            f"seed {training['seed']}, on {scenarios}"
         )
     except (policies.PolicyError, OSError) as error:
         yield str(error)
     except (KeyError, TypeError, ValueError):  # training is whatever its trainer wrote
-        yield f"of unknown training: {bundle.DESCRIPTION} tells none"
+        yield f"of unknown training: {bundle.DESCRIPTION} has none"

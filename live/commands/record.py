@@ -7,11 +7,9 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from evaluate.commands.options import Flag
-from evaluate.rollouts.hardware import hardware_of
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
-from live.commands.episode import Command, check_command, one_scenario
+from live.commands.episode import Command, EpisodeOptions, check_command
 from live.recording.recorder import check, recorder_for
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import check_numbers
@@ -22,25 +20,17 @@ LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "seed": (0, 2**63 - 1)}
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(EpisodeOptions):
     """Record an episode; a robot that falls is recorded where it lies."""
 
     out: Annotated[Path, tyro.conf.Positional]
     """File to write, .mcap, or folder of a ROS 2 bag; neither may exist."""
     policy: str = "residual"
     """Policy, by name, or folder of a trained one."""
-    scenario: str = "flat"
-    """Scenario, also with a level or severity: push:3, push=42."""
-    robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
-    seed: int = 0
-    """Seed of the episode (whole number from 0)."""
     seconds: float = 10.0
     """How long, simulated s."""
     command: Command | None = None
     """Command to hold: forward m/s, left m/s, yaw rate rad/s; without it the scenario draws commands."""
-    trust: Flag = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
 
 
 def main(options: Options) -> int:
@@ -48,8 +38,7 @@ def main(options: Options) -> int:
     check_numbers(options, LIMITS)
     check_command(options.command)
     check(options.out)
-    hardware = hardware_of(options.robot)
-    scenario = one_scenario(options.scenario, hardware)
+    hardware, scenario = options.resolve()
     policy = hardware.policy(options.policy, options.trust)
     steps = round(options.seconds / CONTROL_PERIOD)
     raise_on_interrupt()
@@ -63,7 +52,11 @@ def main(options: Options) -> int:
 
         try:
             roll_out(
-                *(policy, scenario, np.array([options.seed]), recorder, watch),
+                policy,
+                scenario,
+                np.array([options.seed]),
+                recorder,
+                watch,
                 steps=steps,
                 command=options.command,
                 terminate_on_fall=False,

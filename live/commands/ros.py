@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from evaluate.commands.options import Flag
-from evaluate.rollouts.hardware import hardware_of
-from live.commands.episode import one_scenario
+from live.commands.episode import EpisodeOptions
 from live.pace import Pace
 from live.recording.recorder import check, recorder_for
 from live.ros import interpreter
@@ -23,22 +22,16 @@ from quad_env.cli.launcher import raise_on_interrupt
 
 LIMITS = {"seed": (0, 2**63 - 1), "real_time_factor": (0.01, 100.0)}
 SLOW = 0.9
-"""Share of the asked speed below which the simulation counts as too slow."""
+"""Share of the wanted speed below which the simulation counts as too slow."""
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(EpisodeOptions):
     """Be a robot behind ROS topics until Ctrl-C."""
 
     policy: str | None = None
     """Policy, by name, or folder of a trained one, which /cmd_vel steers; without one the joints follow
     /position_controller/command."""
-    scenario: str = "flat"
-    """Scenario, also with a level or severity: push:3, push=42."""
-    robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
-    seed: int = 0
-    """Seed of the first episode (whole number from 0)."""
     real_time_factor: float = 1.0
     """Simulated s a second, as far as this machine can."""
     record: Path | None = None
@@ -46,10 +39,8 @@ class Options:
     version: Literal["1", "2"] | None = None
     """Version of ROS; by default the one that is sourced, else the first that is found."""
     network: Flag = False
-    """Let other machines in, as ROS_IP, ROS_MASTER_URI and ROS_DOMAIN_ID tell: whoever reaches the ports drives the
-    robot, for ROS asks nobody who they are. Without it the node listens on this machine alone."""
-    trust: Flag = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+    """Let other machines in, as ROS_IP, ROS_MASTER_URI and ROS_DOMAIN_ID say: anyone who reaches the ports drives the
+    robot, for ROS has no passwords. Without it the node listens on this machine alone."""
 
 
 def main(options: Options) -> int:
@@ -59,8 +50,7 @@ def main(options: Options) -> int:
         check(options.record)
     version, python = interpreter.find(options.version)
     environment = interpreter.environment(os.environ, options.network)
-    hardware = hardware_of(options.robot)
-    scenario = one_scenario(options.scenario, hardware)
+    hardware, scenario = options.resolve()
     robot = hardware.quadruped
     policy: Policy = Driven(robot=robot) if options.policy is None else hardware.policy(options.policy, options.trust)
     command = [python, "-m", "live.ros.node", version, *robot.joint_names]
@@ -97,7 +87,7 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
                 link.send(bridge.step())
                 if not slow and 0.0 < pace.measured < SLOW * speed:
                     slow = True
-                    say(f"slower than asked: {pace.measured:.2f} simulated s a second")
+                    say(f"slower than wanted: {pace.measured:.2f} simulated s a second")
                 pace.wait()
     except KeyboardInterrupt:
         kept = "" if record is None else f", all of it in {record}"

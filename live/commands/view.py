@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from evaluate.commands.options import Flag
-from evaluate.rollouts.hardware import hardware_of
-from live.commands.episode import Command, check_command, one_scenario
+from live.commands.episode import Command, EpisodeOptions, check_command
 from live.view.driver import Driver, Start
 from live.view.loop import LiveView
 from live.view.quality import Quality
@@ -25,55 +23,52 @@ LIMITS = {"seed": (0, LARGEST_SEED), "seconds": (0.1, 1e9)}
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(EpisodeOptions):
     """Watch and steer robots in the browser. Ctrl-C ends it."""
 
     policy: tuple[str, ...] = ("residual",)
     """Policy, by name, or folder of a trained one, or a file; several are shown side by side on the same episode."""
-    scenario: str = "flat"
-    """Scenario, also with a level or severity: push:3, push=42."""
-    robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
-    seed: int = 0
-    """Seed of the first episode (whole number from 0)."""
     command: Command | None = (0.0, 0.0, 0.0)
     """Command at first: forward m/s, left m/s, yaw rate rad/s; None leaves commands to the scenario."""
     port: int | None = None
     """Port to listen on, 0 for any that is free; by default the first free one from 8080."""
     host: str = "127.0.0.1"
-    """Address to listen on, an IP address. Beyond this machine pages need the token of the printed address, and whoever
-    listens in on the network sees it."""
+    """Address to listen on, an IP address. Beyond this machine pages need the token of the printed address; anyone who
+    reads the network sees it."""
     quality: Literal["auto", "low", "middle", "high"] = "auto"
     """Of the pictures: 640 x 400 plainly, 960 x 600 plainly, 960 x 600 with shadows and smooth edges."""
     record: Path | None = None
     """Recording from the start on, an .mcap or the folder of a ROS 2 bag; as `python -m quad_env record` makes."""
     recordings: Path = Path("results/recordings")
     """Folder of the recordings that the page begins."""
-    window: Flag = False
-    """A native window too, where there is a display; closing it ends the view."""
     browser: bool = True
     """Open the page in a browser, where there is a display."""
     seconds: float | None = None
     """Wall time after which the view ends by itself, s; by default never."""
-    trust: Flag = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
 
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
     _check(options)
-    hardware = hardware_of(options.robot)
-    one_scenario(options.scenario, hardware)
-    told = options.policy, options.scenario, hardware, options.recordings, options.seed, options.command, options.trust
+    hardware, _ = options.resolve()
+    start = Start(
+        policies=options.policy,
+        scenario=options.scenario,
+        hardware=hardware,
+        recordings=options.recordings,
+        seed=options.seed,
+        command=options.command,
+        trust=options.trust,
+    )
     raise_on_interrupt()
     with ExitStack() as stack:
         try:
-            driver = stack.enter_context(closing(Driver(Start(*told))))
+            driver = stack.enter_context(closing(Driver(start)))
         except ValueError as error:
             raise UsageError(f"--policy: {error}") from error
         if options.record is not None:
             driver.record(options.record)
-        view = LiveView(driver, lambda receive: _server(options, receive), Quality(options.quality), options.window)
+        view = LiveView(driver, lambda receive: _server(options, receive), Quality(options.quality))
         stack.enter_context(closing(view))
         print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
         if options.browser and shows_windows():
@@ -99,7 +94,7 @@ def _check(options: Options) -> None:
 
 
 def _server(options: Options, receive: Receive) -> Server:
-    """At the port that was asked for, else the first free one."""
+    """At the port of --port, else the first free one."""
     if options.port is not None:
         return Server(options.host, options.port, receive)
     for port in range(FIRST_PORT, FIRST_PORT + PORTS):

@@ -39,8 +39,8 @@ class McapFile:
         self._channels, schemas = {}, {}
         for topic, name in topics.items():
             if name not in schemas:
-                told, _hash = TYPES.generate_msgdef(name, ros_version=2)
-                schemas[name] = self._writer.register_schema(name, "ros2msg", told.encode())
+                definition, _hash = TYPES.generate_msgdef(name, ros_version=2)
+                schemas[name] = self._writer.register_schema(name, "ros2msg", definition.encode())
             self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name])
 
     def write(self, message: Message) -> None:

@@ -36,21 +36,21 @@ class Messages:
         self._contacts, self._rewards = standard.contacts(source.legs), standard.rewards(source.rewards)
 
     def of_beginning(self) -> Iterator[Message]:
-        """Messages for those who listen later, too."""
+        """Messages for late subscribers too."""
         fixed = [link for link in self._source.links if link.joint is None]
         yield Message("/tf_static", 0, standard.fixed_frames(fixed))
         if self._source.description:
             yield Message("/robot_description", 0, standard.description(self._source.description))
 
     def of_rows(self, rows: Rows) -> Iterator[Message]:
-        """Of each row what was asked for at its step's beginning, then what was so at its end; starts end no step."""
-        told = self._source.columns(rows)
+        """For each row the command and targets at the beginning of its step, then the state at its end."""
+        readings = self._source.columns(rows)
         ends = self._period * np.arange(self._done, self._done + len(rows))
-        starts = told["start"][:, 0] > 0.0
-        events = self._events.of_rows(told, starts)
-        begun, ended = self._begun(ends - self._period, told), self._ended(ends, told, starts)
-        corrected = ~np.isnan(told["correction"][:, 0])
-        corrections = self._filled("/correction", ends, told["correction"])
+        starts = readings["start"][:, 0] > 0.0
+        events = self._events.of_rows(readings, starts)
+        begun, ended = self._begun(ends - self._period, readings), self._ended(ends, readings, starts)
+        corrected = ~np.isnan(readings["correction"][:, 0])
+        corrections = self._filled("/correction", ends, readings["correction"])
         for row in range(len(rows)):
             yield from (self._event(event.text) for event in events[row] if event.early)
             if not starts[row]:
@@ -66,37 +66,39 @@ class Messages:
         return self._event(text)
 
     def of_end(self) -> Iterator[Message]:
-        """What there is to say of the last episode."""
+        """Outcome of the last episode."""
         yield from (self._event(event.text) for event in self._events.of_end())
 
-    def _begun(self, times: NDArray[np.int64], told: dict[str, Rows]) -> list[list[Message]]:
-        topics = {"/cmd_vel": told["command"], "/position_controller/command": told["action"]}
+    def _begun(self, times: NDArray[np.int64], readings: dict[str, Rows]) -> list[list[Message]]:
+        topics = {"/cmd_vel": readings["command"], "/position_controller/command": readings["action"]}
         return [self._filled(topic, times, numbers) for topic, numbers in topics.items()]
 
-    def _ended(self, times: NDArray[np.int64], told: dict[str, Rows], starts: NDArray[np.bool_]) -> list[list[Message]]:
-        joints = told["joint_position"], told["joint_velocity"], told["joint_torque"]
-        turns = rotations(self._moving, told["joint_position"]).reshape(len(times), -1)
+    def _ended(
+        self, times: NDArray[np.int64], readings: dict[str, Rows], starts: NDArray[np.bool_]
+    ) -> list[list[Message]]:
+        joints = readings["joint_position"], readings["joint_velocity"], readings["joint_torque"]
+        turns = rotations(self._moving, readings["joint_position"]).reshape(len(times), -1)
         topics = {
             "/clock": np.zeros((len(times), 0)),
-            "/tf": np.column_stack((told["position"], told["quaternion"], turns)),
+            "/tf": np.column_stack((readings["position"], readings["quaternion"], turns)),
             "/joint_states": np.column_stack(joints),
-            "/imu": self._imu.felt(told, starts),
+            "/imu": self._imu.measure(readings, starts),
         }
         return [
             *(self._filled(topic, times, numbers) for topic, numbers in topics.items()),
-            *self._contact(times, told),
-            *self._reward(times, told),
+            *self._contact(times, readings),
+            *self._reward(times, readings),
         ]
 
-    def _contact(self, times: NDArray[np.int64], told: dict[str, Rows]) -> list[list[Message]]:
-        touching = np.column_stack((told["foot_contact"], told["leg_contact"], told["trunk_contact"])) > 0.0
+    def _contact(self, times: NDArray[np.int64], readings: dict[str, Rows]) -> list[list[Message]]:
+        touching = np.column_stack((readings["foot_contact"], readings["leg_contact"], readings["trunk_contact"])) > 0.0
         return [
             [Message(topic, time, self._flags[touches]) for time, touches in zip(times.tolist(), column, strict=True)]
             for topic, column in zip(self._contacts, touching.T.tolist(), strict=True)
         ]
 
-    def _reward(self, times: NDArray[np.int64], told: dict[str, Rows]) -> list[list[Message]]:
-        terms = np.column_stack([values for name, values in told.items() if name.startswith(REWARD)])
+    def _reward(self, times: NDArray[np.int64], readings: dict[str, Rows]) -> list[list[Message]]:
+        terms = np.column_stack([values for name, values in readings.items() if name.startswith(REWARD)])
         columns = np.column_stack((terms.sum(axis=1), terms)).T[:, :, None]
         numbers = (self._number.filled(times, column) for column in columns)
         return [_messages(topic, times, data) for topic, data in zip(self._rewards, numbers, strict=True)]

@@ -71,7 +71,7 @@ class Recorder:
         self._path = path
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
-        self._told = 0
+        self._announced = 0
         self._events: list[str] = []
 
     def __call__(self, step: Step) -> None:
@@ -88,17 +88,17 @@ class Recorder:
         row[-1] = step.number == 0 or self._ring.put == 0
         self._ring.put_row()
         for event in self._events:
-            self._tell(event)
+            self._announce(event)
         self._events.clear()
-        if self._ring.put - self._told >= STEPS_A_BATCH:
-            self._tell()
+        if self._ring.put - self._announced >= STEPS_A_BATCH:
+            self._announce()
 
     def event(self, text: str) -> None:
         """Record that something happened just now, after the last step. Raises OSError where it cannot be written."""
         if self._pipe is None:
             self._events.append(text)
         else:
-            self._tell(text)
+            self._announce(text)
 
     def _begin(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
@@ -126,7 +126,7 @@ class Recorder:
             self._process.start()
 
     def _free_row(self) -> Floats | None:
-        """Where the next row goes, once there is room; None where nobody takes rows any more."""
+        """Where the next row goes, once there is room; None where the writer has ended."""
         assert self._process is not None
         while (row := self._ring.free_row()) is None:
             if not self._process.is_alive():
@@ -135,13 +135,13 @@ class Recorder:
             time.sleep(WAIT)
         return row
 
-    def _tell(self, event: str = "") -> None:
-        """Say how many rows there are, and what happened then."""
+    def _announce(self, event: str = "") -> None:
+        """Send how many rows there are, and what happened then."""
         assert self._pipe is not None
-        self._told = self._ring.put
+        self._announced = self._ring.put
         try:
-            self._pipe.send((self._told, event))
-        except OSError:  # the writer has ended, and told why
+            self._pipe.send((self._announced, event))
+        except OSError:  # the writer has ended, and sent its reason
             self.close()
 
     def close(self) -> None:

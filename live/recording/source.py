@@ -1,4 +1,4 @@
-"""What the process that writes a recording is told of the rows that it finds."""
+"""Description of the recorded rows, for the process that writes them."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ class Source:
     """What the recorded rows are of."""
 
     widths: dict[str, int]
-    """Columns of each reading, in the order of a row, beside them `correction`, NaN of a policy that has none, and
+    """Columns of each reading, in the order of a row; also `correction`, NaN of a policy that has none, and
     `start`, 1 where an episode or the recording begins."""
     joints: tuple[str, ...]
     legs: tuple[str, ...]

@@ -99,8 +99,8 @@ def event(time: int, text: str, grave: bool) -> bytes:
     kind: Any = _T["rcl_interfaces/msg/Log"]
     stamp = _T["builtin_interfaces/msg/Time"](sec=time // 10**9, nanosec=time % 10**9)
     level = kind.ERROR if grave else kind.INFO
-    told = kind(stamp=stamp, level=level, name="simple_quad", msg=text, file="", function="", line=0)
-    return _serialised("/events", told)
+    line = kind(stamp=stamp, level=level, name="simple_quad", msg=text, file="", function="", line=0)
+    return _serialised("/events", line)
 
 
 def number() -> Template:

@@ -16,8 +16,8 @@ MOST = 200
 
 
 def write(pipe: Connection, shared: Memory, path: Path, source: Source) -> None:
-    """Write the rows that are told of through the pipe, until None or until its other end is closed, and then those
-    that were put besides; answer with None, or with the OSError that ended it. Whoever simulates may be interrupted or
+    """Write the rows that the pipe announces, until None or until its other end is closed, and then those that
+    were put since; answer with None, or with the OSError that ended it. The simulation may be interrupted or
     killed: what has been put is written. It is started with SIGINT blocked."""
     if hasattr(os, "nice"):
         os.nice(NICE)
@@ -26,7 +26,7 @@ def write(pipe: Connection, shared: Memory, path: Path, source: Source) -> None:
         _write(pipe, Ring(shared), path, source)
     except OSError as error:
         failure = OSError(error.errno, error.strerror or str(error), str(path))
-    with contextlib.suppress(OSError):  # where nobody waits for it any more
+    with contextlib.suppress(OSError):  # where the simulation has ended
         pipe.send(failure)
     pipe.close()
 
@@ -42,14 +42,14 @@ def _write(pipe: Connection, ring: Ring, path: Path, source: Source) -> None:
         for message in messages.of_beginning():
             file.write(message)
         while True:
-            told = _next(pipe)
-            until, event = (ring.put, "") if told is None else told
+            news = _next(pipe)
+            until, event = (ring.put, "") if news is None else news
             while written < until:
                 end = min(written + MOST, until)
                 for message in messages.of_rows(ring.take(end)):
                     file.write(message)
                 written = end
-            if told is None:
+            if news is None:
                 break
             if event:
                 file.write(messages.of_event(event))

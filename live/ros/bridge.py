@@ -4,13 +4,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from live.ros.commands import Commands, JointTargets, Mistake, Velocities
+from live.ros.commands import Commands, CommandTimeout, JointTargets, Mistake, Refusals, Velocities
 from live.ros.driven import Driven
-from live.ros.falls import FallWatch
 from live.ros.link import Packet
-from live.ros.readings import Readings
-from live.ros.refusals import Refusals
-from live.ros.silence import Silence
+from live.ros.readings import FallWatch, Readings
 from live.ros.topics import RESET
 from live.session import Session
 
@@ -18,19 +15,18 @@ from live.session import Session
 class Bridge:
     """One robot of a session, driven by messages: by joint targets if `Driven` moves it, else by velocities.
 
-    Whatever comes, the simulation goes on: what cannot be followed is refused, and when nothing good comes any more the
-    robot stands.
+    The simulation goes on in any case: invalid messages are refused, and without valid ones the robot stands.
 
     Args:
         session: of one robot; its commands are the bridge's from now on.
-        say: told in words what a person at the terminal should know.
+        say: called with lines for the terminal.
     """
 
     def __init__(self, session: Session, say: Callable[[str], None]) -> None:
         self._session, self._say = session, say
         (policy,) = session.policies
         self._commands: Commands = JointTargets(policy) if isinstance(policy, Driven) else Velocities(session)
-        self._silence = Silence(self._commands.patience)
+        self._timeout = CommandTimeout(self._commands.timeout)
         self.refusals = Refusals(say)
         self._refused_before = 0
         self._readings, self._falls = Readings(session.env.dt), FallWatch(session.env.dt)
@@ -55,13 +51,13 @@ class Bridge:
             self.refusals.note(topic, *mistake)
             return
         commands.follow(numbers)
-        if self._silence.heard(self.time):
+        if self._timeout.received(self.time):
             self._say(f"{topic} is followed")
         self._refused_before = self.refusals.count(topic)
 
     def step(self) -> Packet:
-        """Move the robot on by a control step; what it tells then."""
-        if self._silence.begins(self.time):
+        """Packet of the robot after a further control step."""
+        if self._timeout.expired(self.time):
             self._stand()
         step = self._session.step()
         self._steps += 1
@@ -69,7 +65,7 @@ class Bridge:
         if news := self._falls(step):
             self._say(news)
         if step.infos["diverged"][0]:
-            self._say("the simulation has diverged; the robot starts anew")
+            self._say("the simulation has diverged; the robot is reset")
             self._session.reset()
         return packet
 
@@ -78,5 +74,5 @@ class Bridge:
         commands.stand()
         refused = self.refusals.count(commands.topic) - self._refused_before
         meanwhile = f" ({refused} refused meanwhile)" if refused else ""
-        silence = f"nothing good on {commands.topic} for {commands.patience:g} s{meanwhile}"
-        self._say(f"{silence}: {commands.standing} until the next")
+        timeout = f"nothing good on {commands.topic} for {commands.timeout:g} s{meanwhile}"
+        self._say(f"{timeout}: {commands.standing} until the next")

@@ -13,35 +13,35 @@ JOIN_TIME = 0.2
 
 
 class Driven(Policy):
-    """Stands until told to follow; every robot of it follows the same targets."""
+    """Stands until `follow`; every robot of it follows the same targets."""
 
     name = "driven"
 
     def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         super().__init__(robot=robot, control_period=control_period)
-        self._asked: Floats | None = None
+        self._outside: Floats | None = None
         self._hold = Hold(robot, control_period)
         self._allocate(1)
 
     @property
     def following(self) -> bool:
         """Whether it follows targets from outside."""
-        return self._asked is not None
+        return self._outside is not None
 
     def follow(self, targets: Floats) -> None:
         """Follow these joint targets, (12,), rad, as far as the joints go, until others come."""
-        if self._asked is None:
+        if self._outside is None:
             self._followed_for = 0.0
-        self._asked = np.clip(targets, self.robot.joint_lower, self.robot.joint_upper)
+        self._outside = np.clip(targets, self.robot.joint_lower, self.robot.joint_upper)
 
     def let_go(self) -> None:
         """Follow nothing any more: from where the targets are to the home pose, and stay there."""
-        self._asked = None
+        self._outside = None
         self._hold.start(np.ones(self.num_envs, np.bool_), self._targets)
 
     def _allocate(self, num_envs: int) -> None:
         self._targets = np.tile(self.robot.home_pose, (num_envs, 1))
-        self._asked, self._followed_for = None, 0.0
+        self._outside, self._followed_for = None, 0.0
         self._hold.reset(num_envs)
 
     def _restart(self, mask: Mask) -> None:
@@ -49,11 +49,11 @@ class Driven(Policy):
         self._hold.start(mask, self._targets[mask])
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        if self._asked is None:
+        if self._outside is None:
             everyone = np.arange(self.num_envs)
             self._targets = self._hold.targets(everyone, observation.astype(np.float64), self._targets)
         else:
             elapsed = np.full(self.num_envs, self._followed_for)
-            self._targets = approach(self._targets, self._asked, elapsed, JOIN_TIME, self.control_period)
+            self._targets = approach(self._targets, self._outside, elapsed, JOIN_TIME, self.control_period)
             self._followed_for += self.control_period
         return to_actions(self.robot, self._targets)

@@ -14,7 +14,7 @@ START_TIMEOUT = 30.0
 LARGEST_PACKET = 65_536
 """Bytes."""
 PACKETS_A_STEP = 500
-"""Packets that are read in one go; whoever sends faster waits."""
+"""Packets that are read in one go; a faster sender waits."""
 ENDING_TIME = 2.0
 """For the process to sign off from its master, s."""
 
@@ -29,10 +29,10 @@ class Link:
     """Starts that process and talks with it: neither side ever waits for the other to simulate or to publish."""
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
-        # Packets arrive whole or not at all, and nobody else can connect: it has no address.
+        # Packets arrive whole or not at all, and no other process can connect: it has no address.
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
-            # In a session of its own, Ctrl-C does not reach it: whoever simulates ends it.
+            # In a session of its own, Ctrl-C does not reach it: the simulation ends it.
             self._process = subprocess.Popen(
                 command, stdin=theirs.fileno(), env=dict(environment), start_new_session=True
             )

@@ -72,17 +72,17 @@ class Node:
         clock.clock = stamp
         self._publish[CLOCK](clock)
         imu = self._message(IMU, stamp)
-        told = packet[IMU]
-        w, x, y, z = told["quaternion"]  # ROS has w last
+        reading = packet[IMU]
+        w, x, y, z = reading["quaternion"]  # ROS has w last
         turn = imu.orientation
         turn.x, turn.y, turn.z, turn.w = x, y, z, w
         for vector, name in ((imu.angular_velocity, "angular_velocity"), (imu.linear_acceleration, "specific_force")):
-            vector.x, vector.y, vector.z = told[name]
+            vector.x, vector.y, vector.z = reading[name]
         self._publish[IMU](imu)
         if JOINT_STATES in packet:
-            told, state = packet[JOINT_STATES], self._message(JOINT_STATES, stamp)
-            state.name, state.position = self._joints, told["position"]
-            state.velocity, state.effort = told["velocity"], told["torque"]
+            reading, state = packet[JOINT_STATES], self._message(JOINT_STATES, stamp)
+            state.name, state.position = self._joints, reading["position"]
+            state.velocity, state.effort = reading["velocity"], reading["torque"]
             self._publish[JOINT_STATES](state)
 
     def _message(self, topic: str, stamp: Any) -> Any:
@@ -104,7 +104,7 @@ class Node:
 def _tell(link: socket.socket, packet: dict[str, Any]) -> None:
     try:
         link.send(json.dumps(packet).encode())
-    except OSError:  # nobody simulates any more
+    except OSError:  # the simulation has ended
         os._exit(0)
 
 

@@ -1,11 +1,15 @@
-"""What the robot tells at the end of a control step, as a packet of numbers for the process that speaks ROS."""
+"""Readings of the robot after a control step, for the process that speaks ROS, and its falls, for the terminal."""
 
 import numpy as np
 
 from evaluate.rollouts.observers import Step
-from live.imu import FELT, Imu
+from live.imu import READINGS, Imu
 from live.ros.link import Packet
-from live.ros.topics import IMU, JOINT_STATE_PERIOD, JOINT_STATES
+from live.ros.topics import IMU, JOINT_STATE_PERIOD, JOINT_STATES, RESET
+from quad_env.config import FALL_REASONS
+
+UP_TIME = 1.0
+"""Time without a fall after which a robot counts as up again, s."""
 
 
 class Readings:
@@ -18,9 +22,9 @@ class Readings:
 
     def of_step(self, step: Step, number: int, time: int) -> Packet:
         """The packet of a control step, the `number`-th since the beginning, which ended at that time, ns."""
-        told = {name: values[0] for name, values in step.infos.items()}
-        row = {name: np.array(told[name], float).reshape(1, -1) for name in FELT}
-        quaternion, turning, force = np.split(self._imu.felt(row, np.array([step.number == 1]))[0], (4, 7))
+        infos = {name: values[0] for name, values in step.infos.items()}
+        row = {name: np.array(infos[name], float).reshape(1, -1) for name in READINGS}
+        quaternion, turning, force = np.split(self._imu.measure(row, np.array([step.number == 1]))[0], (4, 7))
         packet: Packet = {
             "time": time,
             IMU: {
@@ -31,8 +35,31 @@ class Readings:
         }
         if number % self._every == 0:
             packet[JOINT_STATES] = {
-                "position": told["joint_position"].tolist(),
-                "velocity": told["joint_velocity"].tolist(),
-                "torque": told["joint_torque"].tolist(),
+                "position": infos["joint_position"].tolist(),
+                "velocity": infos["joint_velocity"].tolist(),
+                "torque": infos["joint_torque"].tolist(),
             }
         return packet
+
+
+class FallWatch:
+    """Reports when the first robot falls, by the environment's rule, and when it is up again."""
+
+    def __init__(self, dt: float) -> None:
+        """`dt`: control period, s."""
+        self._steps_up = round(UP_TIME / dt)
+        self._fallen, self._upright = False, 0
+
+    def __call__(self, step: Step) -> str | None:
+        """Line about that control step, None without news."""
+        fall = int(step.infos["fall"][0])
+        if step.number <= 1:
+            self._fallen = False
+        self._upright = 0 if fall else self._upright + 1
+        if fall and not self._fallen:
+            self._fallen = True
+            return f"the robot has fallen ({FALL_REASONS[fall]}); a message on {RESET} resets it"
+        if self._fallen and self._upright == self._steps_up:
+            self._fallen = False
+            return "the robot is up again"
+        return None

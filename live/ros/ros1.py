@@ -1,4 +1,4 @@
-"""ROS 1 by rospy, with a master of its own where none is there."""
+"""ROS 1 by rospy, with a master of its own where there is none."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ import rosmaster.master
 import rospy
 import rospy.impl.tcpros_base
 
-from live.ros.strangers import refuse_web_pages, wait_for_nobody
-
 WAITING = 100
 """Messages that wait for a slow subscriber, or for us; older ones are dropped."""
 
-PATIENCE = 3.0
+MASTER_TIMEOUT = 3.0
 """For a master to answer, s."""
+
+HANDSHAKE_TIMEOUT = 1.0
+"""For a connection to begin its handshake, s; others wait for so long."""
 
 
 class Ros1:
     """A node of ROS 1. Raises OSError, in words, where there is neither a master nor room for one."""
 
     def __init__(self, name: str, ended: Callable[[str], None]) -> None:
-        refuse_web_pages(rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler)
-        wait_for_nobody(rospy.impl.tcpros_base)
+        _refuse_web_pages(rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler)
+        _limit_handshakes(rospy.impl.tcpros_base)
         uri = rosgraph.get_master_uri()
         self.where = "ROS 1, master " + uri
-        socket.setdefaulttimeout(PATIENCE)  # what listens there may not be a master
+        socket.setdefaulttimeout(MASTER_TIMEOUT)  # what listens there may not be a master
         online = rosgraph.is_master_online()
         socket.setdefaulttimeout(None)
         if not online:
@@ -71,3 +72,36 @@ def _begin_master(uri: str) -> None:
         except OSError as error:
             raise OSError(f"no ROS master answers at {uri}, and none can listen there: {error}") from error
     rosmaster.master.Master(port).start()
+
+
+def _refuse_web_pages(handler: Any) -> None:
+    """Have that class of HTTP request handlers refuse what a browser sends for a page, which always names its origin.
+
+    No ROS client does. Otherwise any page that is open in a browser here could end nodes or stand in for a publisher.
+    """
+    answer = handler.do_POST
+
+    def do_POST(self: Any) -> None:
+        if self.headers.get("Origin") is None:
+            answer(self)
+        else:
+            self.close_connection = True
+            self.send_error(403, "requests of web pages are refused")
+
+    handler.do_POST = do_POST
+
+
+def _limit_handshakes(connections: Any) -> None:
+    """Have that module of rospy give up connections without a handshake: it accepts one after the other, and a silent
+    one would keep every later subscriber out."""
+    read = connections.read_ros_handshake_header
+
+    def read_in_time(connection: Any, *arguments: Any) -> Any:
+        before = connection.gettimeout()
+        connection.settimeout(HANDSHAKE_TIMEOUT)
+        try:
+            return read(connection, *arguments)
+        finally:
+            connection.settimeout(before)
+
+    connections.read_ros_handshake_header = read_in_time

@@ -19,9 +19,8 @@ from evaluate.rollouts.observers import Observer
 from live.pace import Pace
 from live.recording.recorder import Recorder, recorder_for
 from live.session import Session
-from live.view.painter import Picture
+from live.view.camera import Picture, ViewCamera
 from live.view.requests import Request
-from live.view.sight import Sight
 from live.view.telemetry import COLUMNS, Telemetry
 from policies.base import Policy, PolicyError
 from quad_env.scenarios.axes import axes_of
@@ -30,7 +29,7 @@ from quad_env.scenarios.scenario import Scenario
 PUSH_TIME = 0.1
 """How long a push by hand lasts, s."""
 KEPT_EVENTS = 40
-"""The latest, which a page that comes is told."""
+"""The latest events, for a new page."""
 COMPANION = "trot"
 """Policy of the second robot, until it is given another."""
 
@@ -52,7 +51,7 @@ class Start:
 
 
 class Driver:
-    """Moves robots on in real time, and does what it is told.
+    """Moves robots on in real time, and does what pages ask for.
 
     Raises:
         ValueError: there is no such scenario or policy, or policies that do not walk together.
@@ -62,9 +61,9 @@ class Driver:
         self._start = start
         self.paused = self._once = False
         self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
-        self._recording, self._path, self._asked_for = ExitStack(), "", False
+        self._recording, self._path, self._required = ExitStack(), "", False
         self._recorder: Recorder | None = None
-        self.sight, self._telemetry = Sight(), Telemetry(start.hardware.quadruped.rated_torque)
+        self.camera, self._telemetry = ViewCamera(), Telemetry(start.hardware.quadruped.rated_torque)
         self._scenario = self._found(start.scenario)
         self._offered = tuple(dict.fromkeys((*start.policies, *policies.names())))
         self._companion = start.policies[1] if len(start.policies) > 1 else COMPANION
@@ -77,18 +76,18 @@ class Driver:
             "push": self._push,
             "policy": self._choose,
             "compare": self._compare,
-            "scenario": lambda name: self._begin_anew(self._found(name), self.session.policies),
+            "scenario": lambda name: self._begin_with(self._found(name), self.session.policies),
             "reset": self._reset,
             "next": lambda: self._reset(self.session.seed + 1),
             "pause": self._pause,
             "step": self._step_once,
             "speed": lambda factor: setattr(self._pace, "speed", factor),
-            "drag": lambda right, down: setattr(self.sight, "orbit", self.sight.orbit.dragged(right, down)),
-            "zoom": lambda wheel: setattr(self.sight, "orbit", self.sight.orbit.zoomed(wheel)),
-            "follow": self.sight.follow,
-            "together": lambda on: setattr(self.sight, "together", on),
-            "forces": lambda on: setattr(self.sight, "forces", on),
-            "ghost": lambda on: setattr(self.sight, "ghost", on),
+            "drag": lambda right, down: setattr(self.camera, "orbit", self.camera.orbit.dragged(right, down)),
+            "zoom": lambda wheel: setattr(self.camera, "orbit", self.camera.orbit.zoomed(wheel)),
+            "follow": self.camera.follow,
+            "together": lambda on: setattr(self.camera, "together", on),
+            "forces": lambda on: setattr(self.camera, "forces", on),
+            "ghost": lambda on: setattr(self.camera, "ghost", on),
             "record": lambda on: self._record(self._free_path()) if on else self._stop_recording(),
         }
 
@@ -98,8 +97,8 @@ class Driver:
         self._does[request.do](**request.values)
 
     def move(self) -> bool:
-        """Move the robots on by a control step, once it is due; False while paused. OSError where what `record` was
-        told cannot be written; a recording that a page began ends then, and the robots walk on."""
+        """Move the robots on by a control step, once it is due; False while paused. OSError where the path of
+        `record` cannot be written; a recording that a page began ends then, and the robots walk on."""
         if self.paused and not self._once:
             return False
         if self._once:
@@ -109,29 +108,19 @@ class Driver:
         try:
             self.session.step()
         except OSError as error:
-            if self._asked_for:
+            if self._required:
                 raise
             self._stop_recording()
             self._events.append(f"the recording has ended: {error}")
         self._telemetry.note(self.session.latest, self.session.policies[0])
         return True
 
-    def words(self) -> str:
-        """How the first robot stands, in a few lines."""
-        session, (robot, *_) = self.session, self._telemetry.robots(self.session.policies)
-        forward, left, turn = session.latest.infos["command"][0]
-        speed = "paused" if self.paused else f"{self._pace.measured:.2f} x real time"
-        return (
-            f"{robot['policy']}, {self._scenario.name}, seed {session.seed}, {speed}\n"
-            f"command {forward:+.2f} m/s forward, {left:+.2f} m/s left, {turn:+.2f} rad/s\n{robot['outcome']}"
-        )
-
     def picture(self) -> Picture:
         """What there is to be seen now."""
-        return self.sight.picture(self.session)
+        return self.camera.picture(self.session)
 
     def offer(self) -> dict[str, Any]:
-        """What a page is told once: names of policies and axes of scenarios, the robot, and what rows hold."""
+        """Choices of a page: names of policies and axes of scenarios; the robot, and the columns of rows."""
         return {
             "robot": self.session.env.robot.name,
             "policies": self._offered,
@@ -143,8 +132,8 @@ class Driver:
         }
 
     def state(self) -> dict[str, Any]:
-        """How things stand now, with rows and events since the last call."""
-        session, sight, events = self.session, self.sight, list(self._events)
+        """Present state, with rows and events since the last call."""
+        session, camera, events = self.session, self.camera, list(self._events)
         self._events.clear()
         held = session.command
         return {
@@ -159,10 +148,10 @@ class Driver:
             "command": [
                 round(float(value), 3) for value in (session.latest.infos["command"][0] if held is None else held)
             ],
-            "together": sight.together,
-            "forces": sight.forces,
-            "ghost": sight.ghost,
-            "follow": sight.orbit.follow,
+            "together": camera.together,
+            "forces": camera.forces,
+            "ghost": camera.ghost,
+            "follow": camera.orbit.follow,
             "robots": self._telemetry.robots(session.policies),
             "rows": self._telemetry.rows(),
             "events": events,
@@ -171,7 +160,7 @@ class Driver:
     def record(self, path: Path) -> None:
         """Record into that path from now on. Raises as `recorder_for`."""
         self._record(path)
-        self._asked_for = True
+        self._required = True
 
     def close(self) -> None:
         """Finish the recording and free the simulation. OSError where the recording cannot be finished."""
@@ -187,7 +176,7 @@ class Driver:
             stack.callback(lambda: self.session.observers.remove(recorder))
             self.session.observers.append(recorder)
             self._recording, self._recorder = stack.pop_all(), recorder
-        self._path, self._asked_for = str(path), False
+        self._path, self._required = str(path), False
         self._events.append(f"recording into {path}")
 
     def _stop_recording(self) -> None:
@@ -197,14 +186,14 @@ class Driver:
             self._events.append(f"recorded {path}")
 
     def _begun(self, scenario: Scenario, walkers: Sequence[Policy], seed: int, command: ArrayLike | None) -> Session:
-        """A session with everybody who watches."""
-        watching: list[Observer] = [self.sight, self._telemetry]
+        """A session with its observers."""
+        watching: list[Observer] = [self.camera, self._telemetry]
         hardware = self._start.hardware
         session = Session(walkers, scenario, seed=seed, command=command, hardware=hardware, observers=watching)
         session.listeners.append(self._note)
         return session
 
-    def _begin_anew(self, scenario: Scenario, walkers: Sequence[Policy]) -> None:
+    def _begin_with(self, scenario: Scenario, walkers: Sequence[Policy]) -> None:
         """The same seed and command on another scenario, or with other robots."""
         before = self.session
         session = self._begun(scenario, walkers, before.seed, before.command)
@@ -217,7 +206,7 @@ class Driver:
             observer(session.latest)
 
     def _note(self, event: str) -> None:
-        """What somebody did, for the page and the recording; another first policy is told of in this way, too."""
+        """Report an intervention to the page and the recording, such as another first policy."""
         self._events.append(event)
         if self._recorder is not None:
             self._recorder.policy = self.session.policies[0]
@@ -238,14 +227,14 @@ class Driver:
             raise PolicyError(f"no policy {name!r} is offered: there are {', '.join(self._offered)}")
         policy = self._policy(name)
         if len(self.session.policies) == 1 and policy.height_scan != self.session.policies[0].height_scan:
-            self._begin_anew(self._scenario, [policy])  # only a session from its start shows it the ground
+            self._begin_with(self._scenario, [policy])  # only a session from its start shows it the ground
         else:
             self.session.choose(robot, policy)
 
     def _compare(self, on: bool) -> None:
         first = self.session.policies[0]
         if on != (len(self.session.policies) > 1):
-            self._begin_anew(self._scenario, [first, self._policy(self._companion)] if on else [first])
+            self._begin_with(self._scenario, [first, self._policy(self._companion)] if on else [first])
 
     def _push(self, direction: float, impulse: float) -> None:
         """Directions are degrees from straight ahead of the first robot to its left."""

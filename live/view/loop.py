@@ -4,12 +4,10 @@ import json
 import queue
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack
 from typing import Any
 
 from live.view.driver import Driver
-from live.view.keys import request_of
-from live.view.native import NativeWindow
 from live.view.painter import Painter
 from live.view.quality import Quality
 from live.view.requests import Request, RequestError, parse
@@ -28,22 +26,18 @@ IDLE = 0.01
 _NOT_TO_BE_DONE = (ValueError, UsageError, OSError, ImportError)
 """What comes of a request for a scenario or policy that is not there, or of a full disk."""
 Serve = Callable[[Receive], Server]
-"""Makes a server, told what is to receive its texts."""
+"""Makes a server whose texts that function receives."""
 
 
 class LiveView:
-    """Robots that walk where pages steer them, until somebody interrupts it.
+    """Robots that walk where pages steer them, until Ctrl-C."""
 
-    With `window` a native window shows them too; UsageError without a display.
-    """
-
-    def __init__(self, driver: Driver, serve: Serve, quality: Quality, window: bool = False) -> None:
+    def __init__(self, driver: Driver, serve: Serve, quality: Quality) -> None:
         self._driver, self._offer = driver, json.dumps({"kind": "offer", **driver.offer()})
         self._todo: queue.Queue[Request] = queue.Queue(WAITING)
-        self._frame_due = self._window_due = self._telling_due = 0.0
+        self._frame_due = self._telling_due = 0.0
         self._rate, self._drawn, self._counted = 0.0, 0, time.perf_counter()
         with ExitStack() as stack:
-            self._window = stack.enter_context(closing(NativeWindow(self._press))) if window else None
             self.server = serve(self.receive)
             stack.callback(self.server.close)
             self._painter = Painter(self.server.show, quality)
@@ -63,11 +57,10 @@ class LiveView:
         return None
 
     def run(self, seconds: float = float("inf")) -> None:
-        """Go on for so many s of wall time, or until the native window is closed. OSError where a recording cannot be
-        written; KeyboardInterrupt after Ctrl-C."""
+        """Go on for so many s of wall time. OSError without room for a recording; KeyboardInterrupt after Ctrl-C."""
         end = time.perf_counter() + seconds
         with Interrupt() as interrupt:
-            while time.perf_counter() < end and (self._window is None or self._window.is_open):
+            while time.perf_counter() < end:
                 interrupt.check()
                 self._obey()
                 if not self._driver.move():
@@ -79,9 +72,6 @@ class LiveView:
         if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
             self._painter.hand(self._driver.picture())
             self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
-        if self._window is not None and self._window.idle and now >= self._window_due:
-            self._window.show(self._driver.picture(), self._driver.words())
-            self._window_due = now + 1.0 / FRAMES_A_SECOND
         if now >= self._telling_due and self.server.watched:
             self.server.tell(json.dumps(self._state(now)))
             self._telling_due = now + 1.0 / TELLINGS_A_SECOND
@@ -89,12 +79,6 @@ class LiveView:
     def close(self) -> None:
         """Take leave of the pages, and of the thread that draws."""
         self._stack.close()
-
-    def _press(self, key: int) -> None:
-        """In a thread of the window's."""
-        if (request := request_of(key, self._driver)) is not None:
-            with suppress(queue.Full):
-                self._todo.put_nowait(request)
 
     def _obey(self) -> None:
         for _ in range(self._todo.qsize()):  # not those that come meanwhile: the robots walk on however many do

@@ -2,41 +2,22 @@
 
 import io
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
 
-from live.view.latest import Latest
-from live.view.orbit import Orbit
+from live.view.camera import Picture
+from live.view.last_value import LastValue
 from live.view.quality import Level, Quality
-from quad_env.physics.marks import Colour, Mark
-from quad_env.physics.rendering import COMPANIONS
-from quad_env.physics.view import View
+from quad_env.physics.marker import COMPANIONS
+from quad_env.physics.marks import Colour
+from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80
 _INK, _EDGE = (255, 255, 255), (30, 34, 38)
-
-
-@dataclass(frozen=True)
-class Picture:
-    """What there is to be seen at one moment."""
-
-    model: Any
-    """mujoco.MjModel of the simulation, the same object for as long as it is one simulation."""
-    robots: Sequence[Any]
-    """mujoco.MjData of each robot."""
-    places: Sequence[tuple[float, float, float]]
-    """What the camera looks at for each robot, world, m."""
-    names: Sequence[str]
-    orbit: Orbit
-    marks: Sequence[Mark]
-    """About the first robot."""
-    together: bool
-    """All robots in one picture, in colours of their own, instead of a picture each."""
-    forces: bool
 
 
 class Painter:
@@ -49,13 +30,13 @@ class Painter:
 
     def __init__(self, show: Callable[[bytes], None], quality: Quality) -> None:
         self._show, self._quality = show, quality
-        self._views: dict[tuple[int, Level], View] = {}
+        self._cameras: dict[tuple[int, Level], Camera] = {}
         self._model: Any = None
         self.failure: str | None = None
         """Why nothing can be drawn, once that is known."""
         self.drawn = 0
         """Frames so far."""
-        self._thread: Latest[Picture] = Latest("painter", self._take, self._forget)
+        self._thread: LastValue[Picture] = LastValue("painter", self._take, self._forget)
 
     @property
     def idle(self) -> bool:
@@ -92,12 +73,17 @@ class Painter:
         frames = []
         for number, robots in enumerate(shown):
             marks = picture.marks if number == 0 else ()
-            view = self._view(number, part)
             orbit = picture.orbit
-            away = orbit.distance * len(shown) ** 0.5  # narrower pictures show as much
-            look = {"azimuth": orbit.azimuth, "elevation": orbit.elevation, "distance": away}
             target = picture.places[number] if orbit.follow else orbit.target
-            frames.append(view.draw(robots, **look, target=target, marks=marks, forces=picture.forces))
+            distance = orbit.distance * len(shown) ** 0.5  # narrower pictures show as much
+            frame = self._camera(number, part).draw(
+                robots[0],
+                marks=marks,
+                others=robots[1:],
+                viewpoint=replace(orbit, target=target, distance=distance),
+                forces=picture.forces,
+            )
+            frames.append(frame)
         image = Image.fromarray(np.concatenate(frames, axis=1))
         if len(picture.robots) > 1:
             _label(image, picture)
@@ -105,17 +91,17 @@ class Painter:
         image.save(buffer, "jpeg", quality=JPEG_QUALITY)
         return buffer.getvalue()
 
-    def _view(self, number: int, level: Level) -> View:
-        if (number, level) not in self._views:
-            if any(known != level for _, known in self._views):
+    def _camera(self, number: int, level: Level) -> Camera:
+        if (number, level) not in self._cameras:
+            if any(known != level for _, known in self._cameras):
                 self._forget()
-            self._views[number, level] = View(self._model, level.width, level.height, level.fine)
-        return self._views[number, level]
+            self._cameras[number, level] = Camera(self._model, level.width, level.height, None, fine=level.fine)
+        return self._cameras[number, level]
 
     def _forget(self) -> None:
-        for view in self._views.values():
-            view.close()
-        self._views.clear()
+        for camera in self._cameras.values():
+            camera.close()
+        self._cameras.clear()
 
 
 def _label(image: Image.Image, picture: Picture) -> None:

@@ -20,7 +20,7 @@ NAMES = {"low": 0, "middle": 1, "high": 2}
 FAST, SLOW = 0.009, 0.040
 """Times of a frame, s, below which the next level is tried and above which it is left for good."""
 TRIED = 15
-"""Frames that a level is judged by."""
+"""Frames after which a level is assessed."""
 
 
 class Quality:

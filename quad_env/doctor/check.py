@@ -1,4 +1,4 @@
-"""Checks and what they find; they run one after the other, and none whose grounds have given way."""
+"""Checks and their findings; a check is left out where one that it needs has found a problem."""
 
 import time
 from collections.abc import Iterable, Iterator
@@ -13,45 +13,44 @@ Result = Literal["ok", "warning", "problem", "left out"]
 
 @dataclass(frozen=True)
 class Finding:
-    """What a check has seen."""
+    """Result of a check."""
 
     result: Result
     seen: str
-    """In a line."""
+    """Observation, one line."""
     cause: str = ""
-    """Why it is so, as far as can be told; of warnings and problems."""
+    """Likely cause; of warnings and problems."""
     remedy: str = ""
-    """What to do about it; of warnings and problems."""
+    """What to do; of warnings and problems."""
 
 
 def ok(seen: str) -> Finding:
-    """All well."""
+    """Finding of a check without fault."""
     return Finding("ok", seen)
 
 
 def warning(seen: str, cause: str, remedy: str) -> Finding:
-    """Something that one can live with."""
+    """Finding that needs no repair."""
     return Finding("warning", seen, cause, remedy)
 
 
 def problem(seen: str, cause: str, remedy: str) -> Finding:
-    """Something that has to be mended."""
+    """Finding that needs repair."""
     return Finding("problem", seen, cause, remedy)
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing to look at."""
+    """One check by name."""
 
     name: str
     place: str
-    """Module and function, `quad_env.doctor.robot:model`, that take a Subject; loaded when its turn comes, since a
-    broken package may not even load."""
+    """Module and function of a Subject, `quad_env.doctor.model:model`; loaded late, since it may not load."""
     needs: tuple[str, ...] = ()
-    """Checks without which this one would only see what they have seen already."""
+    """Checks that have to succeed first, since this one would only find their problems again."""
 
     def look(self, subject: Subject) -> Finding:
-        """Run it; an error that it did not foresee is a problem too."""
+        """Finding of the check; an unexpected error is a problem too."""
         module, _, function = self.place.partition(":")
         try:
             found = getattr(import_module(module), function)(subject)
@@ -68,16 +67,16 @@ class Check:
 
 @dataclass(frozen=True)
 class Entry:
-    """A check with what it has found."""
+    """A check with its finding."""
 
     name: str
     finding: Finding
     seconds: float
-    """How long it took."""
+    """Duration of the check."""
 
 
 def examine(checks: Iterable[Check], subject: Subject) -> Iterator[Entry]:
-    """Run the checks in their order; one whose needs are not met is left out."""
+    """Entries of the checks, in their order; one whose needs are not met is left out."""
     broken: set[str] = set()
     for check in checks:
         start = time.perf_counter()

@@ -1,32 +1,96 @@
-"""`python -m quad_env doctor`: each check is told as it ends, then how many of what there was."""
+"""Find what is wrong with the installation, a robot or a policy: each check is printed as it ends, then a summary."""
 
+import json
 import sys
-from typing import Any
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Annotated
 
-from quad_env.doctor import report
-from quad_env.doctor.check import Entry, examine
-from quad_env.doctor.checks import OF_THE_INSTALLATION, OF_THE_ROBOT
+import tyro
+
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.format import counted
+from quad_env.doctor.check import Check, Entry, examine
 from quad_env.doctor.subject import Subject
 
+HERE = "quad_env.doctor"
+CHECKS = (
+    Check("packages", f"{HERE}.packages:packages"),
+    Check("mujoco", f"{HERE}.packages:mujoco", ("packages",)),
+    Check("opengl", f"{HERE}.drawing:opengl", ("mujoco",)),
+    Check("model", f"{HERE}.model:model", ("mujoco",)),
+    Check("limits", f"{HERE}.joints:limits", ("model",)),
+    Check("joints", f"{HERE}.joints:joints", ("limits",)),
+    Check("servos", f"{HERE}.standing:servos", ("joints",)),
+    Check("plausible", f"{HERE}.model:plausible", ("servos",)),
+    Check("stands", f"{HERE}.standing:stands", ("servos",)),
+)
+"""In the order in which one depends on another: the first problem is the one to repair."""
+SCHEMA = 1
+NO_CLONE = "walking and policies were not examined: they need a clone of the project"
 
-def main(robot: str, policy: str | None, json: bool, with_policies: Any) -> int:
-    """Run the checks; 0 where there is no problem, 1 where there is one, 2 after a mistake.
 
-    `with_policies` is the module `live.doctor.checks`, None where this package is installed alone.
+@dataclass(frozen=True)
+class Options:
+    """Examine installation, robot and policy; the exit code is 1 where something is wrong."""
+
+    robot: str = "simple_quad"
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    policy: str | None = None
+    """Policy to examine too: its name, folder or file."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print JSON instead of lines."""
+
+
+def main(options: Options) -> int:
+    """Run the checks of this package; the exit code. Raises UsageError."""
+    if options.policy is not None:
+        raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy here")
+    return run(options, None)
+
+
+def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
+    """Run the checks; 0 where there is no problem, 1 where there is one. Raises UsageError.
+
+    `of_policies` are the checks that need policies, None where this package is installed alone.
     """
-    clone = with_policies is not None
     try:
-        subject = Subject(robot, policy)
-        if policy is not None and not clone:
-            raise ValueError("policies come with a clone of the project, not with quad_env alone: no --policy here")
-        more = with_policies.checks(policy) if clone else ()
+        subject = Subject(options.robot, options.policy)
     except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+        raise UsageError(str(error)) from error
     entries: list[Entry] = []
-    for entry in examine((*OF_THE_INSTALLATION, *OF_THE_ROBOT, *more), subject):
+    for entry in examine((*CHECKS, *(of_policies or ())), subject):
         entries.append(entry)
-        if not json or sys.stderr.isatty():
-            print("\n".join(report.lines(entry)), file=sys.stderr if json else sys.stdout, flush=True)
-    print((report.as_json if json else report.summary)(entries, clone=clone))
-    return int(report.problems(entries) > 0)
+        if not options.json or sys.stderr.isatty():
+            print("\n".join(_lines(entry)), file=sys.stderr if options.json else sys.stdout, flush=True)
+    clone = of_policies is not None
+    print(_as_json(entries, clone) if options.json else _summary(entries, clone))
+    return int(_problems(entries) > 0)
+
+
+def _lines(entry: Entry) -> Iterator[str]:
+    """The observation, and cause and remedy where there are any."""
+    found = entry.finding
+    yield f"{found.result:9} {entry.name:9} {found.seen}"
+    if found.remedy:
+        yield f"{'':20}cause:  {found.cause}"
+        yield f"{'':20}remedy: {found.remedy}"
+
+
+def _summary(entries: Sequence[Entry], clone: bool) -> str:
+    """Counts of results, in a line."""
+    counts = Counter(entry.finding.result for entry in entries)
+    faults = [counted(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
+    others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
+    return ", ".join(faults + others) + ("" if clone else f"; {NO_CLONE}")
+
+
+def _as_json(entries: Sequence[Entry], clone: bool) -> str:
+    checks = [{"name": entry.name, **asdict(entry.finding), "seconds": round(entry.seconds, 3)} for entry in entries]
+    report = {"schema": SCHEMA, "policies_examined": clone, "problems": _problems(entries), "checks": checks}
+    return json.dumps(report, indent=2, ensure_ascii=False)
+
+
+def _problems(entries: Sequence[Entry]) -> int:
+    return sum(entry.finding.result == "problem" for entry in entries)

@@ -1,4 +1,7 @@
-"""Whether pictures of the robot can be drawn."""
+"""Whether pictures of the robot can be drawn.
+
+`python -m quad_env.doctor.drawing` draws one: a program of its own, since a broken OpenGL may end a whole process.
+"""
 
 import os
 import signal
@@ -9,13 +12,13 @@ from quad_env.doctor.check import Finding, ok, problem
 from quad_env.doctor.subject import Subject
 
 PATIENCE = 60.0
-"""s that a first frame may take, with shaders to be compiled by the processor"""
+"""Longest time for a first frame, with shaders that the processor compiles, s."""
 INSTALL = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
 
 
 def opengl(_: Subject) -> Finding:
     """Draw a frame in another process."""
-    command = (sys.executable, "-m", "quad_env.doctor.frame")
+    command = (sys.executable, "-m", "quad_env.doctor.drawing")
     path = os.pathsep.join(filter(None, sys.path))
     try:
         run = subprocess.run(
@@ -50,3 +53,22 @@ def _broken(seen: str) -> Finding:
     return problem(
         seen, "EGL or a driver behind it is missing", f"{INSTALL}, or OSMesa (libosmesa6) with MUJOCO_GL=osmesa"
     )
+
+
+def main() -> int:
+    """Draw a frame and print the backend; the exit code, 0 where the frame shows something."""
+    from quad_env.envs.env import SimpleQuadEnv
+
+    env = SimpleQuadEnv(render_mode="rgb_array", width=64, height=48)
+    env.reset(seed=0)
+    frame = env.render()
+    env.close()
+    print(os.environ.get("MUJOCO_GL", "the display's own backend"))
+    if frame is None or frame.std() < 1.0:
+        print("Error: the frame is empty", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,4 +1,4 @@
-"""Whether the joints' ranges, order, signs and servos are what the model's author means, left as right."""
+"""Whether the joints' ranges, names and signs are consistent, and alike left and right."""
 
 from collections.abc import Iterator
 from itertools import chain
@@ -22,41 +22,41 @@ OFF = 0.005
 
 
 def limits(subject: Subject) -> Finding:
-    """Whether the joints' ranges are some that a leg can have, alike left and right, the home pose well inside."""
+    """Whether the joints' ranges are those of a leg, alike left and right, with the home pose well inside."""
     robot = subject.robot
     lower, upper, home = robot.joint_lower, robot.joint_upper, robot.home_pose
     spans, names = upper - lower, robot.joint_names
     if wide := [name for name, span in zip(names, spans, strict=True) if span > WIDEST]:
         seen = f"{_some(wide)} can turn by {spans.max():.0f} rad"
         cause = 'limits in degrees where the MJCF\'s compiler has angle="radian"'
-        return problem(seen, cause, _mend("range", robot))
+        return problem(seen, cause, _correct("range", robot))
     if narrow := [name for name, span in zip(names, spans, strict=True) if span < NARROWEST]:
         seen = f"{_some(narrow)} can turn by {spans.min():.3f} rad only"
         cause = "limits in radians where the MJCF's compiler reads degrees, its default, or a wrong range"
-        return problem(seen, cause, _mend('range, or write <compiler angle="radian"/> if it is in radians', robot))
+        return problem(seen, cause, _correct('range, or write <compiler angle="radian"/> if it is in radians', robot))
     margin = np.minimum(home - lower, upper - home)
     if tight := [name for name, left in zip(names, margin, strict=True) if left < MARGIN]:
         seen = f"in the home pose {_some(tight)} is at the end of its range"
         return problem(
-            seen, "limits or home pose are wrong", f"{_mend('range', robot)}, or home_pose in {subject.figures}"
+            seen, "limits or home pose are wrong", f"{_correct('range', robot)}, or home_pose in {subject.figures}"
         )
     for left, right in _pairs(robot):
-        if len(set(_knees(robot, left, right))) > 1:  # of which `joints` says more
+        if len(set(_knees(robot, left, right))) > 1:  # which `joints` reports
             continue
         for own, other in zip(_mirrored(lower[right], upper[right]), (lower[left], upper[left]), strict=True):
             if len(off := np.flatnonzero(np.abs(own - other) > UNLIKE)):
-                told = f"{names[left][off[0]]} and {names[right][off[0]]}"
+                both = f"{names[left][off[0]]} and {names[right][off[0]]}"
                 return problem(
-                    f"the ranges of {told} do not mirror each other", "a range is wrong", _mend("range", robot)
+                    f"the ranges of {both} do not mirror each other", "a range is wrong", _correct("range", robot)
                 )
     return ok(f"ranges of {spans.min():.1f} … {spans.max():.1f} rad, home pose {margin.min():.2f} rad inside")
 
 
 def joints(subject: Subject) -> Finding:
-    """Whether joints turn the way, and are in the order, that robot, servos and names say."""
+    """Whether the joints' axes and order agree with their names and with the robot's figures."""
     robot = subject.robot
-    faults = chain(_misnamed(robot), _miswired(robot), _unlike(robot, subject), _misplaced(subject))
-    return next(faults, ok("order, names, signs and servos agree; the feet are where the angles put them"))
+    faults = chain(_misnamed(robot), _unlike(robot, subject), _misplaced(subject))
+    return next(faults, ok("order, names and signs agree; the feet are where the angles put them"))
 
 
 def _misnamed(robot: Robot) -> Iterator[Finding]:
@@ -66,21 +66,7 @@ def _misnamed(robot: Robot) -> Iterator[Finding]:
         if contradicts(name, leg, link):
             is_at = f"{name} is joint {link + 1} of the leg {leg}, counted from the trunk"
             cause = "two joints of the MJCF have each other's names, or are in each other's places"
-            yield problem(is_at, cause, f"exchange them in {robot.mjcf}: whoever goes by names moves the wrong joint")
-
-
-def _miswired(robot: Robot) -> Iterator[Finding]:
-    """Servos, or angles, in another order than that of the joints."""
-    compiled = robot.model
-    for place, name in enumerate(robot.joint_names):
-        driven = compiled.joint(int(compiled.actuator_trnid[place, 0])).name
-        if driven != name:
-            seen = f"target {place + 1}, that of {name}, moves {driven}"
-            cause = "the actuators of the MJCF are in another order than its joints"
-            yield problem(seen, cause, f"put them in the order of the joints in {robot.mjcf}")
-        if compiled.joint(name).qposadr[0] != 7 + place:
-            cause = "the legs or joints of the MJCF are in another order than joint_names"
-            yield problem(f"{name} is not joint {place + 1} of the model", cause, f"put them in order in {robot.mjcf}")
+            yield problem(is_at, cause, f"exchange them in {robot.mjcf}")
 
 
 def _unlike(robot: Robot, subject: Subject) -> Iterator[Finding]:
@@ -114,7 +100,7 @@ def _misplaced(subject: Subject) -> Iterator[Finding]:
         leg = robot.leg_names[int(off.argmax())]
         seen = f"the foot of {leg} is {off.max():.2f} m from where its joints' angles put it"
         cause = f"an axis of a joint of {leg} has the wrong sign, or a length of it changed"
-        yield problem(seen, cause, f"hips turn about +x, thighs and calves about +y: mend {robot.mjcf}")
+        yield problem(seen, cause, f"hips turn about +x, thighs and calves about +y: correct {robot.mjcf}")
 
 
 def _some(names: list[str]) -> str:
@@ -122,8 +108,8 @@ def _some(names: list[str]) -> str:
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
-def _mend(what: str, robot: Robot) -> str:
-    return f"mend {what} in {robot.mjcf}"
+def _correct(what: str, robot: Robot) -> str:
+    return f"correct {what} in {robot.mjcf}"
 
 
 def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:

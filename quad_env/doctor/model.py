@@ -1,4 +1,4 @@
-"""Whether the robot's model loads, and whether its feet meet the ground."""
+"""Whether the robot's model loads, and whether its figures are plausible."""
 
 import re
 
@@ -9,9 +9,6 @@ from quad_env.doctor.subject import Subject
 from quad_env.robots.anatomy import ModelError
 from quad_env.robots.model_file import DECISIVE, log_to_the_console
 from quad_env.robots.plausibility import warnings_of
-
-LEAST_FRICTION = 0.3
-"""Below it no policy here walks: see the axis `slippery`."""
 
 
 def model(subject: Subject) -> Finding:
@@ -28,44 +25,26 @@ def model(subject: Subject) -> Finding:
     broken = [name for name in DECISIVE if not np.isfinite(getattr(compiled, name)).all()]
     if broken:
         cause = "a NaN in the MJCF, or an overflow as MuJoCo works out masses and inertias"
-        return problem(f"{robot.name} has no finite {', '.join(broken)}", cause, f"mend these numbers in {robot.mjcf}")
+        return problem(
+            f"{robot.name} has no finite {', '.join(broken)}", cause, f"correct these numbers in {robot.mjcf}"
+        )
     return ok(f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, trunk {robot.home_height:.2f} m high")
 
 
 def _why(error: str, subject: Subject) -> tuple[str, str]:
     """Cause and remedy of a model that cannot be read."""
     if re.search(r"(?i)(opening|open|read|find|no) file|is no file|no such file", error):
-        return "a file that the model names is not where it says", "put the file there, or mend its path in the MJCF"
+        return "a file that the model names is not where it says", "put the file there, or correct its path in the MJCF"
     if "MuJoCo cannot read it" in error or "XML" in error:
-        return "the MJCF is not one, or not finite", "mend what MuJoCo names, in the file and the line that it names"
-    return "the model lacks what is needed, or says something else than is meant", f"tell it in {subject.figures}"
+        return "the MJCF is not one, or not finite", "repair what MuJoCo names, in the file and the line that it names"
+    return "the model lacks a figure, or has another than is meant", f"give it in {subject.figures}"
 
 
 def plausible(subject: Subject) -> Finding:
-    """Whether the robot's size, motors and servos are some that a real one could have."""
+    """Whether the robot's size, motors and servos are those of a real robot."""
     if found := list(warnings_of(subject.robot)):
         cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
-        return warning("; ".join(found), cause, f"mend them in {subject.robot.mjcf}, or give them in {subject.figures}")
+        return warning(
+            "; ".join(found), cause, f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
+        )
     return ok("size, motors and servos are in proportion to the weight")
-
-
-def ground(subject: Subject) -> Finding:
-    """Whether the feet touch the ground, and rub on it."""
-    robot, compiled = subject.robot, subject.robot.model
-    plane = compiled.geom("ground")
-    frictions = []
-    for leg in robot.leg_names:
-        foot = compiled.geom(f"{leg}_foot")
-        if not int(foot.contype[0] & plane.conaffinity[0]) | int(plane.contype[0] & foot.conaffinity[0]):
-            cause = "contype and conaffinity of the two have no bit in common"
-            return problem(
-                f"the foot of {leg} does not collide with the ground", cause, f"set them to 1 in {robot.mjcf}"
-            )
-        first = max((plane, foot), key=lambda geom: int(geom.priority[0]))
-        alike = plane.priority[0] == foot.priority[0]
-        frictions.append(float(max(plane.friction[0], foot.friction[0]) if alike else first.friction[0]))
-    if min(frictions) < LEAST_FRICTION:
-        seen = f"feet slide on the ground: friction {min(frictions):g}"
-        cause = "the friction of feet and ground in the MJCF: of two alike in priority the larger counts"
-        return problem(seen, cause, f'friction="0.8" of the ground in {robot.mjcf}')
-    return ok(f"the feet collide with the ground, friction {min(frictions):g}")

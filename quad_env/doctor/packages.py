@@ -4,7 +4,7 @@ import os
 import platform
 import shlex
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
@@ -12,7 +12,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-from quad_env.doctor.check import Finding, ok, problem, warning
+from quad_env.doctor.check import Finding, ok, problem
 from quad_env.doctor.subject import Subject
 
 PROJECT = "simple-quad"
@@ -21,76 +21,41 @@ SOURCE = Path(__file__).parents[2] / "pyproject.toml"
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What the project asks for."""
+class Requirements:
+    """Requirements of the project."""
 
     python: SpecifierSet
-    base: tuple[Requirement, ...]
-    extras: Mapping[str, tuple[Requirement, ...]]
-    clone: bool
-    """Whether it is the clone that says so, which is installed with `-e`."""
-
-    def install(self, extra: str = "") -> str:
-        """Command that brings an extra's packages, or those that all need."""
-        target = f"{SOURCE.parent if self.clone else PROJECT}{f'[{extra}]' if extra else ''}"
-        return f"pip install -U {'-e ' if self.clone else ''}{shlex.quote(target)}"
+    packages: tuple[Requirement, ...]
+    install: str
+    """Command that installs them."""
 
 
-def asked() -> Asked:
-    """What the clone asks for, else what the installed package does. Raises PackageNotFoundError."""
+def requirements() -> Requirements:
+    """Requirements of the clone, else of the installed package. Raises PackageNotFoundError."""
     project = tomllib.loads(SOURCE.read_text(encoding="utf-8"))["project"] if SOURCE.is_file() else {}
     if project.get("name") == PROJECT:
-        extras = {name: _parsed(lines) for name, lines in project["optional-dependencies"].items()}
-        return Asked(SpecifierSet(project["requires-python"]), _parsed(project["dependencies"]), extras, clone=True)
-    told = metadata.metadata(PROJECT)
+        command = f"pip install -U -e {shlex.quote(str(SOURCE.parent))}"
+        return Requirements(SpecifierSet(project["requires-python"]), _parsed(project["dependencies"]), command)
     needed = _parsed(metadata.requires(PROJECT) or ())
-    extras = {
-        extra: tuple(each for each in needed if each.marker and each.marker.evaluate({"extra": extra}))
-        for extra in told.get_all("Provides-Extra") or ()
-    }
     base = tuple(each for each in needed if not each.marker or each.marker.evaluate({"extra": ""}))
-    return Asked(SpecifierSet(told["Requires-Python"]), base, extras, clone=False)
+    return Requirements(SpecifierSet(metadata.metadata(PROJECT)["Requires-Python"]), base, f"pip install -U {PROJECT}")
 
 
 def _parsed(lines: Iterable[str]) -> tuple[Requirement, ...]:
     return tuple(map(Requirement, lines))
 
 
-def python(_: Subject) -> Finding:
-    """Whether the interpreter is recent enough."""
-    version = platform.python_version()
-    if asked().python.contains(version, prereleases=True):
-        return ok(f"Python {version}")
-    needed = f"Python {version}, but {asked().python} is asked for"
-    return problem(needed, "the environment was made with another Python", "make one with a newer Python: see README")
-
-
 def packages(_: Subject) -> Finding:
-    """Whether the packages that everything needs are there, in versions that fit."""
-    wanted = asked()
-    wrong = [fault for each in wanted.base if (fault := _fault(each))]
+    """Whether Python and the packages that every command needs are there, in versions that fit."""
+    wanted, version = requirements(), platform.python_version()
+    if not wanted.python.contains(version, prereleases=True):
+        needed = f"Python {version}, but {wanted.python} is required"
+        return problem(needed, "the environment was made with another Python", "make one with a newer Python")
+    wrong = [fault for each in wanted.packages if (fault := _fault(each))]
     if not wrong:
-        return ok(f"{len(wanted.base)} of {len(wanted.base)} packages; MuJoCo {metadata.version('mujoco')}")
-    cause = "not installed into this environment, changed by another package, or asked for since the last `git pull`"
-    return problem("; ".join(wrong), cause, wanted.install())
-
-
-def extras(_: Subject) -> Finding:
-    """Which optional extras are there; old packages of theirs are warned of, missing ones are nobody's fault."""
-    wanted, there, absent = asked(), [], []
-    old: dict[str, str] = {}
-    for name, needed in wanted.extras.items():
-        missing = [each.name for each in needed if not _version(each)]
-        faults = [fault for each in needed if each.name not in missing and (fault := _fault(each))]
-        old |= dict.fromkeys(faults, name)
-        (absent.append(f"{name} ({', '.join(missing)})") if missing else there.append(name))
-    seen = f"there: {', '.join(there) or 'none'}"
-    if absent:
-        seen += f"; not there: {', '.join(absent)}; {wanted.install('NAME')} brings one"
-    if not old:
-        return ok(seen)
-    cause = "another package wants these versions, or they were installed long ago"
-    return warning("; ".join(old), cause, " && ".join(wanted.install(name) for name in dict.fromkeys(old.values())))
+        return ok(f"Python {version}, {len(wanted.packages)} packages, MuJoCo {metadata.version('mujoco')}")
+    cause = "not installed into this environment, changed by another package, or required since the last `git pull`"
+    return problem("; ".join(wrong), cause, wanted.install)
 
 
 def _version(needed: Requirement) -> str | None:
@@ -107,13 +72,13 @@ def _fault(needed: Requirement) -> str | None:
         return f"{needed.name} is missing"
     if needed.specifier.contains(version, prereleases=True):
         return None
-    return f"{needed.name} is {version}, {needed.specifier} is asked for"
+    return f"{needed.name} is {version}, {needed.specifier} is required"
 
 
 def mujoco(_: Subject) -> Finding:
-    """Whether MuJoCo loads, with the batch that every simulation here is one of."""
+    """Whether MuJoCo loads, with its batch of simulations."""
     try:
-        import_module("quad_env.physics.simulation")  # which takes of MuJoCo what everything here does
+        import_module("quad_env.physics.simulation")  # imports of MuJoCo what all commands do
     except Exception as error:  # whatever a backend of OpenGL, or a library of the system, raises
         seen = f"MuJoCo does not load: {' '.join(str(error).split())}"
         if chosen := os.environ.get("MUJOCO_GL"):

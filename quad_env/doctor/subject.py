@@ -1,6 +1,6 @@
-"""What is examined: a robot, perhaps a policy, and the folder that one works in."""
+"""The robot, and perhaps the policy, that a run of checks examines."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,34 +8,36 @@ from typing import TYPE_CHECKING, Any
 from quad_env.robots.named import ROBOTS, SUFFIXES, robot_of
 
 if TYPE_CHECKING:
-    from quad_env.doctor.stand import Stand
     from quad_env.robots.robot import Robot
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What a run of checks is about."""
+    """Robot and policy."""
 
-    told: "str | Robot" = "simple_quad"
+    given: "str | Robot" = "simple_quad"
     """Name of a robot, path of its MJCF or TOML, or the robot itself."""
     policy: str | None = None
-    """Policy by name or path; None for none of one's own."""
-    folder: Path = field(default_factory=Path)
-    """Where results are to be written."""
+    """Policy by name or path."""
 
     def __post_init__(self) -> None:
         """Raises ValueError, one line, for a robot that is neither a name nor a file."""
-        told = self.told
-        if isinstance(told, str) and told not in ROBOTS:
-            if Path(told).suffix not in SUFFIXES:
-                robot_of(told)  # raises: unknown robot …
-            if not Path(told).is_file():
-                raise ValueError(f"{told} is no file")
+        given = self.given
+        if isinstance(given, str) and given not in ROBOTS:
+            if Path(given).suffix not in SUFFIXES:
+                robot_of(given)  # raises: unknown robot …
+            if not Path(given).is_file():
+                raise ValueError(f"{given} is no file")
+
+    @property
+    def name(self) -> str:
+        """Name of the robot, or the path of its file."""
+        return self.given if isinstance(self.given, str) else str(self.given.source or self.given.name)
 
     @cached_property
     def robot(self) -> "Robot":
         """The robot. Raises what reading it does."""
-        return robot_of(self.told)
+        return robot_of(self.given)
 
     @cached_property
     def env(self) -> Any:
@@ -44,17 +46,9 @@ class Subject:
 
         return SimpleQuadEnv(robot=self.robot, terminate_on_fall=False)
 
-    @cached_property
-    def stand(self) -> "Stand":
-        """What comes of holding the home pose."""
-        from quad_env.doctor.stand import stand
-
-        return stand(self.env)
-
     @property
     def figures(self) -> str:
-        """Where the figures of the robot can be told, in words."""
-        if isinstance(self.told, str) and self.told.endswith(".toml"):
-            return self.told
-        name = self.told if isinstance(self.told, str) else self.told.name
-        return f"a TOML (python -m quad_env describe {name} --toml mine.toml)"
+        """Place where the figures of the robot can be given, in words."""
+        if self.name.endswith(".toml"):
+            return self.name
+        return f"a TOML (python -m quad_env describe {self.name} --toml mine.toml)"

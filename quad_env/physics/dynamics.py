@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from quad_env.robots.arena import spec_of
 from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.robot import Robot
-from quad_env.robots.stage import spec_of
 
 Floats = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Marks that are drawn into a picture beside what is simulated, in the world frame."""
+"""Marks that are drawn into a picture, in the world frame."""
 
 from typing import NamedTuple
 

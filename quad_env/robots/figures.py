@@ -62,7 +62,7 @@ class Figures:
     """Points of the hull of each foot that is no ball, from its centre, base frame with the legs straight down, shape
     (4, k, 3), m."""
     imported: bool = False
-    """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.stage`)."""
+    """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.arena`)."""
     source: Path | None = None
     """File of a user's that it was read from, its MJCF or a TOML; None of a robot that has a name here."""
 

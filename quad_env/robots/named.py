@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from quad_env.cli.command_line import UsageError
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -84,3 +85,11 @@ def robot_of(robot: str | Robot) -> Robot:
             return _read(path, path.stat().st_mtime_ns) if path.is_file() else Robot.from_mjcf(path)
         raise ValueError(f"unknown robot {robot!r}; there are {', '.join(ROBOTS)}, or a path to an .xml or .toml file")
     return ROBOTS[robot]
+
+
+def robot_named(name_or_path: str) -> Robot:
+    """The robot of a command line's `--robot`, see `robot_of`. Raises UsageError."""
+    try:
+        return robot_of(name_or_path)
+    except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
+        raise UsageError(str(error)) from error

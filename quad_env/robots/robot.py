@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from quad_env.robots.arena import spec_of
 from quad_env.robots.figures import Figures, Floats, constant
 from quad_env.robots.imported import figures_of
 from quad_env.robots.model_file import digest
-from quad_env.robots.stage import spec_of
 
 
 class Robot(Figures):

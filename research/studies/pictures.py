@@ -4,22 +4,19 @@ Look at the robot before believing a figure. With `--scenarios flat rough --out 
 side by side; with `--robots simple_quad go1 go2 --policies residual` too, the robots do, as in the README.
 """
 
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import tyro
 from PIL import Image
 
 import quad_env
 from evaluate.film.captions import Text
 from evaluate.film.files import moving_picture
-from evaluate.film.frames import Frames
+from evaluate.film.frames import frames_of
 from evaluate.film.sheet import tiled
 from evaluate.rollouts.hardware import Hardware, hardware_of
-from evaluate.rollouts.rollout import roll_out
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder, write_atomically
@@ -127,14 +124,19 @@ def draw(options: Options) -> None:
 
 def walk(hardware: Hardware, policy: str, scenario: str, options: Options) -> list[Image.Image]:
     """Frames of one episode, with its name on the first, or on all that are to move; a fallen robot lies there."""
-    first, every = 1 + round(options.start / CONTROL_PERIOD), round(options.period / CONTROL_PERIOD)
-    with closing(Frames(every, first, width=SAMPLES * WIDTH, height=SAMPLES * HEIGHT, camera=options.camera)) as frames:
-        steps, found = first + (options.count - 1) * every, hardware.policy(policy, options.trust)
-        how = found, scenario, np.array([options.seed])
-        units = zip(options.command, ("m/s", "m/s", "rad/s"), strict=True)
-        command = [scaled(hardware.quadruped, value, unit) for value, unit in units]
-        roll_out(*how, frames, steps=steps, command=command, terminate_on_fall=False, hardware=hardware)
-    taken = frames.taken + frames.taken[-1:] * (options.count - len(frames.taken))
+    units = zip(options.command, ("m/s", "m/s", "rad/s"), strict=True)
+    taken = frames_of(
+        hardware.policy(policy, options.trust),
+        scenario,
+        options.seed,
+        first=1 + round(options.start / CONTROL_PERIOD),
+        every=round(options.period / CONTROL_PERIOD),
+        count=options.count,
+        size=(SAMPLES * WIDTH, SAMPLES * HEIGHT),
+        camera=options.camera,
+        command=[scaled(hardware.quadruped, value, unit) for value, unit in units],
+        hardware=hardware,
+    )
     robots, several = len(options.robots) > 1, len(options.policies) > 1
     called = [Path(hardware.robot).stem] * robots + [policy] * (several or not robots)
     label = ", ".join((*called, scenario))

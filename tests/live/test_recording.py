@@ -22,7 +22,6 @@ import quad_env
 from evaluate.measures.metrics import outcome
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out, run
-from live.__main__ import PROGRAM
 from live.recording.recorder import recorder_for
 from live.recording.ring import LENGTH
 from live.recording.standard import STANDARD, rewards
@@ -292,7 +291,7 @@ def test_what_exists_is_left_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_a_mistake_is_a_line_and_nothing_is_written(
     words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert PROGRAM.main(["record", str(tmp_path / "walk.mcap"), *words]) == 2
+    assert main(["record", str(tmp_path / "walk.mcap"), *words]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert said in error

@@ -110,10 +110,10 @@ def test_a_policy_of_another_robot_is_refused_and_nothing_has_changed() -> None:
         Session([])
 
 
-def test_policies_that_are_shown_different_things_do_not_walk_together() -> None:
+def test_policies_with_different_observations_are_refused() -> None:
     sighted = policies.make("stand")
     sighted.height_scan = quad_env.HeightScan()
-    with pytest.raises(PolicyError, match="other heights"):
+    with pytest.raises(PolicyError, match="other ground heights"):
         Session([policies.make("trot"), sighted])
 
 

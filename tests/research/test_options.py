@@ -9,15 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from evaluate.__main__ import main as evaluate
 from policies.gaits.parameters import OFFSETS
 from quad_env.seeding import episode_seeds
 from research.__main__ import COMMANDS, main
+from research.studies import estimation, prediction, safety
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual, robots
 
 BRIEF = 130
 """Control steps of an episode."""
+GROUNDS = ["flat", "push", "rough"]
 
 
 def drawn(seed: int, count: int, purpose: Any = "evaluation") -> tuple[int, ...]:
@@ -54,6 +57,11 @@ def called(function: str, argument: str) -> Reading:
     return lambda made: made.of(function, argument)
 
 
+def checks(what: str) -> Reading:
+    """Of each check that is repeated."""
+    return lambda made: [getattr(each, what) for each in made.of("share_of_yes", "check")]
+
+
 def held(name: str, *keys: str) -> Reading:
     """What a JSON file holds below these keys."""
 
@@ -77,6 +85,8 @@ def picture(made: Called) -> tuple[int, int]:
 TRUSTED = Effect("--trust", called("resolve", "trust"), [True])
 SEED = "--seed 5"
 THREADS = "--threads 1", some(lambda each: each.threads), {1}
+WALKS = "--policies stand --scenarios flat --episodes 2 --threads 1"
+GAITS = "--gaits walk stand --robots 3 --seconds 3.1"
 EFFECTS: dict[str, dict[str, Effect]] = {
     "rescore": {
         "results": Effect("FOLDER/a", written("a/rescored.json"), True),
@@ -205,6 +215,17 @@ EFFECTS: dict[str, dict[str, Effect]] = {
 }
 
 
+def walkers(made: Called) -> list[str]:
+    """Names of the policies in the order in which they are loaded."""
+    assert made.done
+    return [each["name_or_path"] for each in made.calls["resolve"]]
+
+
+def page(made: Called) -> str:
+    assert made.code == 0
+    return (made.folder / "page.md").read_text("utf-8")
+
+
 def runs() -> Iterator[Any]:
     """Command and words that are given together."""
     for command, effects in EFFECTS.items():
@@ -215,7 +236,10 @@ def runs() -> Iterator[Any]:
 
 @pytest.fixture(autouse=True)
 def _brief_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
+    for place in ("evaluate.rollouts.rollout", safety.__name__, estimation.__name__):
+        monkeypatch.setattr(f"{place}.STEPS", BRIEF)
+    monkeypatch.setattr(prediction, "GROUNDS", ("rough",))
+    monkeypatch.setattr(prediction.walk, "__defaults__", (None, 2 * BRIEF))
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ def traced(tmp_path_factory):
 
 
 def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys) -> None:
-    assert research(["rescore", str(traced)]) == 0
+    assert main(["rescore", str(traced)]) == 0
     run, again = (json.loads((traced / name).read_text(encoding="utf-8")) for name in ("results.json", rescore.FILE))
     for policy, contents in run["policies"].items():
         cell, scores = contents["scenarios"]["push"], again["policies"][policy]["scenarios"]["push"]
@@ -49,9 +49,9 @@ def test_rescoring_under_the_runs_own_rule_gives_the_runs_numbers(traced, capsys
 
 
 def test_rules_can_be_chosen(traced, capsys) -> None:
-    assert research(["rescore", str(traced), "--rules", "tilt-90"]) == 0
+    assert main(["rescore", str(traced), "--rules", "tilt-90"]) == 0
     assert list(json.loads((traced / rescore.FILE).read_text(encoding="utf-8"))["rules"]) == ["tilt-90"]
-    assert research(["rescore", str(traced), "--rules", "tilt-90", "--success", "survival"]) == 0
+    assert main(["rescore", str(traced), "--rules", "tilt-90", "--success", "survival"]) == 0
     assert list(json.loads((traced / rescore.FILE).read_text(encoding="utf-8"))["success"]["rules"]) == ["survival"]
     assert "height" not in capsys.readouterr().out
 
@@ -68,7 +68,7 @@ def test_mistakes_are_one_line(traced, tmp_path, capsys) -> None:
     measures = replace(there.cells[0].measures, fell=fell, fall_time=np.where(fell, 1.0, np.nan))
     cells = [replace(there.cells[0], measures=measures), *there.cells[1:]]
     write_parquet(cells, other / "episodes.parquet", there.manifest.fingerprint)
-    assert research(["rescore", str(other)]) == 2
+    assert main(["rescore", str(other)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 4
     assert "survival" in lines.pop(1)

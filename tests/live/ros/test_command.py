@@ -7,16 +7,16 @@ from contextlib import closing
 
 import pytest
 
-from live.__main__ import PROGRAM
 from live.ros import interpreter
 from live.ros.link import Link, LinkLost
+from quad_env.__main__ import main
 from quad_env.cli.command_line import UsageError
 
 
 def test_without_ros_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(interpreter, "MODULES", {"1": ("json", "no_such_rospy"), "2": ("no_such_rclpy",)})
     monkeypatch.delenv("ROS_VERSION", raising=False)
-    assert PROGRAM.main(["ros"]) == 2
+    assert main(["ros"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("error: no Python here has ROS 1 or ROS 2")
     assert "apt-get install python3-rospy" in error
@@ -70,7 +70,7 @@ def test_a_mistake_is_a_line(
     words: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(interpreter, "MODULES", {"1": ("json",)})
-    assert PROGRAM.main(["ros", *words]) == 2
+    assert main(["ros", *words]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert said in error

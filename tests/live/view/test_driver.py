@@ -303,7 +303,7 @@ def test_a_policy_that_sees_the_ground_begins_anew_with_it(driver: Driver) -> No
     assert driver.session.latest.observation.shape[1] > blind
     state = walk(driver, 1)
     assert (state["time"], state["seed"], state["command"]) == (0.01, 0, [0.0, 0.0, 0.0])
-    with pytest.raises(PolicyError, match="other heights"):
+    with pytest.raises(PolicyError, match="other ground heights"):
         driver.do(Request("compare", {"on": True}))
     assert len(walk(driver, 1)["robots"]) == 1
 

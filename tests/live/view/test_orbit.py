@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from live.view.orbit import DISTANCES, STEEPEST, Orbit
+from live.view.camera import DISTANCES, STEEPEST, Orbit
 from live.view.quality import FAST, LEVELS, SLOW, TRIED, Quality
 
 

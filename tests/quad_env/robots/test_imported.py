@@ -16,10 +16,10 @@ from quad_env import ModelError, Robot
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots import named
+from quad_env.robots.arena import spec_of
 from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.named import ROBOTS, robot_of
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.robots.stage import spec_of
 from tests.quad_env.robots.made import Made
 
 MADE = {

@@ -5,7 +5,7 @@ import pytest
 
 from evaluate.rollouts import battery
 from quad_env import ENV_ID
-from quad_env.info import EXAMPLES
+from quad_env.scenarios.listing import EXAMPLES
 
 ONE_SCENARIO = [written for written in EXAMPLES if written not in ("push:all", "quick", "my_file.py:NAME")]
 

@@ -1,4 +1,4 @@
-"""Latest: a thread that takes the newest of what it is handed, and leaves out what comes in between."""
+"""A thread that works on the last value it was given, and skips those in between."""
 
 import threading
 from collections.abc import Callable
@@ -7,8 +7,8 @@ from typing import Generic, TypeVar
 Item = TypeVar("Item")
 
 
-class Latest(Generic[Item]):
-    """Calls `take` with one item after the other, until it is closed or `take` gives False.
+class LastValue(Generic[Item]):
+    """Calls `take` with one item after the other, until it is closed or `take` returns False.
 
     Args:
         name: of the thread.
@@ -24,18 +24,18 @@ class Latest(Generic[Item]):
 
     @property
     def idle(self) -> bool:
-        """Whether it has taken all that it was handed."""
+        """Whether no item waits and none is in work."""
         with self._news:
             return self._item is None and not self._busy
 
     def hand(self, item: Item) -> None:
-        """Have that taken next, instead of what was not begun yet."""
+        """Replace the item that waits."""
         with self._news:
             self._item = item
             self._news.notify()
 
     def close(self) -> None:
-        """End the thread, once it has done what it has begun."""
+        """End the thread after the item in work."""
         with self._news:
             self._ended = True
             self._news.notify()

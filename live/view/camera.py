@@ -1,18 +1,27 @@
-"""What there is to see: the robots, the ghost of the command, arrows, footholds, and where the camera is."""
+"""Pictures of a session: the robots, the ghost of the command, arrows, footholds, and the place of the camera."""
 
 from collections import deque
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate.film.scene import Scene
 from evaluate.rollouts.observers import Step
 from live.session import Session
-from live.view.orbit import Orbit
-from live.view.painter import Picture
 from quad_env.physics.marks import Ball, Colour, Ghost, Mark
+from quad_env.physics.rendering import Viewpoint
 from quad_env.robots.similarity import scaled
 
+TURN, ZOOM = 0.4, 0.0015
+"""Degrees a pixel that the mouse is dragged, and share of the distance a unit that its wheel is turned."""
+STEEPEST = 89.0
+DISTANCES = (0.4, 30.0)
+"""m"""
+FOLLOWING = 0.15
+"""Share of its way to the robot that the camera goes a frame up and down, so that it does not shake with the trunk."""
 FOOTHOLDS = 24
 """Footholds of the first robot that stay to be seen."""
 _FOOTHOLD: Colour = (0.2, 0.45, 0.95, 0.8)
@@ -22,8 +31,54 @@ _THREAD = 2
 """Marks of the ghost, which come first: itself and the thread to it."""
 
 
-class Sight:
-    """Observer of a session from which pictures are taken."""
+@dataclass(frozen=True)
+class Orbit(Viewpoint):
+    """Viewpoint that the mouse turns, and that follows a robot or stays."""
+
+    follow: bool = True
+
+    def dragged(self, right: float, down: float) -> "Orbit":
+        """After the mouse was dragged by so many pixels."""
+        elevation = np.clip(self.elevation - TURN * down, -STEEPEST, STEEPEST)
+        return replace(self, azimuth=(self.azimuth - TURN * right) % 360.0, elevation=float(elevation))
+
+    def zoomed(self, wheel: float) -> "Orbit":
+        """After the wheel was turned, away where it is positive."""
+        return replace(self, distance=float(np.clip(self.distance * np.exp(ZOOM * wheel), *DISTANCES)))
+
+    def at(self, robot: NDArray[np.float64]) -> "Orbit":
+        """A frame later, with a robot there, (3,), world, m."""
+        if not self.follow:
+            return self
+        x, y, z = robot
+        return replace(self, target=(float(x), float(y), self.target[2] + FOLLOWING * (float(z) - self.target[2])))
+
+    def placed(self, robot: NDArray[np.float64]) -> "Orbit":
+        """At once there."""
+        return replace(self, target=(float(robot[0]), float(robot[1]), float(robot[2])))
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What there is to be seen at one moment."""
+
+    model: Any
+    """mujoco.MjModel of the simulation, the same object for as long as it is one simulation."""
+    robots: Sequence[Any]
+    """mujoco.MjData of each robot."""
+    places: Sequence[tuple[float, float, float]]
+    """What the camera looks at for each robot, world, m."""
+    names: Sequence[str]
+    orbit: Orbit
+    marks: Sequence[Mark]
+    """About the first robot."""
+    together: bool
+    """All robots in one picture, in colours of their own, instead of a picture each."""
+    forces: bool
+
+
+class ViewCamera:
+    """Observer of a session that takes pictures of it."""
 
     def __init__(self) -> None:
         self.orbit = Orbit()
@@ -42,7 +97,7 @@ class Sight:
         if step.number == 0:
             self._footholds.clear()
             self._scene = Scene(step)
-            self.orbit = self.orbit.beside(step.infos["position"][0])
+            self.orbit = self.orbit.placed(step.infos["position"][0])
         elif not np.array_equal(command, self._command):
             self._scene = Scene(step)
         else:

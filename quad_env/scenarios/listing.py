@@ -1,0 +1,57 @@
+"""Every scenario with its severities, as text, and how to write them; `python -m quad_env scenarios`."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from quad_env.robots.named import robot_named
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.axes import Axis, axes_of
+
+EXAMPLES = {
+    "push": "the nominal severity of the axis",
+    "push:3": "the third of its levels",
+    "push=42": "that severity, in the unit of the axis",
+    "payload=15+slope=10": "several at once, joined by +",
+    "push:all": "every level; only in python -m evaluate --scenarios, as the next two",
+    "quick": "a battery of scenarios; so are default, full and all",
+    "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",
+}
+"""The ways to write scenarios, and their meanings."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """List every scenario: what happens in it, its severities and unit, how to write and combine them."""
+
+    robot: str = "simple_quad"
+    """Robot, to whose size severities are scaled: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+
+
+def main(options: Options) -> int:
+    """Run the command; the exit code. Raises UsageError."""
+    print(text(robot_named(options.robot)))
+    return 0
+
+
+def text(robot: Robot = SIMPLE_QUAD) -> str:
+    """Every scenario with its severities and a sentence; how severities are written."""
+    return "\n".join((*_scenarios(robot), "", "where a scenario is asked for, write", *_examples()))
+
+
+def axis_line(axis: Axis) -> str:
+    """Name, nominal severity, quantity and levels of an axis."""
+    unit = f" {axis.unit}" if axis.unit not in ("", "°") else axis.unit
+    levels = " ".join(f"{level:.4g}" for level in axis.levels)
+    return f"  {axis.name:13}{f'{axis.nominal:.4g}{unit}':12}{axis.quantity}: {levels}"
+
+
+def _scenarios(robot: Robot) -> Iterator[str]:
+    yield f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"
+    for axis in axes_of(robot).values():
+        yield axis_line(axis)
+        yield f"  {'':13}{axis.sentence}"
+
+
+def _examples() -> Iterator[str]:
+    return (f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items())
