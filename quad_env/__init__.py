@@ -1,4 +1,4 @@
-"""SimpleQuad: a quadruped locomotion environment; importing registers it with Gymnasium and loads no physics.
+"""SimpleQuad: a quadruped locomotion environment; importing registers it with Gymnasium and loads next to nothing.
 
 `gym.make("SimpleQuad-v0")` after this import, or `gym.make("quad_env:SimpleQuad-v0")` anywhere, worker processes too.
 """
@@ -6,7 +6,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import gymnasium as gym
+from quad_env.registration import ENV_ID, MAX_EPISODE_STEPS, register
 
 if TYPE_CHECKING:
     from quad_env.actuation.models import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
@@ -44,9 +44,6 @@ if TYPE_CHECKING:
     from quad_env.sensing.height_scan import HeightScan
     from quad_env.sensing.suite import SENSORS, Encoders, FootContact, Imu, JointTorque, SensorSuite
     from quad_env.task.observations import OBSERVATION, OBSERVATION_SIZE
-
-ENV_ID = "SimpleQuad-v0"
-MAX_EPISODE_STEPS = 1000
 
 __all__ = [
     "ACTUATORS",
@@ -121,13 +118,7 @@ _MODULES = (
 )
 """Where the names above come from; loaded when one is first asked for, so that the import costs next to nothing."""
 
-if ENV_ID not in gym.registry:
-    gym.register(
-        ENV_ID,
-        entry_point="quad_env.envs.env:SimpleQuadEnv",
-        vector_entry_point="quad_env.envs.vector_env:SimpleQuadVectorEnv",
-        max_episode_steps=MAX_EPISODE_STEPS,
-    )
+register()
 
 
 def __getattr__(name: str) -> Any:
