@@ -1,4 +1,4 @@
-"""Folders that one process at a time writes to, by the system's lock of a folder and as on Windows, by that of a file."""
+"""Folders that one process at a time writes to: by the lock of a folder, and by that of a file, as on Windows."""
 
 import subprocess
 import sys
