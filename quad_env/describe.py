@@ -80,7 +80,7 @@ def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
     """Write a robot's figures, all of them inferred or, without a robot, all yet to be told."""
     lines = [f"mjcf = {json.dumps(_seen_from(path.parent, mjcf))}"]
     lines += [f"# {figure} =" for figure in FIGURES] if robot is None else _figures(robot)
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
 def _seen_from(folder: Path, file: Path) -> str:
