@@ -101,7 +101,6 @@ __all__ = [
 _MODULES = (
     "actuation.models",
     "config",
-    "envs.home_pose",
     "robots.anatomy",
     "robots.named",
     "robots.robot",
@@ -115,8 +114,10 @@ _MODULES = (
     "sensing.height_scan",
     "sensing.suite",
     "task.observations",
+    "envs.home_pose",
 )
-"""Where the names above come from; loaded when one is first asked for, so that the import costs next to nothing."""
+"""Where the names above come from; loaded one after the other until one has the name that is asked for. The last needs
+Gymnasium."""
 
 register()
 
@@ -128,6 +129,8 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     for module in map(import_module, (f"{__name__}.{module}" for module in _MODULES)):
         globals().update({each: getattr(module, each) for each in __all__ if hasattr(module, each)})
+        if name in globals():
+            break
     return globals()[name]
 
 

@@ -46,6 +46,15 @@ def test_its_import_loads_neither_gymnasium_nor_the_simulator() -> None:
     assert python(f"import sys, quad_env; print(set(sys.modules) & {set(SLOW)})").stdout == "set()\n"
 
 
+@pytest.mark.parametrize("program", ["evaluate", "train", "research"])
+def test_help_waits_for_neither(program: str) -> None:
+    command = [sys.executable, "-X", "importtime", "-m", program, "--help"]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    loaded = {line.rpartition("|")[2].strip() for line in run.stderr.splitlines()}
+    assert "quad_env" in loaded
+    assert not loaded & {"gymnasium", "mujoco", "torch"}
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
 @pytest.mark.parametrize("words", ["evaluate trot", "train --steps 1", "research gaits", "quad_env view"])
 def test_ctrl_c_while_a_command_loads_is_one_line(words: str) -> None:
