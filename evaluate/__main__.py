@@ -6,11 +6,13 @@ Other commands, each with its own --help, as in `python -m evaluate axes --help`
 import sys
 from pathlib import Path
 
+if __name__ == "__main__":  # so that no `quad_env.py` of the user's is imported
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 from quad_env.cli import launcher
 
 if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
     launcher.check_packages("evaluate")
 
 from functools import partial

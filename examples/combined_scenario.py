@@ -1,7 +1,7 @@
-"""A scenario of several disturbances, and what the trot makes of it: `python examples/combined_scenario.py`.
+"""A scenario of several disturbances, and how the trot does on it: `python examples/combined_scenario.py`.
 
-`python -m evaluate --policies trot residual --scenarios examples/combined_scenario.py:hillside` judges policies on it.
-Where scenarios are named, `payload=5+slope=8+latency=0.02` needs no file at all.
+`python -m evaluate --policies trot residual --scenarios examples/combined_scenario.py:hillside` evaluates them on it.
+Where scenarios are named, `payload=5+slope=8+latency=0.02` needs no file.
 """
 
 import gymnasium as gym

@@ -1,6 +1,6 @@
-"""A policy of one's own, judged beside the trot and the standing robot: `python examples/own_policy.py --episodes 8`.
+"""Your own policy compared with the trot and the standing robot: `python examples/own_policy.py --episodes 8`.
 
-`python -m evaluate --policies examples/own_policy.py:ShortTrot trot` judges it on all the usual scenarios.
+`python -m evaluate --policies examples/own_policy.py:ShortTrot trot` evaluates it on all the usual scenarios.
 """
 
 import os
@@ -35,7 +35,7 @@ class ShortTrot:
 
 
 def main(episodes: int = 8, out: str = "results/own-policy") -> int:
-    """Judge it on flat ground: a table, and a folder with a report."""
+    """Evaluate it on flat ground: a table, and a folder with a report."""
     policies = ["--policies", f"{os.path.relpath(__file__)}:ShortTrot", "trot", "stand"]
     return evaluate([*policies, "--scenarios", "flat", "--no-film", "--episodes", str(episodes), "--out", out])
 

@@ -1,6 +1,6 @@
 """An episode filmed by Gymnasium's RecordVideo: `python examples/record_video.py --policy trot --scenario rough=0.2`.
 
-Wants `pip install moviepy`. `python -m evaluate replay` films an episode of an evaluation without it.
+Needs `pip install moviepy`. `python -m evaluate replay` films an episode of an evaluation without it.
 """
 
 import gymnasium as gym

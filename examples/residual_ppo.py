@@ -46,7 +46,7 @@ LOG_STD = -2.0
 """Logarithm of the noise at first, in shares of the authority."""
 SCENARIO = "flat"
 Report = Callable[[int, float], None]
-"""Told the steps so far and the mean reward of a step."""
+"""Receives the steps so far and the mean reward of a step."""
 
 
 @dataclass(frozen=True)
@@ -204,16 +204,16 @@ def train(options: Options, report: Report) -> None:
 
 
 def main(words: Sequence[str]) -> int:
-    """Train, and judge what came of it beside its base; the exit code."""
+    """Train, and evaluate the policy and its base; the exit code."""
     options = parse(Options, list(words), program="python examples/residual_ppo.py", description=__doc__ or "")
     check_numbers(options, limits_of(options))
     make_writable_folder(options.out)
     train(options, lambda steps, reward: print(f"{steps:>10,} steps  reward {reward:.5f} a step", flush=True))
-    judged = ValidationConfig(episodes=24, scenarios=(SCENARIO,))
+    asked = ValidationConfig(episodes=24, scenarios=(SCENARIO,))
     for name in (options.base, options.out):
-        found = validate(policies.resolve(name), judged, options.threads, IDEAL)[SCENARIO]
+        found = validate(policies.resolve(name), asked, options.threads, IDEAL)[SCENARIO]
         errors = f"{found['velocity_error']:.3f} m/s, {found['yaw_rate_error']:.3f} rad/s, falls"
-        print(f"{name}: {found['success_rate']:.0%} of {judged.episodes} succeed, {errors} {found['fall_rate']:.0%}")
+        print(f"{name}: {found['success_rate']:.0%} of {asked.episodes} succeed, {errors} {found['fall_rate']:.0%}")
     return 0
 
 

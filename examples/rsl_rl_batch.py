@@ -1,6 +1,6 @@
-"""rsl_rl's PPO on the native batch, exported as an ONNX file that the judge takes: `python examples/rsl_rl_batch.py`.
+"""rsl_rl's PPO on the native batch, exported as an ONNX file: `python examples/rsl_rl_batch.py`.
 
-Wants `pip install -e ".[clients]"`. `python -m evaluate --policies runs/rsl_rl/policy.onnx trot` judges the outcome.
+Needs `pip install -e ".[clients]"`. `python -m evaluate --policies runs/rsl_rl/policy.onnx trot` evaluates it.
 """
 
 from pathlib import Path

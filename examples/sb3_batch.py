@@ -1,6 +1,6 @@
 """Stable-Baselines3's PPO on the native batch: a hundred robots in one environment. `python examples/sb3_batch.py`.
 
-Wants `pip install -e ".[train]"`. `TrainingVecEnv` is the adapter; `python -m evaluate --trust --policies FILE` judges.
+Needs `pip install -e ".[train]"`. `TrainingVecEnv` adapts; `python -m evaluate --trust --policies FILE` evaluates it.
 """
 
 from pathlib import Path

@@ -1,7 +1,7 @@
-"""Stable-Baselines3's PPO with actions about the home pose, judged in the end: `python examples/sb3_home_pose.py`.
+"""Stable-Baselines3's PPO with actions about the home pose, then evaluated: `python examples/sb3_home_pose.py`.
 
-Wants `pip install -e ".[train]"`. Plain PPO explores about 0 at unit size: as joint angles, rad, no robot stands so; as
-shares of 0.5 rad about the home pose it does. The saved model tells the judge what its actions stand for.
+Needs `pip install -e ".[train]"`. Plain PPO explores about 0 at unit size: as joint angles, rad, no robot stands so; as
+shares of 0.5 rad about the home pose it does. The saved model says what its actions stand for.
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ def robot() -> HomePoseActions:
 
 
 def main(steps: int = 200_000, out: Path = Path("runs/sb3_home_pose.zip"), episodes: int = 8) -> int:
-    """Train, save, and judge beside the standing robot, which 0 would be."""
+    """Train, save, and compare with the standing robot, which action 0 would be."""
     torch.set_num_threads(1)  # more make networks of this size slower
     env = make_vec_env(robot, n_envs=4, seed=0)
     model = PPO(
@@ -32,8 +32,8 @@ def main(steps: int = 200_000, out: Path = Path("runs/sb3_home_pose.zip"), episo
     out.parent.mkdir(parents=True, exist_ok=True)
     model.save(out)
     print(f"saved {out} after {model.num_timesteps} steps")
-    judged = ["--policies", str(out), "stand", "--trust", "--scenarios", "flat", "--episodes", str(episodes)]
-    return evaluate([*judged, "--no-film", "--out", str(out.with_suffix(""))])
+    compared = ["--policies", str(out), "stand", "--trust", "--scenarios", "flat", "--episodes", str(episodes)]
+    return evaluate([*compared, "--no-film", "--out", str(out.with_suffix(""))])
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""SimpleQuad: a quadruped locomotion environment; importing registers it with Gymnasium and loads no physics.
+"""SimpleQuad: a quadruped locomotion environment; importing registers it with Gymnasium and loads next to nothing.
 
 `gym.make("SimpleQuad-v0")` after this import, or `gym.make("quad_env:SimpleQuad-v0")` anywhere, worker processes too.
 """
@@ -6,7 +6,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import gymnasium as gym
+from quad_env.registration import ENV_ID, MAX_EPISODE_STEPS, register
 
 if TYPE_CHECKING:
     from quad_env.actuation.models import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
@@ -44,9 +44,6 @@ if TYPE_CHECKING:
     from quad_env.sensing.height_scan import HeightScan
     from quad_env.sensing.suite import SENSORS, Encoders, FootContact, Imu, JointTorque, SensorSuite
     from quad_env.task.observations import OBSERVATION, OBSERVATION_SIZE
-
-ENV_ID = "SimpleQuad-v0"
-MAX_EPISODE_STEPS = 1000
 
 __all__ = [
     "ACTUATORS",
@@ -104,7 +101,6 @@ __all__ = [
 _MODULES = (
     "actuation.models",
     "config",
-    "envs.home_pose",
     "robots.anatomy",
     "robots.named",
     "robots.robot",
@@ -118,16 +114,12 @@ _MODULES = (
     "sensing.height_scan",
     "sensing.suite",
     "task.observations",
+    "envs.home_pose",
 )
-"""Where the names above come from; loaded when one is first asked for, so that the import costs next to nothing."""
+"""Where the names above come from; loaded one after the other until one has the name that is asked for. The last needs
+Gymnasium."""
 
-if ENV_ID not in gym.registry:
-    gym.register(
-        ENV_ID,
-        entry_point="quad_env.envs.env:SimpleQuadEnv",
-        vector_entry_point="quad_env.envs.vector_env:SimpleQuadVectorEnv",
-        max_episode_steps=MAX_EPISODE_STEPS,
-    )
+register()
 
 
 def __getattr__(name: str) -> Any:
@@ -137,6 +129,8 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     for module in map(import_module, (f"{__name__}.{module}" for module in _MODULES)):
         globals().update({each: getattr(module, each) for each in __all__ if hasattr(module, each)})
+        if name in globals():
+            break
     return globals()[name]
 
 

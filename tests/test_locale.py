@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "COLUMNS": "100"}
-PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "benchmarks", "examples", "docs"
+PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research", "benchmarks", "examples", "docs"
 TINY = (
     "--steps 128 --threads 1 --mixture flat 1 --validation.episodes 1 --validation.scenarios flat --ppo.envs 16 "
     "--ppo.rollout-steps 8 --ppo.minibatch 64 --ppo.epochs 1 --ppo.actor 8 --ppo.critic 8"

@@ -30,9 +30,12 @@ OF_SIMPLE_QUAD = {
 LEG = re.compile(r"(?<![a-zA-Z0-9])(fl|fr|hl|hr)(?![a-zA-Z0-9])", re.IGNORECASE)
 
 
-def modules(folder: str) -> list[Path]:
-    found = sorted((REPOSITORY / folder).rglob("*.py"))
-    return [path for path in found if path.relative_to(REPOSITORY).parts[:2] != ("quad_env", "robots")]
+def modules(folder: str) -> Iterator[tuple[str, ast.Module]]:
+    """Names and trees of the modules in a folder; those of robots aside."""
+    for path in sorted((REPOSITORY / folder).rglob("*.py")):
+        name = path.relative_to(REPOSITORY).as_posix()
+        if not name.startswith("quad_env/robots/"):
+            yield name, ast.parse(path.read_text(encoding="utf-8"))
 
 
 def constants(tree: ast.Module) -> list[str]:
@@ -59,29 +62,19 @@ def texts(tree: ast.Module) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_no_module_has_constants_of_a_robot(package: str) -> None:
-    for path in modules(package):
-        tree, name = ast.parse(path.read_text(encoding="utf-8")), path.relative_to(REPOSITORY).as_posix()
+def test_no_module_has_constants_of_a_robot_or_writes_the_name_of_a_leg(package: str) -> None:
+    for name, tree in modules(package):
         assert not constants(tree), f"{name} imports {constants(tree)}: take a Robot instead"
         assert not chosen(tree) or name in OF_SIMPLE_QUAD, f"{name} names SIMPLE_QUAD: take a Robot instead"
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_no_module_writes_the_name_of_a_leg(package: str) -> None:
-    for path in modules(package):
-        named = [text for text in texts(ast.parse(path.read_text(encoding="utf-8"))) if LEG.search(text)]
-        assert not named, f"{path.relative_to(REPOSITORY)} names legs: {named}; take them from a Robot's leg_names"
+        legs = [text for text in texts(tree) if LEG.search(text)]
+        assert not legs, f"{name} names legs: {legs}; take them from a Robot's leg_names"
 
 
 @pytest.mark.parametrize("folder", ["quad_env", "evaluate/measures", "evaluate/records", "evaluate/rollouts"])
 def test_no_module_writes_how_many_joints_a_robot_has(folder: str) -> None:
-    for path in modules(folder):
-        numbers = [
-            node.value
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.Constant)
-        ]
-        assert not any(type(number) is int and number == SIMPLE_QUAD.num_joints for number in numbers), path
+    for name, tree in modules(folder):
+        numbers = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+        assert not any(type(number) is int and number == SIMPLE_QUAD.num_joints for number in numbers), name
 
 
 def test_what_is_looked_for_would_be_found() -> None:

@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -22,6 +23,8 @@ POLL_PERIOD = 0.1
 """s between two looks at whether the user has interrupted."""
 ENDING_TIME = 2.0
 """For all workers together to end by themselves, before they are killed, s."""
+MOST_WORKERS = 30 if sys.platform == "win32" else 1024
+"""Windows waits for 63 things at a time before Python 3.13, and each worker is two."""
 FEWEST_STEPS = 100_000
 """Control steps, of all robots together, below which the workers' start takes longer than they save."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1"}
@@ -44,7 +47,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
             yield from sequential(count)(tasks, progress)
             return
         todo = iter(enumerate(tasks))
-        with _workers(min(count, len(tasks))) as working:
+        with _workers(min(count, len(tasks), MOST_WORKERS)) as working:
             while working:
                 check()
                 for worker in _heard_from(working):

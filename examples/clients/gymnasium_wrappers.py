@@ -1,4 +1,4 @@
-"""Gymnasium's wrappers on one robot and on the native batch, and its own vector environments beside the batch.
+"""Gymnasium's wrappers on one robot and on the native batch, and its own vector environments compared with the batch.
 
 python examples/clients/gymnasium_wrappers.py
 """

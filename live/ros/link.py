@@ -4,6 +4,7 @@ import contextlib
 import json
 import socket
 import subprocess
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -29,6 +30,8 @@ class Link:
     """Starts that process and talks with it: neither side ever waits for the other to simulate or to publish."""
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
+        if sys.platform != "linux":
+            raise LinkLost("the ROS node runs on Linux alone: in a container or a virtual machine elsewhere")
         # Packets arrive whole or not at all, and no other process can connect: it has no address.
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:

@@ -6,12 +6,10 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import Box
 
 from policies.base import PolicyError
 from policies.foreign.python_file import Maker
 from policies.foreign.reference import Reference
-from quad_env.envs.home_pose import HomePoseSpace
 from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 
@@ -63,6 +61,11 @@ def _normaliser(reference: Reference, space: Any) -> Callable[[Any], Any]:
 
 def _meaning(space: Any, reference: Reference, robot: Robot) -> Callable[[Any], Any]:
     """From a model's actions to joint targets."""
+    # Here, so that commands that print their help do not wait for Gymnasium.
+    from gymnasium.spaces import Box
+
+    from quad_env.envs.home_pose import HomePoseSpace
+
     if isinstance(space, HomePoseSpace):
         if space.robot_name != robot.name:
             raise PolicyError(f"{reference} acts about the home pose of {space.robot_name}, not of {robot.name}")

@@ -69,17 +69,18 @@ def launch(main: Callable[[], int]) -> int:
         code = _run(main)
         if sys.stdout is not None:
             sys.stdout.flush()
-    except BrokenPipeError:  # the reader has seen enough
-        silence_stdout()
     except KeyboardInterrupt:
         code = INTERRUPTED
     except OSError as error:
-        if error.errno != errno.ENOSPC:
+        if is_broken_pipe(error):  # the reader has seen enough
+            silence_stdout()
+        elif error.errno == errno.ENOSPC:
+            silence_stdout()
+            if not code:  # else the program has said already what went wrong
+                os.write(2, f"error: cannot print ({error.strerror})\n".encode())
+            code = code or FAILED
+        else:
             raise
-        silence_stdout()
-        if not code:  # else the program has said already what went wrong
-            os.write(2, f"error: cannot print ({error.strerror})\n".encode())
-        code = code or FAILED
     # What is left takes milliseconds, and an interrupt in it would be a traceback.
     if signal.getsignal(signal.SIGINT) in (_leave, signal.default_int_handler):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -87,6 +88,12 @@ def launch(main: Callable[[], int]) -> int:
         # An interrupt within exec() has the interpreter end by the signal later on, whatever the exit code.
         os._exit(INTERRUPTED)
     return code
+
+
+def is_broken_pipe(error: OSError) -> bool:
+    """Whether nobody reads any longer what is printed; Windows calls that an invalid argument."""
+    invalid = sys.platform == "win32" and error.errno == errno.EINVAL and error.filename is None
+    return invalid or isinstance(error, BrokenPipeError)
 
 
 def silence_stdout() -> None:

@@ -17,7 +17,7 @@ from typing import Any
 from quad_env.cli import memory
 from quad_env.cli.command_line import UsageError, fail, parse, survive_narrow_encodings
 from quad_env.cli.errors import UserError
-from quad_env.cli.launcher import INTERRUPTED, NOTHING_KEPT
+from quad_env.cli.launcher import INTERRUPTED, NOTHING_KEPT, is_broken_pipe
 
 HELP = {"-h", "--help"}
 _TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
@@ -98,9 +98,9 @@ def exit_code(run: Callable[[], int]) -> int:
     survive_narrow_encodings()
     try:
         return run()
-    except BrokenPipeError:  # the reader has seen enough: `launch` ends quietly
-        raise
     except Exception as error:
+        if isinstance(error, OSError) and is_broken_pipe(error):  # `launch` ends quietly
+            raise
         return fail(_line_for(error))
     except KeyboardInterrupt as interrupt:
         print(f"interrupted: {interrupt}" if interrupt.args else NOTHING_KEPT, file=sys.stderr)

@@ -44,6 +44,8 @@ def opengl(_: Subject) -> Finding:
 def _broken(seen: str) -> Finding:
     chosen, display = os.environ.get("MUJOCO_GL"), os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     seen = f"no picture can be drawn: {seen}"
+    if sys.platform != "linux":
+        return problem(seen, "the system gives no OpenGL", "run it in a desktop session, with its graphics driver")
     if chosen and chosen != "egl":
         return problem(
             seen, f"MUJOCO_GL={chosen} asks for a backend that does not work here", f"MUJOCO_GL=egl; {INSTALL}"

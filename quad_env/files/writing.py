@@ -1,10 +1,11 @@
 """Files that appear whole or not at all, and folders that one process at a time writes to."""
 
 import contextlib
+import hashlib
 import os
-import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 
@@ -39,25 +40,47 @@ def make_writable_folder(path: Path) -> None:
 def sole_use(folder: Path) -> Iterator[None]:
     """Context in which no other process has sole use of the folder; FolderInUse at once where one has.
 
-    The system's lock, which goes with the process however it ends; where there is none, such as on Windows and some
-    network drives, nobody is kept out. OSError if the folder is not there.
+    A lock of the system, which ends with its process however that ends. Some network drives have no locks: there no
+    process is kept out. OSError if the folder is not there.
     """
-    if sys.platform == "win32":
+    release = _locked(folder)
+    if release is None:
+        raise FolderInUse(
+            f"{folder} is being written to by another process: wait until it ends, or name another folder with --out"
+        )
+    try:
         yield
-        return
-    import fcntl
+    finally:
+        release()
 
+
+def _locked(folder: Path) -> Callable[[], None] | None:
+    """Lock the folder; gives what unlocks it, or None while another process has it."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return _locked_by_file(folder.resolve(strict=True))
     handle = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(handle)
-        raise FolderInUse(
-            f"{folder} is being written to by another process: wait until it ends, or name another folder with --out"
-        ) from None
+        return None
     except OSError:  # no locks here
         pass
+    return partial(os.close, handle)
+
+
+def _locked_by_file(folder: Path) -> Callable[[], None] | None:
+    """The same on a system whose folders cannot be locked, by a file elsewhere: runs want a folder to themselves."""
+    from filelock import FileLock, Timeout
+
+    name = hashlib.sha256(os.path.normcase(folder).encode()).hexdigest()[:16]
+    lock = FileLock(Path(tempfile.gettempdir()) / f"simple_quad-{name}.lock", timeout=0)
     try:
-        yield
-    finally:
-        os.close(handle)
+        lock.acquire()
+    except Timeout:
+        return None
+    except OSError:  # no locks here
+        pass
+    return lock.release

@@ -1,70 +1,80 @@
-"""Every example as a user runs it, with few steps; what it says of itself; the command that runs them one by one."""
+"""Every example as a user runs it, with few steps, and what it says of itself."""
 
 import ast
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
-import examples.__main__ as command
-from examples.__main__ import EXAMPLES, FOLDER, Example, chosen, main
-from quad_env.cli.command_line import UsageError
+FOLDER = Path(__file__).parents[2] / "examples"
+FILES = {path.stem: path for path in FOLDER.rglob("*.py") if path.stem != "__init__"}
 
-FILES = {
-    path.stem: path
-    for path in (*FOLDER.glob("*.py"), *(FOLDER / command.CLIENTS).glob("*.py"))
-    if not path.stem.startswith("__")
+
+class Run(NamedTuple):
+    """A short run of an example."""
+
+    options: str
+    prints: str
+    """A pattern of what it prints, or of a part of it."""
+    packages: str = ""
+    """What it needs that the tests' own installation may lack."""
+
+
+RUNS = {
+    "own_policy": Run("--episodes 2", r"ShortTrot.* trot +100\s%.* stand +0\s%.*episodes\.parquet"),
+    "read_parquet": Run("results/own-policy", r"stand +flat +0% of 2, 0\.\d+ m/s off"),
+    "combined_scenario": Run(
+        "--robots 4 --seconds 1", r"flat: 0\.\d\d m/s of 0\.50 m/s, 0 of 4 fell\s+hillside: 0\.\d\d m/s"
+    ),
+    "record_video": Run("--steps 30", r"trot-episode-0\.mp4: 0\.\d\d m/s forward", "moviepy"),
+    "sb3_home_pose": Run(
+        "--steps 1000 --episodes 1", r"saved .*sb3_home_pose\.zip after 1024 steps.* stand +0\s%.*report\.html"
+    ),
+    "sb3_batch": Run("--steps 1000 --robots 16", r"saved .*sb3_batch\.zip after 1024 steps"),
+    "rsl_rl_batch": Run(
+        "--iterations 3 --robots 16", r"saved .*policy\.onnx after 1152 steps", "rsl_rl onnxscript tensordict"
+    ),
+    "cleanrl_loop": Run("--steps 4000", r"2,048 steps  reward -?0\.\d+ a step"),
+    "sb3_contrib_learners": Run(
+        "--steps 300", r"TQC: 300 steps, 3 episodes earned.*CrossQ: 300 steps.*RecurrentPPO: 384 steps", "sb3_contrib"
+    ),
+    "gymnasium_wrappers": Run("", r"async: (\S+)\n.*, sync: \1\n.*, vector_entry_point: \1\n"),
+    "minari_dataset": Run("", r"300 steps in 3 episodes on payload=5\+slope=8, \d fell; made again", "minari jax h5py"),
+    "torchrl_collector": Run("", r"torch\.Size\(\[8\]\): .*256 frames.*256 frames", "torchrl"),
+    "rllib_ppo": Run("", r"512\.0 steps.*on SimpleQuadVectorEnv", "ray tree"),
 }
-SHORT = sorted(set(FILES) - {"residual_ppo"})  # which is a whole learner, with tests of its own
-PRINTS = {
-    "own_policy": r"ShortTrot.* trot +100\s%.* stand +0\s%.*episodes\.parquet",
-    "read_parquet": r"stand +flat +0% of 2, 0\.\d+ m/s off",
-    "combined_scenario": r"flat: 0\.\d\d m/s of 0\.50 m/s, 0 of 4 fell\s+hillside: 0\.\d\d m/s",
-    "record_video": r"trot-episode-0\.mp4: 0\.\d\d m/s forward",
-    "sb3_home_pose": r"saved .*sb3_home_pose\.zip after 1024 steps.* stand +0\s%.*report\.html",
-    "sb3_batch": r"saved .*sb3_batch\.zip after 1024 steps",
-    "rsl_rl_batch": r"saved .*policy\.onnx after 1152 steps",
-    "cleanrl_loop": r"2,048 steps  reward -?0\.\d+ a step",
-    "sb3_contrib_learners": r"TQC: 300 steps, 3 episodes earned.*CrossQ: 300 steps.*RecurrentPPO: 384 steps",
-    "gymnasium_wrappers": r"async: (\S+)\n.*, sync: \1\n.*, vector_entry_point: \1\n",
-    "minari_dataset": r"300 steps in 3 episodes on payload=5\+slope=8, \d fell; made again",
-    "torchrl_collector": r"torch\.Size\(\[8\]\): .*256 frames.*256 frames",
-    "rllib_ppo": r"512\.0 steps.*on SimpleQuadVectorEnv",
-}
-"""What is printed in the end, or a part of it."""
 
 
 @pytest.fixture(scope="module")
 def where(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that all of them run in: `read_parquet` reads what `own_policy` leaves."""
     return tmp_path_factory.mktemp("examples")
 
 
-@pytest.mark.parametrize("name", PRINTS)
-def test_it_runs_as_its_first_lines_say_and_prints_what_came(
-    name: str, where: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("name", RUNS)
+def test_it_runs_as_its_first_lines_say(name: str, where: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
-    if missing := EXAMPLES[name].missing():
-        pytest.skip(f"needs {', '.join(missing)}, of the extra clients: python -m examples {name} runs it")
-    run = EXAMPLES[name].run(name, where)
+    file, short = FILES[name], RUNS[name]
+    if missing := [package for package in short.packages.split() if find_spec(package) is None]:
+        pytest.skip(f'needs {", ".join(missing)}: pip install -e ".[clients]"')
+    command = [sys.executable, str(file), *short.options.split()]
+    run = subprocess.run(command, cwd=where, capture_output=True, text=True, check=False, timeout=600)
     assert run.returncode == 0, run.stderr
-    assert re.search(PRINTS[name], run.stdout, re.DOTALL), run.stdout
-    assert "Warning" not in run.stderr or EXAMPLES[name].folder == command.CLIENTS, run.stderr
+    assert re.search(short.prints, run.stdout, re.DOTALL), run.stdout
+    assert "Warning" not in run.stderr or file.parent.name == "clients", run.stderr
 
 
 def test_every_file_is_run_and_listed() -> None:
-    assert set(FILES) == set(EXAMPLES) == {*PRINTS, "residual_ppo"}
-    rows = re.findall(
-        r"^\| \[(?:clients/)?(\w+)\.py\]\(([^)]+)\) \|",
-        (FOLDER / "README.md").read_text(encoding="utf-8"),
-        re.MULTILINE,
-    )
-    assert {name: FOLDER / link for name, link in rows} == FILES
+    assert set(FILES) == {*RUNS, "residual_ppo"}  # a whole learner, which has tests of its own
+    rows = re.findall(r"^\| \[[\w/]+\.py\]\(([^)]+)\) \|", (FOLDER / "README.md").read_text("utf-8"), re.MULTILINE)
+    assert sorted(FOLDER / link for link in rows) == sorted(FILES.values())
 
 
-@pytest.mark.parametrize("name", SHORT)
+@pytest.mark.parametrize("name", RUNS)
 def test_it_is_short_and_begins_with_what_it_shows_and_how_it_is_run(name: str) -> None:
     text = FILES[name].read_text(encoding="utf-8")
     said = ast.get_docstring(ast.parse(text)) or ""
@@ -73,47 +83,3 @@ def test_it_is_short_and_begins_with_what_it_shows_and_how_it_is_run(name: str) 
     code = text.split('"""', 2)[2]
     lines = [line for line in code.splitlines() if line.strip() and not re.match(r'from |import |"""|#', line.strip())]
     assert 10 <= len(lines) <= 40
-
-
-def test_only_those_that_are_named_run_and_the_one_before_whose_files_they_read() -> None:
-    assert chosen(["cleanrl_loop", "own_policy"]) == ["own_policy", "cleanrl_loop"]
-    assert chosen(["read_parquet"]) == ["own_policy", "read_parquet"]
-    assert chosen([]) == list(EXAMPLES)
-    with pytest.raises(UsageError, match="no example 'rlib'; there are own_policy, "):
-        chosen(["rlib"])
-
-
-def test_one_that_fails_or_lacks_a_package_is_named_and_the_others_run(monkeypatch, capsys, tmp_path) -> None:
-    for name, code in (("good", "print(1)"), ("bad", "raise ValueError('of mine')"), ("poor", "")):
-        (tmp_path / f"{name}.py").write_text(code, encoding="utf-8")
-    listed = {"bad": Example("a"), "poor": Example("b", ("no-such-package", "numpy")), "good": Example("c", ("numpy",))}
-    monkeypatch.setattr(command, "FOLDER", tmp_path)
-    monkeypatch.setattr(command, "EXAMPLES", listed)
-    monkeypatch.setenv("COLUMNS", "200")
-    assert main([]) == 1
-    said = capsys.readouterr().out
-    assert "\n  ValueError: of mine\n" in said
-    assert "good: ok (0 s)\n  1\n" in said
-    assert said.count('".[clients]"') == 2  # in its line, and in the table
-    assert re.findall(r"^(\w+): (.+) \(\d+ s\)$", said, re.MULTILINE) == [
-        ("bad", "failed, exit code 1"),
-        ("poor", 'needs no-such-package: pip install -e ".[clients]"'),
-        ("good", "ok"),
-    ]
-    assert main(["good"]) == 0
-
-
-def test_one_that_does_not_end_is_ended(monkeypatch, capsys, tmp_path) -> None:
-    (tmp_path / "slow.py").write_text("import time; time.sleep(60)", encoding="utf-8")
-    monkeypatch.setattr(command, "FOLDER", tmp_path)
-    monkeypatch.setattr(command, "EXAMPLES", {"slow": Example("a")})
-    monkeypatch.setattr(command, "LONGEST", 0.5)
-    assert main([]) == 1
-    assert "still running after 0.5 s" in capsys.readouterr().out
-
-
-def test_a_wrong_name_gives_one_line_and_exit_code_2() -> None:
-    run = subprocess.run([sys.executable, "-m", "examples", "rlib"], capture_output=True, text=True, check=False)
-    assert run.returncode == 2
-    assert len(run.stderr.splitlines()) == 1
-    assert run.stdout == ""

@@ -25,20 +25,23 @@ HIDING = {
 }
 
 
-@pytest.mark.parametrize(("words", "theirs"), [(words, file) for words, files in HIDING.items() for file in files])
-def test_a_users_file_in_place_of_a_package_is_one_line_and_is_not_run(words: str, theirs: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("words", HIDING)
+def test_a_users_file_in_place_of_a_package_is_one_line_and_is_not_run(words: str, tmp_path: Path) -> None:
     program = words.split()[0]
-    file = tmp_path / theirs
-    file.parent.mkdir(exist_ok=True)
-    file.write_text(THEIRS, encoding="utf-8")
-    done = run(words, tmp_path)
-    (line,) = done.stderr.splitlines()
-    named = file.parent if file.name == "__init__.py" else file
-    assert line.startswith(f"error: {named} hides SimpleQuad's package {named.stem}: call `python -P -m {program}`")
-    assert (done.returncode, done.stdout) == (2, "")
-    safe = run(words, tmp_path, "-P")
+    for number, theirs in enumerate(HIDING[words]):
+        file = tmp_path / str(number) / theirs
+        file.parent.mkdir(parents=True)
+        file.write_text(THEIRS, encoding="utf-8")
+        done = run(words, tmp_path / str(number))
+        (line,) = done.stderr.splitlines()
+        named = file.parent if file.name == "__init__.py" else file
+        assert line.startswith("error: ")
+        assert str(named) in line
+        assert f"`python -P -m {program}`" in line
+        assert (done.returncode, done.stdout) == (2, "")
+    safe = run(words, tmp_path / "0", "-P")
     assert (safe.returncode, safe.stderr) == (0, "")
-    assert not (tmp_path / "ran").exists()
+    assert not [*tmp_path.rglob("ran")]
 
 
 def test_files_with_names_that_a_command_does_not_need_are_no_matter(tmp_path: Path) -> None:
