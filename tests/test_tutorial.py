@@ -53,14 +53,14 @@ def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeyp
 
 
 def test_a_controller_of_ones_own_is_trained_on_and_what_was_learned_walks(tmp_path: Path) -> None:
-    for block in blocks("your-controller.md", "python"):
+    for block in blocks("your-policy.md", "python"):
         name = block.partition("\n")[0].removeprefix("# ")
         (tmp_path / name).write_text(block, encoding="utf-8")
         done = subprocess.run([sys.executable, name], cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
     names = ("my_controller.py:MyTrot", "corrected.py:Corrected")
     policy_of = {name: policies.resolve(f"{tmp_path}/{name}") for name in names}
-    said = "".join(blocks("your-controller.md", "bash"))
+    said = "".join(blocks("your-policy.md", "bash"))
     for name, policy in policy_of.items():
         assert name in said
         assert (run(policy, "flat", episode_seeds("search", 0, 2), steps=300).fall_step >= 300).all()
