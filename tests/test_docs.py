@@ -19,9 +19,9 @@ import pytest
 from markdown_it import MarkdownIt
 
 import policies
-from live.doctor.checks import checks
+from live.commands import doctor
 from quad_env import AXES, SCENARIOS, SIMPLE_QUAD
-from quad_env.doctor.checks import OF_THE_INSTALLATION, OF_THE_ROBOT
+from quad_env.doctor.command import CHECKS
 from quad_env.task.observations import observation_table
 
 ROOT = Path(__file__).parents[1]
@@ -87,9 +87,8 @@ def test_python_block_runs_as_it_stands(block: str, tmp_path: Path) -> None:
 
 
 def named_by(package: str) -> list[str]:
-    """Names of a package's commands; those of `quad_env` that need policies are in `live`."""
-    packages = (package, "live") if package == "quad_env" else (package,)
-    return [name for each in packages for name in getattr(importlib.import_module(f"{each}.__main__"), "COMMANDS", {})]
+    """Names of a package's commands."""
+    return list(getattr(importlib.import_module(f"{package}.__main__"), "COMMANDS", {}))
 
 
 def help_of(words: list[str]) -> str:
@@ -106,9 +105,6 @@ def help_of(words: list[str]) -> str:
 def test_command_and_its_options_exist(command: str) -> None:
     words = shlex.split(command)[2:]
     package = words[0]
-    if package == "policies.behaviour.diagram":
-        assert len(words) == 1
-        return
     named = named_by(package.split(".")[0])
     called = next((name.split() for name in named if words[1 : 1 + len(name.split())] == name.split()), [])
     assert called or len(words) == 1 or words[1].startswith("-") or "/" in words[1], f"no command {words[1]}"
@@ -177,7 +173,7 @@ def test_every_axis_has_its_row_with_its_levels_and_its_nominal_one_bold() -> No
 def test_checks_named_for_a_symptom_exist() -> None:
     rows = table("| symptom | possible cause | checks of `doctor` |", "docs/doctor.md")
     named = {name.strip(" `") for row in rows for name in row[2].split(",")}
-    assert named <= {check.name for check in (*OF_THE_INSTALLATION, *OF_THE_ROBOT, *checks("trot"))}
+    assert named <= {check.name for check in (*CHECKS, *doctor.CHECKS)}
 
 
 @EVERY_PAGE

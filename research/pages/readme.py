@@ -1,6 +1,6 @@
 """The results in README and docs: `python -m research readme RESULTS_JSON` writes them in their places.
 
-`docs/results.md` gets the picture, a short table and every figure; the README the table of other robots.
+The README gets a short table, `docs/results.md` every figure.
 """
 
 import os
@@ -31,36 +31,41 @@ ALT = "Share of the episodes that succeed, of each policy on each axis at its se
 
 @dataclass(frozen=True)
 class Options:
-    """Write the results into their page, and the table of other robots into the README."""
+    """Write the results into the README and its page of results."""
 
     results: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation/results.json")
     """results.json of an evaluation."""
-    readme: Path = Path("README.md")
-    """File with the lines `<!-- robots -->` and `<!-- /robots -->`, between which the table of --robots goes."""
+    readme: Path | None = Path("README.md")
+    """File with the lines `<!-- results -->` and `<!-- /results -->`, between which the short table goes; None for a
+    page alone, such as docs/mpc_or_learning.md."""
     page: Path = Path("docs/results.md")
-    """File with the lines `<!-- results -->` and `<!-- /results -->`, between which picture and tables go."""
+    """File with the same lines, between which every figure goes."""
     picture: Path | None = None
-    """PNG of the success of every policy on every axis; success.png next to the page when not given."""
+    """PNG of the success of every policy on every axis, which the README shows; success.png beside the page."""
     more: Path | None = None
     """results.json of an evaluation of further policies, for the page's place `<!-- more -->` … `<!-- /more -->`."""
     robots: tuple[Path, ...] = ()
-    """results.json of evaluations of other robots, a row each, for the README's table."""
+    """results.json of evaluations of other robots, a row each, for the README's place `<!-- robots -->`."""
 
 
 def main(options: Options) -> int:
     """Write the tables; the exit code."""
-    chosen = (options.page, options.readme) if options.robots else (options.page,)
-    texts = {path: _text(path) for path in chosen}
+    if options.robots and options.readme is None:
+        raise UsageError("--robots are for the README: name it with --readme")
+    texts = {path: _text(path) for path in (options.readme, options.page) if path is not None}
     found = _read(options.results)
     shown, every = _lines(options.results, found)
-    about = [legend(found), ""] if legend(found) else []
-    texts[options.page] = insert(texts[options.page], [*about, *_pictured(shown, found, options), "", *every])
+    texts[options.page] = insert(texts[options.page], every)
     if options.more is not None:
         texts[options.page] = insert(texts[options.page], _lines(options.more, _read(options.more))[1], MORE)
-    if options.robots:
-        others = [_complete(path) for path in options.robots]
-        made_by = " ".join(map(_made_by, others))
-        texts[options.readme] = insert(texts[options.readme], [*robots_table(others), "", made_by], ROBOTS)
+    if options.readme is not None:
+        about = [legend(found), ""] if legend(found) else []
+        lines = [*about, *_pictured(shown, found, options, options.readme)]
+        texts[options.readme] = insert(texts[options.readme], lines)
+        if options.robots:
+            others = [_complete(path) for path in options.robots]
+            made_by = " ".join(map(_made_by, others))
+            texts[options.readme] = insert(texts[options.readme], [*robots_table(others), "", made_by], ROBOTS)
     for path, text in texts.items():
         write_atomically(path, text.encode())
     return 0
@@ -73,13 +78,13 @@ def _text(path: Path) -> str:
         raise UsageError(f"{path} is no text ({error})") from error
 
 
-def _pictured(shown: list[str], found: dict[str, Any], options: Options) -> list[str]:
+def _pictured(shown: list[str], found: dict[str, Any], options: Options, readme: Path) -> list[str]:
     """The short table's lines with the picture, which is made, as far as there are scores to draw."""
     scores = [Score(**each) for each in found.get("scores", ())]
     if not scores:
         return shown
     picture = options.picture or options.page.with_name("success.png")
-    where = Path(os.path.relpath(picture, options.page.parent)).as_posix()
+    where = Path(os.path.relpath(picture, readme.parent)).as_posix()
     with drawing.settings():
         write_atomically(picture, success.png(success.heat_map(scores)))
     return [shown[0], "", f"![{ALT}]({where})", *shown[1:]]
@@ -113,7 +118,8 @@ def _lines(path: Path, found: dict[str, Any]) -> tuple[list[str], list[str]]:
     """The short table and every figure of a results.json; UsageError where it is none, or of an interrupted run."""
     try:
         _check_complete(path, found)
-        return newcomers_table(found), [*every_figure(found), "", _made_by(found)]
+        made_by = ["", _made_by(found)]
+        return [*newcomers_table(found), *made_by], [*every_figure(found), *made_by]
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         raise UsageError(f"{path} is not a results.json of `python -m evaluate` ({error!r})") from error
 

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from evaluate.__main__ import main
 from evaluate.analysis.results import with_nan
 from evaluate.commands.options import DEFAULT_POLICIES
 from evaluate.report.results_page import every_figure, newcomers_table
@@ -11,7 +12,6 @@ from evaluate.rollouts.battery import BATTERIES
 from policies import summary
 from quad_env.cli.command_line import UsageError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from research.__main__ import main
 from research.pages.readme import insert
 from tests.quad_env.robots.alike import alike
 
@@ -59,32 +59,32 @@ FOUND = {
 TODAY = {"success_rule": "success/2"}
 
 
-def written(tmp_path, found, more=None) -> str:
-    """The page after the command."""
+def written(tmp_path, found, more=None) -> tuple[str, str]:
+    """README and page after the command."""
     places = "<!-- results -->\n<!-- /results -->\n<!-- more -->\n<!-- /more -->\n"
-    files = [tmp_path / name for name in ("page.md", "results.json", "more.json")]
-    for file, text in zip(files, (places, json.dumps(found), json.dumps(more)), strict=True):
+    files = [tmp_path / name for name in ("README.md", "page.md", "results.json", "more.json")]
+    for file, text in zip(files, (places, places, json.dumps(found), json.dumps(more)), strict=True):
         file.write_text(text, encoding="utf-8")
-    page, results, others = map(str, files)
-    assert main(["readme", results, "--page", page, *(["--more", others] if more else [])]) == 0
-    return files[0].read_text(encoding="utf-8")
+    readme, page, results, others = map(str, files)
+    arguments = ["readme", results, "--readme", readme, "--page", page, *(["--more", others] if more else [])]
+    assert main(arguments) == 0
+    return files[0].read_text(encoding="utf-8"), files[1].read_text(encoding="utf-8")
 
 
 def test_figures_by_the_older_rule_of_success_say_so(tmp_path) -> None:
     old, new = (written(tmp_path, FOUND | {"versions": FOUND["versions"] | more}) for more in ({}, TODAY))
-    assert "Python 3.11.7; success by the older rule success/1." in old
-    assert "success/" not in new
+    assert all("Python 3.11.7; success by the older rule success/1." in text for text in old)
+    assert not any("success/" in text for text in new)
 
 
-def test_without_other_robots_the_readme_stays_as_it_is(tmp_path) -> None:
-    readme = tmp_path / "README.md"
-    readme.write_text("<!-- robots -->\n<!-- /robots -->\n", encoding="utf-8")
-    (tmp_path / "page.md").write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
+def test_a_page_alone_leaves_the_readme_and_its_picture_as_they_are(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("README.md", "page.md"):
+        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
     (tmp_path / "results.json").write_text(json.dumps(FOUND), encoding="utf-8")
-    words = ["--readme", str(readme), "--page", str(tmp_path / "page.md")]
-    assert main(["readme", str(tmp_path / "results.json"), *words]) == 0
+    assert main(["readme", "results.json", "--readme", "None", "--page", "page.md"]) == 0
     assert "| flat | `trot` |" in (tmp_path / "page.md").read_text(encoding="utf-8")
-    assert readme.read_text(encoding="utf-8") == "<!-- robots -->\n<!-- /robots -->\n"
+    assert (tmp_path / "README.md").read_text(encoding="utf-8") == "<!-- results -->\n<!-- /results -->\n"
     assert not list(tmp_path.glob("*.png"))
 
 
@@ -149,24 +149,28 @@ def test_what_disturbances_do_is_a_table_of_axes_and_policies() -> None:
     ],
 )
 def test_the_command_that_makes_the_tables_is_below_them(changes, command, tmp_path) -> None:
-    assert f"\n`{command}`; MuJoCo" in written(tmp_path, FOUND | changes)
+    for text in written(tmp_path, FOUND | changes):
+        assert f"\n`{command}`; MuJoCo" in text
 
 
-def test_what_the_policies_are_stands_before_their_figures(tmp_path) -> None:
-    first = written(tmp_path, FOUND).splitlines()[1]
+def test_what_the_policies_are_stands_before_their_figures_in_the_readme(tmp_path) -> None:
+    readme, _ = written(tmp_path, FOUND)
+    first = readme.splitlines()[1]
     assert first == f"`trot`: {summary('trot')}.<br>`stand`: {summary('stand')}."
-    assert written(tmp_path, FOUND | {"policies": {"my.onnx": FOUND["policies"]["trot"]}}).splitlines()[1] != first
+    assert written(tmp_path, FOUND | {"policies": {"my.onnx": FOUND["policies"]["trot"]}})[0].splitlines()[1] != first
 
 
 @pytest.mark.parametrize(("battery", "words"), [("default", ""), ("quick", " --scenarios quick")])
 def test_a_battery_is_called_by_its_name(battery, words, tmp_path) -> None:
     cells = dict.fromkeys((scenario.name for scenario in BATTERIES[battery](SIMPLE_QUAD)), CELL)
     of = {policy: {"scenarios": cells} for policy in DEFAULT_POLICIES}
-    assert f"\n`python -m evaluate{words}`;" in written(tmp_path, FOUND | {"policies": of, "episodes": 24})
+    readme, page = written(tmp_path, FOUND | {"policies": of, "episodes": 24})
+    assert f"\n`python -m evaluate{words}`;" in readme
+    assert f"\n`python -m evaluate{words}`;" in page
 
 
 def test_further_policies_have_a_place_of_their_own(tmp_path) -> None:
-    page = written(tmp_path, FOUND, FOUND | {"policies": {"walk": {"scenarios": {"flat": CELL}}}})
+    _, page = written(tmp_path, FOUND, FOUND | {"policies": {"walk": {"scenarios": {"flat": CELL}}}})
     first, second = page.split("<!-- more -->")
     assert "`trot`" in first
     assert "`walk`" not in first
@@ -174,20 +178,22 @@ def test_further_policies_have_a_place_of_their_own(tmp_path) -> None:
     assert "`trot`" not in second
 
 
-def test_a_score_has_a_picture_and_a_row(tmp_path) -> None:
+def test_a_score_has_a_picture_in_the_readme_and_a_row_on_the_page(tmp_path) -> None:
     score = {"policy": "trot", "score": 0.5, "ci": [0.4, 0.6], "axes": {"flat": [1.0], "push": [0.8, 0.2]}}
     score |= {"difference": 0.0, "difference_ci": [0.0, 0.0], "p_value": 1.0}
     other = score | {"policy": "stand", "score": 0.1, "difference": -0.4, "difference_ci": [-0.5, None]}
-    (tmp_path / "page.md").write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
+    (tmp_path / "docs").mkdir()
+    for name in ("README.md", "docs/page.md"):
+        (tmp_path / name).write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
     (tmp_path / "results.json").write_text(
         json.dumps(FOUND | {"scores": [score, other], "baseline": "trot"}), encoding="utf-8"
     )
-    files = {"page": "page.md", "picture": "success.png"}
+    files = {"readme": "README.md", "page": "docs/page.md", "picture": "docs/success.png"}
     words = [word for option, name in files.items() for word in (f"--{option}", str(tmp_path / name))]
     assert main(["readme", str(tmp_path / "results.json"), *words]) == 0
-    assert (tmp_path / "success.png").read_bytes().startswith(b"\x89PNG")
-    page = (tmp_path / "page.md").read_text(encoding="utf-8").replace("\u00a0", " ")
-    assert "](success.png)" in page
+    assert "](docs/success.png)" in (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert (tmp_path / "docs/success.png").read_bytes().startswith(b"\x89PNG")
+    page = (tmp_path / "docs/page.md").read_text(encoding="utf-8").replace("\u00a0", " ")
     assert "| `trot` | 50.0 [40.0 … 60.0 %] | – |" in page
     assert "| `stand` | 10.0 [40.0 … 60.0 %] | −40.0 [–], p = 1.00 |" in page
 
@@ -201,12 +207,17 @@ def test_only_what_is_between_the_markers_changes() -> None:
 
 
 def refused(capsys, tmp_path, content: str) -> str:
-    """The one line about a results.json of that content; the page must not have changed."""
-    page, results = tmp_path / "page.md", tmp_path / "results.json"
-    page.write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
+    """The one line about a results.json of that content; neither file must have changed."""
+    readme, page, results = tmp_path / "README.md", tmp_path / "page.md", tmp_path / "results.json"
+    for file in (readme, page):
+        file.write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
     results.write_text(content, encoding="utf-8")
-    assert main(["readme", str(results), "--page", str(page)]) == 2
-    assert page.read_text(encoding="utf-8") == "<!-- results -->\n<!-- /results -->\n"
+    assert main(["readme", str(results), "--readme", str(readme), "--page", str(page)]) == 2
+    assert (
+        readme.read_text(encoding="utf-8")
+        == page.read_text(encoding="utf-8")
+        == "<!-- results -->\n<!-- /results -->\n"
+    )
     error = capsys.readouterr().err
     assert error.startswith("error: ")
     assert error.count("\n") == 1
@@ -245,7 +256,7 @@ def of_robot(robot: str, *policies: str) -> dict:
 
 def test_other_robots_have_a_row_each(tmp_path) -> None:
     path = tmp_path / "README.md"
-    path.write_text("<!-- robots -->\n<!-- /robots -->\n", encoding="utf-8")
+    path.write_text("<!-- results -->\n<!-- /results -->\n<!-- robots -->\n<!-- /robots -->\n", encoding="utf-8")
     page = tmp_path / "page.md"
     page.write_text("<!-- results -->\n<!-- /results -->\n", encoding="utf-8")
     alike(tmp_path)
