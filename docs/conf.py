@@ -19,6 +19,7 @@ include_patterns = [
     "examples/*.md",
     "models/**.md",
     "policies/**.md",
+    "research/*.md",
 ]
 exclude_patterns = [".*", "**/.*", "build", "dist", "results", "runs", "tests", "docs/extensions", "docs/templates"]
 

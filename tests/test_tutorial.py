@@ -1,4 +1,4 @@
-"""What the tutorial says is done as it says, and so are the files of a controller of one's own and a residual on it."""
+"""The commands of the tutorial run, and so do the files of your-policy.md: a controller and a residual on it."""
 
 import importlib
 import re
@@ -52,7 +52,7 @@ def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeyp
     assert {path.name for path in (tmp_path / "results").iterdir()} == {"first", "push", "second"}
 
 
-def test_a_controller_of_ones_own_is_trained_on_and_what_was_learned_walks(tmp_path: Path) -> None:
+def test_your_controller_and_the_residual_trained_on_it_walk(tmp_path: Path) -> None:
     for block in blocks("your-policy.md", "python"):
         name = block.partition("\n")[0].removeprefix("# ")
         (tmp_path / name).write_text(block, encoding="utf-8")
