@@ -11,7 +11,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 REMEDIES = ("train it anew", "take another", "make one", "name the folder")
 """What a remedy at the end of a PolicyError begins with."""
-SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
+SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/extending.md"
 
 
 def models(subject: Subject) -> Finding:

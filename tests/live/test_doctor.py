@@ -336,7 +336,7 @@ def test_a_policy_of_ones_own_that_raises_is_told_by_its_own_words(tmp_path: Pat
     found = complaints(Subject(policy=f"{file}:Late"), OF_THE_BODY[:3])
     assert list(found) == ["policy"], found
     assert "ZeroDivisionError" in found["policy"].seen
-    assert "docs/your-policy.md" in found["policy"].remedy
+    assert "docs/extending.md" in found["policy"].remedy
 
 
 def test_a_damaged_policy_beside_a_users_robot_is_found(tmp_path: Path) -> None:
