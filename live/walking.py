@@ -27,7 +27,7 @@ SECONDS, SETTLING = 4.0, 2.0
 """Duration of a walk, and of its part that does not count."""
 REMEDIES = ("train it again", "train it anew", "take another", "make one", "name the folder")
 """Beginnings of the remedy at the end of a PolicyError."""
-SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/extending.md"
+SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
 
 
 @pytest.mark.rendering
-def test_the_site_tells_nothing_of_the_machine_that_built_it(site: Path) -> None:
+def test_the_site_does_not_name_the_machine_that_built_it(site: Path) -> None:
     assert [page for page in site.rglob("*.html") if str(REPOSITORY) in page.read_text(encoding="utf-8")] == []
 
 

@@ -1,4 +1,4 @@
-"""What the tutorial says is done as it says, and so are the files of a controller of one's own and a residual on it."""
+"""The commands of the tutorial run, and so do the files of your-policy.md: a controller and a residual on it."""
 
 import importlib
 import re
@@ -52,15 +52,15 @@ def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeyp
     assert {path.name for path in (tmp_path / "results").iterdir()} == {"first", "push", "second"}
 
 
-def test_a_controller_of_ones_own_is_trained_on_and_what_was_learned_walks(tmp_path: Path) -> None:
-    for block in blocks("your-controller.md", "python"):
+def test_your_controller_and_the_residual_trained_on_it_walk(tmp_path: Path) -> None:
+    for block in blocks("your-policy.md", "python"):
         name = block.partition("\n")[0].removeprefix("# ")
         (tmp_path / name).write_text(block, encoding="utf-8")
         done = subprocess.run([sys.executable, name], cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
     names = ("my_controller.py:MyTrot", "corrected.py:Corrected")
     policy_of = {name: policies.resolve(f"{tmp_path}/{name}") for name in names}
-    said = "".join(blocks("your-controller.md", "bash"))
+    said = "".join(blocks("your-policy.md", "bash"))
     for name, policy in policy_of.items():
         assert name in said
         assert (run(policy, "flat", episode_seeds("search", 0, 2), steps=300).fall_step >= 300).all()

@@ -188,7 +188,7 @@ def test_the_error_of_a_users_policy_is_reported(tmp_path: Path) -> None:
     )
     found = of_policy(f"{file}:Late")["policy"]
     assert "ZeroDivisionError" in found.seen
-    assert "docs/extending.md" in found.remedy
+    assert "docs/your-policy.md" in found.remedy
 
 
 @pytest.mark.parametrize(
