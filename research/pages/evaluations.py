@@ -1,8 +1,9 @@
 """A results.json of `python -m evaluate` for README and docs: read and checked, as Markdown tables and as a figure."""
 
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evaluate.analysis.results import with_nan
 from evaluate.analysis.score import WORDS, Score
@@ -30,6 +31,9 @@ from quad_env.cli.format import (
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
 """The figure's text for readers who do not see it."""
@@ -132,4 +136,11 @@ def score_table(of: Iterable[Score], baseline: str, called: Mapping[str, str] | 
 def draw(found: dict[str, Any], picture: Path) -> None:
     """Write the figure, a PNG: success of every policy on every axis."""
     with drawing.settings():
-        write_atomically(picture, success.png(success.heat_map(scores(found))))
+        write_atomically(picture, png(success.heat_map(scores(found))))
+
+
+def png(figure: "Figure") -> bytes:
+    """A figure on white, as a PNG."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=160, facecolor="white", metadata={"Software": None})
+    return buffer.getvalue()

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from evaluate.report.plots import drawing
-from evaluate.report.plots.success import png
 from evaluate.statistics.intervals import CONFIDENCE
 from policies.base import Floats
 from policies.parameters import limits_of, number
@@ -24,6 +23,7 @@ from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 from research.pages.csv_text import csv_text
+from research.pages.evaluations import png
 from train.command import parse
 from train.config import DEFAULTS, Count, TrainConfig, differences, load_config
 from train.run_folder import VALIDATIONS_FILE, has_checkpoint, steps_done
