@@ -21,7 +21,7 @@ OF_SIMPLE_QUAD = {
     "quad_env/scenarios/scaling.py": "which are not scaled for itself",
     "quad_env/serialisation.py": "old results know no other robot",
     "quad_env/task/observations.py": "public names are of it",
-    "policies/bundle.py": "old bundles know no other robot",
+    "policies/description.py": "old bundles know no other robot",
     "policies/shipped.py": "what was trained for it has no folder of its own",
     "train/search/recovery.py": "parameters are searched for it",
     "train/search/trot.py": "its parameters stand beside the code",

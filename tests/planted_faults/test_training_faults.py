@@ -209,8 +209,8 @@ def ppo_with(change: Callable[[dict[str, Any]], dict[str, Any]]) -> Plant:
     def plant(patch: pytest.MonkeyPatch) -> None:
         from train.sb3 import ppo
 
-        true_ppo = ppo.OverlappedPPO
-        patch.setattr(ppo, "OverlappedPPO", lambda *args, **kwargs: true_ppo(*args, **change(kwargs)))
+        true_ppo = ppo.PPO
+        patch.setattr(ppo, "PPO", lambda *args, **kwargs: true_ppo(*args, **change(kwargs)))
 
     return plant
 

@@ -28,7 +28,6 @@ def fewer_resamples(monkeypatch) -> None:
         (significance, "FLIPS", 999),
         (significance, "MORE_FLIPS", 1999),
         (significance, "NUISANCE_RATES", 63),
-        (checks, "LARGE", 200_000),
     ):
         monkeypatch.setattr(module, name, count)
     significance._relabellings.cache_clear()

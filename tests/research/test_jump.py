@@ -41,8 +41,8 @@ def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch
     found = Simulation.diverged
 
     def first_one_diverges(self, ids=ALL):
-        first = np.arange(len(self._qpos))[ids] == 0
-        return found(self, ids) | (first & (self._qpos[ids, 2] > SIMPLE_QUAD.home_height + 0.16))
+        first = np.arange(len(self.qpos))[ids] == 0
+        return found(self, ids) | (first & (self.qpos[ids, 2] > SIMPLE_QUAD.home_height + 0.16))
 
     monkeypatch.setattr(Simulation, "diverged", first_one_diverges)
     outcome, _ = jump(count=2)

@@ -164,7 +164,8 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         "speeds": Effect("--speeds 0.5", names, [f"{name} at 0.50 m/s" for name in GROUNDS]),
         "episodes": Effect("--episodes 3", some(lambda each: len(each.seeds)), {3}),
         "seed": Effect(SEED, lambda made: set(seeds(made)), {drawn(5, 3)}),
-        "page": Effect("--page FOLDER/page.md", lambda made: page(made).count("0.50 m/s | `crouch`"), 3),
+        "table": Effect("--table FOLDER/new/walks.csv", written("new/walks.csv"), True),
+        "page": Effect("--page FOLDER/page.md", lambda made: page(made).count("0.50 m/s |"), 3),
         "threads": Effect(*THREADS),
     },
     "prediction": {
@@ -205,12 +206,6 @@ EFFECTS: dict[str, dict[str, Effect]] = {
             ["McNemar, ties by lot"],
         ),
         "seed": Effect(SEED, called("share_of_yes", "seed"), [5]),
-        "real": Effect(
-            "--real FOLDER/a/episodes.parquet",
-            said("halves of crouch on push"),
-            [True],
-            given="--sets 2 --only Barnard",
-        ),
     },
 }
 

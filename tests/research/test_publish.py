@@ -97,7 +97,7 @@ def test_the_card_scores_each_seed_against_the_base():
 
 
 def test_the_cards_p_values_are_corrected_for_their_number():
-    found = Comparison("flat", "runs/0", "trot", "velocity_error", -0.1, (-0.2, 0.0), 0.01, "", 0.5, (0.4, 0.6), 0.04)
+    found = Comparison("flat", "runs/0", "trot", "velocity_error", -0.1, (-0.2, 0.0), 0.01, "", 0.04)
     assert difference(found).replace("\u00a0", " ") == "−0.100 (p = 0.040)"
 
 
@@ -191,7 +191,7 @@ def test_an_unfinished_run_is_not_published(runs, tmp_path, capsys):
         ("best/policy.json", lambda _: "{oops", "not JSON"),
         ("best/policy.json", lambda text: text.replace('"git_revision"', '"revision"'), "lacks git_revision"),
         ("best/policy.safetensors", lambda _: "", "SHA-256"),
-        ("checkpoints/000000000064.json", lambda text: text.replace('"remembered"', '"forgotten"'), "how far"),
+        ("checkpoints/000000000064.json", lambda text: text.replace('"remembered"', '"forgotten"'), "how many steps"),
         ("checkpoints/000000000064.json", lambda text: text.replace('"seconds"', '"secs"'), "secs"),
         ("config.json", lambda text: text.replace('"residual"', '"waltz"'), "'waltz'"),
     ],

@@ -28,7 +28,9 @@ def exported(made: Called, key: str) -> Any:
 EFFECTS = {
     "folder": Effect("FOLDER/mine", lambda made: exported(made, "hold"), 3),
     "robot": Effect("--robot FOLDER/alike.xml", lambda made: exported(made, "robot"), "alike"),
-    "out": Effect("--out FOLDER/new/walker.onnx", lambda made: "new/walker.onnx: as the bundle" in made.said, True),
+    "out": Effect(
+        "--out FOLDER/new/walker.onnx", lambda made: "new/walker.onnx: agrees with the bundle" in made.said, True
+    ),
 }
 
 
