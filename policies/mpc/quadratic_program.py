@@ -83,9 +83,8 @@ def solve(programs: Programs) -> Solutions:
         value[i], _, answers[i], info = daqp.solve(
             hessian[i], gradient[i], rows[i], upper[i], lower[i], sense.copy(), iter_limit=MOST_ITERATIONS
         )
-        multipliers[i] = (
-            info["lam"] if answers[i] == SOLVED else 0.0
-        )  # DAQP leaves them unset where there is no minimum
+        # DAQP leaves them unset where there is no minimum.
+        multipliers[i] = info["lam"] if answers[i] == SOLVED else 0.0
     found = residuals(programs, value, multipliers)
     return Solutions(value, multipliers, (answers == SOLVED) & (found.worst < LARGEST_RESIDUAL), found)
 
