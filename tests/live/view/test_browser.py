@@ -30,7 +30,7 @@ addEventListener("stick", ({detail}) => { pad.axes = detail; });
 """Stands in for a gamepad, which no browser without hardware has; the page's own code reads it."""
 
 
-PATIENCE = 60.0
+PATIENCE = 300
 """For whatever a page is to show, s: the machine may be busy, and nothing here says how fast it is."""
 
 
