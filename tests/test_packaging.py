@@ -70,8 +70,8 @@ def third_party(repository: Path, packages: tuple[str, ...]) -> dict[str, set[st
 
 
 def requirements(repository: Path, extra: str | None = None) -> set[str]:
-    told = project(repository)
-    listed = told["optional-dependencies"][extra] if extra else told["dependencies"]
+    metadata = project(repository)
+    listed = metadata["optional-dependencies"][extra] if extra else metadata["dependencies"]
     return {canonicalize_name(Requirement(line).name) for line in listed}
 
 

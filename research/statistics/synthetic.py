@@ -14,8 +14,6 @@ from evaluate.statistics.intervals import Bools, Floats
 CAP = 2.0
 TRACKING_SHAPE, TRACKING_SCALE = 6.0, 0.05
 EARLIEST_FALL = 0.1
-LARGE = 1_000_000
-"""Episodes from which a truth is taken that has no formula: its error is a thirtieth of that of 1000."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Faults planted into the real code: each must turn a named check red that passes on the code as it is."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -11,12 +11,23 @@ Faults = Mapping[str, tuple[Plant, Check]]
 """What plants a fault and the check that must fail with it, by the fault's name."""
 
 
+def replaced(module: object, name: str, faulty: object) -> Plant:
+    """A fault in the place of something of a module."""
+    return lambda patch: patch.setattr(module, name, faulty)
+
+
+def wrapped(module: object, name: str, faulty: Callable[..., object]) -> Plant:
+    """A fault in the place of a function, which is the first argument of the fault."""
+    true = getattr(module, name)
+    return replaced(module, name, lambda *arguments: faulty(true, *arguments))
+
+
 def checks_of(module: Mapping[str, Any]) -> list[Check]:
     """The functions of a module, given by its `globals()`, whose names begin with `check_`."""
     return [value for name, value in sorted(module.items()) if name.startswith("check_")]
 
 
-def fault_tests(checks: list[Check], faults: Faults) -> tuple[Callable[..., None], ...]:
+def fault_tests(checks: Sequence[Check], faults: Faults) -> tuple[Callable[..., None], ...]:
     """Three tests of these checks and faults, for pytest to find in the module that they are assigned in.
 
     Every check passes on the code as it is, every fault turns its check red, and no check is without a fault.

@@ -14,8 +14,8 @@ from evaluate.measures.episodes import blank, weight
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Cell
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.evaluate.measures.faults import checked, replaced, wrapped
 from tests.evaluate.measures.uneventful import uneventful
+from tests.planted_faults.harness import fault_tests, replaced, wrapped
 
 DT = 0.1
 STEPS = 50
@@ -156,61 +156,61 @@ CHECKS = (
     action_rate, authority_used, authority_saturated, against_base,
 )  # fmt: skip
 FAULTS = {
-    "braking gives energy back": (energy, replaced(effort, "mechanical_power", signed_power)),
+    "braking gives energy back": (replaced(effort, "mechanical_power", signed_power), energy),
     "mass for weight": (
-        cost_of_transport,
         wrapped(
             effort, "cost_of_transport", lambda true, energy, distance, weight: true(energy, distance, weight / 9.81)
         ),
+        cost_of_transport,
     ),
     "power over the whole time limit": (
-        mechanical_power,
         replaced(effort, "mean_power", lambda power, upright: np.where(upright, power, 0).mean(axis=0)),
+        mechanical_power,
     ),
     "only positive torques peak": (
-        peak_torque,
         replaced(effort, "peak_torque", lambda torque, upright: np.where(upright, torque.max(-1), -1).max(0)),
+        peak_torque,
     ),
     "torques that cancel": (
-        mean_torque,
         replaced(effort, "mean_torque", lambda torque, upright: upright_mean(torque.mean(-1), upright)),
+        mean_torque,
     ),
     "the strong motors' limit": (
-        torque_saturation,
         replaced(
             effort, "torque_saturation", lambda torque, _, upright: upright_share(np.abs(torque) >= 99.9, upright)
         ),
+        torque_saturation,
     ),
     "lower limits alone": (
-        joint_limit,
         replaced(effort, "joint_limit", lambda angle, lower, _, upright: upright_share(angle <= lower + 0.01, upright)),
+        joint_limit,
     ),
     "forward speeds alone": (
-        overspeed,
         replaced(effort, "overspeed", lambda speed, rated, upright: upright_share(speed > rated, upright)),
+        overspeed,
     ),
     "change a step for rate": (
-        action_rate,
         wrapped(effort, "action_rate", lambda true, action, upright, dt: true(action, upright, 1.0)),
+        action_rate,
     ),
     "corrections that cancel": (
-        authority_used,
         replaced(residual_use, "authority_used", lambda c, upright: upright_mean(c.astype(float).mean(-1), upright)),
+        authority_used,
     ),
     "saturated on one side": (
-        authority_saturated,
         replaced(residual_use, "authority_saturated", lambda c, upright: upright_share(c >= 0.99, upright)),
+        authority_saturated,
     ),
     "the base's place for its motion": (
-        against_base,
         wrapped(
             residual_use,
             "against_base",
             lambda true, c, base, upright, dt: true(c, np.cumsum(base, axis=0), upright, dt),
         ),
+        against_base,
     ),
-    "slight corrections judged": (against_base, replaced(residual_use, "SLIGHT", 0.0)),
+    "slight corrections judged": (replaced(residual_use, "SLIGHT", 0.0), against_base),
 }
 
 
-test_measured_by_hand, test_the_fault_is_found = checked(CHECKS, FAULTS)
+test_measured_by_hand, test_the_fault_is_found, test_every_check_has_a_fault = fault_tests(CHECKS, FAULTS)

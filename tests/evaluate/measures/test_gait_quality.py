@@ -9,8 +9,8 @@ from evaluate.measures import footfalls, gait_quality, metrics, tracking
 from evaluate.measures.averages import count, quotient, upright_mean
 from evaluate.measures.episodes import blank
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.evaluate.measures.faults import checked, replaced, wrapped
 from tests.evaluate.measures.uneventful import uneventful
+from tests.planted_faults.harness import fault_tests, replaced, wrapped
 
 DT = 0.01
 STEPS = 1000
@@ -158,41 +158,41 @@ CHECKS = (
     froude_number,
 )  # fmt: skip
 FAULTS = {
-    "rattling taken for swings": (duty_factor, replaced(footfalls, "SHORTEST_SWING", 0.0)),
+    "rattling taken for swings": (replaced(footfalls, "SHORTEST_SWING", 0.0), duty_factor),
     "time after a fall counted": (
-        duty_factor,
         replaced(gait_quality, "duty_factor", lambda stance, upright: count(stance) / len(stance)),
+        duty_factor,
     ),
     "clearance of the whole stride": (
-        foot_clearance,
         replaced(gait_quality, "foot_clearance", lambda height, falls, episodes: height[100:].max((0, 2))),
+        foot_clearance,
     ),
-    "swings of the first second": (foot_clearance, replaced(footfalls.Footfalls, "after", lambda falls, step: falls)),
-    "slip of feet in the air": (foot_slip, replaced(gait_quality, "foot_slip", slip_of_all_feet)),
+    "swings of the first second": (replaced(footfalls.Footfalls, "after", lambda falls, step: falls), foot_clearance),
+    "slip of feet in the air": (replaced(gait_quality, "foot_slip", slip_of_all_feet), foot_slip),
     "pairs of one side": (
-        phase_error,
         wrapped(gait_quality, "phase_error", lambda true, falls, _, *more: true(falls, ((FL, HL), (FR, HR)), *more)),
+        phase_error,
     ),
     "every command is zero": (
-        needless_steps,
         replaced(tracking, "standing_still", lambda command, windows: np.ones((command.shape[1], len(windows)), bool)),
+        needless_steps,
     ),
-    "path for displacement": (drift, replaced(tracking, "drift", path_length)),
-    "a mean for a root mean square of roll": (roll_rate, replaced(gait_quality, "turning_rate", mean_square_as_mean)),
-    "a mean for a root mean square of pitch": (pitch_rate, replaced(gait_quality, "turning_rate", mean_square_as_mean)),
-    "horizontal motion as vertical": (vertical_speed, replaced(gait_quality, "vertical_speed", sideways_too)),
+    "path for displacement": (replaced(tracking, "drift", path_length), drift),
+    "a mean for a root mean square of roll": (replaced(gait_quality, "turning_rate", mean_square_as_mean), roll_rate),
+    "a mean for a root mean square of pitch": (replaced(gait_quality, "turning_rate", mean_square_as_mean), pitch_rate),
+    "horizontal motion as vertical": (replaced(gait_quality, "vertical_speed", sideways_too), vertical_speed),
     "the time limit for the time upright": (
-        froude_number,
         wrapped(
             gait_quality,
             "froude_number",
             lambda true, distance, leg, upright, dt: true(distance, leg, upright | True, dt),
         ),
+        froude_number,
     ),
 }
 
 
-test_measured_by_hand, test_the_fault_is_found = checked(CHECKS, FAULTS)
+test_measured_by_hand, test_the_fault_is_found, test_every_check_has_a_fault = fault_tests(CHECKS, FAULTS)
 
 
 def test_gaps_shorter_than_a_swing_are_filled_and_others_kept() -> None:

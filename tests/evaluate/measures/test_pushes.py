@@ -9,8 +9,8 @@ import pytest
 from evaluate.measures import metrics, pushes
 from evaluate.measures.episodes import blank
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.evaluate.measures.faults import checked, replaced
 from tests.evaluate.measures.uneventful import uneventful
+from tests.planted_faults.harness import fault_tests, replaced
 
 DT = 0.01
 STEPS = 1000
@@ -120,35 +120,35 @@ CHECKS = (
 )  # fmt: skip
 FAULTS = {
     "pushes after the fall": (
-        push_time,
         replaced(pushes, "np", SimpleNamespace(**vars(np) | {"where": without_falls})),
+        push_time,
     ),
     "world frame for heading frame": (
-        push_impulse,
         replaced(pushes, "_in_heading", lambda episodes: episodes.push_impulse),
+        push_impulse,
     ),
-    "heading of the pushed robot": (push_impulse, replaced(pushes, "_at", one_step_late)),
-    "phase one step late": (push_phase, replaced(pushes, "_at", one_step_late)),
+    "heading of the pushed robot": (replaced(pushes, "_at", one_step_late), push_impulse),
+    "phase one step late": (replaced(pushes, "_at", one_step_late), push_phase),
     "a fall put down to every push before it": (
-        push_fell,
         replaced(pushes, "_next", lambda onset, steps: np.full_like(onset, steps)),
+        push_fell,
     ),
-    "a fall put down to any push ever": (fall_after_push, replaced(pushes, "FALL_WITHIN", 10.0)),
-    "swaying taken for an error": (push_recovery, replaced(pushes, "GAIT_CYCLE", DT)),
-    "no error before the push": (push_recovery, replaced(pushes, "RECOVERED_MARGIN", -1.0)),
+    "a fall put down to any push ever": (replaced(pushes, "FALL_WITHIN", 10.0), fall_after_push),
+    "swaying taken for an error": (replaced(pushes, "GAIT_CYCLE", DT), push_recovery),
+    "no error before the push": (replaced(pushes, "RECOVERED_MARGIN", -1.0), push_recovery),
     "pushes judged across commands": (
-        push_recovery,
         replaced(pushes, "_evaluable", lambda episodes: np.ones(episodes.push_step.shape, bool)),
+        push_recovery,
     ),
     "no recovery counted as none": (
-        recovery_time,
         replaced(pushes, "recovery_time", lambda recovery: np.nan_to_num(recovery, posinf=2.0).mean(axis=1)),
+        recovery_time,
     ),
     "falls are no failure to recover": (
-        not_recovered,
         replaced(pushes, "not_recovered", lambda recovery: np.isinf(recovery).sum(axis=1) * 0.0),
+        not_recovered,
     ),
 }
 
 
-test_measured_by_hand, test_the_fault_is_found = checked(CHECKS, FAULTS)
+test_measured_by_hand, test_the_fault_is_found, test_every_check_has_a_fault = fault_tests(CHECKS, FAULTS)
