@@ -1,7 +1,7 @@
 """README and docs run and render: Python blocks as they stand, commands by their options, tables by the code.
 
 Of blocks of commands those of the tutorial are run (`test_tutorial.py`). The others take minutes to hours, install
-packages or want a cluster: what is looked at are their commands and options. Blocks that are files of one folder, with
+packages: what is looked at are their commands and options. Blocks that are files of one folder, with
 a name in a comment on their first line, are run there too.
 """
 

@@ -76,8 +76,8 @@ def requirements(repository: Path, extra: str | None = None) -> set[str]:
 
 
 def optional(repository: Path) -> set[str]:
-    """Import names of the extras that evaluation can do without: films as .mp4, clusters."""
-    return {name.replace("-", "_") for extra in ("video", "cluster") for name in requirements(repository, extra)}
+    """Import names of the extras that evaluation can do without: films as .mp4."""
+    return {name.replace("-", "_") for name in requirements(repository, "video")}
 
 
 def build(folder: Path, kind: str, out: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Breaking points of policies on axes, of falls and of success, their ratios, and where the next levels are placed."""
+"""Breaking points of policies on axes, of falls and of success, and their ratios."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,17 +15,14 @@ from evaluate.statistics.breaking_point import (
     Found,
     breaking_point,
     breaking_ratio,
-    next_level,
 )
 from evaluate.statistics.intervals import Bools, Interval
-from quad_env.scenarios.axes import AXES, Axis
+from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.named import Scenario
 
 Of = Literal["falls", "success"]
 OF: tuple[Of, ...] = ("falls", "success")
 """What breaks: half of the episodes fall; half of them no longer succeed."""
-NEAREST = 1.05
-"""Ratio of two neighbouring severities below which no level is placed between them."""
 
 
 @dataclass(frozen=True)
@@ -134,32 +131,3 @@ def _on_axis(levels: Sequence[Cell], point: BreakingPoint, of: Of) -> AxisBreaki
         hardest=hardest.severity,
         of=of,
     )
-
-
-def grid(axis: Axis) -> tuple[float, ...]:
-    """Every severity that may be run: the levels of the axis, and what halving their gaps over ln(severity) gives."""
-    found = [axis.levels[0]]
-    for harder in axis.levels[1:]:
-        milder = found[-1]
-        if milder > 0.0 and harder > 0.0:
-            halvings = np.ceil(np.log2(max(abs(np.log(harder / milder)) / np.log(NEAREST), 1.0)))
-            between = np.geomspace(milder, harder, 2 ** int(halvings) + 1)[1:-1]
-            found += [float(f"{severity:.3g}") for severity in between]
-        found.append(harder)
-    return tuple(dict.fromkeys(found))
-
-
-def wanted(cells: Sequence[Cell], severities: Sequence[float], most: int) -> list[float]:
-    """Severities, of the grid, that one policy is to run next on an axis; none where nothing is left to be learned.
-
-    Args:
-        cells: what it ran on that axis.
-        severities: the grid.
-        most: levels in all.
-    """
-    ran = {cell.scenario.severity: cell for cell in cells}
-    numbers = [number for number, severity in enumerate(severities) if severity in ran]
-    known = [ran[severities[number]] for number in numbers]
-    found = [next_level(np.array(severities), numbers, np.array([failed(cell, of) for cell in known])) for of in OF]
-    new = dict.fromkeys(severities[number] for number in reversed(found) if number is not None)
-    return list(new)[: max(most - len(known), 0)]

@@ -2,7 +2,6 @@
 
 import shlex
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 # Everything that is needed to the end, so that no interrupt can come in the middle of an import.
@@ -13,8 +12,7 @@ from evaluate.commands.plan import Plan
 from evaluate.records import trace
 from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, remove_chunks
 from evaluate.report.table import print_results
-from evaluate.rollouts.cluster import ray_cluster
-from evaluate.rollouts.experiment import Cell, Executor, NotKept, Settings, TraceWriter, evaluation_seeds, run_cells
+from evaluate.rollouts.experiment import Cell, NotKept, Settings, TraceWriter, evaluation_seeds, run_cells
 from evaluate.rollouts.workers import WorkerLost, process_pool
 from quad_env.cli import launcher, memory
 from quad_env.cli.command_line import UsageError
@@ -95,7 +93,7 @@ def _simulate(plan: Plan, store: ChunkStore, interrupt: Interrupt, done: list[Ce
             store,
             _trace_writer(plan, store),
             plan.manifest.steps,
-            _engine(plan, interrupt.check),
+            process_pool(plan.options.threads, interrupt.check),
             plan.manifest.hardware,
         )
         seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
@@ -111,13 +109,6 @@ def _why(error: Exception, store: ChunkStore) -> str | None:
     if isinstance(error, WorkerLost | OSError):
         return f"{words_of(error)}; {_then(store)}"
     return None
-
-
-def _engine(plan: Plan, check: Callable[[], None]) -> Executor:
-    """What simulates the chunks; `check` is called while it waits, and may raise."""
-    if plan.options.engine == "ray":
-        return ray_cluster(plan.options.threads, plan.options.address, check)
-    return process_pool(plan.options.threads, check)
 
 
 def _chunk_size(plan: Plan) -> int:

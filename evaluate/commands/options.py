@@ -16,7 +16,7 @@ PROGRAM = "python -m evaluate"
 WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust")
 DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
-CHANGE_NO_FIGURE = ("out", "threads", "at_once", "engine", "address", "resume", "gate", "baseline", "film", "trust")
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "film", "trust")
 """Options that --resume may change."""
 
 
@@ -64,12 +64,6 @@ class Options:
     """Whether report.html shows a film of one episode."""
     threads: int = available_cores()
     """Simulating processes (count; default: this machine's cores). No result depends on it."""
-    engine: Literal["local", "ray"] = "local"
-    """Where to simulate: processes of this machine, or tasks of a Ray cluster (pip install -e ".[cluster]"). No result
-    depends on it."""
-    address: str | None = None
-    """Address of the Ray cluster, such as ray://head:10001 or 10.0.0.1:6379; without it, one of --threads workers is
-    started here for the run."""
     at_once: int = 256
     """Episodes that a process simulates and writes together (count). No result depends on it."""
 

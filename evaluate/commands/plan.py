@@ -1,6 +1,6 @@
 """What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -96,11 +96,6 @@ def policies_asked_for(
         return tuple(LabelledPolicy(label, hardware.policy(label, trust), only) for label, only in asked)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error
-
-
-def limited(labels: Iterable[str], only_on: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
-    """What --policies must be given for those policies, of which some are limited to scenarios."""
-    return tuple(f"{label}@{','.join(only_on[label])}" if label in only_on else label for label in labels)
 
 
 def _parts(name: str) -> tuple[str, tuple[str, ...]]:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.analysis.breaking_point_text import HALF, breaking_point_text
+from evaluate.analysis.breaking_point_text import breaking_point_text
 from evaluate.analysis.breaking_points import Of
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
@@ -73,20 +73,6 @@ def level_table(results: Results, axis: SeverityAxis) -> Table:
             rows.append({FIRST: words, **shares, "half": half.get((policy, of), "")})
     title = f"[bold]{escape(axis.name)}[/bold]: success in %, and falls, at {escape(axis.quantity)}"
     return console_table(title, heads | ({"half": "half at"} if half else {}), {"": rows})
-
-
-def print_breaking_points(results: Results, console: Console) -> None:
-    """Print where half of the episodes no longer succeed, and fall: a policy a row, and how many levels it ran."""
-    for axis in severity_axes(results.cells):
-        half = {(p.policy, p.of): breaking_point_text(p) for p in results.breaking_points if p.axis == axis.name}
-        ran = {name: sum((level.name, name) in results.summaries for level in axis.levels) for name in results.policies}
-        heads = {FIRST: "policy", "levels": "levels"} | {str(of): head for of, head in HALF.items()}
-        rows = (
-            {FIRST: row_name(name), "levels": str(count)} | {str(of): half.get((name, of), "") for of in HALF}
-            for name, count in ran.items()
-        )
-        title = f"[bold]{escape(axis.name)}[/bold]: {escape(axis.quantity)}"
-        console.print(console_table(title, heads, {"": rows}))
 
 
 def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:

@@ -8,7 +8,6 @@ up to the first that fails its test and from the hardest down in the same way, s
 Each is tested by itself, so that it does not matter what the same episodes do at other levels.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -89,23 +88,6 @@ def bracket(failed: Bools, tail: float = (1.0 - CONFIDENCE) / 2.0) -> tuple[int,
     fewer = binom.cdf(fails, episodes, 0.5) <= tail
     more = binom.sf(fails - 1, episodes, 0.5) <= tail
     return int(np.argmin([*fewer, False])) - 1, levels - int(np.argmin([*more[::-1], False]))
-
-
-def next_level(severities: Floats, run: Sequence[int], failed: Bools) -> int | None:
-    """Number of the severity, of all that might be run, to run next; None where one more would add nothing.
-
-    The middle of the widest gap, over ln(severity), between neighbours of those that were run (their numbers, rising,
-    and failures (k, n)) within the bracket of one half. Nothing where half fail at none or at every one of them.
-    """
-    low, high = bracket(failed)
-    if low < 0 or high == len(run):
-        rates = failed.mean(axis=1)
-        if rates[0] >= 0.5 or rates[-1] < 0.5:
-            return None
-    inside = list(run)[max(low, 0) : high + 1]
-    gaps = [(first, last) for first, last in pairwise(inside) if last > first + 1]
-    widths = [abs(np.log(severities[last] / severities[first])) for first, last in gaps]
-    return sum(gaps[int(np.argmax(widths))]) // 2 if gaps else None
 
 
 def _severities(severities: Floats, levels: tuple[int, int]) -> Interval:

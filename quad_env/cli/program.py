@@ -28,7 +28,6 @@ EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "onnx": "onnx",
     "onnxruntime": "onnx",
     "optuna": "sweep",
-    "ray": "cluster",
     "rosbags": "recording",
 }
 """Extra that installs a package, by the name that it is imported by."""

