@@ -1,5 +1,6 @@
-"""Breaking points of policies on axes, of falls and of success, and their ratios."""
+"""Breaking points of policies on axes, of falls and of success, their ratios, and how people read them."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -8,21 +9,21 @@ from typing import Literal
 import numpy as np
 
 from evaluate.analysis.comparison import pairs, usual_baseline
+from evaluate.analysis.severity_levels import amount, mildest_first
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.breaking_point import (
-    LEAST_LEVELS,
-    BreakingPoint,
-    Found,
-    breaking_point,
-    breaking_ratio,
-)
+from evaluate.statistics.breaking_point import LEAST_LEVELS, BreakingPoint, Found, breaking_point, breaking_ratio
 from evaluate.statistics.intervals import Bools, Interval
-from quad_env.scenarios.axes import AXES
-from quad_env.scenarios.named import Scenario
+from quad_env.cli.format import NO_BREAK
 
 Of = Literal["falls", "success"]
 OF: tuple[Of, ...] = ("falls", "success")
 """What breaks: half of the episodes fall; half of them no longer succeed."""
+CAVEAT = (
+    "An interval of a breaking point reaches from the last level shown to fail less than half the time to the first "
+    "shown to fail more; between levels nothing is assumed but that more is not easier, so levels near it narrow it."
+)
+HALF: dict[Of, str] = {"success": "half of the episodes no longer succeed at", "falls": "half of the episodes fall at"}
+"""Heads of tables, by what breaks, in their order."""
 
 
 @dataclass(frozen=True)
@@ -97,13 +98,6 @@ def _levels(cells: Iterable[Cell]) -> list[Cell]:
     return [first[each.severity] for each in mildest_first([cell.scenario for cell in first.values()])]
 
 
-def mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """Scenarios of one axis in the order of their hardness; an axis that is not of `AXES` hardens as it is run."""
-    axis = scenarios[0].axis
-    levels = AXES[axis].levels if axis in AXES else [each.severity for each in scenarios]
-    return sorted(scenarios, key=lambda each: each.severity, reverse=levels[0] > levels[-1])
-
-
 def failed(cell: Cell, of: Of) -> Bools:
     """Which episodes count, (n,)."""
     return cell.measures.fell if of == "falls" else ~cell.measures.succeeded
@@ -131,3 +125,32 @@ def _on_axis(levels: Sequence[Cell], point: BreakingPoint, of: Of) -> AxisBreaki
         hardest=hardest.severity,
         of=of,
     )
+
+
+def breaking_point_text(point: AxisBreakingPoint) -> str:
+    """`48 N·s [45, 51]`; `none up to 100 N·s` where less than half ever fall; `already at 20 N·s`, the mildest."""
+    figure, ends = figure_and_interval(point)
+    unit = amount(0.0, point.unit).removeprefix("0")
+    return f"{figure}{unit} [{ends}]" if ends else f"{figure}{unit}"
+
+
+def figure_and_interval(point: AxisBreakingPoint) -> tuple[str, str]:
+    """The same without unit, the figure apart from its interval, `45, 51`, which is empty where there is none."""
+    if point.found == "never":
+        to = "up to" if point.hardest == point.highest else "down to"
+        return f"none {to} {amount(point.hardest)}", ""
+    if point.found == "always":
+        return f"already at {amount(point.lowest if point.hardest == point.highest else point.highest)}", ""
+    return f"{_digits(point.severity50):g}", _ends(point)
+
+
+def _ends(point: AxisBreakingPoint) -> str:
+    low, high = point.ci
+    lower = f"{_digits(low):g}" if math.isfinite(low) else f"<{NO_BREAK}{amount(point.lowest)}"
+    upper = f"{_digits(high):g}" if math.isfinite(high) else f">{NO_BREAK}{amount(point.highest)}"
+    return f"{lower},{NO_BREAK}{upper}"
+
+
+def _digits(value: float) -> float:
+    """Three significant digits: no interval is narrower."""
+    return float(f"{value:.3g}")

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from evaluate.analysis.breaking_points import mildest_first
 from evaluate.rollouts.experiment import Cell
 from quad_env.cli.format import NO_BREAK
 from quad_env.scenarios.axes import AXES
@@ -59,6 +58,13 @@ def severity_axes(cells: Sequence[Cell]) -> tuple[SeverityAxis, ...]:
     return tuple(
         SeverityAxis(name, group[0].severity_unit, tuple(mildest_first(group))) for name, group in groups.items()
     )
+
+
+def mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
+    """Scenarios of one axis in the order of their hardness; an axis that is not of `AXES` hardens as it is run."""
+    axis = scenarios[0].axis
+    levels = AXES[axis].levels if axis in AXES else [each.severity for each in scenarios]
+    return sorted(scenarios, key=lambda each: each.severity, reverse=levels[0] > levels[-1])
 
 
 def amount(value: float, unit: str = "") -> str:

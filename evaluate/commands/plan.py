@@ -17,12 +17,7 @@ from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, sole_use
 from quad_env.scenarios.named import Scenario
 
-LIMITS = {
-    "episodes": manifests.LIMITS["episodes"],
-    "seed": manifests.LIMITS["seed"],
-    "threads": (1, 256),
-    "at_once": (1, 65_536),
-}
+LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
 """Smallest and largest value of each number of the options."""
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from evaluate.measures.metrics import Measures
@@ -26,20 +25,6 @@ RUN = b"run"
 """Key of the table's metadata: the fingerprint of the run that its rows belong to."""
 _WIDTH = b"width"
 """Key of a column's metadata: how long the vectors in its lists are."""
-
-_KINDS = {
-    **dict.fromkeys(("policy", "scenario", "outcome"), (pa.string(), False)),
-    **dict.fromkeys(("fall_reason", "failure"), (pa.string(), True)),
-    **dict.fromkeys(("episode", "seed"), (pa.int64(), False)),
-    **dict.fromkeys(("fell", "diverged"), (pa.bool_(), False)),
-    **dict.fromkeys(("velocity_error", "yaw_rate_error", "mean_velocity_error"), (pa.float64(), False)),
-}
-"""Type of each column's values, and whether one may be absent, where these are not figures that may."""
-_DEPTHS = {
-    **dict.fromkeys(("duty_factor", "push_time", "push_phase", "push_fell", "push_recovery"), 1),
-    **dict.fromkeys(("commands", "mean_velocities", "push_impulse"), 2),
-}
-"""Of columns of lists, and of lists of lists, which: all others hold a figure an episode."""
 
 
 def table(cell: Cell, episodes: NDArray[np.int64] | None = None) -> pa.Table:
@@ -99,30 +84,10 @@ def read_table(path: Path, run: str | None = None, check: Callable[[pa.Table], o
     def checked(rows: pa.Table) -> None:
         if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
             raise ValueError(f"{path} is of another run")
-        _check_columns(rows)
         check(rows)
 
     rows = parquet.read(path, checked)
     return rows if "outcome" in rows.column_names else _with_outcome(rows)
-
-
-def _check_columns(rows: pa.Table) -> None:
-    """Raise ValueError for the first column that does not hold what `table` writes there."""
-    if len(set(rows.column_names)) < rows.num_columns:
-        raise ValueError("two of its columns have one name")
-    for name in (name for name in rows.column_names if name in {"severity", *_KINDS, *MEASURES}):
-        column, depth = rows.column(name), _DEPTHS.get(name, 0)
-        kind, absent = _KINDS.get(name, (pa.float64(), not depth))
-        for _ in range(depth):
-            kind = pa.list_(kind)
-        if column.type != kind or (column.null_count and not absent):
-            raise ValueError(f"its column {name} holds {column.type}, or nothing, where it must hold {kind}")
-        if kind == pa.float64() and not pc.all(pc.is_finite(column.drop_null()), min_count=0).as_py():
-            raise ValueError(f"its column {name} holds a number that is not finite")
-    if {"fell", "fall_time"} <= set(rows.column_names):
-        fell, timed = (rows.column(name) for name in ("fell", "fall_time"))
-        if fell.to_pylist() != timed.is_valid().to_pylist():
-            raise ValueError("an episode fell at no time, or has the time of a fall and did not fall")
 
 
 def _with_outcome(rows: pa.Table) -> pa.Table:

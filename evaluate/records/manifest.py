@@ -17,7 +17,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.scenarios.named import Scenario
-from quad_env.serialisation import check_types, from_plain, to_plain
+from quad_env.serialisation import from_plain, to_plain
 
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", "report.md", NAME)
@@ -25,8 +25,6 @@ FILES = ("results.json", "episodes.parquet", "report.html", "report.md", NAME)
 CHUNKS = "parts"
 """Folder of the chunks of cells, while a run is going on."""
 SCHEMA = 1
-LIMITS = {"seed": (0, 2**63 - 1), "episodes": (1, 1_000_000), "steps": (1, 1_000_000), "threads": (1, 65_536)}
-"""Smallest and largest value of each number of a run."""
 _SHA256 = "sha256"
 """Key of the hash of all else in the file."""
 _OF_NO_FIGURE = ("options", "date", "fingerprint")
@@ -141,7 +139,9 @@ def read(folder: Path) -> Manifest:
             raise ValueError("it is of another schema")
         if _is_changed(found):
             raise UsageError(f"{path} has been changed since it was written: restore it, or run the evaluation again")
-        manifest = _decoded(found)
+        values = {name: value for name, value in found.items() if name not in ("schema", _SHA256)}
+        made = {"scenarios": from_plain(found["scenarios"]), "hardware": Hardware(**found["hardware"])}
+        manifest = Manifest(**(values | made))
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no manifest of this version ({error})") from error
     hardware_of(manifest.hardware.robot, f"{path}: its robot")
@@ -158,21 +158,6 @@ def _is_changed(found: dict[str, Any]) -> bool:
     provenance = {name: value for name, value in contents.items() if name not in ("schema", *_OF_NO_FIGURE)}
     digest = _digest(contents)
     return bool(found["fingerprint"] != _fingerprint(provenance) or found.get(_SHA256, digest) != digest)
-
-
-def _decoded(found: dict[str, Any]) -> Manifest:
-    """The manifest of a file's contents. Raises ValueError and what the contents' absence raises."""
-    values = {name: value for name, value in found.items() if name not in ("schema", _SHA256)}
-    made = {"scenarios": from_plain(found["scenarios"]), "hardware": Hardware(**found["hardware"])}
-    manifest = Manifest(**(values | made))
-    check_types(manifest)
-    check_types(manifest.hardware)
-    for name, (low, high) in LIMITS.items():
-        if not low <= getattr(manifest, name) <= high:
-            raise ValueError(f"{name} must be from {low} to {high}, not {getattr(manifest, name)}")
-    if not manifest.cells or len({scenario.name for scenario in manifest.scenarios}) < len(manifest.scenarios):
-        raise ValueError("it has no policy with a scenario, or a scenario twice")
-    return manifest
 
 
 def _fingerprint(provenance: Mapping[str, Any]) -> str:

@@ -2,7 +2,6 @@
 
 import ctypes
 import hashlib
-import os
 import platform
 import subprocess
 from collections.abc import Iterator, Mapping
@@ -22,8 +21,6 @@ from quad_env.config import FallRule
 REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("quad_env", "policies", "evaluate")
 """Packages that the figures depend on."""
-REVISION = "SIMPLE_QUAD_REVISION"
-"""Environment variable: the revision of code that was sent without its repository."""
 DIGEST = "2-"
 """Start of every policy's digest; older digests lack it and include names of modules."""
 _KINDS = {".py", ".xml", ".json"}
@@ -73,8 +70,6 @@ def model_of(hardware: Hardware) -> dict[str, str]:
 
 def git_revision(folder: Path) -> str | None:
     """The commit of a checkout, with `-dirty` if tracked files differ from it; None if there is none."""
-    if sent := os.environ.get(REVISION):
-        return sent
     revision = _git(folder, "rev-parse", "HEAD")
     if revision is None:
         return None

@@ -2,7 +2,6 @@
 
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -96,7 +95,7 @@ def read_run(folder: Path) -> Run:
     manifest, rows, stored = _read(folder)
     try:
         return Run(manifest, tuple(_cells(manifest, rows)), stored)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise _unreadable(folder, error) from error
 
 
@@ -106,21 +105,18 @@ def read_rows(folder: Path) -> tuple[Manifest, pa.Table]:
 
 
 def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
-    """Manifest, rows, and whether these are those of episodes.parquet alone; errors as of `read_run`."""
+    """Manifest, rows, and whether these are those of episodes.parquet; errors as of `read_run`."""
     manifest, parts = manifests.read(folder), is_unfinished(folder)
     try:
         rows = _stored(folder / EPISODES, manifest)
-        if not parts or rows.num_rows == manifest.episodes * len(manifest.cells):
-            return manifest, rows, bool(rows.num_rows)
-        # A part and the table may each hold what the other has lost: their episodes are the same ones.
-        found = {(cell.scenario.name, cell.policy): cell for cell in _cells(manifest, rows)}
     except ValueError as error:
         if not parts:
             raise _unreadable(folder, error) from error
-        found = {}
-    found |= {(cell.scenario.name, cell.policy): cell for cell in _from_chunks(ChunkStore(folder, manifest, True))}
-    whole = [found[key] for scenario, policy in manifest.cells if (key := (scenario.name, policy)) in found]
-    return manifest, pa.concat_tables([table(cell) for cell in whole]) if whole else pa.table({}), False
+        rows = pa.table({})
+    if not parts or rows.num_rows == manifest.episodes * len(manifest.cells):
+        return manifest, rows, bool(rows.num_rows)
+    cells = [table(cell) for cell in _from_chunks(ChunkStore(folder, manifest, True))]
+    return manifest, pa.concat_tables(cells) if cells else pa.table({}), False
 
 
 def _stored(path: Path, manifest: Manifest) -> pa.Table:
@@ -143,21 +139,8 @@ def _check_whole(manifest: Manifest, rows: pa.Table) -> None:
     there = {(scenario, policy) for scenario, policy, _ in found}
     cells = [(scenario.name, policy) for scenario, policy in manifest.cells]
     wanted = [(*cell, number) for cell in cells if cell in there for number in range(manifest.episodes)]
-    if found == wanted:
-        return
-    count, known = Counter(found), set(wanted)
-    faults = {
-        "missing": [each for each in wanted if not count[each]],
-        "there twice": [each for each in wanted if count[each] > 1],
-        "not of this run": [each for each in count if each not in known],
-    }
-    words = [
-        f"{counted(len(which), 'episode')} {'is' if len(which) == 1 else 'are'} {fault}: "
-        f"{which[0][2]} of {which[0][1]} on {which[0][0]}{', …' * (len(which) > 1)}"
-        for fault, which in faults.items()
-        if which
-    ]
-    raise ValueError("; ".join(words) or "its rows are not in the order in which they were written")
+    if found != wanted:
+        raise ValueError("episodes are missing, there twice, not of this run or not in their order")
 
 
 def rows_of(rows: pa.Table, policy: str, scenario: str) -> pa.Table:

@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from evaluate.analysis.breaking_point_text import CAVEAT, HALF, breaking_point_text
+from evaluate.analysis.breaking_points import CAVEAT, HALF, breaking_point_text
 from evaluate.analysis.comparison import FALL_RATE, RATES, SUCCESS_RATE
-from evaluate.analysis.findings import PHRASES, UNSHOWN, findings_by_policy, headline, summary
+from evaluate.analysis.findings import headline
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
@@ -31,7 +31,6 @@ def render(results: Results, gates: Sequence[GateResult] = ()) -> str:
     parts = [_head(results)]
     if gates:
         parts.append("### Gates\n\n" + "\n".join(f"- {_plain(each.line)}" for each in gates))
-    parts += _findings(results)
     parts += [*_breaking_points(results), CAVEAT] if results.breaking_points else []
     parts += [_folded(results, axis) for axis in severity_axes(results.cells)]
     return "\n\n".join(parts) + "\n"
@@ -54,14 +53,6 @@ def _head(results: Results) -> str:
 def _plain(text: str) -> str:
     """A text of a user's, in which Markdown sees no marks of its own."""
     return re.sub(r"([\\`*_<>\[\]])", r"\\\1", text)
-
-
-def _findings(results: Results) -> Iterator[str]:
-    for policy, found in findings_by_policy(results):
-        if found:
-            lines = [f"- {text}" for metric in PHRASES if (text := summary(found, metric))]
-            lines += [f"- {finding.kind}: {finding.text}" for finding in found if finding.kind != UNSHOWN]
-            yield _details(f"{policy} in words", "\n".join(lines))
 
 
 def _breaking_points(results: Results) -> Iterator[str]:

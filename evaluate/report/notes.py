@@ -1,6 +1,6 @@
 """How the figures were made: what a reader has to know before believing them."""
 
-from evaluate.analysis.breaking_point_text import CAVEAT
+from evaluate.analysis.breaking_points import CAVEAT
 from evaluate.analysis.results import Results
 from evaluate.measures.outcomes import SUCCESS_RULE
 from quad_env.cli.format import counted, listed

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from evaluate.analysis.findings import PHRASES, UNSHOWN, Finding, findings_by_policy, headline, summary
+from evaluate.analysis.findings import headline
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
@@ -27,8 +27,6 @@ from quad_env.files.writing import write_atomically
 
 FILM_PLACE = 6
 """Place of the film among the sections; it is made in another process meanwhile."""
-FEW_AXES = 4
-"""Up to so many axes the findings are unfolded."""
 
 
 Origin = tuple[str, str]
@@ -106,16 +104,7 @@ def _outcome(results: Results) -> str:
     first = "".join(
         f"<p><strong>{escape(lead)}</strong> {escape(' '.join(rest))}</p>" for lead, *rest in headline(results)
     )
-    details = (_findings(results, policy, found) for policy, found in findings_by_policy(results))
-    return section("Outcome", first, *details)
-
-
-def _findings(results: Results, policy: str, found: list[Finding]) -> str:
-    summaries = [f"<li>{escape(text[0].upper() + text[1:])}.</li>" for m in PHRASES if (text := summary(found, m))]
-    claims = [f'<li class="{f.kind}">{escape(f.text)}.</li>' for f in found if f.kind != UNSHOWN]
-    title = f"{policy_label(results, policy)} against {escape(results.baseline)}"
-    body = f"<ul>{''.join(summaries)}</ul>" + (f"<ul>{''.join(claims)}</ul>" if claims else "")
-    return fold(title, body, opened=len(severity_axes(results.cells)) <= FEW_AXES, printed=True) if found else ""
+    return section("Outcome", first)
 
 
 def _gates(gates: Sequence[GateResult]) -> str:

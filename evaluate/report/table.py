@@ -8,8 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from evaluate.analysis.breaking_point_text import breaking_point_text
-from evaluate.analysis.breaking_points import Of
+from evaluate.analysis.breaking_points import Of, breaking_point_text
 from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes

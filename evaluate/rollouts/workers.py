@@ -27,8 +27,8 @@ MOST_WORKERS = 30 if sys.platform == "win32" else 1024
 """Windows waits for 63 things at a time before Python 3.13, and each worker is two."""
 FEWEST_STEPS = 100_000
 """Control steps, of all robots together, below which the workers' start takes longer than they save."""
-ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1"}
-"""Environment variables of the workers: their matrices are small, and the other cores have workers of their own."""
+BLAS_THREADS = "OPENBLAS_NUM_THREADS"
+"""Environment variable, 1 in workers: their matrices are small, and the other cores have workers of their own."""
 
 
 class WorkerLost(UsageError):
@@ -117,7 +117,7 @@ def _workers(count: int) -> Iterator[list[_Worker]]:
     context, begun = multiprocessing.get_context("spawn"), list[_Worker]()
     try:
         try:
-            with worker_environment():
+            with _worker_environment():
                 for _ in range(count):
                     begun.append(_Worker(context))
         except OSError as error:
@@ -141,29 +141,24 @@ def _end(workers: Sequence[_Worker]) -> None:
 
 
 @contextlib.contextmanager
-def worker_environment() -> Iterator[None]:
-    """Processes begun now have this ENVIRONMENT and never receive Ctrl-C, which is for the one that began them."""
-    before = {name: os.environ.get(name) for name in ENVIRONMENT}
-    os.environ.update(ENVIRONMENT)
+def _worker_environment() -> Iterator[None]:
+    """Processes begun now have one BLAS thread and never receive Ctrl-C, which is for the one that began them."""
+    before = os.environ.get(BLAS_THREADS)
+    os.environ[BLAS_THREADS] = "1"
     try:
         with without_ctrl_c():
             yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-class _Stopped(Exception):
-    """Raised in a worker whose outcome is no longer wanted."""
+        if before is None:
+            del os.environ[BLAS_THREADS]
+        else:
+            os.environ[BLAS_THREADS] = before
 
 
 def _work(pipe: Connection) -> None:
     """Ask for tasks, and send the outcome of each, or the exception that ended it, until the pipe is closed."""
     serve_parent()
-    with contextlib.suppress(EOFError, OSError, MemoryError, _Stopped):
+    with contextlib.suppress(EOFError, OSError, MemoryError):
         pipe.send(None)
         while True:
             pipe.send(_outcome(pipe.recv(), pipe))
@@ -178,15 +173,10 @@ def _outcome(task: Task, pipe: Connection) -> Chunk | BaseException:
         if (now := time.monotonic()) < due:
             return
         due = now + POLL_PERIOD
-        try:
-            pipe.send(float(share))
-        except OSError:
-            raise _Stopped from None
+        pipe.send(float(share))  # fails, and ends the task, once its outcome is no longer wanted
 
     try:
         return simulate(task, 1, report)
-    except _Stopped:
-        raise
     except BaseException as error:
         return _sendable(error)
 

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from html import escape
 
-from evaluate.analysis.breaking_point_text import CAVEAT, HALF, figure_and_interval
-from evaluate.analysis.breaking_points import AxisBreakingPoint, Of
+from evaluate.analysis.breaking_points import CAVEAT, HALF, AxisBreakingPoint, Of, figure_and_interval
 from evaluate.analysis.results import Results
 from evaluate.analysis.score import WORDS, Score
 from evaluate.analysis.sensitivity import LEAD as EFFECTS

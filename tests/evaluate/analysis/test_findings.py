@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from evaluate.analysis.breaking_point_text import breaking_point_text
-from evaluate.analysis.breaking_points import AxisBreakingPoint, BreakingPointRatio
+from evaluate.analysis.breaking_points import AxisBreakingPoint, BreakingPointRatio, breaking_point_text
 from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE
 from evaluate.analysis.findings import (
     BETTER,
