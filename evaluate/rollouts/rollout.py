@@ -6,7 +6,7 @@ One episode an environment, so that short ones are never over-counted.
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,18 +50,16 @@ def roll_out(
     the bit either way. `command`, (3,) or (n, 3), is held for the whole episode; without, the scenario draws commands.
     Raises ValueError for a policy that was made for another robot or another control period.
     """
-    walk = _robots(
+    env = batch_of(
         policy,
         scenario,
-        seeds,
-        observers,
+        len(seeds),
         steps=steps,
         nthread=nthread,
-        command=command,
         terminate_on_fall=terminate_on_fall,
         hardware=hardware,
     )
-    _move(policy, [walk])
+    _move(policy, [_robots(policy, env, seeds, observers, command)])
 
 
 def watch(
@@ -76,8 +74,8 @@ def watch(
     """The start and the control steps of one episode, each simulated on demand: several policies' episodes can
     go side by side. A robot that has fallen goes on; otherwise as in `roll_out`."""
     steps_done: list[Step] = []
-    how: Any = {"steps": steps, "nthread": 1, "command": command, "terminate_on_fall": False, "hardware": hardware}
-    with closing(_robots(policy, scenario, np.array([seed]), (steps_done.append,), **how)) as robot:
+    env = batch_of(policy, scenario, 1, steps=steps, nthread=1, terminate_on_fall=False, hardware=hardware)
+    with closing(_robots(policy, env, np.array([seed]), (steps_done.append,), command)) as robot:
         next(robot)
         policy.reset(num_envs=1, seed=0)
         action = None
@@ -112,26 +110,12 @@ def _move(policy: Policy, walks: Sequence[Robots]) -> None:
 
 def _robots(
     policy: Policy,
-    scenario: str | Scenario,
+    env: "SimpleQuadVectorEnv",
     seeds: NDArray[np.int64],
     observers: Sequence[Observer],
-    *,
-    steps: int,
-    nthread: int,
-    command: ArrayLike | None = None,
-    terminate_on_fall: bool = True,
-    hardware: Hardware = IDEAL,
+    command: ArrayLike | None,
 ) -> Robots:
-    """See `roll_out`."""
-    env = batch_of(
-        policy,
-        scenario,
-        len(seeds),
-        steps=steps,
-        nthread=nthread,
-        terminate_on_fall=terminate_on_fall,
-        hardware=hardware,
-    )
+    """See `roll_out`; the environment is closed at the end."""
     with closing(env):
         policy.check_fits(env.robot, env.dt)
         step, ended = begin(env, seeds, command), False
@@ -152,8 +136,8 @@ def batch_of(
     *,
     steps: int | None,
     nthread: int,
-    terminate_on_fall: bool,
-    hardware: Hardware,
+    terminate_on_fall: bool = True,
+    hardware: Hardware = IDEAL,
 ) -> "SimpleQuadVectorEnv":
     """`count` robots whose readings observers get, for episodes of so many control steps, or without a time limit."""
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -235,10 +219,8 @@ def run_each(
     moves that is many times faster. What is the policy's own, such as its phase, is not in the records.
     """
     recorders = [Recorder(None, seeds, steps) for _ in scenarios]
-    walks = [
-        _robots(policy, scenario, seeds, (recorder,), steps=steps, nthread=nthread)
-        for scenario, recorder in zip(scenarios, recorders, strict=True)
-    ]
+    envs = [batch_of(policy, scenario, len(seeds), steps=steps, nthread=nthread) for scenario in scenarios]
+    walks = [_robots(policy, env, seeds, (each,), None) for env, each in zip(envs, recorders, strict=True)]
     _move(policy, walks)
     return [recorder.episodes() for recorder in recorders]
 
