@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluate.analysis.comparison import compare
+from evaluate.analysis.comparison import METRICS, by_episode, compare, compare_samples
 from evaluate.statistics.intervals import share_difference_interval
 from evaluate.statistics.significance import holm
 from quad_env import SCENARIOS
@@ -54,23 +54,8 @@ def test_a_claim_takes_the_corrected_p_value(made_up_cell) -> None:
 def test_a_policy_alone_has_nothing_to_compare(made_up_cell) -> None:
     assert compare([made_up_cell("trot", NEVER)]) == []
     assert compare([]) == []
-
-
-def test_the_first_policy_is_the_baseline_where_the_trot_is_missing(made_up_cell) -> None:
-    generator = np.random.default_rng(1)
-    found = compare([made_up_cell(policy, NEVER, generator.random(64)) for policy in ("x", "y", "z")])
-    family = [c for c in found if c.metric == "velocity_error" and c.b == "x"]
-    assert [c.a for c in family] == ["y", "z"]
-    assert [c.p_value_holm for c in family] == holm([c.p_value for c in family])
-
-
-def test_falls_have_the_interval_of_paired_shares(made_up_cell) -> None:
-    trot, a = NEVER.copy(), NEVER.copy()
-    trot[:9], a[7:10] = True, True  # two fall in both, seven of trot alone, one of a alone
-    falls = next(c for c in compare([made_up_cell("trot", trot), made_up_cell("a", a)]) if c.metric == "fall_rate")
-    assert falls.difference == pytest.approx((1 - 7) / 64)
-    assert falls.ci == share_difference_interval(1, 7, 64)
-    assert falls.gain == pytest.approx((7 - 1) / 64)
+    first_named = compare([made_up_cell(policy, NEVER) for policy in "xy"])
+    assert {c.b for c in first_named} == {"x"}
 
 
 def test_more_success_is_a_gain_and_more_falls_are_none(made_up_cell) -> None:
@@ -89,3 +74,24 @@ def test_no_fall_of_either_is_no_certainty(made_up_cell) -> None:
     assert low == pytest.approx(-high)
     assert 0.03 < high < 0.08
     assert not falls.significant
+
+
+def test_two_runs_of_the_same_episodes_are_compared_as_two_policies_of_one_run_are(made_up_cell) -> None:
+    """The same difference, interval and p-value, to the bit: a purpose has one interval."""
+    generator = np.random.default_rng(0)
+    cells = [made_up_cell(name, generator.random(64) < 0.1, generator.gamma(2.0, 0.1, 64)) for name in ("trot", "new")]
+    a, b = ({metric: by_episode(cell, metric) for metric in METRICS} for cell in cells)
+    policies = {each.metric: each for each in compare(cells)}
+    for run in compare_samples(a, b, paired=True):
+        expected = policies[run.metric]
+        assert (run.ci, run.p_value, run.test) == (expected.ci, expected.p_value, expected.test)
+        assert run.difference == pytest.approx(expected.difference)
+
+
+def test_unpaired_samples_may_differ_in_size() -> None:
+    a = {"fall_rate": np.ones(4), "velocity_error": np.ones(4)}
+    b = {"fall_rate": np.zeros(9), "velocity_error": np.zeros(9)}
+    falls, velocity = compare_samples(a, b, paired=False)
+    assert (falls.difference, velocity.difference) == (-1.0, -1.0)
+    assert falls.p_value < 0.01
+    assert velocity.p_value < 0.01

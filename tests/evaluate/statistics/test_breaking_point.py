@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluate.statistics.breaking_point import bracket, breaking_point, breaking_ratio, monotone_curve, next_level
+from evaluate.statistics.breaking_point import bracket, breaking_point, breaking_ratio, monotone_curve
 
 PUSHES = np.array([20.0, 35.0, 50.0, 65.0, 80.0, 100.0])
 FRICTION = np.array([1.0, 0.7, 0.5, 0.35, 0.25])
@@ -34,14 +34,6 @@ def test_less_is_harder_where_the_levels_fall() -> None:
     assert point.ci[0] < point.severity50 < point.ci[1]
 
 
-def test_both_directions_are_one_problem() -> None:
-    """Friction f as slipperiness 1 / f: the same falls give the reciprocal."""
-    fell = falls(1.0 / FRICTION, strengths(2.5, 0.2))
-    up, down = breaking_point(1.0 / FRICTION, fell), breaking_point(FRICTION, fell)
-    assert down.severity50 == pytest.approx(1.0 / up.severity50)
-    assert down.ci == pytest.approx((1.0 / up.ci[1], 1.0 / up.ci[0]))
-
-
 def test_less_than_half_at_the_hardest_never_breaks() -> None:
     fell = np.zeros((6, 100), bool)
     fell[-1, :49] = True
@@ -59,13 +51,6 @@ def test_half_at_the_mildest_is_broken_already() -> None:
     assert breaking_point(PUSHES, fell).found == "always"
     fell[0, 49] = False
     assert breaking_point(PUSHES, fell).found == "crossed"
-
-
-def test_a_sharp_edge_lies_between_two_levels() -> None:
-    """Every robot falls from 57.3 N·s on: the data say no more than 50 to 65, and neither does the interval."""
-    point = breaking_point(PUSHES, falls(PUSHES, np.full(EPISODES, 57.3)))
-    assert point.ci == pytest.approx((50.0, 65.0))
-    assert 50.0 < point.severity50 < 65.0
 
 
 def test_an_interval_may_end_beyond_the_levels() -> None:
@@ -120,17 +105,6 @@ def test_an_interval_errs_in_a_fortieth_on_either_side_and_that_of_a_ratio_in_an
         found = breaking_point(severities, failed)
         assert (found.ci, found.wide) == (ci, wide)
         assert bracket(failed) == (severities.tolist().index(ci[0]), severities.tolist().index(ci[1]))
-
-
-def test_the_next_level_halves_the_widest_gap_of_the_bracket() -> None:
-    severities = np.geomspace(1.0, 256.0, 9)
-    failed = np.array([np.arange(20) < count for count in (0, 20)])
-    assert next_level(severities, (0, 8), failed) == 4
-    third = np.array([np.arange(20) < count for count in (0, 10, 20)])
-    assert next_level(severities, (0, 2, 8), third) == 5
-    assert next_level(severities, (0, 1, 2), third) is None
-    assert next_level(severities, (0, 2, 8), np.zeros((3, 20), bool)) is None
-    assert next_level(severities[::-1], (0, 8), failed) == 4
 
 
 def test_a_ratio_is_claimed_where_one_level_tells_the_two_apart() -> None:

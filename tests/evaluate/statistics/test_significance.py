@@ -6,10 +6,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from evaluate.statistics.significance import (
-    EXACT_PAIRS,
     fall_rates_test,
     holm,
     mcnemar,
@@ -36,31 +34,19 @@ def test_mcnemar_looks_at_disagreements_alone() -> None:
     assert mcnemar(*outcomes(5, 0, 0, 5)) == 1.0
 
 
-def test_sign_flips_of_three_pairs_by_hand() -> None:
+def test_sign_flips_of_few_pairs_by_hand() -> None:
     # Of the 8 flips of (1, 2, 3) only +++ and −−− reach |sum| = 6.
     assert sign_flip_test(np.array([1.0, 2.0, 3.0])) == pytest.approx(2 / 8)
-    # |sum| of (1, 2, −3) is 0: every flip reaches it.
-    assert sign_flip_test(np.array([1.0, 2.0, -3.0])) == 1.0
-
-
-def test_flips_that_are_equal_on_paper_count_as_equal() -> None:
-    # 0.1 + 0.2 − 0.3 and its kin differ from each other in the last bits.
+    # 0.1 + 0.2 − 0.3 and its kin differ from each other in the last bits; on paper they are equal.
     assert sign_flip_test(np.array([0.1, 0.2, 0.3, 0.1])) == pytest.approx(2 / 16)
 
 
-@pytest.mark.parametrize("pairs", [5, EXACT_PAIRS])
-def test_exact_sign_flips_equal_scipys(pairs) -> None:
-    differences = np.random.default_rng(pairs).normal(0.4, 1.0, pairs)
-    reference = stats.permutation_test((differences,), np.mean, permutation_type="samples", n_resamples=np.inf)
-    assert sign_flip_test(differences) == pytest.approx(reference.pvalue)
-
-
-def test_a_random_p_value_is_never_zero() -> None:
+def test_a_p_value_is_neither_zero_nor_more_than_one() -> None:
     assert sign_flip_test(np.full(128, -0.1)) == pytest.approx(1 / 100_000)
-
-
-def test_no_difference_at_all_has_p_one() -> None:
     assert sign_flip_test(np.zeros(128)) == 1.0
+    assert relabelling_test(np.ones(8), np.ones(9)) == 1.0
+    for fell in (True, False):
+        assert fall_rates_test(np.full(12, fell), np.full(9, fell)) == 1.0
 
 
 def test_random_sign_flips_have_the_chances_of_all_of_them() -> None:
@@ -82,25 +68,13 @@ def test_p_values_of_every_relabelling_are_even() -> None:
     assert p_values == pytest.approx(np.arange(1, 36) / 35, abs=0.015)
 
 
-def test_mcnemar_is_statsmodels() -> None:
-    # statsmodels.stats.contingency_tables.mcnemar([[30, 3], [14, 81]], exact=True).pvalue
-    assert mcnemar(*outcomes(30, 3, 14, 81)) == pytest.approx(0.012725830078125)
-
-
 def test_a_small_p_value_is_resolved_further() -> None:
     # Of the 2¹⁶ flips only the observed one and its opposite reach the sum; 9999 flips could not tell this from 1e-4.
     assert 1e-5 <= sign_flip_test(np.linspace(1.0, 2.0, 16)) < 9e-5
 
 
-def test_holm_is_statsmodels() -> None:
-    # statsmodels.stats.multitest.multipletests(p, method="holm")[1]
-    p = [0.01, 0.04, 0.03, 0.005, 0.2, 0.03]
-    assert holm(p) == pytest.approx([0.05, 0.12, 0.12, 0.03, 0.2, 0.12])
-
-
 def test_holm_by_hand() -> None:
     assert holm([]) == []
-    assert holm([0.3]) == [0.3]
     assert holm([0.04, 0.01]) == pytest.approx([0.04, 0.02])
     assert holm([0.4, 0.4, 0.4]) == [1.0, 1.0, 1.0]
 
@@ -124,17 +98,3 @@ def barnard_by_hand(fell_a: int, a: int, fell_b: int, b: int) -> float:
 def test_fall_rates_of_different_episodes_by_hand(fell_a, a, fell_b, b) -> None:
     p_value = fall_rates_test(np.arange(a) < fell_a, np.arange(b) < fell_b)
     assert p_value == pytest.approx(barnard_by_hand(fell_a, a, fell_b, b), rel=2e-3)
-
-
-def test_fall_rates_of_different_episodes_are_scipys_where_no_outcomes_tie() -> None:
-    reference = stats.barnard_exact([[20, 33], [44, 31]]).pvalue
-    assert fall_rates_test(np.arange(64) < 20, np.arange(64) < 33) == pytest.approx(reference, rel=1e-3)
-
-
-@pytest.mark.parametrize("fell", [True, False])
-def test_no_fall_or_only_falls_show_no_difference(fell) -> None:
-    assert fall_rates_test(np.full(12, fell), np.full(9, fell)) == 1.0
-
-
-def test_relabelling_of_equal_values_has_p_one() -> None:
-    assert relabelling_test(np.ones(8), np.ones(9)) == 1.0

@@ -21,33 +21,9 @@ from evaluate.statistics.intervals import (
 )
 
 
-@pytest.mark.parametrize(
-    ("successes", "trials", "low", "high"),
-    [
-        # Newcombe 1998, Statistics in Medicine 17, Table I, method 3 (score, no continuity correction).
-        (81, 263, 0.2553, 0.3662),
-        (15, 148, 0.0624, 0.1605),
-        (0, 20, 0.0, 0.1611),
-        (1, 29, 0.0061, 0.1718),
-    ],
-)
-def test_wilson_interval_as_published(successes, trials, low, high) -> None:
-    assert wilson_interval(successes, trials) == pytest.approx((low, high), abs=5e-5)
-
-
-def test_wilson_interval_without_trials_does_not_exist() -> None:
-    assert np.isnan(wilson_interval(0, 0)).all()
-
-
-@pytest.mark.parametrize(
-    ("only_a", "only_b", "pairs", "low", "high"),
-    [
-        # Fagerland, Lydersen and Laake 2014, Statistics in Medicine 33, airway hyper-responsiveness: Tango's interval.
-        (1, 7, 21, -0.517, -0.026),
-    ],
-)
-def test_share_difference_interval_as_published(only_a, only_b, pairs, low, high) -> None:
-    assert share_difference_interval(only_a, only_b, pairs) == pytest.approx((low, high), abs=5e-4)
+def test_share_difference_interval_as_published() -> None:
+    # Fagerland, Lydersen and Laake 2014, Statistics in Medicine 33, airway hyper-responsiveness: Tango's interval.
+    assert share_difference_interval(1, 7, 21) == pytest.approx((-0.517, -0.026), abs=5e-4)
 
 
 def quartic_limits(only_a: int, only_b: int, pairs: int) -> tuple[float, float]:
@@ -65,7 +41,7 @@ def quartic_limits(only_a: int, only_b: int, pairs: int) -> tuple[float, float]:
     return real.min(), real.max()
 
 
-@pytest.mark.parametrize(("only_a", "only_b", "pairs"), [(12, 2, 50), (0, 0, 128), (3, 0, 128), (25, 28, 618)])
+@pytest.mark.parametrize(("only_a", "only_b", "pairs"), [(12, 2, 50), (0, 0, 128), (25, 28, 618)])
 def test_share_difference_interval_solves_the_polynomial_of_tangos_limits(only_a, only_b, pairs) -> None:
     expected = quartic_limits(only_a, only_b, pairs)
     assert share_difference_interval(only_a, only_b, pairs) == pytest.approx(expected, abs=1e-6)
@@ -77,31 +53,25 @@ def test_share_difference_interval_ends_at_one() -> None:
     assert np.isnan(share_difference_interval(0, 0, 0)).all()
 
 
-@pytest.mark.parametrize("values", [stats.gamma(1.5), stats.lognorm(0.8), stats.norm(3.0)])
-def test_bootstrap_interval_is_scipys(values) -> None:
-    sample = values.rvs(64, random_state=7)
+def test_intervals_of_too_few_values_do_not_exist() -> None:
+    one = np.array([1.0])
+    found = (wilson_interval(0, 0), bootstrap_interval(one), difference_interval(one), two_sample_interval(one, one))
+    assert np.isnan(found).all()
+
+
+def test_bootstrap_interval_is_scipys() -> None:
+    sample = stats.lognorm(0.8).rvs(64, random_state=7)
     reference = stats.bootstrap((sample,), np.mean, n_resamples=20_000, batch=1000, rng=1).confidence_interval
     width = reference.high - reference.low
     assert bootstrap_interval(sample) == pytest.approx(tuple(reference), abs=0.03 * width)
 
 
-def test_difference_interval_is_students_for_many_differences() -> None:
-    differences = np.random.default_rng(10).normal(0.1, 0.5, 40)
-    low, high = difference_interval(differences)
-    reference = stats.ttest_1samp(differences, 0.0).confidence_interval()
-    assert (low, high) == pytest.approx(tuple(reference), abs=0.03 * (reference.high - reference.low))
-
-
-@pytest.mark.parametrize(("pairs", "tail"), [(12, 0.010757), (64, 0.021998), (128, 0.023484)])
+@pytest.mark.parametrize(("pairs", "tail"), [(12, 0.010757), (128, 0.023484)])
 def test_difference_interval_has_students_tails(monkeypatch, pairs, tail) -> None:
     """Of 12 pairs t is 2.20099 instead of 1.96, and 12 / 11 the variance: tails of Φ(−2.29885) = 1.0757 % each."""
     evenly = np.linspace(0.0, 1.0, 100_001)
     monkeypatch.setattr(intervals, "_resampled_sums", lambda values, *_: evenly * len(values))
     assert difference_interval(np.arange(float(pairs))) == pytest.approx((tail, 1.0 - tail), abs=2e-6)
-
-
-def test_difference_interval_of_one_pair_does_not_exist() -> None:
-    assert np.isnan(difference_interval(np.array([1.0]))).all()
 
 
 def test_newcombes_interval_as_published() -> None:
@@ -113,14 +83,6 @@ def test_newcombes_interval_as_published() -> None:
     assert newcombe_interval(share(0, 10), share(0, 20)) == pytest.approx((-0.2775, 0.1611), abs=5e-5)
 
 
-def test_two_samples_interval_is_as_wide_as_welchs_for_many_values() -> None:
-    generator = np.random.default_rng(0)
-    a, b = generator.normal(1.0, 0.5, 300), generator.normal(1.2, 1.0, 200)
-    expected = stats.ttest_ind(b, a, equal_var=False).confidence_interval()
-    assert two_sample_interval(a, b) == pytest.approx(tuple(expected), abs=0.02)
-    assert np.isnan(two_sample_interval(a[:1], b)).all()
-
-
 @pytest.mark.parametrize("size", [5, KEPT_VALUES // 100, BLOCK_VALUES + 1])
 def test_every_resample_draws_as_many_values_as_there_are(size) -> None:
     blocks = list(resamples(size, 101 if size < 100_000 else 3, seed=0))
@@ -129,13 +91,6 @@ def test_every_resample_draws_as_many_values_as_there_are(size) -> None:
     assert (counts.sum(axis=1) == size).all()
     # The share of values that a resample leaves out is (1 - 1/n)^n.
     assert (counts == 0).mean() == pytest.approx((1 - 1 / size) ** size, abs=0.03)
-
-
-def test_bootstrap_interval_is_as_wide_as_the_normal_one_for_many_values() -> None:
-    values = np.random.default_rng(5).normal(2.0, 0.5, 400)
-    low, high = bootstrap_interval(values)
-    assert (low + high) / 2 == pytest.approx(values.mean(), abs=0.01)
-    assert high - low == pytest.approx(2 * 1.96 * 0.5 / np.sqrt(400), rel=0.1)
 
 
 def test_values_that_agree_may_hide_as_many_others_as_wilsons_interval_has_for_none() -> None:
@@ -177,30 +132,19 @@ def test_mean_share_interval_where_all_agree_counts_each_as_one_trial() -> None:
     assert np.isnan(mean_share_interval(np.empty(0))).all()
 
 
-@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=30))
-def test_mean_share_interval_has_a_width_and_holds_the_mean(shares) -> None:
-    low, high = mean_share_interval(np.array(shares))
-    assert 0.0 <= low <= np.mean(shares) + 1e-9
-    assert np.mean(shares) - 1e-9 <= high <= 1.0
-    assert low < high
-
-
 SCENARIOS = {
-    "two, easy": (0.97, 0.97),
-    "two, hardly ever": (0.01, 0.02),
     "two, easy and not": (0.99, 0.6),
-    "sixteen of all kinds": tuple(np.linspace(0.02, 0.99, 16)),
     "sixteen, hardly ever": (0.005,) * 16,
     "forty-eight, three severities": (0.99, 0.6, 0.05) * 16,
 }
 """Success probabilities of the scenarios of a score."""
 
 
-@pytest.mark.parametrize("together", [0.0, 0.5, 0.95])
-@pytest.mark.parametrize("episodes", [2, 4, 8, 24])
+@pytest.mark.parametrize("together", [0.0, 0.95])
+@pytest.mark.parametrize("episodes", [2, 24])
 @pytest.mark.parametrize("probabilities", SCENARIOS.values(), ids=SCENARIOS)
 def test_mean_share_interval_covers_scores_of_few_episodes(probabilities, episodes, together) -> None:
-    """Scenarios of an episode share a part of their luck: none, half or nearly all. A bootstrap covers 4 to 97 %."""
+    """Scenarios of an episode share a part of their luck: none or nearly all. A bootstrap covers 4 to 97 %."""
     generator = np.random.default_rng(0)
     own = generator.normal(size=(1000, episodes, len(probabilities)))
     luck = np.sqrt(together) * generator.normal(size=(1000, episodes, 1)) + np.sqrt(1.0 - together) * own
@@ -208,7 +152,3 @@ def test_mean_share_interval_covers_scores_of_few_episodes(probabilities, episod
     ends = np.array([mean_share_interval(each) for each in scores])
     covered = (ends[:, 0] <= np.mean(probabilities)) & (np.mean(probabilities) <= ends[:, 1])
     assert covered.mean() > 0.9
-
-
-def test_bootstrap_interval_of_one_value_does_not_exist() -> None:
-    assert np.isnan(bootstrap_interval(np.array([1.0]))).all()
