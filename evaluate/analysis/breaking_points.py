@@ -1,4 +1,4 @@
-"""Breaking points of policies on axes, of falls and of success, their ratios, and how people read them."""
+"""Breaking points of policies on axes, of falls and of success, and how people read them."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,10 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from evaluate.analysis.comparison import pairs, usual_baseline
 from evaluate.analysis.severity_levels import amount, mildest_first
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.breaking_point import LEAST_LEVELS, BreakingPoint, Found, breaking_point, breaking_ratio
+from evaluate.statistics.breaking_point import LEAST_LEVELS, Found, breaking_point
 from evaluate.statistics.intervals import Bools, Interval
 from quad_env.cli.format import NO_BREAK
 
@@ -48,39 +47,14 @@ class AxisBreakingPoint:
     """What counts as a failure: a fall, or no success."""
 
 
-@dataclass(frozen=True)
-class BreakingPointRatio:
-    """Breaking point of policy a over policy b's, where both have one. Keys of results.json."""
-
-    axis: str
-    a: str
-    b: str
-    ratio: float
-    ci: Interval
-    """95 %; an infinite end could be anything beyond."""
-    of: Of = "falls"
-
-
-def breaking_points(
-    cells: Sequence[Cell], against: str | None = None
-) -> tuple[list[AxisBreakingPoint], list[BreakingPointRatio]]:
-    """Breaking points on every axis with at least three severities, and ratios of every two policies, as of `pairs`.
-
-    Those of falls stand before those of success.
-    """
-    against = against or usual_baseline([cell.policy for cell in cells])
-    found: list[AxisBreakingPoint] = []
-    ratios: list[BreakingPointRatio] = []
+def breaking_points(cells: Sequence[Cell]) -> list[AxisBreakingPoint]:
+    """Breaking points on every axis with at least three severities; those of falls stand before those of success."""
     axes = dict.fromkeys(cell.scenario.axis for cell in cells if cell.scenario.axis)
-    for of, axis in product(OF, axes):
-        series = _series([cell for cell in cells if cell.scenario.axis == axis])
-        points = {levels[0].policy: _breaking_point(levels, of) for levels in series}
-        found += [_on_axis(levels, points[levels[0].policy], of) for levels in series]
-        for a, b in pairs([levels[0] for levels in series], against):
-            ratio, interval = breaking_ratio(points[a.policy], points[b.policy])
-            if np.isfinite(ratio):
-                ratios.append(BreakingPointRatio(axis, a.policy, b.policy, ratio, interval, of))
-    return found, ratios
+    return [
+        _on_axis(levels, of)
+        for of, axis in product(OF, axes)
+        for levels in _series([cell for cell in cells if cell.scenario.axis == axis])
+    ]
 
 
 def _series(cells: Sequence[Cell]) -> list[list[Cell]]:
@@ -98,24 +72,21 @@ def _levels(cells: Iterable[Cell]) -> list[Cell]:
     return [first[each.severity] for each in mildest_first([cell.scenario for cell in first.values()])]
 
 
-def failed(cell: Cell, of: Of) -> Bools:
+def _failed(cell: Cell, of: Of) -> Bools:
     """Which episodes count, (n,)."""
     return cell.measures.fell if of == "falls" else ~cell.measures.succeeded
 
 
-def _breaking_point(levels: Sequence[Cell], of: Of) -> BreakingPoint:
-    first = levels[0]
+def _on_axis(levels: Sequence[Cell], of: Of) -> AxisBreakingPoint:
+    """Breaking point of one policy, from its cell at each severity, the mildest first."""
+    first, mildest, hardest = levels[0], levels[0].scenario, levels[-1].scenario
     if any(not np.array_equal(cell.seeds, first.seeds) for cell in levels):
-        raise ValueError(f"{first.policy} ran different episodes on the levels of {first.scenario.axis}: not paired")
+        raise ValueError(f"{first.policy} ran different episodes on the levels of {mildest.axis}: not paired")
     severities = np.array([cell.scenario.severity for cell in levels])
-    return breaking_point(severities, np.array([failed(cell, of) for cell in levels]))
-
-
-def _on_axis(levels: Sequence[Cell], point: BreakingPoint, of: Of) -> AxisBreakingPoint:
-    mildest, hardest = levels[0].scenario, levels[-1].scenario
+    point = breaking_point(severities, np.array([_failed(cell, of) for cell in levels]))
     return AxisBreakingPoint(
         axis=mildest.axis,
-        policy=levels[0].policy,
+        policy=first.policy,
         unit=mildest.severity_unit,
         severity50=point.severity50,
         ci=point.ci,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.analysis.breaking_points import AxisBreakingPoint, BreakingPointRatio, breaking_points
+from evaluate.analysis.breaking_points import AxisBreakingPoint, breaking_points
 from evaluate.analysis.comparison import Comparison, compare, usual_baseline
 from evaluate.analysis.score import Score, scores
 from evaluate.analysis.sensitivity import Sensitivity, sensitivities
@@ -52,7 +52,6 @@ class Results:
     """By (scenario, policy), in the order of the run."""
     comparisons: tuple[Comparison, ...]
     breaking_points: tuple[AxisBreakingPoint, ...]
-    breaking_point_ratios: tuple[BreakingPointRatio, ...]
     sensitivities: tuple[Sensitivity, ...]
     scores: tuple[Score, ...]
     """The highest first; none of a run of a single axis."""
@@ -108,7 +107,7 @@ def analyse(
     """Summaries, comparisons and breaking points of the cells; without a provenance they were made here and now."""
     made_with = dict(provenance or {"versions": versions()})
     against = baseline or usual_baseline([cell.policy for cell in cells])
-    robot, (points, ratios) = _hardware(made_with).quadruped, breaking_points(cells, against)
+    robot = _hardware(made_with).quadruped
     made_by = dict(made_with.pop("versions"))
     made_by["success_rule"] = made_by.get("success_rule") or SUCCESS_1
     names = RULES[made_by["success_rule"]].outcomes
@@ -120,8 +119,7 @@ def analyse(
         baseline=against,
         summaries={(cell.scenario.name, cell.policy): summarise(cell, robot, names) for cell in cells},
         comparisons=tuple(compare(cells, against)),
-        breaking_points=tuple(points),
-        breaking_point_ratios=tuple(ratios),
+        breaking_points=tuple(breaking_points(cells)),
         sensitivities=tuple(sensitivities(cells, robot)),
         scores=tuple(scores(cells, against)),
         versions=made_by,
@@ -152,7 +150,6 @@ def as_json(results: Results) -> dict[str, Any]:
         "training_seeds": spreads_as_json(results.cells),
         "comparisons": [asdict(comparison) for comparison in results.comparisons],
         "breaking_points": [asdict(point) for point in results.breaking_points],
-        "breaking_point_ratios": [asdict(ratio) for ratio in results.breaking_point_ratios],
         "sensitivities": [asdict(each) for each in results.sensitivities],
     }
     plain: dict[str, Any] = without_nan(contents)

@@ -10,7 +10,6 @@ from evaluate.analysis.comparison import CAPS, ERRORS
 from evaluate.measures.catalogue import FIGURES
 from evaluate.measures.effort import cost_of_transport
 from evaluate.measures.episodes import weight
-from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import OUTCOMES
 from evaluate.measures.response import Response, responses
 from evaluate.rollouts.experiment import Cell
@@ -72,7 +71,9 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
     """All figures of a cell of that robot; `outcomes` are those of its rule of success."""
     measures = cell.measures
     falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
-    transport = total_cost_of_transport(measures, weight(robot, cell.scenario))
+    # A quotient of sums: an episode that commands standing still adds its energy, and dominates no mean of quotients.
+    energy, distance = measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True)
+    transport = float(cost_of_transport(energy, distance, weight(robot, cell.scenario))[0])
     means: dict[str, Any] = {name: _mean(getattr(measures, name)) for name in _MEANS}
     means |= {f"{name}_ci": bootstrap_interval(getattr(measures, name), (0.0, cap)) for name, cap in CAPS.items()}
     return Summary(
@@ -93,16 +94,6 @@ def summarise(cell: Cell, robot: Robot, outcomes: Sequence[str] = OUTCOMES) -> S
         figures={name: _mean(getattr(measures, name)) for name in FIGURES} | {"cost_of_transport": transport},
         duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
         response=responses(measures.commands, measures.mean_velocities),
-    )
-
-
-def total_cost_of_transport(measures: Measures, weight: float) -> float:
-    """Energy of all episodes over weight times the distance of all; NaN below 1 m of an average episode.
-
-    A quotient of sums: an episode that commands standing still adds its energy, and dominates no mean of quotients.
-    """
-    return float(
-        cost_of_transport(measures.energy.mean(keepdims=True), measures.distance.mean(keepdims=True), weight)[0]
     )
 
 

@@ -4,8 +4,8 @@ A trained seed is one value a scenario and metric, its mean over the episodes. I
 """
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import PurePath
 from typing import Any
 
@@ -13,27 +13,15 @@ import numpy as np
 
 from evaluate.analysis.comparison import CAPS, METRICS, RATES, by_episode
 from evaluate.rollouts.experiment import Cell
-from evaluate.statistics.intervals import (
-    CONFIDENCE,
-    UNBOUNDED,
-    Floats,
-    Interval,
-    agreeing_interval,
-    mean_share_interval,
-)
+from evaluate.statistics.intervals import CONFIDENCE, Floats, Interval, agreeing_interval, mean_share_interval
 
 SEED_FOLDER = re.compile(r"seed-\d+")
-_FIGURES = ("seeds", "mean", "lowest", "highest", "standard_deviation", "ci")
 
 
 @dataclass(frozen=True)
 class SeedSpread:
-    """One metric of all training seeds of a run on one scenario."""
+    """One metric of all training seeds of a run on one scenario. The fields are the keys of results.json."""
 
-    run: str
-    """Folder of the seeds' folders."""
-    scenario: str
-    metric: str
     seeds: int
     mean: float
     """Over the seeds, as are the next; NaN where a figure does not exist."""
@@ -43,6 +31,10 @@ class SeedSpread:
     """Standard deviation of the sample: NaN for a single seed."""
     ci: Interval
     """95 %, Student's t with seeds − 1 degrees of freedom; of rates see `mean_share_interval`."""
+
+
+Spreads = dict[str, dict[str, dict[str, SeedSpread]]]
+"""Run's folder -> scenario -> metric -> spread."""
 
 
 def training_runs(policies: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -56,31 +48,34 @@ def training_runs(policies: Sequence[str]) -> dict[str, tuple[str, ...]]:
     return {run: seeds for run, seeds in runs.items() if len(seeds) > 1}
 
 
-def seed_spreads(cells: Sequence[Cell]) -> list[SeedSpread]:
+def seed_spreads(cells: Sequence[Cell]) -> Spreads:
     """Every run's spread on every scenario in every metric; ValueError if its seeds ran different episodes."""
-    runs = training_runs([cell.policy for cell in cells])
-    scenarios = dict.fromkeys(cell.scenario.name for cell in cells)
-    return [
-        spread
-        for run, seeds in runs.items()
-        for scenario in scenarios
-        for spread in _spreads(
-            run, [cell for cell in cells if (cell.scenario.name, cell.policy in seeds) == (scenario, True)]
-        )
-    ]
+    spreads: Spreads = {}
+    for run, seeds in training_runs([cell.policy for cell in cells]).items():
+        of_run = [cell for cell in cells if cell.policy in seeds]
+        spreads[run] = {
+            name: _spreads([cell for cell in of_run if cell.scenario.name == name])
+            for name in dict.fromkeys(cell.scenario.name for cell in of_run)
+        }
+    return spreads
 
 
 def spreads_as_json(cells: Sequence[Cell]) -> dict[str, Any]:
     """`training_seeds` of results.json: run -> its policies, and scenario -> metric -> figures; NaN for none."""
     runs = training_runs([cell.policy for cell in cells])
-    out: dict[str, Any] = {run: {"policies": list(policies), "scenarios": {}} for run, policies in runs.items()}
-    for spread in seed_spreads(cells):
-        metrics = out[spread.run]["scenarios"].setdefault(spread.scenario, {})
-        metrics[spread.metric] = {name: getattr(spread, name) for name in _FIGURES}
-    return out
+    return {
+        run: {
+            "policies": list(runs[run]),
+            "scenarios": {
+                name: {metric: asdict(spread) for metric, spread in metrics.items()}
+                for name, metrics in scenarios.items()
+            },
+        }
+        for run, scenarios in seed_spreads(cells).items()
+    }
 
 
-def deviation_and_interval(values: Floats, bounds: Interval = UNBOUNDED) -> tuple[float, Interval]:
+def deviation_and_interval(values: Floats, bounds: Interval) -> tuple[float, Interval]:
     """Standard deviation and 95 % t-interval of one value a seed, (n,); NaN for a single seed.
 
     `bounds` of a value, for values that all agree: see `agreeing_interval`.
@@ -96,18 +91,14 @@ def deviation_and_interval(values: Floats, bounds: Interval = UNBOUNDED) -> tupl
     return deviation, ci
 
 
-def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
-    if not cells:
-        return
+def _spreads(cells: Sequence[Cell]) -> dict[str, SeedSpread]:
     if any(not np.array_equal(cell.seeds, cells[0].seeds) for cell in cells):
-        raise ValueError(f"the training seeds of {run} ran different episodes on {cells[0].scenario.name}")
+        raise ValueError(f"training seeds of one run ran different episodes on {cells[0].scenario.name}")
+    spreads = {}
     for metric in METRICS:
         values = np.array([by_episode(c, metric).mean() for c in cells])
         deviation, ci = deviation_and_interval(values, (0.0, CAPS.get(metric, 1.0)))
-        yield SeedSpread(
-            run=run,
-            scenario=cells[0].scenario.name,
-            metric=metric,
+        spreads[metric] = SeedSpread(
             seeds=len(cells),
             mean=float(values.mean()),
             lowest=float(values.min()),
@@ -115,3 +106,4 @@ def _spreads(run: str, cells: Sequence[Cell]) -> Iterator[SeedSpread]:
             standard_deviation=deviation,
             ci=mean_share_interval(values) if metric in RATES and len(cells) > 1 else ci,
         )
+    return spreads

@@ -42,7 +42,7 @@ def _execute(plan: Plan, show: Show) -> int:
     if not plan.options.resume and is_unfinished(out):
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
-    done, interrupted = simulate(plan, store)
+    done, interrupted = _simulate(plan, store)
     try:
         if done:
             conclude(Run(manifest, tuple(done)), out, ending)
@@ -58,15 +58,31 @@ def _execute(plan: Plan, show: Show) -> int:
     raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")
 
 
-def simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
+def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
     """The cells that were finished, in the order of the run, and whether the user interrupted. Raises UsageError."""
     done: list[Cell] = []
     interrupted = False
     try:
         launcher.raise_on_interrupt()
         memory.hold_where_limited()
-        with Interrupt() as interrupt:
-            _simulate(plan, store, interrupt, done)
+        with Interrupt() as interrupt, show_progress([policy for _, policy in plan.manifest.cells]) as progress:
+
+            def report(policy: str, scenario: str, share: float) -> None:
+                interrupt.check()
+                progress(policy, scenario, share)
+
+            settings = Settings(
+                plan.options.threads,
+                report,
+                _chunk_size(plan),
+                store,
+                _trace_writer(plan, store),
+                plan.manifest.steps,
+                process_pool(plan.options.threads, interrupt.check),
+                plan.manifest.hardware,
+            )
+            seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
+            done.extend(run_cells(plan.policies, plan.scenarios, seeds, settings))
     except KeyboardInterrupt:
         if not store.begun:
             raise
@@ -77,28 +93,6 @@ def simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
         raise UsageError(words) from error
     done.sort(key=lambda cell: plan.manifest.cells.index((cell.scenario, cell.policy)))
     return done, interrupted
-
-
-def _simulate(plan: Plan, store: ChunkStore, interrupt: Interrupt, done: list[Cell]) -> None:
-    """Add the cells to those done, as they are finished."""
-    with show_progress([policy for _, policy in plan.manifest.cells]) as progress:
-
-        def report(policy: str, scenario: str, share: float) -> None:
-            interrupt.check()
-            progress(policy, scenario, share)
-
-        settings = Settings(
-            plan.options.threads,
-            report,
-            _chunk_size(plan),
-            store,
-            _trace_writer(plan, store),
-            plan.manifest.steps,
-            process_pool(plan.options.threads, interrupt.check),
-            plan.manifest.hardware,
-        )
-        seeds = evaluation_seeds(plan.manifest.seed, plan.manifest.episodes)
-        done.extend(run_cells(plan.policies, plan.scenarios, seeds, settings))
 
 
 def _why(error: Exception, store: ChunkStore) -> str | None:

@@ -132,7 +132,8 @@ def read(folder: Path) -> Manifest:
     """The manifest of a folder. Raises UsageError, one line, if there is none or none of this version, or if it is not
     as it was written."""
     path = folder / NAME
-    check_folder(folder)
+    if not path.is_file():
+        raise UsageError(f"{folder} is no folder with results of `python -m evaluate`: it has no {NAME}")
     try:
         found = parse_json(read_bytes(path))
         if type(found["schema"]) is not int or found["schema"] != SCHEMA:
@@ -168,18 +169,6 @@ def _fingerprint(provenance: Mapping[str, Any]) -> str:
 
 def _digest(values: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
-
-
-def check_folder(folder: Path) -> None:
-    """Raise UsageError, one line, unless the folder holds the results of an evaluation, finished or not."""
-    if folder.is_file():
-        raise UsageError(f"{folder} is a file; name the folder of an evaluation")
-    if not folder.exists():
-        raise UsageError(
-            f"there is no folder {folder}; name one that `python -m evaluate` wrote, such as results/evaluation"
-        )
-    if not (folder / NAME).is_file():
-        raise UsageError(f"{folder} holds no results of `python -m evaluate`: it has no {NAME}")
 
 
 def differences(then: Manifest, now: Manifest) -> list[str]:

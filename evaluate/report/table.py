@@ -129,22 +129,19 @@ def difference_table(results: Results) -> Table:
 
 def print_spread(results: Results, console: Console) -> None:
     """A table for each training of several seeds, if there is one."""
-    runs: dict[str, dict[str, dict[str, SeedSpread]]] = {}
-    for spread in seed_spreads(results.cells):
-        runs.setdefault(spread.run, {}).setdefault(spread.scenario, {})[spread.metric] = spread
-    for run, scenarios in runs.items():
+    for run, scenarios in seed_spreads(results.cells).items():
         count = next(iter(scenarios.values()))[SUCCESS_RATE].seeds
         title = f"{escape(run)}, {count} training seeds: mean ± standard deviation, lowest … highest"
         rows = (
-            {FIRST: escape(scenario), **{metric: _over_seeds(metrics[metric]) for metric in METRICS}}
+            {FIRST: escape(scenario), **{metric: _over_seeds(metrics[metric], metric) for metric in METRICS}}
             for scenario, metrics in scenarios.items()
         )
         console.print(console_table(title, {FIRST: "scenario", **NARROW}, {"": rows}))
         console.print()
 
 
-def _over_seeds(spread: SeedSpread) -> str:
-    form = percent if spread.metric in RATES else number
+def _over_seeds(spread: SeedSpread, metric: str) -> str:
+    form = percent if metric in RATES else number
     middle = f"{form(spread.mean)} ± {form(spread.standard_deviation)}"
     return f"{middle}\n{form(spread.lowest)} … {form(spread.highest)}"
 

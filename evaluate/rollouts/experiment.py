@@ -135,7 +135,7 @@ def run_cells(
         for policy in policies
         if policy.runs_on(scenario)
     ]
-    owned = [(cell, task) for cell in pending for task in cell.tasks(settings)]
+    owned = [(cell, task) for cell in pending for task in cell.tasks()]
     for cell in pending:
         if cell.done:
             yield cell.finish()
@@ -187,15 +187,8 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Chu
     if task.trace is not None:
         with _keeping():
             task.trace(label, task.scenario, int(task.numbers[0]), episodes)
-    cell = Cell(
-        policy=label,
-        scenario=task.scenario,
-        seeds=task.seeds,
-        fall_reason=episodes.fall_reason,
-        measures=measure(episodes),
-        failure=episodes.failure,
-    )
-    return Chunk(task.numbers, cell)
+    measures = measure(episodes)
+    return Chunk(task.numbers, Cell(label, task.scenario, task.seeds, episodes.fall_reason, measures, episodes.failure))
 
 
 @contextlib.contextmanager
@@ -213,31 +206,24 @@ class _PendingCell:
     def __init__(
         self, policy: LabelledPolicy, scenario: Scenario, seeds: NDArray[np.int64], settings: Settings
     ) -> None:
-        self.policy, self.scenario, self.seeds = policy, scenario, seeds
-        self.progress = settings.progress
+        self.policy, self.scenario, self.seeds, self.settings = policy, scenario, seeds, settings
         self.chunks = list(settings.store.load(policy.label, scenario)) if settings.store else []
         self.shares: dict[int, float] = {}
         """Episodes done of each task under way, by its first number."""
 
-    def tasks(self, settings: Settings) -> Iterator[Task]:
+    def tasks(self) -> Iterator[Task]:
         """What is missing, in stretches without a gap."""
         stored = [np.arange(0), *(chunk.numbers for chunk in self.chunks)]
         missing = np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(stored))
-        for numbers in _stretches(missing, settings.chunk_size):
-            yield Task(
-                policy=self.policy,
-                scenario=self.scenario,
-                numbers=numbers,
-                seeds=self.seeds[numbers],
-                steps=settings.steps,
-                trace=settings.trace,
-                hardware=settings.hardware,
-            )
+        how = self.settings
+        for numbers in _stretches(missing, how.chunk_size):
+            seeds = self.seeds[numbers]
+            yield Task(self.policy, self.scenario, numbers, seeds, how.steps, how.trace, how.hardware)
 
     def report(self, task: Task, share: float) -> None:
         self.shares[int(task.numbers[0])] = share * len(task.numbers)
         done = self.finished + sum(self.shares.values())
-        self.progress(self.policy.label, self.scenario.name, done / len(self.seeds))
+        self.settings.progress(self.policy.label, self.scenario.name, done / len(self.seeds))
 
     def add(self, chunk: Chunk) -> None:
         self.shares.pop(int(chunk.numbers[0]), None)
@@ -253,7 +239,7 @@ class _PendingCell:
         return self.finished == len(self.seeds)
 
     def finish(self) -> Cell:
-        self.progress(self.policy.label, self.scenario.name, 1.0)
+        self.settings.progress(self.policy.label, self.scenario.name, 1.0)
         return join(self.chunks)
 
 

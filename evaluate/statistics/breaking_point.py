@@ -32,8 +32,6 @@ class BreakingPoint:
     """NaN unless crossed."""
     ci: Interval
     """95 %; an infinite end lies beyond the levels tried."""
-    wide: Interval
-    """Of two of these, both hold at 95 %."""
 
 
 def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
@@ -41,21 +39,12 @@ def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
     steps = np.diff(severities)
     if len(severities) < LEAST_LEVELS or severities.min() < 0.0 or not ((steps > 0).all() or (steps < 0).all()):
         raise ValueError(f"a breaking point takes {LEAST_LEVELS} or more severities from the mildest to the hardest")
-    tail = (1.0 - CONFIDENCE) / 2.0
-    ci, wide = (_severities(severities, bracket(failed, each)) for each in (tail, tail / 2.0))
+    ci = _severities(severities, bracket(failed))
     x, rates = monotone_curve(severities, failed.mean(axis=1))
     if rates[0] >= 0.5 or rates[-1] < 0.5:
-        return BreakingPoint("always" if rates[0] >= 0.5 else "never", np.nan, ci, wide)
+        return BreakingPoint("always" if rates[0] >= 0.5 else "never", np.nan, ci)
     point = np.exp(np.interp(0.5, rates, np.log(x)))
-    return BreakingPoint("crossed", float(np.clip(point, *ci)), ci, wide)
-
-
-def breaking_ratio(a: BreakingPoint, b: BreakingPoint) -> tuple[float, Interval]:
-    """Breaking point of a over that of b on the same axis, and its 95 % interval; NaN unless both have crossed."""
-    if a.found != "crossed" or b.found != "crossed":
-        return (np.nan, (np.nan, np.nan))
-    low, high = max(a.wide[0], 0.0) / b.wide[1], a.wide[1] / b.wide[0] if b.wide[0] > 0.0 else np.inf
-    return (a.severity50 / b.severity50, (low, high))
+    return BreakingPoint("crossed", float(np.clip(point, *ci)), ci)
 
 
 def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
@@ -77,13 +66,14 @@ def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
     return np.exp(logarithms), shares
 
 
-def bracket(failed: Bools, tail: float = (1.0 - CONFIDENCE) / 2.0) -> tuple[int, int]:
+def bracket(failed: Bools) -> tuple[int, int]:
     """Numbers of the levels, of (k, n), between which half fail; −1 and k lie beyond them.
 
-    `tail` is the chance of an error on either side. The test is the binomial one.
+    The test is the binomial one, with a chance of an error of 2.5 % on either side.
     """
     from scipy.stats import binom
 
+    tail = (1.0 - CONFIDENCE) / 2.0
     fails, (levels, episodes) = failed.sum(axis=1), failed.shape
     fewer = binom.cdf(fails, episodes, 0.5) <= tail
     more = binom.sf(fails - 1, episodes, 0.5) <= tail

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from evaluate.statistics.breaking_point import breaking_point, breaking_ratio
+from evaluate.statistics.breaking_point import breaking_point
 from evaluate.statistics.intervals import (
     Interval,
     bootstrap_interval,
@@ -85,12 +85,10 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Check]:
 
 
 def breaking_checks(count: int) -> Iterator[Check]:
-    """Does the interval hold the true breaking point, or ratio of two?"""
+    """Does the interval hold the true breaking point?"""
     for name, axis in AXES.items():
         outcome = partial(_breaking_point, count, axis)
         yield Check(f"breaking point{name}", count, np.nan, outcome, AT_LEAST, np.nan)
-    ratio = partial(_breaking_ratio, count, AXES[""], 1.2)
-    yield Check("ratio of breaking points", count, np.nan, ratio, AT_LEAST, np.nan)
 
 
 def null_checks(count: int, fall_probability: float) -> Iterator[Check]:
@@ -167,15 +165,6 @@ def _disjoint_mean_difference(count: int, fall_probability: float, generator: np
 def _breaking_point(count: int, axis: Axis, generator: np.random.Generator) -> bool:
     point = breaking_point(np.array(axis.severities), axis.falls(generator, count))
     return _within(point.ci, axis.breaking_point)
-
-
-def _breaking_ratio(count: int, axis: Axis, ratio: float, generator: np.random.Generator) -> bool:
-    """Whether the interval holds the ratio of a policy that withstands severities larger by it, with the same luck."""
-    severities, stronger = np.array(axis.severities), np.array(axis.severities) / ratio
-    fell = Axis((*axis.severities, *stronger), axis.kinds).falls(generator, count)
-    levels = len(severities)
-    a, b = breaking_point(severities, fell[levels:]), breaking_point(severities, fell[:levels])
-    return _within(breaking_ratio(a, b)[1], ratio)
 
 
 def _sign_flip(count: int, fall_probability: float, generator: np.random.Generator) -> bool:

@@ -142,22 +142,21 @@ def _four_digits(value: float) -> str:
 
 def training(results: Results) -> str:
     """A table for each training that was repeated; empty without one."""
-    spreads = seed_spreads(results.cells)
-    runs = dict.fromkeys(spread.run for spread in spreads)
-    return section("Training seeds", note(SEEDS_LEAD), *(_run_of_seeds(run, spreads) for run in runs)) if runs else ""
+    runs = [_run_of_seeds(run, scenarios) for run, scenarios in seed_spreads(results.cells).items()]
+    return section("Training seeds", note(SEEDS_LEAD), *runs) if runs else ""
 
 
-def _run_of_seeds(run: str, spreads: list[SeedSpread]) -> str:
-    mine = [spread for spread in spreads if spread.run == run]
-    cells = {(spread.scenario, spread.metric): _over_seeds(spread) for spread in mine}
-    scenarios = dict.fromkeys(spread.scenario for spread in mine)
-    rows = ({FIRST: escape(name), **{metric: cells[name, metric] for metric in HEADINGS}} for name in scenarios)
-    title = f"<h3>{escape(run)} <small>{mine[0].seeds} seeds</small></h3>"
-    return title + table({FIRST: "scenario", **HEADINGS}, rows)
+def _run_of_seeds(run: str, scenarios: dict[str, dict[str, SeedSpread]]) -> str:
+    rows = [
+        {FIRST: escape(name), **{metric: _over_seeds(metrics[metric], metric) for metric in HEADINGS}}
+        for name, metrics in scenarios.items()
+    ]
+    seeds = next(iter(scenarios.values()))[SUCCESS_RATE].seeds
+    return f"<h3>{escape(run)} <small>{seeds} seeds</small></h3>" + table({FIRST: "scenario", **HEADINGS}, rows)
 
 
-def _over_seeds(spread: SeedSpread) -> str:
-    rate = spread.metric in RATES
+def _over_seeds(spread: SeedSpread, metric: str) -> str:
+    rate = metric in RATES
     mean = percent(spread.mean) if rate else number(spread.mean)
     ci = percent_interval(spread.ci) if rate else interval(spread.ci)
     ends = (spread.lowest, spread.highest)

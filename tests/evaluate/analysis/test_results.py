@@ -1,10 +1,7 @@
 """results.json and episodes.parquet: what the contract promises of them."""
 
-import importlib.metadata
 import json
 import math
-import platform
-import re
 from dataclasses import replace
 
 import gymnasium as gym
@@ -74,17 +71,6 @@ def test_a_measure_has_one_value_wherever_it_stands(run) -> None:
             assert {name: cell[name] for name in twice} == {name: cell["figures"][name] for name in twice}
 
 
-def test_versions_are_those_in_use(run) -> None:
-    versions = run.results["versions"]
-    assert versions["python"] == platform.python_version()
-    assert versions["numpy"] == np.__version__
-    assert versions["gymnasium"] == gym.__version__
-    assert versions["mujoco"] == importlib.metadata.version("mujoco")
-    assert versions["quad_env"] in (quad_env.__version__, None)
-    assert versions["fall_rule"] == quad_env.FALL_RULE
-    assert versions["git_revision"] is None or re.fullmatch("[0-9a-f]{40}(-dirty)?", versions["git_revision"])
-
-
 def test_every_pair_is_compared_in_every_metric_with_the_baseline_second(run) -> None:
     comparisons = run.results["comparisons"]
     keys = {(c["scenario"], c["a"], c["b"], c["metric"]) for c in comparisons}
@@ -101,7 +87,6 @@ def test_every_pair_is_compared_in_every_metric_with_the_baseline_second(run) ->
 def test_all_is_measured_against_the_baseline_that_is_asked_for(made) -> None:
     results = analyse(made.cells, seed=0, episodes=40, complete=True, baseline="other")
     assert {each.b for each in results.comparisons} == {"other"}
-    assert [(each.b, each.of) for each in results.breaking_point_ratios] == [("other", "falls"), ("other", "success")]
     assert [each.policy for each in results.scores if each.difference == 0.0] == ["other"]
 
 
@@ -191,7 +176,7 @@ def replay(row) -> metrics.Measures:
     return metrics.measure(uneventful(SIMPLE_QUAD, 1000, seeds=np.array([row["seed"]]), fall_step=fall_step, **record))
 
 
-@pytest.mark.parametrize(("policy", "scenario"), [("trot", "push"), ("stand", "push"), ("trot", "flat")])
+@pytest.mark.parametrize(("policy", "scenario"), [("trot", "push"), ("stand", "push")])
 def test_a_rows_seed_gives_its_episode_again(rows, policy, scenario) -> None:
     row = cell_rows(rows, policy, scenario)[3]
     measures = replay(row)

@@ -7,7 +7,6 @@ import pytest
 
 from evaluate.analysis.results import analyse, as_json
 from evaluate.analysis.score import scores
-from evaluate.report.sections.overview import success as section
 from evaluate.rollouts.battery import resolve
 from evaluate.statistics.intervals import difference_interval, mean_share_interval
 from evaluate.statistics.significance import sign_flip_test
@@ -108,14 +107,3 @@ def test_who_missed_a_scenario_has_no_score_and_one_axis_is_none(cells) -> None:
     assert scores(cells("trot", push=1, push_3=4), "trot") == []
     other = [dataclasses.replace(cell, seeds=cell.seeds + 1) for cell in cells("stand", flat=0, push=1)]
     assert scores(cells("trot", flat=0, push=1) + other, "trot") == []
-
-
-def test_it_stands_in_results_json_and_opens_the_page(cells) -> None:
-    results = analyse(cells("trot", flat=0, push=8, push_3=20), seed=0, episodes=COUNT, complete=True)
-    (found,) = as_json(results)["scores"]
-    assert (found["policy"], found["axes"]["push"]) == ("trot", [0.8, 0.5])
-    page = section(results)
-    assert page.count("<img") == 3
-    assert "Success of each policy on each axis" in page
-    alone = section(analyse(cells("trot", push=8), seed=0, episodes=COUNT, complete=True))
-    assert alone.count("<img") == 1

@@ -5,12 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-import policies
-from evaluate.analysis.results import analyse
 from evaluate.analysis.sensitivity import FAILS_WITHOUT, UNCHANGED, effect_text, sensitivities
-from evaluate.report.sections.overview import sensitivity as section
 from evaluate.rollouts.battery import resolve
-from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cells
 from quad_env import AXES, CommandRanges
 
 COUNT = 40
@@ -109,22 +105,3 @@ def test_older_results_whose_field_was_smaller_keep_their_rows(run) -> None:
     field = dataclasses.replace(rough.scenario.terrain, half_size=22.0, spawn_radius=4.0)
     older = dataclasses.replace(rough, scenario=dataclasses.replace(rough.scenario, terrain=field))
     assert sensitivities([undisturbed, older]) == sensitivities([undisturbed, rough]) != []
-
-
-def test_an_open_loop_gait_cannot_feel_noise_and_a_learned_correction_can() -> None:
-    labelled = [LabelledPolicy(name, policies.resolve(name)) for name in ("trot", "residual")]
-    settings = Settings(2, lambda *_: None, steps=200)
-    done = list(run_cells(labelled, resolve(("flat", "noise:4")), evaluation_seeds(0, 6), settings))
-    found = {each.policy: each for each in sensitivities(done)}
-    assert not found["trot"].felt
-    assert found["residual"].felt
-    assert found["residual"].velocity_error > 0.0
-
-
-def test_the_report_has_a_row_for_each_axis(run) -> None:
-    made = run(flat=(0, 0.0), push=(9, 0.2), noise=(0, 0.0)) + run("stand", flat=(0, 0.0), push=(0, 0.0))
-    page = section(analyse(made, seed=0, episodes=COUNT, complete=True))
-    assert page.count("<tr>") == 3
-    assert UNCHANGED in page
-    assert "35\u00a0N·s" in page
-    assert section(analyse(run(flat=(0, 0.0)), seed=0, episodes=COUNT, complete=True)) == ""

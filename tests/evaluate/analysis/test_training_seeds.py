@@ -15,7 +15,7 @@ def test_runs_are_folders_of_seed_folders() -> None:
 
 def test_spread_by_hand() -> None:
     # Mean 3, deviations −2, −1, 0, 3: variance 14/3, standard error √(14/3)/2; t of 3 degrees of freedom 3.1824.
-    deviation, (low, high) = deviation_and_interval(np.array([1.0, 2.0, 3.0, 6.0]))
+    deviation, (low, high) = deviation_and_interval(np.array([1.0, 2.0, 3.0, 6.0]), (0.0, 9.0))
     assert deviation == pytest.approx(np.sqrt(14 / 3))
     assert (low, high) == pytest.approx(
         (3 - 3.18245 * np.sqrt(14 / 3) / 2, 3 + 3.18245 * np.sqrt(14 / 3) / 2), rel=1e-5
@@ -34,22 +34,27 @@ def cells(made_up_cell):
 
 
 def test_a_seed_is_one_value_however_many_episodes_it_ran(cells, made_up_cell) -> None:
-    spreads = {spread.metric: spread for spread in seed_spreads(cells)}
+    ((run, scenarios),) = seed_spreads(cells).items()
+    spreads = scenarios["flat"]
+    assert (run, list(scenarios)) == ("models/run", ["flat"])
     assert list(spreads) == ["success_rate", "fall_rate", "velocity_error", "yaw_rate_error", "mean_velocity_error"]
-    error, (deviation, ci) = spreads["velocity_error"], deviation_and_interval(np.array([0.1, 0.2, 0.3, 0.6]))
-    assert (error.run, error.scenario, error.seeds) == ("models/run", "flat", 4)
+    error, (deviation, ci) = (
+        spreads["velocity_error"],
+        deviation_and_interval(np.array([0.1, 0.2, 0.3, 0.6]), (0.0, 2.0)),
+    )
+    assert error.seeds == 4
     assert (error.mean, error.lowest, error.highest) == pytest.approx((0.3, 0.1, 0.6))
     assert (error.standard_deviation, *error.ci) == pytest.approx((deviation, *ci))
     twice = [
         made_up_cell(cell.policy, np.tile(cell.measures.fell, 2), np.tile(cell.measures.velocity_error, 2))
         for cell in cells
     ]
-    again = next(spread for spread in seed_spreads(twice) if spread.metric == "velocity_error")
+    again = seed_spreads(twice)["models/run"]["flat"]["velocity_error"]
     assert again.ci == pytest.approx(error.ci)
 
 
 def test_rates_stay_rates(cells) -> None:
-    falls = next(spread for spread in seed_spreads(cells) if spread.metric == "fall_rate")
+    falls = seed_spreads(cells)["models/run"]["flat"]["fall_rate"]
     assert (falls.mean, falls.lowest, falls.highest) == (pytest.approx(0.2), 0.0, 0.5)
     assert 0.0 < falls.ci[0] < falls.mean < falls.ci[1] < 1.0
     assert 0.2 < falls.ci[1] < 1.0

@@ -18,7 +18,6 @@ from quad_env.files.writing import FolderInUse, sole_use
 from tests.evaluate.trained import trained
 
 PYTHON = (sys.executable, "-W", "error")
-LAUNCHERS = pytest.mark.parametrize("launcher", [("-m", "evaluate"), ("evaluate.py",)], ids=" ".join)
 
 
 @pytest.fixture
@@ -51,19 +50,12 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     ("arguments", "words"),
     [
         (["--policies", "trott"], ["trott", "document_repaired", "stand", "trot"]),
-        (["--policies"], ["--policies", "trot"]),
         (["--policies", "trot", "stand", "trot"], ["trot", "more than once"]),
         (["--scenarios", "ice"], ["ice", "flat", "push", "rough"]),
-        (["--scenarios"], ["scenario", "flat", "push", "rough"]),
-        (["--scenarios", "flat", "flat"], ["twice"]),
         (["--episodes", "0"], ["--episodes", "0"]),
-        (["--episodes", "-3"], ["--episodes", "-3"]),
         (["--episodes", "many"], ["--episodes", "many", "--help"]),
-        (["--episodes", "999999999999"], ["--episodes"]),
-        (["--threads", "0"], ["--threads"]),
         (["--seed", "-1"], ["--seed"]),
         (["--actuator", "moter"], ["actuator", "moter", "ideal, torque_speed, motor"]),
-        (["--sensors", "eyes"], ["sensors", "eyes", "truth, ideal, typical"]),
         (["--nonsense"], ["--nonsense", "--help"]),
     ],
     ids=" ".join,
@@ -77,29 +69,28 @@ def test_a_mistake_is_one_line_that_names_the_remedy(capsys, tmp_path, arguments
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.usefixtures("no_simulation")
-def test_an_out_folder_that_cannot_be_written_is_refused(capsys, tmp_path) -> None:
-    tmp_path.joinpath("file").write_text("not a folder", encoding="utf-8")
-    line = refused(capsys, "--policies", "trot", "--out", tmp_path / "file")
-    assert "--out" in line
-    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path / "file" / "below")
+GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
 
 
-@pytest.mark.parametrize("name", ["results.json", "episodes.parquet", "report.html"])
 @pytest.mark.usefixtures("no_simulation")
-def test_a_folder_in_the_place_of_a_file_is_refused(capsys, tmp_path, name) -> None:
-    tmp_path.joinpath(name).mkdir()
+def test_a_folder_that_cannot_be_written_to_is_refused(capsys, tmp_path) -> None:
+    (tmp_path / "file").write_text("not a folder", encoding="utf-8")
+    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path / "file")
+    (tmp_path / "report.html").mkdir()
     line = refused(capsys, "--policies", "trot", "--out", tmp_path)
-    assert str(tmp_path / name) in line
+    assert str(tmp_path / "report.html") in line
     assert "--out" in line
+    (tmp_path / "report.html").rmdir()
+    (tmp_path / "parts").touch()
+    assert "--out" in refused(capsys, "--policies", "trot", "--out", tmp_path)
 
 
 QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1", "--no-film")
 
 
-@pytest.mark.parametrize("failing", ["results.json", "episodes.parquet", "report.md", "report.html"])
+@pytest.mark.parametrize("failing", ["results.json", "report.html"])
 def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_path, monkeypatch, failing) -> None:
-    """As the write of one file fails after everything has been simulated."""
+    """As the write of one file fails after everything has been simulated; a single episode has no intervals."""
 
     def write(path: Path, content: bytes) -> None:
         if path.name == failing:
@@ -118,29 +109,27 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
     monkeypatch.undo()
     assert main(["report", str(tmp_path), "--no-film"]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {*FILES}
+    found = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["policies"]["document"]["scenarios"]
+    assert (found["flat"]["velocity_error"], found["flat"]["velocity_error_ci"]) == (2.0, [None, None])
 
 
-GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
-
-
-def test_a_new_run_leaves_its_own_traces_alone(tmp_path) -> None:
-    run = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
-    assert main([*run, "--trace", "compact", "--at-once", "1", "--out", str(tmp_path)]) == 0
-    assert len(list(tmp_path.glob("traces/*.parquet"))) == 4
-    assert main([*run, "--trace", "compact", "--out", str(tmp_path)]) == 0
-    assert len(list(tmp_path.glob("traces/*.parquet"))) == 2
-
-
-@pytest.mark.usefixtures("no_simulation")
-def test_a_missing_bundle_is_refused(capsys, tmp_path) -> None:
-    assert "nowhere" in refused(capsys, "--policies", tmp_path / "nowhere", "--out", tmp_path)
-
-
-@pytest.mark.usefixtures("no_simulation")
-def test_a_corrupt_bundle_is_refused(capsys, tmp_path, bundle_folder) -> None:
-    weights = bundle_folder / "policy.safetensors"
-    weights.write_bytes(weights.read_bytes()[:-8])
-    assert str(bundle_folder) in refused(capsys, "--policies", bundle_folder, "--out", tmp_path)
+def test_help_loads_nothing_heavy_and_the_launcher_is_the_same_command(repository) -> None:
+    code = (
+        "import sys\nfrom evaluate.__main__ import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit as end:\n    code = end.code\n"
+        "heavy = {'scipy', 'matplotlib', 'pyarrow', 'mujoco', 'torch', 'gymnasium', 'pandas'} & set(sys.modules)\n"
+        "print('loaded:', sorted(heavy), code)\n"
+    )
+    printed = subprocess.run([*PYTHON, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "loaded: [] 0" in printed
+    for option in ("--policies", "--scenarios", "--episodes", "--seed", "--out", "--threads"):
+        assert option in printed
+    assert "default: 24" in printed
+    command = [*PYTHON, "evaluate.py", "--policies", "nobody"]
+    finished = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
+    assert finished.returncode == 2
+    assert finished.stderr.startswith("error: --policies: ")
+    assert finished.stderr.count("\n") == 1
 
 
 @pytest.mark.usefixtures("no_simulation")
@@ -167,52 +156,6 @@ def test_a_bundle_is_compared_under_the_path_it_was_called_by(tmp_path, bundle_f
     assert {c["p_value"] for c in results["comparisons"]} == {1.0}
 
 
-def test_a_single_episode_has_means_but_no_intervals(tmp_path) -> None:
-    arguments = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "1", "--no-film")
-    assert main([*arguments, "--out", str(tmp_path)]) == 0
-    cell = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["policies"]["document"]["scenarios"][
-        "flat"
-    ]
-    assert cell["velocity_error"] == 2.0
-    assert cell["velocity_error_ci"] == [None, None]
-    assert cell["time_to_fall"] > 0.0
-
-
-def test_help_is_quick_and_explains_every_option() -> None:
-    """Quick because nothing heavy is loaded for it."""
-    code = (
-        "import sys\nfrom evaluate.__main__ import main\n"
-        "try:\n    main(['--help'])\nexcept SystemExit as end:\n    code = end.code\n"
-        "heavy = {'scipy', 'matplotlib', 'pyarrow', 'mujoco', 'torch', 'gymnasium', 'pandas'} & set(sys.modules)\n"
-        "print('loaded:', sorted(heavy), code)\n"
-    )
-    printed = subprocess.run([*PYTHON, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "loaded: [] 0" in printed
-    for option in ("--policies", "--scenarios", "--episodes", "--seed", "--out", "--threads"):
-        assert option in printed
-    assert "default: 24" in printed
-
-
-@LAUNCHERS
-def test_both_launchers_are_the_same_command(repository, launcher) -> None:
-    command = [*PYTHON, *launcher, "--policies", "nobody"]
-    finished = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=False)
-    assert finished.returncode == 2
-    assert finished.stderr.startswith("error: --policies: ")
-    assert finished.stderr.count("\n") == 1
-
-
-@LAUNCHERS
-@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
-def test_a_reader_that_leaves_early_is_no_failure(repository, launcher) -> None:
-    reading, writing = os.pipe()
-    os.close(reading)
-    command = [*PYTHON, *launcher, "--help"]
-    finished = subprocess.run(command, cwd=repository, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
-    os.close(writing)
-    assert (finished.returncode, finished.stderr) == (0, "")
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
 def test_a_reader_that_leaves_early_loses_no_file(repository, tmp_path) -> None:
     reading, writing = os.pipe()
@@ -228,27 +171,11 @@ def test_a_reader_that_leaves_early_loses_no_file(repository, tmp_path) -> None:
 def test_output_that_cannot_be_written_is_one_line(repository, tmp_path) -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         options = {"cwd": repository, "stdout": full, "stderr": subprocess.PIPE, "text": True, "check": False}
-        shown = subprocess.run([*PYTHON, "-m", "evaluate", "--help"], **options)
         run = subprocess.run([*PYTHON, "-m", "evaluate", *QUICK, "--out", str(tmp_path)], **options)
-    assert (shown.returncode, shown.stderr.count("\n")) == (2, 1)
     assert run.returncode == 2
     assert "Traceback" not in run.stderr
     assert run.stderr.splitlines()[-1].startswith("error: cannot write the table")
     assert (tmp_path / "results.json").is_file()
-
-
-def test_a_terminal_without_unicode_gets_the_same_answers(repository, tmp_path) -> None:
-    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
-    command = [*PYTHON, "-m", "evaluate", "--out", str(tmp_path)]
-    options = {"cwd": repository, "env": environment, "capture_output": True, "text": True, "check": False}
-    wrong = subprocess.run([*command, "--episodes", "many"], **options)
-    assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
-    assert "--episodes" in wrong.stderr
-    shown = subprocess.run(
-        [*command, "--policies", "document", "--scenarios", "flat", "--episodes", "2", "--no-film"], **options
-    )
-    assert shown.returncode == 0, shown.stderr
-    assert "? 0.658" in shown.stdout
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
@@ -273,7 +200,7 @@ def test_ctrl_c_keeps_what_was_done(repository, tmp_path, running) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
-@pytest.mark.parametrize("delay", [0.0, 0.3, 0.7, 1.2, 2.0])
+@pytest.mark.parametrize("delay", [0.3, 1.2])
 def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, running) -> None:
     """While modules are loaded, too, where a KeyboardInterrupt could come out as any error."""
     arguments = ("--policies", "trot", "--scenarios", "flat", "--episodes", "512")
@@ -289,18 +216,6 @@ def test_ctrl_c_at_any_moment_ends_in_one_line(repository, tmp_path, delay, runn
     said = [line for line in error.splitlines() if not line.startswith("import time:")]
     assert said == ["interrupted: no further file was written"]
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
-def test_ctrl_c_before_anything_is_done_leaves_an_earlier_outcome_alone(tmp_path, monkeypatch, capsys) -> None:
-    def interrupted(*_args, **_options):
-        raise KeyboardInterrupt
-
-    tmp_path.joinpath("results.json").write_text("earlier", encoding="utf-8")
-    monkeypatch.setattr("evaluate.rollouts.rollout.run", interrupted)
-    assert main(["--policies", "trot", "--threads", "1", "--out", str(tmp_path)]) == 130
-    assert "no further file was written" in capsys.readouterr().err
-    assert tmp_path.joinpath("results.json").read_text(encoding="utf-8") == "earlier"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks of folders there")

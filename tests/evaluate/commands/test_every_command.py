@@ -17,11 +17,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import COMMANDS, main
-from evaluate.commands import execution
 from evaluate.commands import options as default
-from evaluate.rollouts.experiment import evaluation_seeds, sequential
+from evaluate.rollouts.experiment import evaluation_seeds
 from tests.effects import Called, Effect, Reading, check_all, check_other_than_usual, robots
-from tests.evaluate.commands import test_placed_levels
+from tests.evaluate.commands import test_axes
 from tests.evaluate.records import test_resume
 
 BRIEF = 130
@@ -149,25 +148,12 @@ EFFECTS: dict[str, dict[str, Effect]] = {
 }
 
 
-def test_a_cluster_is_asked_for_by_engine_and_address(tmp_path, monkeypatch) -> None:
-    asked: list[Any] = []
-    monkeypatch.setattr(execution, "ray_cluster", lambda *given: asked.append(given[:2]) or sequential(1))
-    words = SHORT.replace("FOLDER", str(tmp_path)).split()
-    for more in ([], ["--engine", "ray"], ["--engine", "ray", "--address", "here:1"]):
-        assert main([*words, *more]) == 0
-    assert asked == [(1, None), (1, "here:1")]
-
-
 ELSEWHERE = {
     "": {
-        "resume": test_resume.test_a_run_that_is_killed_from_outside_goes_on,
-        "engine": test_a_cluster_is_asked_for_by_engine_and_address,
-        "address": test_a_cluster_is_asked_for_by_engine_and_address,
+        "resume": test_resume.test_a_killed_run_goes_on_to_the_same_files,
     },
     "axes": {
-        "resume": test_placed_levels.test_a_stopped_run_goes_on_to_the_same_files,
-        "sequential": test_placed_levels.test_each_policy_runs_levels_where_it_breaks,
-        "budget": test_placed_levels.test_a_budget_ends_it,
+        "resume": test_axes.test_an_interrupted_run_goes_on,
     },
 }
 """Options with a test of their own."""
@@ -257,21 +243,14 @@ def test_the_programs_help_lists_every_command_and_an_old_name_gives_the_new_one
     assert capsys.readouterr().err == "error: `python -m evaluate rescore` is now `python -m research rescore`\n"
 
 
-@pytest.mark.parametrize("arguments", [["report"], ["replay", "0"], ["compare", "{}"]], ids=" ".join)
-@pytest.mark.parametrize(
-    ("folder", "said"),
-    [
-        ("nowhere", "there is no folder {}; name one that `python -m evaluate` wrote, such as results/evaluation"),
-        ("empty", "{} holds no results of `python -m evaluate`: it has no manifest.json"),
-        ("thesis.tex", "{} is a file; name the folder of an evaluation"),
-    ],
-)
-def test_a_folder_without_results_is_one_line_that_says_what_to_name(capsys, tmp_path, arguments, folder, said) -> None:
+def test_a_folder_without_results_is_one_line(capsys, tmp_path) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "thesis.tex").write_text("", encoding="utf-8")
-    name, *more = (word.format(tmp_path / folder) for word in arguments)
-    assert main([name, str(tmp_path / folder), *more]) == 2
-    assert capsys.readouterr() == ("", f"error: {said.format(tmp_path / folder)}\n")
+    for path in (str(tmp_path / name) for name in ("nowhere", "empty", "thesis.tex")):
+        for words in (["report", path], ["replay", path, "0"], ["compare", path, path]):
+            assert main(words) == 2
+            said = f"error: {path} is no folder with results of `python -m evaluate`: it has no manifest.json\n"
+            assert capsys.readouterr() == ("", said)
 
 
 @pytest.mark.parametrize(
@@ -280,12 +259,13 @@ def test_a_folder_without_results_is_one_line_that_says_what_to_name(capsys, tmp
         ("trot stand --scenarios flat --out FOLDER --baseline gallop", "--baseline: gallop is not among the policies"),
         ("report RUN --baseline gallop", "--baseline: gallop is not among the policies"),
         ("trot@ --out out", "--policies: name scenarios after the @ of trot@, as in document@flat"),
-        ("compare a b --json .", "--json: . is a folder; name a file"),
     ],
 )
-def test_values_that_nothing_can_be_done_with_are_one_line(capsys, tmp_path, monkeypatch, run, words, said) -> None:
+def test_values_that_nothing_can_be_done_with_are_one_line(
+    capsys, tmp_path, monkeypatch, evaluated, words, said
+) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(words.replace("FOLDER", str(tmp_path)).replace("RUN", str(run.folder)).split()) == 2
+    assert main(words.replace("FOLDER", str(tmp_path)).replace("RUN", str(evaluated)).split()) == 2
     printed = capsys.readouterr()
     assert (printed.out, printed.err.count("\n")) == ("", 1)
     assert printed.err.startswith(f"error: {said}")

@@ -4,16 +4,14 @@ import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from evaluate.__main__ import main
 from evaluate.commands.options import DEFAULT_POLICIES, WALKING_POLICIES, Options
-from evaluate.commands.plan import check, limited, policies_asked_for
-from evaluate.records.store import FILES, ChunkStore, read_run
+from evaluate.commands.plan import check, policies_asked_for
+from evaluate.records.store import FILES, read_run
 from evaluate.rollouts import rollout
 from evaluate.rollouts.battery import BATTERIES, resolve
-from evaluate.rollouts.experiment import Chunk
 from evaluate.rollouts.hardware import IDEAL
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -48,24 +46,6 @@ def test_it_runs_on_its_scenarios_alone_and_the_run_is_complete(whole) -> None:
     assert {path.name for path in whole.iterdir()} == {*FILES}
 
 
-def test_progress_counts_the_cells_that_there_are(tmp_path, capsys) -> None:
-    assert main([*RUN, "--out", str(tmp_path)]) == 0
-    said = capsys.readouterr().err.splitlines()
-    assert [line.split(" (")[0] for line in said if line.startswith("[5/5]")] == ["[5/5] flat: stand"]
-
-
-def test_an_interrupted_run_goes_on_to_the_same_files(whole, tmp_path, monkeypatch) -> None:
-    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
-    run = read_run(tmp_path)
-    for name in ("results.json", "episodes.parquet", "report.html", "report.md"):
-        (tmp_path / name).unlink()
-    ChunkStore(tmp_path, run.manifest).save(Chunk(np.arange(2), run.cells[2]))
-    assert [(cell.policy, cell.scenario.name) for cell in read_run(tmp_path).cells] == [("document", "flat")]
-    assert main(["--resume", "--no-film", "--out", str(tmp_path)]) == 0
-    for name in ("results.json", "episodes.parquet", "report.md", "manifest.json"):
-        assert (tmp_path / name).read_bytes() == (whole / name).read_bytes()
-
-
 def test_its_report_comparison_and_episodes_are_made_again(whole, tmp_path, capsys) -> None:
     shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
     assert main(["report", str(tmp_path), "--no-film"]) == 0
@@ -95,20 +75,12 @@ def test_of_scenarios_without_flat_ground_the_default_leaves_the_document_out() 
     ("policy", "said"),
     [
         ("trot@push", "--policies: trot@push is not among the scenarios of this run: flat, rough"),
-        ("trot@flat,ice", "--policies: trot@ice is not among the scenarios of this run: flat, rough"),
         ("trott@flat", "--policies: no policy 'trott': name one of"),
     ],
 )
 def test_a_scenario_that_is_not_run_is_refused(tmp_path, capsys, policy, said) -> None:
     assert main(["--policies", policy, "--scenarios", "flat", "rough", "--out", str(tmp_path)]) == 2
     assert capsys.readouterr().err.startswith(f"error: {said}")
-
-
-def test_the_words_of_a_run_are_those_it_was_asked_for_with() -> None:
-    asked = ("trot", "stand@flat,rough")
-    labelled = policies_asked_for(asked, resolve(("flat", "push", "rough")), IDEAL)
-    only_on = {each.label: each.only_on for each in labelled if each.only_on}
-    assert limited([each.label for each in labelled], only_on) == asked
 
 
 def test_a_folder_may_have_an_at_sign(tmp_path) -> None:

@@ -93,41 +93,19 @@ def test_what_it_prints_stays_out_of_the_table_and_is_cut(capfd, tmp_path) -> No
     assert 900 < 5 * printed.err.count("walk ") < 10 * 1000  # of each of its processes so much
 
 
-def test_a_worker_process_asks_it_as_this_one_does(tmp_path, file, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.workers.FEWEST_STEPS", 1)
-    for threads in ("1", "2"):
-        run = ["--policies", f"{file}:Walk", "--scenarios", "flat", "--episodes", "2", "--no-film"]
-        assert main([*run, "--threads", threads, "--out", str(tmp_path / threads)]) == 0
-    assert rows(tmp_path / "1") == rows(tmp_path / "2")
-
-
 @pytest.mark.parametrize(
     ("policy", "words"),
     [
         ("gone.py:Walk", "there is no file gone.py"),
         ("{}", "name the policy in"),
+        ("{}:Wlak", "has no 'Wlak'; it has Walk, Stops"),
         ("model.zip", "give --trust"),
     ],
 )
-@pytest.mark.parametrize(
-    "command",
-    [["--policies"], ["axes", "push", "--policies"]],
-    ids=lambda words: words[0],
-)
-def test_what_is_none_is_one_line(capsys, tmp_path, file, monkeypatch, command, policy, words) -> None:
+def test_what_is_none_is_one_line(capsys, tmp_path, file, monkeypatch, policy, words) -> None:
     monkeypatch.chdir(tmp_path)
     Path("model.zip").touch()
-    assert main([*command, policy.format(file)]) == 2
-    printed = capsys.readouterr()
-    assert words in printed.err
-    assert len(printed.err.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("name", "words"), [("Wlak", "has no 'Wlak'; it has Walk, Stops"), ("np", "must be a policies.Policy or callable")]
-)
-def test_what_its_process_cannot_load_is_one_line_too(capsys, file, name, words) -> None:
-    assert main(["--policies", f"{file}:{name}"]) == 2
+    assert main(["--policies", policy.format(file)]) == 2
     printed = capsys.readouterr()
     assert words in printed.err
     assert len(printed.err.splitlines()) == 1

@@ -25,13 +25,12 @@ def test_every_policy_has_a_digest_of_its_own() -> None:
     assert digests == {name: policy_digest(policies.make(name)) for name in policies.names()}
 
 
-@pytest.mark.parametrize("environment", [{}, {"OPENBLAS_CORETYPE": "Prescott"}], ids=["as here", "another kernel"])
-def test_digests_are_the_same_in_another_process(repository, environment) -> None:
+def test_digests_are_the_same_in_another_process_with_another_blas_kernel(repository) -> None:
     code = (
         "import policies\nfrom evaluate.records.provenance import policy_digest\n"
         "print(*(policy_digest(policies.make(name)) for name in policies.names()))"
     )
-    command, chosen = [sys.executable, "-c", code], os.environ | environment
+    command, chosen = [sys.executable, "-c", code], os.environ | {"OPENBLAS_CORETYPE": "Prescott"}
     printed = subprocess.run(command, cwd=repository, env=chosen, capture_output=True, text=True, check=True).stdout
     assert printed.split() == [policy_digest(policies.make(name)) for name in policies.names()]
 

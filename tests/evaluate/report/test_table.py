@@ -43,7 +43,6 @@ def test_the_baseline_can_be_chosen(made) -> None:
     results = analyse(made.cells, seed=0, episodes=40, complete=True, baseline="other")
     assert "minus other" in "\n".join(printed(results))
     assert {(c.a, c.b) for c in results.comparisons} == {("trot", "other")}
-    assert [(r.a, r.b) for r in results.breaking_point_ratios] == 2 * [("trot", "other")]
     (falls,) = (c for c in results.comparisons if (c.scenario, c.metric) == ("rough", "fall_rate"))
     assert falls.difference == -0.5  # 2 against 22 of 40
 

@@ -47,11 +47,7 @@ def test_severities_of_axes_alone_and_together() -> None:
     assert (together.name, together.axis, together.payload) == ("payload=15+slope=10", "", quad_env.Payload(15.0))
 
 
-def test_all_is_every_axis_at_its_nominal_severity() -> None:
-    assert names("all") == list(quad_env.SCENARIOS)
-
-
-@pytest.mark.parametrize("name", ["quick", "default", "full"])
+@pytest.mark.parametrize("name", ["quick", "full", "all"])
 def test_a_battery_has_the_nominal_three_and_no_scenario_twice(name) -> None:
     scenarios = battery.resolve((name,))
     assert {"flat", "push", "rough"} <= {scenario.name for scenario in scenarios}
@@ -75,19 +71,12 @@ def test_the_default_battery_has_every_axis_at_its_nominal_severity_and_the_next
     assert {len(severities) for severities in found.values()} == {3}
 
 
-def test_levels_that_a_battery_names_exist() -> None:
-    for axis, levels in battery.QUICK_LEVELS.items():
-        assert all(1 <= level <= len(AXES[axis].levels) for level in levels)
-
-
 @pytest.mark.parametrize(
     ("given", "words"),
     [
         (("flatt",), "flat, push, rough.*quick, default, full, all.*push:3.*my_file.py:NAME"),
         (("push:99",), f"levels 1 to {len(AXES['push'].levels)}, not 99"),
-        (("push:hard",), f"push:1 to push:{len(AXES['push'].levels)}, push:all"),
         (("push:all", "push:2"), "twice: push:2"),
-        (("quick", "flat"), "twice: flat"),
         (("push=42", "push=42.0"), "twice: push=42"),
         (("rough=0.1+slope=3",), "rough and slope set the terrain differently"),
         ((), "no scenario"),
@@ -122,11 +111,8 @@ def test_what_is_no_scenario_in_a_file_is_said(file, name, words) -> None:
     ("content", "words"),
     [
         ("1 / 0", "fails: ZeroDivisionError"),
-        ("import nothing_of_that_name", "fails: ModuleNotFoundError"),
         ("raise SystemExit('no')", "fails: SystemExit: no"),
-        ("GUST =", "fails: SyntaxError"),
         ("import quad_env\nGUST = quad_env.Scenario('x', pushes=quad_env.Pushes(count=-1))", "do not fit"),
-        ("GUST = ()", "must be a quad_env.Scenario"),
         ("import quad_env\nGUST = quad_env.Scenario('')", "needs a name"),
     ],
 )
@@ -138,8 +124,3 @@ def test_a_file_that_fails_is_one_line(tmp_path, capsys, content, words) -> None
     assert error.count("\n") == 1
     assert words in error
     assert not (tmp_path / "out").exists()
-
-
-def test_a_file_that_is_not_there_is_said(tmp_path) -> None:
-    with pytest.raises(ValueError, match=r"there is no file .*nowhere\.py"):
-        battery.resolve((f"{tmp_path / 'nowhere.py'}:GUST",))

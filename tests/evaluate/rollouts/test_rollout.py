@@ -98,35 +98,23 @@ def test_the_policy_is_shown_the_latest_observation() -> None:
     assert len(watcher.seen) == 20
 
 
-def test_progress_rises_and_ends_with_one_exactly_once() -> None:
-    shares: list[float] = []
-    run("document", "flat", 2, progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares.count(1.0) == 1
-    assert shares[-1] == 1.0
-
-
 def after(number: int, fall: list[str], diverged: list[bool]) -> Step:
     """What observers are told of robots that fell for those reasons."""
     codes = np.array([quad_env.FALL_REASONS.index(reason) for reason in fall], np.int8)
     return Step(number, None, None, None, {"fall": codes, "diverged": np.array(diverged)})
 
 
-def test_a_divergence_is_a_fall_with_its_own_column() -> None:
+def test_the_first_fall_counts_and_a_divergence_is_one_with_its_own_column() -> None:
     falls = Falls(2, 3)
     falls(after(1, ["none", "none"], [True, False]))
     np.testing.assert_array_equal(falls.step, [0, 3])
     np.testing.assert_array_equal(falls.divergence_step, [0, 3])
     assert falls.reason.tolist() == ["diverged", None]
     assert falls.fell.tolist() == [True, False]
-
-
-def test_the_first_fall_counts() -> None:
     falls = Falls(1, 5)
     for number, reason in enumerate(("none", "none", "tilt", "height", "height")):
         falls(after(number, [reason], [False]))
-    assert falls.step.tolist() == [1]
-    assert falls.reason.tolist() == ["tilt"]
+    assert (falls.step.tolist(), falls.reason.tolist()) == ([1], ["tilt"])
 
 
 def test_observers_are_told_the_start_and_every_step_in_order_until_one_has_seen_enough() -> None:
@@ -182,7 +170,7 @@ def test_many_episodes_run_in_chunks_with_the_same_outcome() -> None:
     chunks = run_cell(policy, quad_env.SCENARIOS["flat"], seeds, settings)
     np.testing.assert_array_equal(chunks.seeds, seeds)
     np.testing.assert_array_equal(chunks.measures.fall_time, whole.measures.fall_time)
-    assert shares.count(1.0) == 1
+    assert (shares, shares.count(1.0)) == (sorted(shares), 1)
 
 
 def test_a_policy_of_another_control_period_or_robot_is_refused_with_the_remedy() -> None:

@@ -18,7 +18,7 @@ import policies
 from evaluate.__main__ import main
 from evaluate.measures.metrics import Measures
 from evaluate.rollouts import workers
-from evaluate.rollouts.experiment import Chunk, LabelledPolicy, Task, evaluation_seeds, sequential
+from evaluate.rollouts.experiment import LabelledPolicy, Task, evaluation_seeds, sequential
 from evaluate.rollouts.hardware import IDEAL
 from quad_env import SCENARIOS
 from tests.waiting import until
@@ -61,7 +61,7 @@ def always(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_workers_give_the_same_bits_as_one_process_and_tell_how_far_they_are() -> None:
-    every = tasks(*labelled("trot", "residual", "document"))
+    every = tasks(*labelled("residual", "document"))
     told: list[tuple[int, float]] = []
     apart = dict(workers.process_pool(2)(every, lambda place, share: told.append((place, share))))
     alone = dict(sequential(1)(every, lambda *_: None))
@@ -77,22 +77,6 @@ def test_workers_give_the_same_bits_as_one_process_and_tell_how_far_they_are() -
             )
     assert {place for place, _ in told} == set(alone)
     assert all(0.0 <= share < 1.0 for _, share in told)
-
-
-def test_they_are_processes_of_their_own() -> None:
-    with pytest.raises(workers.WorkerLost, match="was killed"):
-        list(workers.process_pool(2)(tasks(LabelledPolicy("deadly", Deadly())), lambda *_: None))
-
-
-def test_an_error_in_a_worker_is_raised_here() -> None:
-    with pytest.raises(ZeroDivisionError, match="a bug"):
-        list(workers.process_pool(2)(tasks(LabelledPolicy("failing", Failing())), lambda *_: None))
-
-
-def test_little_work_is_done_here(monkeypatch) -> None:
-    monkeypatch.setattr(workers, "FEWEST_STEPS", 6 * STEPS + 1)
-    monkeypatch.setattr(workers, "_workers", None)
-    assert len(list(workers.process_pool(2)(tasks(*labelled("stand")), lambda *_: None))) == 2
 
 
 def test_a_lost_worker_is_one_line(tmp_path, monkeypatch, capsys) -> None:
@@ -128,81 +112,6 @@ class Stuck(type(policies.make("stand"))):
         threading.Event().wait()
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
-def test_a_worker_that_never_returns_ends_with_the_others(monkeypatch) -> None:
-    monkeypatch.setattr(workers, "ENDING_TIME", 0.5)
-    both = [*tasks(LabelledPolicy("stuck", Stuck()))[:1], *tasks(LabelledPolicy("failing", Failing()))[:1]]
-    before = children(os.getpid())
-    with pytest.raises(ZeroDivisionError):
-        list(workers.process_pool(2)(both, lambda *_: None))
-    assert not any(map(runs, children(os.getpid()) - before - {resource_tracker._resource_tracker._pid}))
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
-def test_an_outcome_that_there_is_no_memory_for_ends_the_run_in_one_line(tmp_path, monkeypatch, capsys) -> None:
-    """Whoever takes the outcomes from the workers has no thread of its own whose end could go unnoticed."""
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", STEPS)
-    run = ["--policies", "stand", "--scenarios", "flat", "push", "--episodes", "4", "--no-film", "--threads", "2"]
-    received = workers._Worker.received
-    before = children(os.getpid())
-
-    def short(worker):
-        if isinstance(news := received(worker), Chunk) and (tmp_path / "cut" / "parts").exists():
-            raise MemoryError
-        return news
-
-    with monkeypatch.context() as patch:
-        patch.setattr(workers._Worker, "received", short)
-        assert main([*run, "--out", str(tmp_path / "cut")]) == 2
-    error = capsys.readouterr().err.splitlines()[-1]
-    assert error.startswith("error: out of memory: ")
-    assert error.endswith(f"; go on: python -m evaluate --resume --out {tmp_path / 'cut'}")
-    assert not any(map(runs, children(os.getpid()) - before - {resource_tracker._resource_tracker._pid}))
-    assert main(["--resume", "--out", str(tmp_path / "cut")]) == 0
-    assert main([*run, "--out", str(tmp_path / "whole")]) == 0
-    for name in ("episodes.parquet", "results.json"):
-        assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
-
-
-class Unsendable(Exception):
-    """Whose text cannot be had either."""
-
-    def __reduce__(self):
-        raise TypeError("no pickle")
-
-    def __str__(self):
-        raise TypeError("no text")
-
-
-class Odd(type(policies.make("stand"))):
-    """Raises what no other process can be sent."""
-
-    def act(self, observation):
-        raise Unsendable
-
-
-def test_an_error_that_cannot_be_sent_is_named() -> None:
-    with pytest.raises(RuntimeError, match="Unsendable, whose text cannot be had"):
-        list(workers.process_pool(2)(tasks(LabelledPolicy("odd", Odd())), lambda *_: None))
-
-
-def test_who_waits_for_workers_may_stop_them() -> None:
-    asked = iter([None, None, KeyboardInterrupt()])
-
-    def check() -> None:
-        if (error := next(asked)) is not None:
-            raise error
-
-    with pytest.raises(KeyboardInterrupt):
-        list(workers.process_pool(2, check)(tasks(LabelledPolicy("stuck", Stuck())), lambda *_: None))
-
-
-def test_the_environment_is_as_it_was_after_workers_began(monkeypatch) -> None:
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
-    list(workers.process_pool(2)(tasks(*labelled("stand")), lambda *_: None))
-    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
-
-
 def children(process: int) -> set[int]:
     """Processes whose parent it is."""
     found = set()
@@ -221,6 +130,26 @@ def runs(process: int) -> bool:
         return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] not in "ZX"
     except OSError:
         return False
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
+@pytest.mark.parametrize("stopped", [ZeroDivisionError, KeyboardInterrupt])
+def test_a_worker_that_never_returns_ends_with_an_error_and_with_ctrl_c(monkeypatch, stopped) -> None:
+    """An error of another worker is raised here, with its type; Ctrl-C comes from the check."""
+    monkeypatch.setattr(workers, "ENDING_TIME", 0.5)
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    both = [*tasks(LabelledPolicy("stuck", Stuck()))[:1], *tasks(LabelledPolicy("failing", Failing()))[:1]]
+    asked = iter([None, None])
+
+    def check() -> None:
+        if stopped is KeyboardInterrupt and next(asked, "enough"):
+            raise KeyboardInterrupt
+
+    before = children(os.getpid())
+    with pytest.raises(stopped):
+        list(workers.process_pool(2, check)(both[:1] * 2 if stopped is KeyboardInterrupt else both, lambda *_: None))
+    assert not any(map(runs, children(os.getpid()) - before - {resource_tracker._resource_tracker._pid}))
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluate.statistics.breaking_point import bracket, breaking_point, breaking_ratio, monotone_curve
+from evaluate.statistics.breaking_point import bracket, breaking_point, monotone_curve
 
 PUSHES = np.array([20.0, 35.0, 50.0, 65.0, 80.0, 100.0])
 FRICTION = np.array([1.0, 0.7, 0.5, 0.35, 0.25])
@@ -91,39 +91,6 @@ def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
     failed = np.array([np.arange(20) < count for count in fails])
     assert bracket(failed) == (1, 5)
     assert bracket(failed[2:5]) == (-1, 3)
-
-
-def test_an_interval_errs_in_a_fortieth_on_either_side_and_that_of_a_ratio_in_an_eightieth() -> None:
-    """Of 30 episodes: P(at most 10) = 0.049, P(at most 9) = 0.021 and P(at most 8) = 0.008 if half of all fall."""
-    severities = np.array([20.0, 35.0, 50.0, 65.0])
-    for fewer, ci, wide in (
-        (10, (20.0, 65.0), (20.0, 65.0)),
-        (9, (35.0, 50.0), (20.0, 65.0)),
-        (8, *2 * [(35.0, 50.0)]),
-    ):
-        failed = np.array([np.arange(30) < count for count in (0, fewer, 30 - fewer, 30)])
-        found = breaking_point(severities, failed)
-        assert (found.ci, found.wide) == (ci, wide)
-        assert bracket(failed) == (severities.tolist().index(ci[0]), severities.tolist().index(ci[1]))
-
-
-def test_a_ratio_is_claimed_where_one_level_tells_the_two_apart() -> None:
-    """At 65 N·s one policy is shown to fall in fewer than half of the episodes, the other in more."""
-    a = breaking_point(PUSHES, falls(PUSHES, strengths(75.0, 0.05)))
-    b = breaking_point(PUSHES, falls(PUSHES, strengths(57.0, 0.05)))
-    ratio, (low, high) = breaking_ratio(a, b)
-    assert ratio > 1.0
-    assert (low, high) == (65.0 / 65.0, 80.0 / 50.0)
-    ratio, (low, high) = breaking_ratio(b, b)
-    assert (ratio, low, high) == (1.0, 50.0 / 65.0, 65.0 / 50.0)
-
-
-def test_ratio_takes_two_breaking_points() -> None:
-    crossed = breaking_point(PUSHES, falls(PUSHES, strengths(60.0, 0.2)))
-    never = breaking_point(PUSHES, np.zeros((6, EPISODES), bool))
-    for a, b in ((crossed, never), (never, crossed)):
-        ratio, interval = breaking_ratio(a, b)
-        assert np.isnan([ratio, *interval]).all()
 
 
 @pytest.mark.parametrize("severities", [[1.0, 2.0], [1.0, 3.0, 2.0], [1.0, 1.0, 2.0], [-1.0, 0.0, 1.0]])
