@@ -73,7 +73,11 @@ def test_a_difference_is_b_minus_a_paired_by_episode(run, tmp_path, capsys) -> N
         assert velocity["p_value"] == (pytest.approx(2 / 32) if expected else 1.0)
 
 
-def test_other_seeds_are_compared_unpaired(run, tmp_path, capsys) -> None:
+def test_other_seeds_and_another_definition_of_a_scenario_are_compared_unpaired(run, tmp_path, capsys) -> None:
+    softer = dataclasses.replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(impulse=5.0))
+    _, said = compare(capsys, run.folder, other(run, tmp_path / "c", scenarios=(quad_env.SCENARIOS["flat"], softer)))
+    assert "push is not the same scenario in both" in said
+    assert "3 of 6" in said
     b = other(run, tmp_path / "b", lambda rows: column(rows, "seed", np.arange(rows.num_rows)))
     code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
     assert code == 0
@@ -108,15 +112,6 @@ def test_what_an_unfinished_run_lacks_is_said(run, tmp_path, capsys) -> None:
     code, said = compare(capsys, run.folder, b)
     assert code == 0
     assert "B is not finished, and left out of it are: document on flat" in said
-
-
-def test_another_definition_of_a_scenario_is_compared_unpaired(run, tmp_path, capsys) -> None:
-    softer = dataclasses.replace(quad_env.SCENARIOS["push"], pushes=quad_env.Pushes(impulse=5.0))
-    b = other(run, tmp_path / "b", scenarios=(quad_env.SCENARIOS["flat"], softer))
-    code, said = compare(capsys, run.folder, b)
-    assert code == 0
-    assert "push is not the same scenario in both" in said
-    assert "3 of 6" in said
 
 
 def test_a_column_that_one_of_them_lacks_is_left_out(run, tmp_path, capsys) -> None:

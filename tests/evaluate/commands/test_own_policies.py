@@ -111,17 +111,6 @@ def test_what_is_none_is_one_line(capsys, tmp_path, file, monkeypatch, policy, w
     assert len(printed.err.splitlines()) == 1
 
 
-def test_with_trust_a_model_of_stable_baselines3_is_judged(capsys, tmp_path) -> None:
-    import gymnasium as gym
-    from stable_baselines3 import PPO
-
-    PPO("MlpPolicy", gym.make("quad_env:SimpleQuad-v0"), device="cpu").save(tmp_path / "model.zip")
-    run = ["--policies", str(tmp_path / "model.zip"), "--scenarios", "flat", "--episodes", "1", "--no-film", "--trust"]
-    assert main([*run, "--out", str(tmp_path / "out")]) == 0
-    ((row,),) = rows(tmp_path / "out").values()
-    assert row["failure"] is None
-
-
 @pytest.mark.parametrize(("reason", "outcome"), [(None, "succeeded"), ("raised", "policy_error")])
 def test_an_episode_that_the_policy_failed_is_its_error_though_it_kept_to_its_command(reason, outcome) -> None:
     import numpy as np

@@ -25,7 +25,6 @@ from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Cell, Chunk
 from quad_env.files.writing import write_atomically
 from research.__main__ import main as research
-from tests.evaluate.trained import trained
 
 STEPS = 150
 RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "push:4", "--episodes", "5", "--seed", "2")
@@ -262,16 +261,6 @@ def test_other_options_are_refused_by_name(tmp_path, whole, arguments, words) ->
     assert sorted(path.name for path in folder.rglob("*")) == before
 
 
-def test_a_policy_that_has_been_trained_on_is_refused(tmp_path) -> None:
-    policy, out = trained(tmp_path / "policy", 0.0), tmp_path / "out"
-    assert evaluate("--policies", policy, "--scenarios", "flat", "--episodes", "2", "--out", out)[0] == 0
-    assert evaluate("--resume", "--out", out)[0] == 0
-    trained(policy, 0.1)
-    code, error = evaluate("--resume", "--out", out)
-    assert code == 2
-    assert f"the policy {policy} has changed" in error
-
-
 def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
     """A worker writes a trace before its part is kept; another number of processes cuts the cells differently."""
     traced = (*RUN, "--trace", "compact", "--no-film", "--out", tmp_path)
@@ -289,12 +278,11 @@ def test_traces_of_parts_that_are_not_kept_are_made_anew(tmp_path) -> None:
     assert research(["rescore", str(tmp_path)]) == 0
 
 
-@pytest.mark.parametrize("at", ["evaluate.rollouts.rollout.run", "evaluate.commands.execution.process_pool"])
-def test_a_failure_of_the_system_is_not_taken_for_one_of_the_folder(tmp_path, monkeypatch, at) -> None:
+def test_a_failure_of_the_system_is_not_taken_for_one_of_the_folder(tmp_path, monkeypatch) -> None:
     def full(*_arguments, **_options):
         raise OSError(24, "Too many open files")
 
-    monkeypatch.setattr(at, full)
+    monkeypatch.setattr(rollout, "run", full)
     code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
     assert (code, error) == (2, "error: cannot go on (Too many open files); begin again, for nothing was done yet\n")
 

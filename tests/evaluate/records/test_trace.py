@@ -14,7 +14,6 @@ from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import LabelledPolicy, Settings, evaluation_seeds, run_cell
 from evaluate.rollouts.hardware import Hardware
 from quad_env.cli.command_line import UsageError
-from quad_env.config import FALL_RULE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.studies import fall_rules
 from tests.evaluate.measures.uneventful import uneventful
@@ -124,17 +123,3 @@ def test_a_cell_is_traced_part_by_part_under_names_that_no_two_cells_share(tmp_p
 
 
 short = rollout.run
-
-
-def test_the_environments_own_rule_is_the_one_of_that_name_here(traced) -> None:
-    """What the environment called a fall in double precision, worked out again from the record."""
-    np.testing.assert_array_equal(fall_rules.first_step(fall_rules.RULES[FALL_RULE], traced), traced.fall_step)
-
-
-def test_a_stricter_rule_never_sees_a_fall_later(traced) -> None:
-    step = {name: fall_rules.fall_step(rule, traced) for name, rule in fall_rules.RULES.items()}
-    assert (step["non-foot-contact"] <= step["trunk-contact"]).all()
-    assert (step["tilt-70"] <= step["tilt-90"]).all()
-    assert (step[FALL_RULE] <= step["tilt-70"]).all()
-    assert (step[FALL_RULE] <= step["trunk-contact"]).all()
-    assert (step["tilt-90"] < STEPS).any(), "some must be laid over for this to show anything"
