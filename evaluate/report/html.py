@@ -23,9 +23,9 @@ def contents(sections: str) -> str:
     return f'<nav aria-label="Contents"><ul>{links}</ul></nav>\n'
 
 
-def fold(summary: str, body: str, *, opened: bool = False, printed: bool = False) -> str:
+def fold(summary: str, body: str, *, printed: bool = False) -> str:
     """Something that opens on a click; on paper only if it is open or `printed`; empty without a body."""
-    state = (' class="printed"' if printed else "") + (" open" if opened else "")
+    state = ' class="printed"' if printed else ""
     return f"<details{state}><summary>{summary}</summary>{body}</details>" if body else ""
 
 

@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("axes")
     seeds = [str(trained(place / f"seed-{seed}", 0.2 * seed)) for seed in (0, 1)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+        patch.setattr("evaluate.rollouts.rollout.STEPS", 110)
         patch.setattr(
             "evaluate.commands.outputs.write_report",
             lambda _, path, **_options: path.write_text("report", encoding="utf-8"),
@@ -55,7 +55,7 @@ def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -
 
 def test_an_interrupted_run_goes_on(folder, tmp_path, monkeypatch) -> None:
     """As Ctrl-C leaves it: with some of its parts, and without an outcome."""
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 110)
     shutil.copytree(folder / "out", tmp_path, dirs_exist_ok=True)
     run = read_run(tmp_path)
     for path in tmp_path.iterdir():
@@ -101,7 +101,7 @@ def test_the_spread_is_printed_once_a_run(folder) -> None:
 
 
 def test_policies_may_be_named_first(folder, tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 110)
     seeds = [str(folder / f"seed-{seed}") for seed in (0, 1)]
     assert main([*seeds, "--scenarios", "flat", "--episodes", "1", "--no-film", "--out", str(tmp_path)]) == 0
     assert "2 training seeds" in capsys.readouterr().out

@@ -25,7 +25,7 @@ class Stops:
 
     def __call__(self, observation):
         self.calls += 1
-        if self.calls == 150 and observation[-3] > FORWARD:
+        if self.calls == 110 and observation[-3] > FORWARD:
             FAULT
         return np.array([0.0, 0.5, -1.0] * 4)
 """
@@ -40,7 +40,7 @@ def file(tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def _short_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 250)
+    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
 
 
 def rows(folder: Path) -> dict[str, list[dict]]:
@@ -62,8 +62,6 @@ def test_it_is_judged_beside_ours_and_loses_its_own_episodes_alone(capsys, tmp_p
     assert [row["failure"] for row in found[walk] + found["trot"]] == [None] * 4
     for mine, theirs in zip(found[walk], found["trot"], strict=True):
         assert mine | {"policy": "trot"} == theirs
-    assert main(["replay", str(tmp_path / "out"), "2"]) == 0
-    assert "identical to the bit" in capsys.readouterr().out
     file.write_text(file.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
     monkeypatch.setattr(foreign, "DEADLINE", 0.2)
     assert main(["replay", str(tmp_path / "out"), "2"]) == 1

@@ -93,11 +93,8 @@ def test_a_mistake_is_one_line(run, capsys, arguments, words) -> None:
         assert word in said
 
 
-@pytest.mark.parametrize(
-    ("option", "usual", "other", "column"),
-    [("sensors", "truth", "typical", "velocity_error"), ("actuator", "ideal", "motor", "energy")],
-)
-def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch, option, usual, other, column) -> None:
+def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch) -> None:
+    option, usual, other, column = "sensors", "truth", "typical", "velocity_error"
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
     figures = []
     for name in (usual, other):
