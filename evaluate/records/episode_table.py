@@ -3,7 +3,7 @@
 The columns are the fields of `Measures` and who, where and from which seed; a table gives its cells back to the bit.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -77,16 +77,12 @@ def write_table(rows: pa.Table, path: Path, run: str) -> None:
     parquet.write(rows, path, {RUN: run.encode()})
 
 
-def read_table(path: Path, run: str | None = None, check: Callable[[pa.Table], object] = lambda _: None) -> pa.Table:
+def read_table(path: Path, run: str | None = None) -> pa.Table:
     """A file's rows; ValueError if it is damaged, changed, or of another run than the given one, OSError if it cannot
-    be read. `check` as of `parquet.read`."""
-
-    def checked(rows: pa.Table) -> None:
-        if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
-            raise ValueError(f"{path} is of another run")
-        check(rows)
-
-    rows = parquet.read(path, checked)
+    be read."""
+    rows = parquet.read(path)
+    if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
+        raise ValueError(f"{path} is of another run")
     return rows if "outcome" in rows.column_names else _with_outcome(rows)
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +27,10 @@ def write(rows: pa.Table, path: Path, about: Mapping[bytes, bytes], **settings: 
     write_atomically(path, buffer.getvalue())
 
 
-def read(path: Path, check: Callable[[pa.Table], object] = lambda _: None) -> pa.Table:
+def read(path: Path) -> pa.Table:
     """A file's rows; ValueError if it is damaged or has been changed, OSError if it cannot be read.
 
-    `check` may say more exactly, by a ValueError, what has been changed. Files that were written before there were
-    hashes are read as they are: see `is_hashed`.
+    Files that were written before there were hashes are read as they are: see `is_hashed`.
     """
     content = read_bytes(path, LARGEST)
     try:
@@ -41,7 +40,6 @@ def read(path: Path, check: Callable[[pa.Table], object] = lambda _: None) -> pa
         changed = stored is not None and stored.decode() != content_hash(rows)
     except (pa.ArrowException, LookupError, MemoryError, OSError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is damaged ({(str(error).splitlines() or [type(error).__name__])[0]})") from error
-    check(rows)
     if changed:
         raise ValueError(f"{path} has been changed since it was written (its content hash differs)")
     return rows

@@ -4,7 +4,6 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +123,8 @@ def _stored(path: Path, manifest: Manifest) -> pa.Table:
     as they were written. What cannot be checked is reported on stderr."""
     if not path.exists():
         return pa.table({})
-    rows = read_table(path, manifest.fingerprint, partial(_check_whole, manifest))
+    rows = read_table(path, manifest.fingerprint)
+    _check_whole(manifest, rows)
     if not is_hashed(rows):
         said = f"{path} is of a version that wrote no content hash: whether its rows have been changed is not known"
         print(said, file=sys.stderr)
@@ -195,6 +195,6 @@ def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[Cell]:
             yield cell_of(mine, scenario)
 
 
-def _unreadable(folder: Path, error: ValueError) -> UsageError:
+def _unreadable(folder: Path, error: Exception) -> UsageError:
     remedy = "restore it, or run the evaluation again"
     return UsageError(f"{folder / EPISODES} cannot be read as the run of {manifests.NAME}: {error}; {remedy}")

@@ -100,11 +100,9 @@ def test_the_spread_is_printed_once_a_run(folder) -> None:
     assert printed.count("±") == 1 + len(AXES["push"].levels) * 5
 
 
-def test_policies_may_be_named_first(folder, tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 110)
-    seeds = [str(folder / f"seed-{seed}") for seed in (0, 1)]
-    assert main([*seeds, "--scenarios", "flat", "--episodes", "1", "--no-film", "--out", str(tmp_path)]) == 0
-    assert "2 training seeds" in capsys.readouterr().out
+def test_a_command_that_is_none_may_be_a_policy_or_a_slip(tmp_path, capsys) -> None:
+    assert main(["crouch", "--scenarios", "ice", "--out", str(tmp_path)]) == 2
+    assert "unknown scenario 'ice'" in capsys.readouterr().err
     assert main(["repaly", "--out", str(tmp_path)]) == 2
     assert "did you mean the command replay?" in capsys.readouterr().err
 

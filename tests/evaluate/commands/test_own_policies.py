@@ -6,10 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.measures.metrics import measure
 from policies.foreign import policy as foreign
-from quad_env import SIMPLE_QUAD
-from tests.evaluate.measures.uneventful import uneventful
 
 FILE = """
 import time
@@ -107,11 +104,3 @@ def test_what_is_none_is_one_line(capsys, tmp_path, file, monkeypatch, policy, w
     printed = capsys.readouterr()
     assert words in printed.err
     assert len(printed.err.splitlines()) == 1
-
-
-@pytest.mark.parametrize(("reason", "outcome"), [(None, "succeeded"), ("raised", "policy_error")])
-def test_an_episode_that_the_policy_failed_is_its_error_though_it_kept_to_its_command(reason, outcome) -> None:
-    import numpy as np
-
-    episodes = uneventful(SIMPLE_QUAD, 1000, failure=np.array([reason], dtype=object))
-    assert measure(episodes).outcome.tolist() == [outcome]

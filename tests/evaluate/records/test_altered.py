@@ -102,28 +102,19 @@ def with_value(name: str, row: int, value: object) -> Callable[[pa.Table], pa.Ta
     return change
 
 
-def test_a_folder_as_it_was_written_is_read_by_every_command(folder) -> None:
-    for arguments in commands_on(folder):
-        if arguments[0] == "replay":  # whose episode is another processor's
-            continue
-        code, said = command(*arguments)
-        assert code == 0, said
-        assert str(folder / EPISODES) not in said
-
-
 @pytest.mark.parametrize(
-    ("change", "words"),
+    "change",
     [
-        (lambda rows: rows.slice(1), "episodes are missing, there twice, not of this run"),
-        (lambda rows: rows.take([1, 0, *range(2, rows.num_rows)]), "not in their order"),
-        (with_value("velocity_error", 7, 0.0), "has been changed since it was written"),
-        (lambda rows: column(rows, "seed", rows.column("seed").cast(pa.string())), "has been changed since"),
-        (lambda rows: rows.drop_columns(["policy"]), "it lacks the columns policy"),
+        lambda rows: rows.take([1, 0, *range(2, rows.num_rows)]),
+        with_value("velocity_error", 7, 0.0),
+        lambda rows: column(rows, "seed", rows.column("seed").cast(pa.string())),
+        lambda rows: rows.drop_columns(["policy"]),
     ],
+    ids=["order", "value", "type", "column"],
 )
-def test_changed_rows_are_refused(folder, change, words) -> None:
+def test_changed_rows_are_refused(folder, change) -> None:
     rewritten(folder, change)
-    assert_refused(folder, words)
+    assert_refused(folder, "has been changed since it was written")
 
 
 def test_rows_of_a_version_without_hashes_are_checked_as_far_as_they_can_be(tmp_path) -> None:

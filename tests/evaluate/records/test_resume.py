@@ -246,7 +246,6 @@ def test_a_report_of_an_unfinished_run_shows_its_finished_cells(tmp_path, whole)
     [
         (["--episodes", "6"], ["--episodes was 5, not 6"]),
         (["--seed", "3"], ["--seed was 2, not 3"]),
-        (["--scenarios", "flat", "push:5"], ["--scenarios was flat push:4, not flat push:5"]),
         (["--quick", "--scenarios", "default"], ["--quick was False, not True", "--scenarios"]),
     ],
     ids=lambda value: " ".join(value),

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-import quad_env
 from evaluate.__main__ import main
 from evaluate.rollouts import battery
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -39,12 +38,6 @@ def test_a_level_and_all_levels_of_an_axis() -> None:
     assert names("push:3", "rough") == ["push:3", "rough"]
     assert names("push:all") == [f"push:{level}" for level in range(1, 1 + len(AXES["push"].levels))]
     assert battery.resolve(("push:3",))[0].severity == AXES["push"].levels[2]
-
-
-def test_severities_of_axes_alone_and_together() -> None:
-    alone, together = battery.resolve(("push=42", "payload=15+slope=10"))
-    assert (alone.name, alone.axis, alone.severity) == ("push=42", "push", 42.0)
-    assert (together.name, together.axis, together.payload) == ("payload=15+slope=10", "", quad_env.Payload(15.0))
 
 
 @pytest.mark.parametrize("name", ["quick", "full", "all"])

@@ -26,27 +26,6 @@ def test_share_difference_interval_as_published() -> None:
     assert share_difference_interval(1, 7, 21) == pytest.approx((-0.517, -0.026), abs=5e-4)
 
 
-def quartic_limits(only_a: int, only_b: int, pairs: int) -> tuple[float, float]:
-    """Tango's limits as the outer roots of a polynomial (Yang, Sun and Hardin 2012, Statistics in Medicine 32)."""
-    z2, n, d, s = stats.norm.ppf(0.975) ** 2, pairs, only_a - only_b, only_a + only_b
-    polynomial = [
-        n**2 * (n / z2 + 1) ** 2,
-        -n * d * (n / z2 + 1) * (4 * n / z2 + 1),
-        2 * n * d**2 * (3 * n / z2 + 2) / z2 - n**2 * (s / z2 + 1),
-        n * d * (2 * s / z2 + 1) - d**3 * (4 * n / z2 + 1) / z2,
-        d**2 * (d**2 / z2 - s) / z2,
-    ]
-    roots = np.roots(polynomial)
-    real = roots[np.abs(roots.imag) < 1e-6].real
-    return real.min(), real.max()
-
-
-@pytest.mark.parametrize(("only_a", "only_b", "pairs"), [(12, 2, 50), (0, 0, 128), (25, 28, 618)])
-def test_share_difference_interval_solves_the_polynomial_of_tangos_limits(only_a, only_b, pairs) -> None:
-    expected = quartic_limits(only_a, only_b, pairs)
-    assert share_difference_interval(only_a, only_b, pairs) == pytest.approx(expected, abs=1e-6)
-
-
 def test_share_difference_interval_ends_at_one() -> None:
     assert share_difference_interval(20, 0, 20)[1] == 1.0
     assert share_difference_interval(0, 20, 20)[0] == -1.0
