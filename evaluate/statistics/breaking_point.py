@@ -1,11 +1,9 @@
 """Breaking points: the severity of an axis at which half of the episodes fail.
 
-Nothing is assumed of the curve but that more of the disturbance is not easier. The figure is where a monotone
-regression, drawn straight over the logarithm of severity between the levels, crosses one half. The interval reaches
-from the last level at which an exact test still shows that fewer than half fail to the first at which it shows that
-more do: what lies between two levels is not known, and it is all inside. Levels are tested in order, from the mildest
-up to the first that fails its test and from the hardest down in the same way, so that many levels cost no correction.
-Each is tested by itself, so that it does not matter what the same episodes do at other levels.
+The figure is where a monotone regression, straight over the logarithm of severity between the levels, crosses one
+half. The interval reaches from the last level at which an exact test shows that fewer than half fail to the first at
+which it shows that more do. Levels are tested from the mildest up to the first that fails its test, and from the
+hardest down in the same way, so that many levels cost no correction.
 """
 
 from dataclasses import dataclass

@@ -43,8 +43,7 @@ def mean_share_interval(shares: Floats) -> Interval:
     Wilson's, of as many yes-or-no trials as have a mean that varies as much, with Student's t for the normal
     distribution: how surveys take shares in clusters (Korn and Graubard 1998, Survey Methodology 24; with Wilson's
     interval Dean and Pagano 2015, Journal of Survey Statistics and Methodology 3). Shares that all agree show nothing
-    of how they vary: each then counts as one trial. For 2 to 64 episodes of 2 to 48 scenarios, which succeed or fail
-    independently or nearly together, it covers about 95 % where a bootstrap covers as little as 5 %.
+    of how they vary: each then counts as one trial.
     """
     from scipy.special import ndtri, stdtrit
 
@@ -114,10 +113,9 @@ def _difference_of(a: float, ends_a: Interval, b: float, ends_b: Interval) -> In
 def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int = 0) -> Interval:
     """Bootstrap interval of the mean, bias-corrected and accelerated; (NaN, NaN) for fewer than two values.
 
-    An episode's error is skewed by the falls. With 64 episodes, of which a tenth fall, this covers 94 % and misses as
-    often on either side; percentiles cover 93 % and end too low three times as often as too high.
-    Values that all agree leave nothing to resample: see `agreeing_interval`, which takes the `bounds` of a value.
-    `scipy.stats.bootstrap(method="BCa")` gives the same; resamples that are kept are four times faster.
+    Corrected, since falls skew the errors of episodes. Values that all agree leave nothing to resample: see
+    `agreeing_interval`, which takes the `bounds` of a value. `scipy.stats.bootstrap(method="BCa")` gives the same;
+    resamples that are kept are four times faster.
     """
     from scipy.special import ndtr, ndtri
 
@@ -137,9 +135,8 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
     """Bootstrap interval of the mean of paired differences; (NaN, NaN) for fewer than two pairs; `bounds` as above.
 
     Percentiles, moved outwards as far as Student's t lies outside the normal distribution and n outside n − 1
-    (Hesterberg 2015, The American Statistician 69). Not BCa: most of a difference is the few episodes in which one
-    policy fell, either way round, and from those it estimates a skewness that is hardly there: with 64 episodes, of
-    which a tenth fall, it covers 90 % instead of 95 % (`python -m research calibration`).
+    (Hesterberg 2015, The American Statistician 69). Not BCa, which estimates a skewness from the few episodes in which
+    one policy fell and covers 90 % instead of 95 % (`python -m research calibration`).
     """
     from scipy.special import ndtr, stdtrit
 

@@ -82,7 +82,7 @@ def test_a_curve_with_a_shape_would_be_seen(monkeypatch) -> None:
         (middle, _), covariance = curve_fit(curve, np.log(severities), failed.mean(axis=1), (4.0, 4.0))
         reach = 1.96 * np.sqrt(covariance[0, 0])
         ends = (float(np.exp(middle - reach)), float(np.exp(middle + reach)))
-        return breaking_point.BreakingPoint("crossed", float(np.exp(middle)), ends, ends)
+        return breaking_point.BreakingPoint("crossed", float(np.exp(middle)), ends)
 
     name = "breaking point, an edge"
     edge = checks.Axis((35.0, 40.0, 65.0, 100.0), checks.AXES[", an edge"].kinds)

@@ -98,7 +98,7 @@ def test_a_policys_robot_shows_wherever_its_files_lie_and_whatever_was_asked_of_
 
 
 @pytest.mark.skipif(
-    "X86_V2" not in str(provenance.versions()["simd"]) or "openblas" not in provenance.blas(),
+    "X86_V3" not in str(provenance.versions()["simd"]) or "openblas" not in provenance.blas(),
     reason="for OpenBLAS on an x86 processor",
 )
 def test_the_blas_kernel_is_recorded_and_named_where_it_differs(repository, run) -> None:
