@@ -33,26 +33,25 @@ def execute(plan: Plan, show: Show = print_results) -> int:
 
 def _execute(plan: Plan, show: Show) -> int:
     out, manifest = plan.options.out, plan.manifest
-    ending = Ending(show, plan.options.baseline, plan.options.film, plan.options.trust)
+    ending = Ending(show, plan.gates, plan.options.baseline, plan.options.film, plan.options.trust)
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
-        conclude(run, out, ending)
+        code = conclude(run, out, ending)
         remove_chunks(out)
-        return 0
+        return code
     if not plan.options.resume and is_unfinished(out):
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
     store = ChunkStore(out, manifest, resumed=plan.options.resume)
     done, interrupted = _simulate(plan, store)
     try:
-        if done:
-            conclude(Run(manifest, tuple(done)), out, ending)
+        code = conclude(Run(manifest, tuple(done)), out, ending) if done else 0
     except Exception as error:
         if not memory.is_short(error):
             raise
         raise UsageError(f"{memory.SHORT}; {_then(store)}") from error
     if not interrupted:
         remove_chunks(out)
-        return 0
+        return code
     total = len(manifest.cells)
     kept = f"wrote the {len(done)} finished parts of {total}" if done else "kept what was done"
     raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_go_on(out)}")

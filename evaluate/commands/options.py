@@ -16,7 +16,7 @@ PROGRAM = "python -m evaluate"
 WALKING_POLICIES = ("document_repaired", "trot", "trot_feedback", "trot_integral", "residual", "robust")
 DEFAULT_POLICIES = ("document@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
-CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "baseline", "film", "trust")
+CHANGE_NO_FIGURE = ("out", "threads", "at_once", "resume", "gate", "baseline", "film", "trust")
 """Options that --resume may change."""
 
 
@@ -53,6 +53,8 @@ class Options:
     replaced."""
     resume: Flag = False
     """Continue the interrupted run in the folder --out with its options, to the results of an uninterrupted run."""
+    gate: tuple[str, ...] = ()
+    """What must hold, each in quotes, such as "residual falls <= 5 % on push"; else the exit code is 1."""
     baseline: str | None = None
     """Policy to compare the others with; by default trot, or without it the policy named first."""
     trace: Literal["none", "compact", "full"] = "none"

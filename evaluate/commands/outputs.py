@@ -1,6 +1,6 @@
 """The end of a comparison: the table on the terminal, then the files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,8 @@ import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
 from rich.console import Console
 
+from evaluate.analysis import gates
+from evaluate.analysis.gates import Gate, GateResult
 from evaluate.analysis.results import Results, analyse, write_json
 from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
@@ -25,6 +27,8 @@ from quad_env.cli.launcher import silence_stdout
 
 Show = Callable[[Results, Console], None]
 """Prints an outcome."""
+GATE_FAILED = 1
+"""Exit code."""
 
 
 class Terminal(Console):
@@ -54,6 +58,8 @@ class Ending:
     """What is made of a run."""
 
     show: Show = print_results
+    gates: tuple[Gate, ...] = ()
+    """Evaluated if the run is complete."""
     baseline: str | None = None
     """Policy that the others are measured against; None is the usual one."""
     film: bool = False
@@ -62,35 +68,37 @@ class Ending:
     """Whether the policies that it shows may be loaded from files in which code can be hidden."""
 
 
-def conclude(run: Run, folder: Path, ending: Ending) -> None:
-    """Print the table and write the files, the slowest last.
+def conclude(run: Run, folder: Path, ending: Ending) -> int:
+    """Print the table and write the files, the slowest last; the exit code: 0, or 1 if a gate does not hold.
 
     The table comes first and no failure keeps the rest from being tried: simulating took long. Raises UsageError, which
     names what could not be written.
     """
     results = analysed(run, ending.baseline)
+    judged = [gates.evaluate(gate, results) for gate in ending.gates] if run.complete else []
     console = Terminal()
-    failures = _tried("the table", partial(_print, results, ending, console))
+    failures = _tried("the table", partial(_print, results, judged, ending, console))
     if failures:
         console.on_broken_pipe()
     film, fingerprint = ending.film and run.complete, run.manifest.fingerprint
-    about: dict[str, Any] = {"trust": ending.trust}
+    about: dict[str, Any] = {"trust": ending.trust, "gates": judged}
     about["made_by"] = command(run.manifest.options), run.manifest.date
     for name, write in (
         ("results.json", partial(write_json, results)),
         *([] if run.stored else [("episodes.parquet", partial(write_parquet, run.cells, run=fingerprint))]),
-        ("report.md", partial(markdown.write, results)),
+        ("report.md", partial(markdown.write, results, gates=judged)),
         ("report.html", partial(write_report, results, film=film, **about)),
     ):
         path = folder / name
         failures += _tried(str(path), partial(write, path)) or _tried("its name", partial(_print_path, console, path))
     if failures:
         raise UsageError(f"cannot write {'; '.join(failures)}; once it can be: python -m evaluate report {folder}")
+    return 0 if all(each.passed for each in judged) else GATE_FAILED
 
 
-def _print(results: Results, ending: Ending, console: Console) -> None:
+def _print(results: Results, judged: Sequence[GateResult], ending: Ending, console: Console) -> None:
     ending.show(results, console)
-    for line in warnings(results):
+    for line in (*warnings(results), *(f"gate {each.line}" for each in judged)):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 

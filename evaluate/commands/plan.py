@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import policies
+from evaluate.analysis import gates
+from evaluate.analysis.gates import Gate
 from evaluate.commands.options import DEFAULT_BATTERY, DEFAULT_POLICIES, Options, changed, restored
 from evaluate.records import manifest as manifests
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
@@ -26,6 +28,7 @@ class Plan:
     policies: tuple[LabelledPolicy, ...]
     scenarios: tuple[Scenario, ...]
     manifest: Manifest
+    gates: tuple[Gate, ...]
     options: Options
 
 
@@ -53,6 +56,7 @@ def check(options: Options) -> Plan:
         raise UsageError(f"--scenarios: {error}") from error
     compared = policies_asked_for(options.policies, scenarios, options.hardware, options.trust)
     labels = [policy.label for policy in compared]
+    found = check_gates(options.gate, labels, scenarios)
     check_baseline(options.baseline, labels)
     _check_folder(options.out)
     manifest = manifests.manifest(
@@ -66,7 +70,7 @@ def check(options: Options) -> Plan:
     )
     if options.resume:
         manifest = _carried_on(manifest, options)
-    return Plan(compared, scenarios, manifest, options)
+    return Plan(compared, scenarios, manifest, found, options)
 
 
 def policies_asked_for(
@@ -107,6 +111,16 @@ def _check_scenarios(asked: list[tuple[str, tuple[str, ...]]], scenarios: list[s
         if unknown := [name for name in only_on if name not in scenarios]:
             there = ", ".join(scenarios)
             raise UsageError(f"--policies: {label}@{','.join(unknown)} is not among the scenarios of this run: {there}")
+
+
+def check_gates(sentences: Sequence[str], labels: Sequence[str], scenarios: Sequence[Scenario]) -> tuple[Gate, ...]:
+    """The gates of these sentences, about these policies and scenarios. Raises UsageError."""
+    try:
+        found = tuple(map(gates.parse, sentences))
+        gates.check(found, labels, [scenario.name for scenario in scenarios])
+    except ValueError as error:
+        raise UsageError(f"--gate: {error}") from error
+    return found
 
 
 def check_baseline(baseline: str | None, labels: Sequence[str]) -> None:

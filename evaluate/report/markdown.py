@@ -1,12 +1,13 @@
 """`report.md`: the outcome for a pull request or a README, as Markdown that GitHub shows."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from evaluate.analysis.breaking_points import CAVEAT, HALF, breaking_point_text
 from evaluate.analysis.comparison import FALL_RATE, RATES, SUCCESS_RATE
 from evaluate.analysis.findings import headline
+from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
 from evaluate.analysis.summary import Summary
@@ -20,14 +21,16 @@ FIGURES = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
 """Metrics that the tables of figures show."""
 
 
-def write(results: Results, path: Path) -> None:
+def write(results: Results, path: Path, gates: Sequence[GateResult] = ()) -> None:
     """Write report.md."""
-    write_atomically(path, render(results).encode())
+    write_atomically(path, render(results, gates).encode())
 
 
-def render(results: Results) -> str:
+def render(results: Results, gates: Sequence[GateResult] = ()) -> str:
     """The whole text."""
     parts = [_head(results)]
+    if gates:
+        parts.append("### Gates\n\n" + "\n".join(f"- {_plain(each.line)}" for each in gates))
     parts += [*_breaking_points(results), CAVEAT] if results.breaking_points else []
     parts += [_folded(results, axis) for axis in severity_axes(results.cells)]
     return "\n\n".join(parts) + "\n"

@@ -1,11 +1,13 @@
 """The whole page, section by section."""
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from evaluate.analysis.findings import headline
+from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.report.footage import footage
@@ -42,6 +44,7 @@ def render(
     *,
     film: bool = False,
     trust: bool = False,
+    gates: Sequence[GateResult] = (),
     made_by: Origin = ("", ""),
 ) -> str:
     """The whole page; `folder` is where the results are, for the commands that the page names.
@@ -55,6 +58,7 @@ def render(
         sections = [
             _outcome(results),
             success(results),
+            _gates(gates),
             overview(results),
             sensitivity(results),
             disturbances(results),
@@ -101,6 +105,13 @@ def _outcome(results: Results) -> str:
         f"<p><strong>{escape(lead)}</strong> {escape(' '.join(rest))}</p>" for lead, *rest in headline(results)
     )
     return section("Outcome", first)
+
+
+def _gates(gates: Sequence[GateResult]) -> str:
+    """A line a gate; empty without gates."""
+    kinds = {True: "better", False: "worse"}
+    lines = "".join(f'<li class="{kinds[each.passed]}">{escape(each.line)}</li>' for each in gates)
+    return section("Gates", f"<ul>{lines}</ul>") if gates else ""
 
 
 def _notes(results: Results) -> str:

@@ -132,6 +132,34 @@ def test_help_loads_nothing_heavy_and_the_launcher_is_the_same_command(repositor
     assert finished.stderr.count("\n") == 1
 
 
+GATED = ("--policies", "document", "stand", "--scenarios", "flat", "--episodes", "2", "--no-film")
+
+
+def test_a_gate_that_does_not_hold_sets_the_exit_code(capsys, tmp_path) -> None:
+    """The document's controller always falls, a standing robot hardly ever."""
+    out = ("--out", str(tmp_path))
+    assert main([*GATED, "--gate", "stand falls <= 50 %", "document falls < 50 %", *out]) == 1
+    said = capsys.readouterr().out.replace("\u00a0", " ")
+    assert "gate passed: stand falls <= 50 % (0 % on flat)" in said
+    assert "gate failed: document falls < 50 % (100 % on flat)" in said
+    assert main(["report", str(tmp_path), "--no-film", "--gate", "stand falls <= 0.5"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("gate", "words"),
+    [
+        ("stand falls", "cannot be read"),
+        ("trot falls <= 1", "trot"),
+        ("stand joy <= 1", "joy"),
+    ],
+)
+@pytest.mark.usefixtures("no_simulation")
+def test_a_gate_that_cannot_be_evaluated_is_refused(capsys, tmp_path, gate, words) -> None:
+    line = refused(capsys, *GATED, "--gate", gate, "--out", tmp_path / "out")
+    assert line.startswith("error: --gate: ")
+    assert words in line
+
+
 @pytest.mark.usefixtures("no_simulation")
 def test_one_bundle_by_two_paths_is_refused(capsys, tmp_path, bundle_folder) -> None:
     other = bundle_folder.parent / "." / "trained"

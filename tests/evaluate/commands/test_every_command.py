@@ -84,6 +84,7 @@ def replayed(made: Called) -> list[tuple[str, str, int]]:
 
 
 TRUSTED = Effect("--trust", called("resolve", "trust"), [True])
+FAILS = Effect("--gate GATE", lambda made: made.code, 1)
 SHORT = "--policies stand --scenarios flat --episodes 5 --threads 1 --no-film --out FOLDER/new"
 EFFECTS: dict[str, dict[str, Effect]] = {
     "": {
@@ -99,6 +100,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
         ),
         "seed": Effect("--seed 5", SEEDS, drawn(5, 3)),
         "out": Effect("--out FOLDER/new", written("new/report.md"), True),
+        "gate": FAILS,
         "baseline": Effect("--baseline crouch", baselines("new/results.json"), {"crouch"}),
         "film": Effect("--no-film", called("report", "film"), [False]),
         "trace": Effect("--trace full", traced, (True, {False})),
@@ -113,6 +115,7 @@ EFFECTS: dict[str, dict[str, Effect]] = {
     },
     "report": {
         "folder": Effect("FOLDER/a", written("a/report.md"), True),
+        "gate": FAILS,
         "baseline": Effect("--baseline crouch", baselines("a/results.json"), {"crouch"}),
         "film": Effect("--no-film", called("report", "film"), [False]),
         "trust": Effect("--trust", called("report", "trust"), [True]),
@@ -198,7 +201,7 @@ def test_options_reach_what_they_govern(
     (tmp_path / "a/report.md").unlink()
     effects = {name: each for name, each in EFFECTS[command].items() if each.given == given}
     text = " ".join([given, *(each.words for each in effects.values())]).replace("FOLDER", str(tmp_path))
-    words = text.split()
+    words = ["stand falls > 50 %" if word == "GATE" else word for word in text.split()]
     check_other_than_usual(options_of(command), words, effects.keys())
     made = Called(main, [*filter(None, [command]), *words], tmp_path)
     assert made.code in {0, 1}, capsys.readouterr().err

@@ -65,6 +65,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 def commands_on(folder: Path) -> Iterator[tuple[object, ...]]:
     """Every command that reads a run's folder."""
     yield "report", folder, "--no-film"
+    yield "report", folder, "--no-film", "--gate", "trot falls <= 1"
     yield "compare", folder, OLD
     yield "compare", OLD, folder
     yield "replay", folder, 0

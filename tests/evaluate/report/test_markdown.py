@@ -1,11 +1,12 @@
-"""report.md: the outcome first, figures folded."""
+"""report.md: the outcome first, gates by name, figures folded."""
 
 import dataclasses
-from html import escape
+from html import escape, unescape
 from pathlib import Path
 
 import numpy as np
 
+from evaluate.analysis.gates import evaluate, parse
 from evaluate.analysis.results import analyse, as_json
 from evaluate.measures.outcomes import OUTCOMES, OUTCOMES_1
 from evaluate.report.markdown import render
@@ -26,6 +27,16 @@ def test_every_row_of_a_table_has_as_many_cells_as_its_head(made) -> None:
     assert halves[0] == "| half of the episodes no longer succeed at | `trot` | `other` |"
     assert len(rows) == 3 * 2 + 6 * 2
     assert {row.count("|") for row in rows} == {7}
+
+
+def test_every_report_has_a_line_a_gate(made) -> None:
+    results = [evaluate(parse(gate), made) for gate in ("other falls <= 50 %", "trot diverged <= 0")]
+    page = report_page(made, Path(), gates=results)
+    for text in (render(made, results).replace("\\", ""), unescape(page)):
+        text = text.replace("\u00a0", " ")
+        assert "failed: other falls <= 50 % (70 % on push:6)" in text
+        assert "passed: trot diverged <= 0 (0.000 on flat)" in text
+    assert "Gates" not in render(made) + report_page(made, Path())
 
 
 def failing(made):
