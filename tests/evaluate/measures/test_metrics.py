@@ -7,9 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluate.measures import metrics, tracking
-from evaluate.measures.averages import upright_mean
-from evaluate.measures.catalogue import FIGURES, MEASURES
+from evaluate.measures import metrics
 from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
@@ -185,9 +183,7 @@ def test_falling_earlier_never_lowers_an_error(velocities, falls) -> None:
     # Mean errors stay below the cap, as they do for a robot that can do 3 m/s at most.
     velocity = np.repeat(velocities, STEPS // 5, axis=0)
     early, late = (measure(velocity, (0.0, 0.0, 0.0), fall_step=fall) for fall in sorted(falls))
-    billed = [m.name for m in MEASURES if m.name in FIGURES and (m.better, m.scope) == ("less", "whole episode")]
-    assert billed
-    for name in billed:
+    for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error"):
         assert getattr(early, name)[0] >= getattr(late, name)[0] - 1e-12
 
 
@@ -212,58 +208,3 @@ def test_a_summary_is_the_plain_mean_over_episodes() -> None:
     assert summary["diverged_rate"] == 0.0
     assert summary["velocity_error"] == pytest.approx((2.0 + 0.5) / 2)
     assert summary["yaw_rate_error"] == pytest.approx((3.0 + 0.3) / 2)
-
-
-def mean_of_errors(command, velocity, upright, windows):
-    return upright_mean(tracking.planar(command - velocity), upright)
-
-
-def unbilled_yaw_rate(command, velocity, upright):
-    return upright_mean(np.abs(command[..., 2] - velocity[..., 2]), upright)
-
-
-def whole_error(command, velocity, upright):
-    return tracking.velocity_error(command, velocity, upright)
-
-
-def path_length(velocity, upright, stretches, dt):
-    return np.where(upright, tracking.planar(velocity), 0.0)[SETTLING:].sum(axis=0) * dt
-
-
-FAULTS = {
-    "the mean of errors for the error of means": (
-        "mean_velocity_error",
-        mean_of_errors,
-        test_swaying_within_a_stride_costs_velocity_error_but_no_mean_velocity_error,
-    ),
-    "no cap on the yaw rate": ("yaw_rate_error", unbilled_yaw_rate, test_a_step_costs_at_most_the_cap),
-    "the upright error bills falls": (
-        "velocity_error_upright",
-        whole_error,
-        test_every_step_from_the_fall_to_the_time_limit_costs_the_cap,
-    ),
-    "the path for the distance": ("distance_covered", path_length, test_stepping_in_place_has_no_cost_of_transport),
-    "intervals that a fall cut short": (
-        "mean_velocities",
-        lambda velocity, upright, windows: np.stack([velocity[window.start] for window in windows], axis=1),
-        test_an_interval_that_was_not_ended_upright_has_no_mean_velocity,
-    ),
-    "commands that were never begun": (
-        "commands_given",
-        lambda command, upright, starts: np.stack([command[start] for start in starts], axis=1),
-        test_an_interval_that_was_never_begun_has_no_command,
-    ),
-    "one window for both commands": (
-        "command_intervals",
-        lambda steps, command_steps, settling: tracking.CommandIntervals(*[(slice(settling, steps),)] * 2),
-        test_each_command_interval_has_its_own_mean_after_its_first_second,
-    ),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    name, faulty, check = FAULTS[fault]
-    monkeypatch.setattr(tracking, name, faulty)
-    with pytest.raises((AssertionError, IndexError)):
-        check()
