@@ -43,14 +43,16 @@ def test_push_time() -> None:
 
 
 def test_push_impulse() -> None:
-    """A robot that faces along y, nose down by 0.4 rad, is pushed along x: to its right."""
+    """A robot that faces along y, nose down by 0.4 rad, is pushed along x, to its right, and a little along y."""
     yaw, pitch = np.pi / 4, 0.2
     facing = (np.cos(yaw) * np.cos(pitch), -np.sin(yaw) * np.sin(pitch), np.cos(yaw) * np.sin(pitch),
               np.sin(yaw) * np.cos(pitch))  # fmt: skip
     quaternion = blank(SIMPLE_QUAD, "quaternion", STEPS, 1)
     quaternion[..., 0] = 1.0
     quaternion[FIRST - 1] = facing
-    np.testing.assert_allclose(measured("push_impulse", quaternion=quaternion), [(0, -30), (30, 0)], atol=1e-5)
+    impulses = {"push_impulse": np.tile((30.0, 10.0), (1, 2, 1))}
+    found = measured("push_impulse", quaternion=quaternion, **impulses)
+    np.testing.assert_allclose(found, [(10, -30), (30, 10)], atol=1e-5)
     assert np.isnan(measured("push_impulse", fall=400)[1]).all()
 
 
