@@ -18,7 +18,6 @@ from evaluate.analysis.results import Results, analyse, write_json
 from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
-from evaluate.report import markdown
 from evaluate.report.notes import warnings
 from evaluate.report.page import write_report
 from evaluate.report.table import print_results
@@ -86,7 +85,6 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     for name, write in (
         ("results.json", partial(write_json, results)),
         *([] if run.stored else [("episodes.parquet", partial(write_parquet, run.cells, run=fingerprint))]),
-        ("report.md", partial(markdown.write, results, gates=judged)),
         ("report.html", partial(write_report, results, film=film, **about)),
     ):
         path = folder / name

@@ -14,9 +14,8 @@ from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
 from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES
-from quad_env.cli.format import broken, counted, number, p_value, percent, points, share
+from quad_env.cli.format import broken, counted, number, p_value, points, share
 
 SHOWN = "success % (falls %)"
 MOST_SCENARIOS = 6
@@ -28,7 +27,7 @@ FIGURES_WIDTH = 72
 
 
 def print_results(results: Results, console: Console) -> None:
-    """Print every cell, every policy's difference from the baseline and the training seeds; 80 columns are enough.
+    """Print every cell, every policy's difference from the baseline; 80 columns are enough.
 
     Of more scenarios than a screen holds, the shares of successes and of falls on each and the breaking points.
     """
@@ -40,7 +39,6 @@ def print_results(results: Results, console: Console) -> None:
             console.print()
             console.print(difference_table(results))
     console.print()
-    print_spread(results, console)
 
 
 def print_levels(results: Results, console: Console) -> None:
@@ -140,28 +138,6 @@ def difference_table(results: Results) -> Table:
         row[each.metric] = _difference(each)
     groups = {scenario: by_policy.values() for scenario, by_policy in rows.items()}
     return console_table(title, {FIRST: "policy", **NARROW_DIFFERENCES}, groups)
-
-
-def print_spread(results: Results, console: Console) -> None:
-    """A table for each training of several seeds, if there is one."""
-    runs: dict[str, dict[str, dict[str, SeedSpread]]] = {}
-    for spread in seed_spreads(results.cells):
-        runs.setdefault(spread.run, {}).setdefault(spread.scenario, {})[spread.metric] = spread
-    for run, scenarios in runs.items():
-        count = next(iter(scenarios.values()))[SUCCESS_RATE].seeds
-        title = f"{escape(run)}, {count} training seeds: mean ± standard deviation, lowest … highest"
-        rows = (
-            {FIRST: escape(scenario), **{metric: _over_seeds(metrics[metric]) for metric in METRICS}}
-            for scenario, metrics in scenarios.items()
-        )
-        console.print(console_table(title, {FIRST: "scenario", **NARROW}, {"": rows}))
-        console.print()
-
-
-def _over_seeds(spread: SeedSpread) -> str:
-    form = percent if spread.metric in RATES else number
-    middle = f"{form(spread.mean)} ± {form(spread.standard_deviation)}"
-    return f"{middle}\n{form(spread.lowest)} … {form(spread.highest)}"
 
 
 def row_name(name: str) -> str:

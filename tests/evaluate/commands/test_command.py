@@ -97,7 +97,7 @@ def test_a_folder_in_the_place_of_a_file_is_refused(capsys, tmp_path, name) -> N
 QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1", "--no-film")
 
 
-@pytest.mark.parametrize("failing", ["results.json", "episodes.parquet", "report.md", "report.html"])
+@pytest.mark.parametrize("failing", ["results.json", "episodes.parquet", "report.html"])
 def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_path, monkeypatch, failing) -> None:
     """As the write of one file fails after everything has been simulated."""
 
@@ -106,7 +106,7 @@ def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_pa
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         path.write_bytes(content)
 
-    for module in ("analysis.results", "records.parquet", "report.markdown", "report.page"):
+    for module in ("analysis.results", "records.parquet", "report.page"):
         monkeypatch.setattr(f"evaluate.{module}.write_atomically", write)
     assert main([*QUICK, "--out", str(tmp_path)]) == 2
     printed = capsys.readouterr()

@@ -57,12 +57,12 @@ def test_progress_counts_the_cells_that_there_are(tmp_path, capsys) -> None:
 def test_an_interrupted_run_goes_on_to_the_same_files(whole, tmp_path, monkeypatch) -> None:
     shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
     run = read_run(tmp_path)
-    for name in ("results.json", "episodes.parquet", "report.html", "report.md"):
+    for name in ("results.json", "episodes.parquet", "report.html"):
         (tmp_path / name).unlink()
     ChunkStore(tmp_path, run.manifest).save(Chunk(np.arange(2), run.cells[2]))
     assert [(cell.policy, cell.scenario.name) for cell in read_run(tmp_path).cells] == [("document", "flat")]
     assert main(["--resume", "--no-film", "--out", str(tmp_path)]) == 0
-    for name in ("results.json", "episodes.parquet", "report.md", "manifest.json"):
+    for name in ("results.json", "episodes.parquet", "manifest.json"):
         assert (tmp_path / name).read_bytes() == (whole / name).read_bytes()
 
 
