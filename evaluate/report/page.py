@@ -52,7 +52,7 @@ def render(
     """The whole page; `folder` is where the results are, for the commands that the page names.
 
     Filming takes a few seconds, and the page says why where it is impossible; `trust`, of the filmed policies: see
-    `evaluate.report.camera.Shot`.
+    `evaluate.report.footage.film`.
     """
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings(), ThreadPoolExecutor(1) as pool:
