@@ -18,7 +18,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 """Matplotlib's name -> the same mark in text."""
 OWN = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
-"""Policies that have a colour of their own, the first of COLOURS, in every report; that of others goes by their order."""
+"""Policies whose colours, the first of COLOURS, are the same in every report; those of others go by their order."""
 FONT = "DejaVu Sans"
 WIDTH = 3.6
 """in, about a phone's width at 100 points an inch"""
