@@ -89,7 +89,7 @@ def measure(episodes: Episodes) -> Measures:
     fell = episodes.fall_step < episodes.steps
     following, distance = _tracking(episodes, upright)
     return Measures(
-        outcome=_outcome(episodes, upright, following, RULES[SUCCESS_RULE]),
+        outcome=outcome(episodes, following=following),
         fell=fell,
         diverged=episodes.diverged,
         fall_time=np.where(fell, (episodes.fall_step + 1) * episodes.dt, np.nan),
@@ -102,35 +102,27 @@ def measure(episodes: Episodes) -> Measures:
     )
 
 
-def outcome(episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE]) -> NDArray[np.object_]:
-    """What came of each episode under a rule of success, one of the rule's outcomes, (n,)."""
-    upright = upright_steps(episodes.fall_step, episodes.steps)
-    return _outcome(episodes, upright, _tracking(episodes, upright)[0], rule)
-
-
-def _outcome(
-    episodes: Episodes, upright: Bools, following: dict[str, Floats], rule: SuccessRule
+def outcome(
+    episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE], following: dict[str, Floats] | None = None
 ) -> NDArray[np.object_]:
-    """The same, from the measures of tracking."""
-    fell = episodes.fall_step < episodes.steps
+    """What came of each episode under a rule of success, one of the rule's outcomes, (n,); `following` are its measures
+    of tracking where they are known."""
+    upright = upright_steps(episodes.fall_step, episodes.steps)
+    following = following or _tracking(episodes, upright)[0]
+    fell, stopped = episodes.fall_step < episodes.steps, np.zeros(episodes.count, np.bool_)
+    if episodes.stopped is not None:
+        controlled = controlled_stops(motion_of(episodes), episodes.fall_step, episodes.dt)
+        stopped = (episodes.stopped & upright).any(axis=0) & (~fell | controlled)
     return outcomes(
         fell=fell,
         diverged=episodes.diverged,
-        stopped=_stopped(episodes, upright, fell),
+        stopped=stopped,
         failed=episodes.failed,
         commands=following["commands"],
         velocities=following["mean_velocities"],
         durations=np.array([window.stop - window.start for window in episodes.intervals.settled], np.float64),
         rule=rule,
     )
-
-
-def _stopped(episodes: Episodes, upright: Bools, fell: Bools) -> Bools:
-    """Which robots a safety layer stopped, (n,); of those that fell, in a controlled stop."""
-    if episodes.stopped is None:
-        return np.zeros(episodes.count, np.bool_)
-    controlled = controlled_stops(motion_of(episodes), episodes.fall_step, episodes.dt)
-    return (episodes.stopped & upright).any(axis=0) & (~fell | controlled)
 
 
 def summarise(episodes: Episodes) -> dict[str, float]:

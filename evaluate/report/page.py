@@ -25,12 +25,8 @@ from policies.summaries import explained
 from quad_env.cli.format import listed
 from quad_env.files.writing import write_atomically
 
-FILM_PLACE = 6
-"""Place of the film among the sections; it is made in another process meanwhile."""
 FEW_AXES = 4
 """Up to so many axes the findings are unfolded."""
-
-
 Origin = tuple[str, str]
 """Command and day that a run was begun by and on; each empty where it is not known."""
 
@@ -56,7 +52,7 @@ def render(
     """
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings(), ThreadPoolExecutor(1) as pool:
-        shown = pool.submit(footage, results, trust) if film else None
+        shown = pool.submit(footage, results, trust) if film else None  # in another process meanwhile
         sections = [
             _outcome(results),
             success(results),
@@ -64,14 +60,13 @@ def render(
             overview(results),
             sensitivity(results),
             disturbances(results),
+            shown.result() if shown else "",
             gaits(results),
             responses(results),
             training(results),
             worst_episodes(results, folder),
             _notes(results),
         ]
-        if shown is not None:
-            sections.insert(FILM_PLACE, shown.result())
     body = "".join(sections)
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'

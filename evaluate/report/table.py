@@ -14,7 +14,7 @@ from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES
+from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES, shares
 from quad_env.cli.format import broken, counted, number, p_value, points, share
 
 SHOWN = "success % (falls %)"
@@ -91,7 +91,10 @@ def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
     """Successes and falls in per cent: a scenario a row, a policy a column."""
     rows = (
         {FIRST: f" {escape(place(axis.scenarios[0]))}"}
-        | {policy: _shares(results.summaries.get((axis.scenario_names[0], policy))) for policy in results.policies}
+        | {
+            policy: shares(found) if (found := results.summaries.get((axis.scenario_names[0], policy))) else ""
+            for policy in results.policies
+        }
         for axis in single
     )
     names = {policy: escape("\n".join(broken(policy, HEAD_WIDTH))) for policy in results.policies}
@@ -166,11 +169,6 @@ def _difference(comparison: Comparison) -> str:
     value = comparison.difference
     shown = points(value) if comparison.metric in RATES else number(value)
     return f"{shown}\n{p_value(comparison.p_value_holm)}"
-
-
-def _shares(summary: Summary | None) -> str:
-    """Successes, and in brackets falls, in per cent."""
-    return f"{_percent(summary.success_rate)} ({_percent(summary.fall_rate)})" if summary else ""
 
 
 def _percent(share: float) -> str:
