@@ -52,15 +52,6 @@ BRAKING = joints("joint_torque", (ALL, 0, 20.0), (ALL, 1, -10.0)) | joints(
 """70 W: 40 W into one joint and 30 W out of another, which no spring keeps."""
 
 
-def test_energy() -> None:
-    assert measured("energy", **BRAKING) == pytest.approx(70 * 4.0)
-    assert measured("energy", **BRAKING, **FELL) == pytest.approx(70 * 2.0)
-
-
-def test_cost_of_transport() -> None:
-    assert measured("cost_of_transport", **BRAKING, **WALK, weight=140.0) == pytest.approx(280 / (140 * 2.0))
-
-
 def test_what_is_carried_is_weighed() -> None:
     """A load of 5 kg, in the record of its episodes as in their summary."""
     bare, loaded = quad_env.scenario("flat"), quad_env.scenario("payload=5")
