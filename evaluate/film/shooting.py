@@ -130,8 +130,8 @@ class _Panel:
         self._label, self._look = policy.label, look
         self._filming = Filming(look.size, look.camera)
         self._recorder = Recorder(policy.policy, np.array([take.seed]), take.steps)
-        about = {"steps": take.steps, "command": take.command, "hardware": take.hardware}
-        self._steps = watch(policy.policy, take.scenario, take.seed, **about)
+        where = policy.policy, take.scenario, take.seed
+        self._steps = watch(*where, steps=take.steps, command=take.command, hardware=take.hardware)
         self.step = next(self._steps)
         """The control step that the episode is at."""
         self._recorder(self.step)
