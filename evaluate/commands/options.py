@@ -49,8 +49,7 @@ class Options:
     seed: int = 0
     """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
     out: Path = Path("results/evaluation")
-    """Folder for results.json, episodes.parquet, report.html, report.md and manifest.json; files of these names are
-    replaced."""
+    """Folder for results.json, episodes.parquet, report.html and manifest.json; files of these names are replaced."""
     resume: Flag = False
     """Continue the interrupted run in the folder --out with its options, to the results of an uninterrupted run."""
     gate: tuple[str, ...] = ()

@@ -18,9 +18,7 @@ from evaluate.analysis.results import Results, analyse, write_json
 from evaluate.commands.options import command
 from evaluate.records.episode_table import write_parquet
 from evaluate.records.store import Run
-from evaluate.report import markdown
-from evaluate.report.notes import warnings
-from evaluate.report.page import write_report
+from evaluate.report.page import warnings, write_report
 from evaluate.report.table import print_results
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import silence_stdout
@@ -86,7 +84,6 @@ def conclude(run: Run, folder: Path, ending: Ending) -> int:
     for name, write in (
         ("results.json", partial(write_json, results)),
         *([] if run.stored else [("episodes.parquet", partial(write_parquet, run.cells, run=fingerprint))]),
-        ("report.md", partial(markdown.write, results, gates=judged)),
         ("report.html", partial(write_report, results, film=film, **about)),
     ):
         path = folder / name

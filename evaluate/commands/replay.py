@@ -10,8 +10,7 @@ import tyro
 import policies
 from evaluate.commands.options import Flag
 from evaluate.film import files
-from evaluate.film.shooting import film
-from evaluate.film.take import Look, Take
+from evaluate.film.shooting import Look, Take, film
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import by_success_rule, table
 from evaluate.records.manifest import Manifest

@@ -1,16 +1,15 @@
 """Files of films: MP4, WebP, GIF, or a strip of frames in a PNG; each is there whole or not at all."""
 
 import io
-import os
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Iterable, Sequence
+from contextlib import closing
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from evaluate.film.sheet import tiled
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.files.writing import write_atomically
 
@@ -81,55 +80,38 @@ def _strip(images: list[Image.Image]) -> bytes:
     return buffer.getvalue()
 
 
+def tiled(images: Sequence[Image.Image], columns: int) -> Image.Image:
+    """Images of one size in rows of so many."""
+    width, height = images[0].size
+    columns = min(columns, len(images))
+    out = Image.new("RGB", (columns * width, -(-len(images) // columns) * height), "white")
+    for place, image in enumerate(images):
+        out.paste(image, (place % columns * width, place // columns * height))
+    return out
+
+
 def _encode(images: Iterable[Image.Image], path: Path, period: float) -> None:
     """An MP4 of even width and height, as its colours need; OSError unless all of it is there in the end."""
     import imageio_ffmpeg
 
-    shown = _with_end(images, round(END_SHOWN / period))
-    first = _even(next(shown))
-    with _whole(path) as temporary:
-        how = {"fps": 1 / period, "macro_block_size": 1, "ffmpeg_log_level": "quiet"}
-        with closing(imageio_ffmpeg.write_frames(temporary, first.size, **how)) as encoder:
+    left = iter(images)
+    first = next(left)
+    size = first.width + first.width % 2, first.height + first.height % 2
+    how = {"fps": 1 / period, "macro_block_size": 1, "ffmpeg_log_level": "quiet"}
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
+        temporary, count = Path(folder) / path.name, 0
+        with closing(imageio_ffmpeg.write_frames(str(temporary), size, **how)) as encoder:
             encoder.send(None)
-            encoder.send(first.tobytes())
-            count = 1
-            for image in shown:
-                encoder.send(_even(image).tobytes())
+            for image in chain([first], left):
+                encoder.send(frame := image.crop((0, 0, *size)).tobytes())
                 count += 1
-        if not _has_frames(temporary, count):
+            for _ in range(round(END_SHOWN / period)):
+                encoder.send(frame)
+                count += 1
+        try:
+            whole = imageio_ffmpeg.count_frames_and_secs(str(temporary))[0] == count
+        except RuntimeError:
+            whole = False
+        if not whole:
             raise OSError("the encoder failed; is the disk full?")
-
-
-def _with_end(images: Iterable[Image.Image], more: int) -> Iterator[Image.Image]:
-    """The images, and the last one so many times more."""
-    for image in images:
-        yield image
-    yield from [image] * more
-
-
-def _even(image: Image.Image) -> Image.Image:
-    width, height = image.size
-    return image.crop((0, 0, width + width % 2, height + height % 2))
-
-
-def _has_frames(path: str, count: int) -> bool:
-    import imageio_ffmpeg
-
-    try:
-        return bool(imageio_ffmpeg.count_frames_and_secs(path)[0] == count)
-    except RuntimeError:
-        return False
-
-
-@contextmanager
-def _whole(path: Path) -> Iterator[str]:
-    """The name of a file that takes this path once the block is done, and is gone if it fails."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix)
-    os.close(handle)
-    try:
-        yield temporary
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        temporary.replace(path)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evaluate.rollouts.hardware import IDEAL, Hardware
-from evaluate.rollouts.observers import Step
-from evaluate.rollouts.rollout import roll_out
+from evaluate.rollouts.rollout import watch
 from policies.base import Policy
 from quad_env.cli.command_line import UsageError
 from quad_env.physics.marks import Mark
@@ -70,24 +69,13 @@ def frames_of(
     """`count` frames of an episode, one every so many control steps from the step `first` on.
 
     A fallen robot is shown where it lies; where the simulation diverges, the frames that are left are the last one.
-    Raises as `Filming.draw` and `roll_out`.
+    Raises as `Filming.draw` and `watch`.
     """
     taken: list[Frame] = []
-    with closing(Filming(size, camera)) as filming:
-
-        def film(step: Step) -> None:
+    steps = watch(policy, scenario, seed, steps=first + (count - 1) * every, command=command, hardware=hardware)
+    with closing(Filming(size, camera)) as filming, closing(steps):
+        for step in steps:
             due = step.number >= first and (step.number - first) % every == 0
             if due or step.infos["diverged"][0]:
                 taken.append(filming.draw(step.env))
-
-        roll_out(
-            policy,
-            scenario,
-            np.array([seed]),
-            film,
-            steps=first + (count - 1) * every,
-            command=command,
-            terminate_on_fall=False,
-            hardware=hardware,
-        )
     return taken + taken[-1:] * (count - len(taken))

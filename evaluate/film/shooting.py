@@ -3,54 +3,75 @@
 import math
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
-from evaluate.film import captions, files, sheet
-from evaluate.film.panel import Panel
-from evaluate.film.scene import COMMAND
-from evaluate.film.take import Look, Take
+from evaluate.film import captions, files
+from evaluate.film.frames import Filming
+from evaluate.film.scene import COMMAND, GHOST, VELOCITY, Scene
+from evaluate.measures import metrics
+from evaluate.measures.outcomes import DIVERGED, FELL, SUCCEEDED, SUCCESS_RULE
+from evaluate.measures.tracking import SETTLING_TIME
+from evaluate.rollouts.experiment import LabelledPolicy
+from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Step
+from evaluate.rollouts.rollout import Recorder, watch
+from policies.base import CONTROL_PERIOD
+from quad_env.scenarios.scenario import Scenario
 
+AFTERMATH = 1.0
+"""s that are shown after a fall."""
 STRIP_RATE = 5.0
 """Frames of a second from which those of a strip are chosen."""
+ALARM, GOOD, BAD = (200, 30, 30), (0, 130, 90), (190, 110, 0)
 Progress = Callable[[float], None]
 
 
-def shoot(take: Take, look: Look, progress: Progress) -> Generator[Image.Image]:
-    """The images, until shortly after the last robot's fall; the last one says what came of each.
+@dataclass(frozen=True)
+class Take:
+    """What is filmed: policies, side by side, in the same episode of a scenario."""
 
-    Raises:
-        ValueError: there is no such camera, or a policy is for another robot.
-        UsageError: nothing can be drawn here.
-    """
-    with ExitStack() as stack:
-        panels = [stack.enter_context(closing(Panel(policy, take, look))) for policy in take.policies]
-        for number in range(take.steps + 1):
-            over = number == take.steps or all(panel.over for panel in panels)
-            if over or number % look.every == 0:
-                tiles = sheet.tiled([panel.draw(over) for panel in panels], sheet.columns_for(len(panels)))
-                yield sheet.stacked([_header(tiles.width, take, look, panels[0].step, number), tiles])
-                progress(number / take.steps)
-            if over:
-                break
-            for panel in panels:
-                panel.advance()
-    progress(1.0)
+    policies: tuple[LabelledPolicy, ...]
+    scenario: Scenario
+    seed: int
+    steps: int
+    title: str
+    hardware: Hardware = IDEAL
+    command: tuple[float, float, float] | None = None
+    """Held for the whole episode; None: the scenario draws commands."""
 
 
-def _header(width: int, take: Take, look: Look, step: Step, number: int) -> Image.Image:
-    """Title, time and command, which are the same for all."""
-    text = captions.Text(look.letters)
-    image = text.band(width, 2)
-    slowed = "" if look.speed == 1.0 else f" at {look.speed:g} of real time"
-    room = text.write(image, f"{number * step.env.dt:.2f} s{slowed}", 0, right=True)
-    text.write(image, take.title, 0, taken=room)
-    command = captions.motion(step.infos["command"][0])
-    text.write(image, f"command {command}", 1, captions.ink(COMMAND))
-    return image
+@dataclass(frozen=True)
+class Look:
+    """How it is filmed."""
+
+    size: tuple[int, int] = (640, 480)
+    """Width and height of each robot's frames, pixels."""
+    camera: str = "track"
+    speed: float = 1.0
+    """1 is real time, less is slow motion."""
+    rate: float = 25.0
+    """Frames a second, about: a whole number of control steps lies between two."""
+    ghost: bool = True
+    """Whether ghost and arrows are drawn."""
+
+    @property
+    def every(self) -> int:
+        """Control steps from a frame to the next."""
+        return max(1, round(self.speed / (self.rate * CONTROL_PERIOD)))
+
+    @property
+    def period(self) -> float:
+        """Time for which a frame is shown, s."""
+        return self.every * CONTROL_PERIOD / self.speed
+
+    @property
+    def letters(self) -> int:
+        """Size of the captions' letters, pixels."""
+        return max(captions.SMALLEST, min(self.size) // 30)
 
 
 def film(take: Take, look: Look, path: Path, progress: Progress) -> None:
@@ -66,3 +87,98 @@ def film(take: Take, look: Look, path: Path, progress: Progress) -> None:
     files.check_pixels(path, (take.steps // look.every + 1) * len(take.policies) * math.prod(look.size))
     with closing(shoot(take, look, progress)) as images:
         files.write(images, path, look.period)
+
+
+def shoot(take: Take, look: Look, progress: Progress) -> Generator[Image.Image]:
+    """The images, until shortly after the last robot's fall; the last one says what came of each. Raises as `film`."""
+    count = len(take.policies)
+    columns = count if count <= 3 else math.ceil(math.sqrt(count))
+    with ExitStack() as stack:
+        panels = [stack.enter_context(closing(_Panel(policy, take, look))) for policy in take.policies]
+        for number in range(take.steps + 1):
+            over = number == take.steps or all(panel.over for panel in panels)
+            if over or number % look.every == 0:
+                tiles = files.tiled([panel.draw(over) for panel in panels], columns)
+                yield _headed(tiles, take, look, panels[0].step, number)
+                progress(number / take.steps)
+            if over:
+                break
+            for panel in panels:
+                panel.advance()
+    progress(1.0)
+
+
+def _headed(tiles: Image.Image, take: Take, look: Look, step: Step, number: int) -> Image.Image:
+    """The tiles below title, time and command, which are the same for all."""
+    text = captions.Text(look.letters)
+    header = text.band(tiles.width, 2)
+    slowed = "" if look.speed == 1.0 else f" at {look.speed:g} of real time"
+    room = text.write(header, f"{number * step.env.dt:.2f} s{slowed}", 0, right=True)
+    text.write(header, take.title, 0, taken=room)
+    command = captions.motion(step.infos["command"][0])
+    text.write(header, f"command {command}", 1, captions.ink(COMMAND))
+    out = Image.new("RGB", (tiles.width, header.height + tiles.height))
+    out.paste(header, (0, 0))
+    out.paste(tiles, (0, header.height))
+    return out
+
+
+class _Panel:
+    """One policy's part of the film, step by step, with what is drawn of it; close it in the end."""
+
+    def __init__(self, policy: LabelledPolicy, take: Take, look: Look) -> None:
+        self._label, self._look = policy.label, look
+        self._filming = Filming(look.size, look.camera)
+        self._recorder = Recorder(policy.policy, np.array([take.seed]), take.steps)
+        where = policy.policy, take.scenario, take.seed
+        self._steps = watch(*where, steps=take.steps, command=take.command, hardware=take.hardware)
+        self.step = next(self._steps)
+        """The control step that the episode is at."""
+        self._recorder(self.step)
+        self._scene = Scene(self.step)
+        self._has_outcome = take.steps > round(SETTLING_TIME / self.step.env.dt)
+
+    def advance(self) -> None:
+        """Simulate a control step; a robot whose simulation has diverged stays as it is."""
+        step = next(self._steps, None)
+        if step is not None:
+            self.step = step
+            self._recorder(step)
+            self._scene.advance(step)
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more is to be seen."""
+        falls = self._recorder.falls
+        past = self.step.number - (falls.step[0] + 1)
+        return bool(falls.fell[0] and (self.step.infos["diverged"][0] or past >= round(AFTERMATH / self.step.env.dt)))
+
+    def draw(self, last: bool) -> Image.Image:
+        """The robot now, with its captions; at last with its outcome."""
+        marks = self._scene.marks() if self._look.ghost else ()
+        image = Image.fromarray(self._filming.draw(self.step.env, marks))
+        text = captions.Text(self._look.letters, edge=1)
+        text.write(image, self._label, 0)
+        if self._look.ghost:
+            text.write(image, captions.motion(self._scene.velocity), 1, captions.ink(VELOCITY))
+            text.write(image, f"{self._scene.way_to_ghost:.2f} m from its ghost", 2, captions.ink(GHOST))
+        words, ground = self._news(last)
+        if words:
+            text.sign(image, words, ground)
+        return image
+
+    def _news(self, last: bool) -> tuple[str, captions.Ink]:
+        """What there is to say of the episode; no outcome of one that is too short to have one."""
+        falls = self._recorder.falls
+        outcome = str(metrics.outcome(self._recorder.episodes())[0]) if last and self._has_outcome else None
+        if falls.fell[0]:
+            fell = f"fell at {(falls.step[0] + 1) * self.step.env.dt:.2f} s: {falls.reason[0]}"
+            return fell if outcome in (None, FELL, DIVERGED) else f"{outcome}, {fell}", ALARM
+        if outcome is not None:
+            return f"{outcome.replace('_', ' ')} ({SUCCESS_RULE})", GOOD if outcome == SUCCEEDED else BAD
+        return ("pushed" if self._scene.pushed else ""), ALARM
+
+    def close(self) -> None:
+        """End the episode and free the renderer."""
+        self._steps.close()
+        self._filming.close()

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from evaluate.measures import effort, footfalls, pushes, residual_use, tracking
+from evaluate.measures import effort, footfalls, pushes, tracking
 from evaluate.measures.outcomes import LEAST_SHARE, REFUSED, RULES, SUCCESS_RULE, SuccessRule
 
-Direction = Literal["less", "more", "neither"]
 Scope = Literal["whole episode", "while upright"]
 
 
@@ -22,10 +21,9 @@ class Measure:
     frame: str
     """In which the quantity is taken; empty where it has none."""
     formula: str
-    source: str
+    source: str = ""
     """Where the definition comes from; empty for this project's own."""
-    better: Direction
-    scope: Scope
+    scope: Scope = "while upright"
 
 
 KEY = (
@@ -35,7 +33,6 @@ KEY = (
 )
 """How to read the formulas and scopes; only what is measured while upright can improve by falling."""
 WHOLE: Scope = "whole episode"
-UPRIGHT: Scope = "while upright"
 CAP, YAW_CAP = f"{tracking.VELOCITY_CAP:g} m/s", f"{tracking.YAW_RATE_CAP:g} rad/s"
 FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.SHORTEST_SWING:g} s"
 
@@ -49,97 +46,86 @@ def outcome(rule: SuccessRule) -> Measure:
         f"{'in such an interval or ' * rule.stalls}in all (of the turn where none was commanded), or stopped by a "
         "safety layer; else off_command, fell or diverged"
     )
-    return Measure("outcome", "outcome", "", "heading", formula, f"rule {rule.name}", "neither", WHOLE)
+    return Measure("outcome", "outcome", "", "heading", formula, f"rule {rule.name}", WHOLE)
 
 
 MEASURES = (
     outcome(RULES[SUCCESS_RULE]),
     Measure("fell", "falls", "", "", "the fall rule held, or the simulation diverged, before the time limit",
-            "rule simple-quad/1", "less", WHOLE),
+            "rule simple-quad/1", WHOLE),
     Measure("diverged", "diverged", "", "", "MuJoCo warned of a bad state, or a state is not finite",
-            "MuJoCo warnings", "less", WHOLE),
-    Measure("fall_time", "time to fall", "s", "", "start to fall; none without a fall", "", "more", WHOLE),
+            "MuJoCo warnings", WHOLE),
+    Measure("fall_time", "time to fall", "s", "", "start to fall; none without a fall", scope=WHOLE),
     Measure("velocity_error", "velocity error", "m/s", "heading",
-            f"<min(|e - v|, {CAP})>, planar; {CAP} for every step after a fall", "", "less", WHOLE),
+            f"<min(|e - v|, {CAP})>, planar; {CAP} for every step after a fall", scope=WHOLE),
     Measure("yaw_rate_error", "yaw-rate error", "rad/s", "world vertical",
-            f"<min(|e - v|, {YAW_CAP})>; {YAW_CAP} for every step after a fall", "", "less", WHOLE),
+            f"<min(|e - v|, {YAW_CAP})>; {YAW_CAP} for every step after a fall", scope=WHOLE),
     Measure("mean_velocity_error", "mean velocity error", "m/s", "heading",
             f"|e - mean v| of each command interval after its first second, at most {CAP}; after a fall {CAP}",
-            "", "less", WHOLE),
+            scope=WHOLE),
     Measure("velocity_error_upright", "velocity error while upright", "m/s", "heading",
-            f"<min(|e - v|, {CAP})>", "as error_vel of legged_gym and mjlab", "less", UPRIGHT),
+            f"<min(|e - v|, {CAP})>", "as error_vel of legged_gym and mjlab"),
     Measure("drift", "drift at zero command", "m/s", "world, planar",
-            "|displacement| / time of the intervals commanded to stand, after their first second", "", "less", UPRIGHT),
+            "|displacement| / time of the intervals commanded to stand, after their first second"),
     Measure("needless_steps", "steps at zero command", "1/s", "",
-            f"touch-downs of all feet / time, same intervals; {FOOTFALL}", "", "less", UPRIGHT),
+            f"touch-downs of all feet / time, same intervals; {FOOTFALL}"),
     Measure("fall_after_push", "falls after a push", "", "",
-            f"share of pushes that a fall follows within {pushes.FALL_WITHIN:g} s and before the next", "", "less",
-            UPRIGHT),
+            f"share of pushes that a fall follows within {pushes.FALL_WITHIN:g} s and before the next"),
     Measure("not_recovered", "pushes not recovered from", "", "heading",
             f"share of pushes without recovery within {pushes.LONGEST_RECOVERY:g} s, falls among them; of those with "
-            "one command around them", "", "less", UPRIGHT),
+            "one command around them"),
     Measure("recovery_time", "recovery time", "s", "heading",
             f"push to the start of the first gait cycle ({pushes.GAIT_CYCLE:g} s) after it whose |mean(e - v)| is at "
-            f"most {pushes.RECOVERED_MARGIN:g} m/s above that of the cycle before it; mean of the recoveries",
-            "", "less", UPRIGHT),
-    Measure("energy", "energy", "J", "joints", "sum |tau dq/dt| dt", "", "neither", UPRIGHT),
-    Measure("distance", "distance", "m", "heading", "sum |mean v| T of the command intervals", "", "neither", UPRIGHT),
+            f"most {pushes.RECOVERED_MARGIN:g} m/s above that of the cycle before it; mean of the recoveries"),
+    Measure("energy", "energy", "J", "joints", "sum |tau dq/dt| dt"),
+    Measure("distance", "distance", "m", "heading", "sum |mean v| T of the command intervals"),
     Measure("cost_of_transport", "cost of transport", "", "",
             f"energy / (weight distance), of several episodes that of all together; none below a mean distance of "
-            f"{effort.SHORTEST_DISTANCE:g} m",
-            "Tucker 1975, with mechanical energy", "less", UPRIGHT),
-    Measure("mechanical_power", "mechanical power", "W", "joints", "<sum |tau dq/dt|>", "", "less", UPRIGHT),
-    Measure("peak_torque", "peak torque", "N·m", "joints", "max |tau|, of 100 readings a second", "", "less", UPRIGHT),
-    Measure("mean_torque", "mean torque", "N·m", "joints", "<|tau|>", "", "less", UPRIGHT),
+            f"{effort.SHORTEST_DISTANCE:g} m", "Tucker 1975, with mechanical energy"),
+    Measure("mechanical_power", "mechanical power", "W", "joints", "<sum |tau dq/dt|>"),
+    Measure("peak_torque", "peak torque", "N·m", "joints", "max |tau|, of 100 readings a second"),
+    Measure("mean_torque", "mean torque", "N·m", "joints", "<|tau|>"),
     Measure("torque_saturation", "torque at its limit", "", "joints",
-            f"[|tau| >= {effort.SATURATED:g} limit] of joints and time", "", "less", UPRIGHT),
+            f"[|tau| >= {effort.SATURATED:g} limit] of joints and time"),
     Measure("joint_limit", "joints at a limit", "", "joints",
-            f"[q within {effort.LIMIT_MARGIN:g} rad of a limit or beyond] of joints and time", "", "less", UPRIGHT),
-    Measure("overspeed", "joints above rated speed", "", "joints",
-            "[|dq/dt| > rated speed] of joints and time", "", "less", UPRIGHT),
+            f"[q within {effort.LIMIT_MARGIN:g} rad of a limit or beyond] of joints and time"),
+    Measure("overspeed", "joints above rated speed", "", "joints", "[|dq/dt| > rated speed] of joints and time"),
     Measure("action_rate", "action rate", "rad/s", "joints",
-            "sqrt <((a - a one step before) / dt)^2>", "root mean square of legged_gym's action_rate", "less", UPRIGHT),
+            "sqrt <((a - a one step before) / dt)^2>", "root mean square of legged_gym's action_rate"),
     Measure("foot_slip", "foot slip", "m/s", "world, horizontal",
-            "path of the feet's centres while in contact / contact time; rolling of the foot included",
-            "", "less", UPRIGHT),
+            "path of the feet's centres while in contact / contact time; rolling of the foot included"),
     Measure("foot_clearance", "foot clearance", "m", "world, vertical",
-            f"peak height of the foot above the terrain in a swing, mean of all swings; {FOOTFALL}", "", "neither",
-            UPRIGHT),
+            f"peak height of the foot above the terrain in a swing, mean of all swings; {FOOTFALL}"),
     Measure("phase_error", "phase error of the diagonals", "cycles", "",
             f"|touch-down of a front foot to the nearest of the hind foot across| / stride, at most 0.5; strides up to "
-            f"{footfalls.LONGEST_STRIDE:g} s", "", "neither", UPRIGHT),
-    Measure("roll_rate", "roll rate", "rad/s", "body", "sqrt <omega_x^2>", "", "less", UPRIGHT),
-    Measure("pitch_rate", "pitch rate", "rad/s", "body", "sqrt <omega_y^2>", "", "less", UPRIGHT),
-    Measure("vertical_speed", "vertical speed", "m/s", "world", "sqrt <(dz/dt)^2> of the trunk", "", "less", UPRIGHT),
-    Measure("froude_number", "Froude number", "", "", "(distance / time)^2 / (g leg length)",
-            "Alexander & Jayes 1983", "neither", UPRIGHT),
-    Measure("authority_used", "authority used", "", "joints", "<|correction| / authority>", "", "neither", UPRIGHT),
+            f"{footfalls.LONGEST_STRIDE:g} s"),
+    Measure("roll_rate", "roll rate", "rad/s", "body", "sqrt <omega_x^2>"),
+    Measure("pitch_rate", "pitch rate", "rad/s", "body", "sqrt <omega_y^2>"),
+    Measure("vertical_speed", "vertical speed", "m/s", "world", "sqrt <(dz/dt)^2> of the trunk"),
+    Measure("froude_number", "Froude number", "", "", "(distance / time)^2 / (g leg length)", "Alexander & Jayes 1983"),
+    Measure("authority_used", "authority used", "", "joints", "<|correction| / authority>"),
     Measure("authority_saturated", "authority exhausted", "", "joints",
-            f"[|correction| >= {residual_use.SATURATED:g} authority] of joints and time", "", "less", UPRIGHT),
+            f"[|correction| >= {effort.EXHAUSTED:g} authority] of joints and time"),
     Measure("against_base", "against its base", "", "joints",
             f"[correction opposes the base's motion] of joints and time with the base's target faster than "
-            f"{residual_use.SLOW:g} rad/s and |correction| >= {residual_use.SLIGHT:g} authority; 0.5 if unrelated",
-            "", "neither", UPRIGHT),
+            f"{effort.SLOW:g} rad/s and |correction| >= {effort.SLIGHT:g} authority; 0.5 if unrelated"),
     Measure("duty_factor", "duty factor", "", "", f"[foot on the ground], of each foot; {FOOTFALL}",
-            "Alexander & Jayes 1983", "neither", UPRIGHT),
-    Measure("commands", "commands", "m/s, m/s, rad/s", "heading", "of each command interval", "", "neither", UPRIGHT),
+            "Alexander & Jayes 1983"),
+    Measure("commands", "commands", "m/s, m/s, rad/s", "heading", "of each command interval"),
     Measure("mean_velocities", "mean velocities", "m/s, m/s, rad/s", "heading",
-            "mean v of each command interval after its first second, if ended upright", "", "neither", UPRIGHT),
-    Measure("push_time", "time of each push", "s", "", "start to onset", "", "neither", WHOLE),
+            "mean v of each command interval after its first second, if ended upright"),
+    Measure("push_time", "time of each push", "s", "", "start to onset", scope=WHOLE),
     Measure("push_impulse", "impulse of each push", "N·s", "heading just before it", "force times duration",
-            "", "neither", WHOLE),
-    Measure("push_phase", "gait phase at each push", "rad", "", "of the policy's clock at onset", "", "neither", WHOLE),
-    Measure("push_fell", "fall after each push", "", "", "as falls after a push: 1 or 0", "", "less", UPRIGHT),
-    Measure("push_recovery", "recovery after each push", "s", "heading",
-            "as recovery time; infinite without recovery", "", "less", UPRIGHT),
+            scope=WHOLE),
+    Measure("push_phase", "gait phase at each push", "rad", "", "of the policy's clock at onset", scope=WHOLE),
+    Measure("push_fell", "fall after each push", "", "", "as falls after a push: 1 or 0"),
+    Measure("push_recovery", "recovery after each push", "s", "heading", "as recovery time; infinite without recovery"),
 )  # fmt: skip
 """In the order of the fields of `evaluate.measures.metrics.Measures`."""
 
 BY_NAME = {measure.name: measure for measure in MEASURES}
-_PUSHES = tuple(measure.name for measure in MEASURES if measure.name.startswith("push_"))
-LISTS = ("duty_factor", "commands", "mean_velocities", *_PUSHES)
-"""Measures with several values an episode."""
-VERDICTS = ("outcome", "fell", "diverged")
-"""Measures that are no numbers."""
-FIGURES = tuple(measure.name for measure in MEASURES if measure.name not in (*LISTS, *VERDICTS))
-"""Measures with one number an episode."""
+_LISTS = ("duty_factor", "commands", "mean_velocities")
+FIGURES = tuple(
+    name for name in BY_NAME if name not in ("outcome", "fell", "diverged", *_LISTS) and not name.startswith("push_")
+)
+"""Measures with one number an episode: no verdicts, nor those with several values."""

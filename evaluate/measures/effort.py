@@ -1,8 +1,12 @@
-"""What the motors do: pure functions over (steps, n, 12) joint signals, upright steps alone, NaN without one."""
+"""What the motors do, and what a residual makes of its authority; formulas stand in `evaluate.measures.catalogue`.
+
+Upright steps after the first second alone, NaN without one.
+"""
 
 import numpy as np
 
-from evaluate.measures.averages import Bools, Floats, Recorded, total, upright_mean, upright_share
+from evaluate.measures.averages import Bools, Floats, count, over_steps, quotient, total, upright_mean, upright_share
+from evaluate.measures.episodes import Episodes
 
 SHORTEST_DISTANCE = 1.0
 """Below this distance an episode has no cost of transport, m: it would be a quotient by nearly nothing."""
@@ -10,21 +14,36 @@ LIMIT_MARGIN = 0.01
 """rad from a joint limit at which the joint counts as at it."""
 SATURATED = 0.999
 """Share of the torque limit from which a torque counts as saturated."""
+EXHAUSTED = 0.99
+"""Share of a residual's authority from which a correction counts as saturated."""
+SLIGHT = 0.05
+"""Share of the authority below which a correction has no direction worth the name."""
+SLOW = 0.1
+"""rad/s of the base's joint target below which the base does not move the joint."""
 
 
-def mechanical_power(torque: Recorded, speed: Recorded) -> Floats:
-    """Σ |torque · joint speed|, (steps, n), W."""
-    return np.asarray(np.abs(torque * speed.astype(np.float64)).sum(axis=-1))
-
-
-def energy(power: Floats, upright: Bools, dt: float) -> Floats:
-    """Integral of the power, (n,) J."""
-    return total(np.where(upright, power, 0.0)) * dt
-
-
-def mean_power(power: Floats, upright: Bools) -> Floats:
-    """Mean of the power, (n,) W."""
-    return upright_mean(power, upright)
+def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
+    """Every measure of what the motors do over a distance, (n,) m."""
+    robot, dt, settled = episodes.robot, episodes.dt, slice(episodes.settling, None)
+    torque, speed, angle = episodes.joint_torque[settled], episodes.joint_velocity[settled], episodes.joint_position
+    counted = upright[settled]
+    power = np.abs(torque * speed.astype(np.float64)).sum(axis=-1)
+    energy = total(np.where(counted, power, 0.0)) * dt
+    peak = np.where(counted, np.abs(torque).max(axis=-1), -1.0).max(axis=0).astype(np.float64)
+    low, high = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
+    at_limit = (angle[settled] <= low.astype(np.float32)) | (angle[settled] >= high.astype(np.float32))
+    rate = np.diff(episodes.action[episodes.settling - 1 :].astype(np.float64), axis=0) / dt
+    return {
+        "energy": energy,
+        "cost_of_transport": cost_of_transport(energy, distance, episodes.weight),
+        "mechanical_power": upright_mean(power, counted),
+        "peak_torque": np.where(peak < 0, np.nan, peak),
+        "mean_torque": upright_mean(np.abs(torque.astype(np.float64)).mean(axis=-1), counted),
+        "torque_saturation": upright_share(np.abs(torque) >= SATURATED * episodes.torque_limit, counted),
+        "joint_limit": upright_share(at_limit, counted),
+        "overspeed": upright_share(np.abs(speed) > robot.rated_speed, counted),
+        "action_rate": np.sqrt(upright_mean((rate * rate).mean(axis=-1), counted)),
+    }
 
 
 def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats:
@@ -32,37 +51,17 @@ def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats
     return np.where(distance < SHORTEST_DISTANCE, np.nan, energy / (weight * np.maximum(distance, SHORTEST_DISTANCE)))
 
 
-def peak_torque(torque: Recorded, upright: Bools) -> Floats:
-    """Largest |torque| of any joint, (n,) N·m."""
-    peak = np.where(upright, np.abs(torque).max(axis=-1), -1.0).max(axis=0).astype(np.float64)
-    return np.where(peak < 0, np.nan, peak)
-
-
-def mean_torque(torque: Recorded, upright: Bools) -> Floats:
-    """Mean |torque| over joints and time, (n,) N·m."""
-    return upright_mean(np.abs(torque.astype(np.float64)).mean(axis=-1), upright)
-
-
-def torque_saturation(torque: Recorded, limit: float, upright: Bools) -> Floats:
-    """Share of joints and time with the torque at its limit, (n,)."""
-    return upright_share(np.abs(torque) >= SATURATED * limit, upright)
-
-
-def joint_limit(angle: Recorded, lower: Floats, upper: Floats, upright: Bools) -> Floats:
-    """Share of joints and time at a joint limit, or beyond it, (n,); `lower` and `upper` are the limits, (12,), rad."""
-    low, high = lower + LIMIT_MARGIN, upper - LIMIT_MARGIN
-    return upright_share((angle <= low.astype(np.float32)) | (angle >= high.astype(np.float32)), upright)
-
-
-def overspeed(speed: Recorded, rated: float, upright: Bools) -> Floats:
-    """Share of joints and time above the rated joint speed, rad/s, (n,)."""
-    return upright_share(np.abs(speed) > rated, upright)
-
-
-def action_rate(action: Recorded, upright: Bools, dt: float) -> Floats:
-    """Root mean square, over joints and time, of the speed of the joint targets, (n,) rad/s.
-
-    The first of the steps has none before it and does not count.
-    """
-    rate = np.diff(action.astype(np.float64), axis=0) / dt
-    return np.sqrt(upright_mean((rate * rate).mean(axis=-1), upright[1:]))
+def residual_use(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
+    """Every measure of a residual's correction; NaN of other policies."""
+    if episodes.correction is None or episodes.base_action is None:
+        return dict.fromkeys(("authority_used", "authority_saturated", "against_base"), np.full(episodes.count, np.nan))
+    correction, counted = episodes.correction[episodes.settling :], upright[episodes.settling :]
+    motion = np.diff(episodes.base_action[episodes.settling - 1 :].astype(np.float64), axis=0)
+    directed = (np.abs(motion) >= SLOW * episodes.dt) & (np.abs(correction) >= SLIGHT)
+    directed &= over_steps(counted, correction)
+    against = directed & (motion * correction < 0)
+    return {
+        "authority_used": upright_mean(np.abs(correction.astype(np.float64)).mean(axis=-1), counted),
+        "authority_saturated": upright_share(np.abs(correction) >= EXHAUSTED, counted),
+        "against_base": quotient(count(against).sum(axis=-1), count(directed).sum(axis=-1)),
+    }

@@ -1,32 +1,69 @@
-"""How the robot steps and how quietly it carries its trunk: pure functions, upright steps alone, NaN without one."""
+"""How the robot steps, stands still and carries its trunk; formulas stand in `evaluate.measures.catalogue`.
+
+Upright steps alone, NaN without one.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures.averages import Bools, Floats, Recorded, count, over_steps, quotient, total, upright_rms
-from evaluate.measures.footfalls import LONGEST_STRIDE, Footfalls
+from evaluate.measures.averages import Bools, Floats, Recorded, count, planar, quotient, total, upright_rms
+from evaluate.measures.episodes import Episodes
+from evaluate.measures.footfalls import LONGEST_STRIDE, Footfalls, footfalls
 from quad_env.config import GRAVITY
 
 Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Episodes and their steps."""
 
 
-def duty_factor(stance: Bools, upright: Bools) -> Floats:
-    """Share of the time that each foot stands, (n, 4)."""
-    standing = count(stance & over_steps(upright, stance))
-    return quotient(standing, count(upright)[:, None])
+def gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
+    """Every measure of the gait, of standing still and of the trunk's motion over a distance, (n,) m."""
+    settling, dt = episodes.settling, episodes.dt
+    settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
+    counted = upright[settled]
+    falls = footfalls(episodes.foot_contact, upright, dt)
+    standing = count(falls.stance[settled] & counted[..., None])
+    feet, contact = episodes.foot_position[with_the_step_before], episodes.foot_contact[with_the_step_before]
+    rate = episodes.angular_velocity[settled].astype(np.float64)
+    climbing = np.diff(episodes.position[with_the_step_before, :, 2].astype(np.float64), axis=0) / dt
+    speed = quotient(distance, count(counted) * dt)
+    return {
+        **standing_still(episodes, upright, falls),
+        "duty_factor": quotient(standing, count(counted)[:, None]),
+        "foot_slip": foot_slip(feet, contact, upright[with_the_step_before], dt),
+        "foot_clearance": foot_clearance(episodes.foot_height, falls.after(settling)),
+        "phase_error": phase_error(falls, episodes.robot.diagonals, settling, dt),
+        "roll_rate": upright_rms(rate[..., 0], counted),
+        "pitch_rate": upright_rms(rate[..., 1], counted),
+        "vertical_speed": upright_rms(climbing, counted),
+        "froude_number": speed * speed / (GRAVITY * episodes.robot.leg_length),
+    }
 
 
-def foot_clearance(height: Recorded, falls: Footfalls, episodes: int) -> Floats:
+def standing_still(episodes: Episodes, upright: Bools, falls: Footfalls) -> dict[str, Floats]:
+    """Drift, and touch-downs of all feet, over the intervals commanded to stand that were ended upright."""
+    position = episodes.position.astype(np.float64)
+    moved, drifting, landed, time = np.zeros((4, episodes.count))
+    for window in episodes.intervals.settled:
+        last = window.stop - 1
+        counts = ~episodes.command[window.start].any(axis=-1) & upright[last]
+        moved += np.where(counts, planar(position[last] - position[window.start]), 0.0)
+        drifting += counts * ((last - window.start) * episodes.dt)
+        inside = (falls.touch_down >= window.start) & (falls.touch_down < window.stop)
+        landed += counts * np.bincount(falls.episode[inside], minlength=episodes.count)
+        time += counts * ((window.stop - window.start) * episodes.dt)
+    return {"drift": quotient(moved, drifting), "needless_steps": quotient(landed, time)}
+
+
+def foot_clearance(height: Recorded, falls: Footfalls) -> Floats:
     """Peak height above the terrain of each swing, averaged over the swings of all feet, (n,) m."""
+    steps, episodes, feet = height.shape
     if not len(falls.episode):
         return np.full(episodes, np.nan)
-    rows = np.moveaxis(height, 0, -1)
-    steps = rows.shape[-1]
-    start = (falls.episode * rows.shape[1] + falls.foot) * steps
+    start = (falls.episode * feet + falls.foot) * steps
     # The stretch from a touch-down to the next swing is cut out by taking every other peak.
     cuts = np.stack((start + falls.swing_start, start + falls.touch_down), axis=1).ravel()
-    peaks = np.maximum.reduceat(np.ascontiguousarray(rows).ravel(), cuts)[::2].astype(np.float64)
+    rows = np.ascontiguousarray(np.moveaxis(height, 0, -1)).ravel()
+    peaks = np.maximum.reduceat(rows, cuts)[::2].astype(np.float64)
     return _mean_by_episode(peaks, falls.episode, episodes)
 
 
@@ -42,15 +79,14 @@ def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> 
     return quotient(total(travel).sum(axis=-1), count(held).sum(axis=-1) * dt)
 
 
-def phase_error(
-    falls: Footfalls, diagonals: tuple[tuple[int, int], ...], first: int, episodes: int, steps: int, dt: float
-) -> Floats:
+def phase_error(falls: Footfalls, diagonals: tuple[tuple[int, int], ...], first: int, dt: float) -> Floats:
     """How far the diagonal pairs are out of step, in cycles, 0 … 0.5, mean over the strides of both pairs, (n,).
 
     For each stride of the front foot: the time from its first touch-down to the nearest one of the hind foot, over the
     stride's length; 0.5 where the hind foot comes no nearer. Strides count if both swings began at `first` or later.
     `diagonals` are the front and the hind foot of each pair.
     """
+    steps, episodes, _ = falls.stance.shape
     errors, owners = [], []
     late = falls.after(first)
     for front, hind in diagonals:
@@ -61,36 +97,6 @@ def phase_error(
         errors.append(np.minimum(_nearest(falls.of(hind), (episode, begin), steps) / length, 0.5))
         owners.append(episode)
     return _mean_by_episode(np.concatenate(errors), np.concatenate(owners), episodes)
-
-
-def needless_steps(falls: Footfalls, still: Bools, upright: Bools, windows: tuple[slice, ...], dt: float) -> Floats:
-    """Touch-downs a second of all feet over the windows that `still`, (n, k), picks, (n,) 1/s.
-
-    Windows that were not ended upright do not count; NaN where no window is left.
-    """
-    found, time = np.zeros(len(still)), np.zeros(len(still))
-    for number, window in enumerate(windows):
-        counts = still[:, number] & upright[window.stop - 1]
-        inside = (falls.touch_down >= window.start) & (falls.touch_down < window.stop)
-        found += counts * np.bincount(falls.episode[inside], minlength=len(still))
-        time += counts * ((window.stop - window.start) * dt)
-    return quotient(found, time)
-
-
-def turning_rate(rate: Recorded, upright: Bools) -> Floats:
-    """Root mean square of one of the trunk's body rates, (n,) rad/s."""
-    return upright_rms(rate.astype(np.float64), upright)
-
-
-def vertical_speed(position: Recorded, upright: Bools, dt: float) -> Floats:
-    """Root mean square of the trunk's vertical velocity between steps, (n,) m/s; the first step has none."""
-    return upright_rms(np.diff(position[..., 2].astype(np.float64), axis=0) / dt, upright[1:])
-
-
-def froude_number(distance: Floats, leg_length: float, upright: Bools, dt: float) -> Floats:
-    """v² / (g · leg length) of the mean speed `distance` over the upright time, (n,)."""
-    speed = quotient(distance, count(upright) * dt)
-    return speed * speed / (GRAVITY * leg_length)
 
 
 def _nearest(falls: Places, wanted: Places, steps: int) -> Floats:

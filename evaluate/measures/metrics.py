@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.measures import effort, gait_quality, residual_use, tracking
+from evaluate.measures import tracking
 from evaluate.measures.at_rest import controlled_stops, motion_of
 from evaluate.measures.averages import Bools, Floats, upright_steps
+from evaluate.measures.effort import effort, residual_use
 from evaluate.measures.episodes import Episodes
-from evaluate.measures.footfalls import footfalls
+from evaluate.measures.gait_quality import gait
 from evaluate.measures.outcomes import RULES, STALLED, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
 from evaluate.measures.pushes import pushes
 
@@ -88,48 +89,40 @@ def measure(episodes: Episodes) -> Measures:
     fell = episodes.fall_step < episodes.steps
     following, distance = _tracking(episodes, upright)
     return Measures(
-        outcome=_outcome(episodes, upright, following, RULES[SUCCESS_RULE]),
+        outcome=outcome(episodes, following=following),
         fell=fell,
         diverged=episodes.diverged,
         fall_time=np.where(fell, (episodes.fall_step + 1) * episodes.dt, np.nan),
         distance=distance,
         **following,
-        **_effort(episodes, upright, distance),
-        **_gait(episodes, upright, distance),
-        **_residual(episodes, upright),
+        **effort(episodes, upright, distance),
+        **gait(episodes, upright, distance),
+        **residual_use(episodes, upright),
         **pushes(episodes),
     )
 
 
-def outcome(episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE]) -> NDArray[np.object_]:
-    """What came of each episode under a rule of success, one of the rule's outcomes, (n,)."""
-    upright = upright_steps(episodes.fall_step, episodes.steps)
-    return _outcome(episodes, upright, _tracking(episodes, upright)[0], rule)
-
-
-def _outcome(
-    episodes: Episodes, upright: Bools, following: dict[str, Floats], rule: SuccessRule
+def outcome(
+    episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE], following: dict[str, Floats] | None = None
 ) -> NDArray[np.object_]:
-    """The same, from the measures of tracking."""
-    fell = episodes.fall_step < episodes.steps
+    """What came of each episode under a rule of success, one of the rule's outcomes, (n,); `following` are its measures
+    of tracking where they are known."""
+    upright = upright_steps(episodes.fall_step, episodes.steps)
+    following = following or _tracking(episodes, upright)[0]
+    fell, stopped = episodes.fall_step < episodes.steps, np.zeros(episodes.count, np.bool_)
+    if episodes.stopped is not None:
+        controlled = controlled_stops(motion_of(episodes), episodes.fall_step, episodes.dt)
+        stopped = (episodes.stopped & upright).any(axis=0) & (~fell | controlled)
     return outcomes(
         fell=fell,
         diverged=episodes.diverged,
-        stopped=_stopped(episodes, upright, fell),
+        stopped=stopped,
         failed=episodes.failed,
         commands=following["commands"],
         velocities=following["mean_velocities"],
         durations=np.array([window.stop - window.start for window in episodes.intervals.settled], np.float64),
         rule=rule,
     )
-
-
-def _stopped(episodes: Episodes, upright: Bools, fell: Bools) -> Bools:
-    """Which robots a safety layer stopped, (n,); of those that fell, in a controlled stop."""
-    if episodes.stopped is None:
-        return np.zeros(episodes.count, np.bool_)
-    controlled = controlled_stops(motion_of(episodes), episodes.fall_step, episodes.dt)
-    return (episodes.stopped & upright).any(axis=0) & (~fell | controlled)
 
 
 def summarise(episodes: Episodes) -> dict[str, float]:
@@ -158,68 +151,3 @@ def _tracking(episodes: Episodes, upright: Bools) -> tuple[dict[str, Floats], Fl
         "mean_velocities": tracking.mean_velocities(velocity, upright, windows),
     }
     return measures, tracking.distance_covered(velocity, upright, intervals.travelled, episodes.dt)
-
-
-def _effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
-    """What the motors did."""
-    robot, settling, dt = episodes.robot, episodes.settling, episodes.dt
-    settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
-    torque, speed, counted = episodes.joint_torque[settled], episodes.joint_velocity[settled], upright[settled]
-    power = effort.mechanical_power(torque, speed)
-    energy = effort.energy(power, counted, dt)
-    action = episodes.action[with_the_step_before]
-    return {
-        "energy": energy,
-        "cost_of_transport": effort.cost_of_transport(energy, distance, episodes.weight),
-        "mechanical_power": effort.mean_power(power, counted),
-        "peak_torque": effort.peak_torque(torque, counted),
-        "mean_torque": effort.mean_torque(torque, counted),
-        "torque_saturation": effort.torque_saturation(torque, episodes.torque_limit, counted),
-        "joint_limit": effort.joint_limit(
-            episodes.joint_position[settled], robot.joint_lower, robot.joint_upper, counted
-        ),
-        "overspeed": effort.overspeed(speed, robot.rated_speed, counted),
-        "action_rate": effort.action_rate(action, upright[with_the_step_before], dt),
-    }
-
-
-def _gait(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
-    """How the robot stepped, stood and carried its trunk."""
-    settling, dt, count = episodes.settling, episodes.dt, episodes.count
-    settled, with_the_step_before = slice(settling, None), slice(settling - 1, None)
-    counted, counted_before = upright[settled], upright[with_the_step_before]
-    falls = footfalls(episodes.foot_contact, upright, dt)
-    swings = falls.after(settling)
-    windows = episodes.intervals.settled
-    still = tracking.standing_still(episodes.command, windows)
-    position = episodes.position[with_the_step_before]
-    feet, contact = episodes.foot_position[with_the_step_before], episodes.foot_contact[with_the_step_before]
-    rate = episodes.angular_velocity[settled]
-    return {
-        "drift": tracking.drift(episodes.position.astype(np.float64), still, upright, windows, dt),
-        "needless_steps": gait_quality.needless_steps(falls, still, upright, windows, dt),
-        "duty_factor": gait_quality.duty_factor(falls.stance[settled], counted),
-        "foot_slip": gait_quality.foot_slip(feet, contact, counted_before, dt),
-        "foot_clearance": gait_quality.foot_clearance(episodes.foot_height, swings, count),
-        "phase_error": gait_quality.phase_error(falls, episodes.robot.diagonals, settling, count, episodes.steps, dt),
-        "roll_rate": gait_quality.turning_rate(rate[..., 0], counted),
-        "pitch_rate": gait_quality.turning_rate(rate[..., 1], counted),
-        "vertical_speed": gait_quality.vertical_speed(position, counted_before, dt),
-        "froude_number": gait_quality.froude_number(distance, episodes.robot.leg_length, counted, dt),
-    }
-
-
-def _residual(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
-    """What a residual made of its authority."""
-    if episodes.correction is None or episodes.base_action is None:
-        return dict.fromkeys(("authority_used", "authority_saturated", "against_base"), np.full(episodes.count, np.nan))
-    settling = episodes.settling
-    correction, counted = episodes.correction[settling:], upright[settling:]
-    before = slice(settling - 1, None)
-    return {
-        "authority_used": residual_use.authority_used(correction, counted),
-        "authority_saturated": residual_use.authority_saturated(correction, counted),
-        "against_base": residual_use.against_base(
-            episodes.correction[before], episodes.base_action[before], upright[before], episodes.dt
-        ),
-    }

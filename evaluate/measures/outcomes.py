@@ -1,10 +1,7 @@
 """Outcome of an episode: whether the robot did what it was asked to do, and if not, what became of it.
 
-By the rule `success/2` an episode succeeds if the robot neither fell nor diverged and in every command interval, after
-its first second, its mean planar velocity was within 0.15 m/s + 20 % of the command, its mean yaw rate within
-0.15 rad/s + 20 %, and it did not stall: it covered at least a quarter of the commanded distance, along the command, if
-more than 0.05 m/s were commanded. Older results are by `success/1`: standing still could succeed within the tolerance,
-and `refused` was what is now `stalled` or `policy_error`. A trace can be scored by any of RULES.
+RULES say what success is. Older results are by `success/1`: standing still could succeed within the tolerance, and
+`refused` was what is now `stalled` or `policy_error`.
 """
 
 from dataclasses import dataclass

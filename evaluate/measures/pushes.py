@@ -24,9 +24,8 @@ LONGEST_RECOVERY = 2.0
 def pushes(episodes: Episodes) -> dict[str, Floats]:
     """Every measure of pushes, of all of them, those in the first second too; the impulse is (n, k, 2) N·s.
 
-    A recovery is the time from the onset to the start of the first gait cycle, after the push, whose mean velocity
-    error is no more than RECOVERED_MARGIN above that of the cycle before; inf if none, or a fall, within
-    LONGEST_RECOVERY; NaN where a new command, the next push or the time limit comes too near to say.
+    A recovery is inf if there is none, or a fall, within LONGEST_RECOVERY; NaN where a new command, the next push or
+    the time limit comes too near to say.
     """
     onset = episodes.push_step
     pushed = (onset <= episodes.fall_step[:, None]) & (onset < episodes.steps)

@@ -32,8 +32,7 @@ class Response:
 
 def responses(commands: Floats, achieved: Floats) -> dict[str, Response]:
     """Response of each axis; commands and mean velocities (…, 3) of intervals, NaN of those that do not count."""
-    pairs = {axis: known(commands, achieved, number) for number, axis in enumerate(AXES)}
-    return {axis: response(asked, got) for axis, (asked, got) in pairs.items()}
+    return {axis: response(*known(commands, achieved, number)) for number, axis in enumerate(AXES)}
 
 
 def response(command: Floats, achieved: Floats) -> Response:

@@ -5,7 +5,6 @@ makes an error smaller.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,24 +94,6 @@ def distance_covered(velocity: Floats, upright: Bools, stretches: tuple[slice, .
     """Distance along the mean heading velocity of each stretch, upright steps, (n,) m."""
     covered = [planar(total(np.where(upright[stretch, :, None], velocity[stretch], 0.0))) * dt for stretch in stretches]
     return np.asarray(np.add.reduce(covered))
-
-
-def drift(position: Floats, still: Bools, upright: Bools, windows: tuple[slice, ...], dt: float) -> Floats:
-    """Planar speed, from its first to its last step, over the windows that `still`, (n, k), picks, (n,) m/s.
-
-    Windows that were not ended upright do not count; NaN where no window is left.
-    """
-    distance, time = np.zeros(len(still)), np.zeros(len(still))
-    for number, window in enumerate(windows):
-        counts = still[:, number] & upright[window.stop - 1]
-        distance += np.where(counts, planar(position[window.stop - 1] - position[window.start]), 0.0)
-        time += counts * ((window.stop - 1 - window.start) * dt)
-    return quotient(distance, time)
-
-
-def standing_still(command: NDArray[np.floating[Any]], windows: tuple[slice, ...]) -> Bools:
-    """Whether the command of each window is zero, (n, k)."""
-    return np.stack([~command[window.start].any(axis=-1) for window in windows], axis=1)
 
 
 def window_mean(velocity: Floats, upright: Bools, window: slice) -> Floats:

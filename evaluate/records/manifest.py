@@ -20,7 +20,7 @@ from quad_env.scenarios.named import Scenario
 from quad_env.serialisation import from_plain, to_plain
 
 NAME = "manifest.json"
-FILES = ("results.json", "episodes.parquet", "report.html", "report.md", NAME)
+FILES = ("results.json", "episodes.parquet", "report.html", NAME)
 """What a comparison leaves in its folder."""
 CHUNKS = "parts"
 """Folder of the chunks of cells, while a run is going on."""

@@ -1,7 +1,9 @@
 """Headings of tables: a table's headings and the cells of its rows are kept by the same names of columns."""
 
 from evaluate.analysis.comparison import ERRORS, FALL_RATE, METRICS, RATES, SUCCESS_RATE
+from evaluate.analysis.summary import Summary
 from evaluate.measures.catalogue import BY_NAME
+from quad_env.cli.format import NO_BREAK, number
 
 FIRST = ""
 """Name of the column that says what a row is of, in tables whose other columns are named by the user."""
@@ -16,4 +18,10 @@ NARROW = TITLES | {
 }
 """On a terminal of 80 columns."""
 NARROW_DIFFERENCES = NARROW | {rate: f"{TITLES[rate]}\n% points" for rate in RATES}
+"""Of differences."""
 IN_A_LINE = {metric: f"{TITLES[metric]}, {UNITS[metric]}".removesuffix(", ") for metric in METRICS}
+
+
+def shares(summary: Summary) -> str:
+    """Successes, and in brackets falls, in per cent."""
+    return f"{number(100.0 * summary.success_rate, 0)}{NO_BREAK}({number(100.0 * summary.fall_rate, 0)})"

@@ -6,13 +6,14 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from evaluate.analysis.breaking_points import CAVEAT
 from evaluate.analysis.findings import headline
 from evaluate.analysis.gates import GateResult
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
+from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.footage import footage
 from evaluate.report.html import contents, fold, note, section
-from evaluate.report.notes import NOTES, extent, warnings
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import disturbances
 from evaluate.report.sections.figures import definitions, policy_label, training
@@ -22,13 +23,35 @@ from evaluate.report.sections.response_section import responses
 from evaluate.report.sections.worst import worst_episodes
 from evaluate.rollouts.hardware import words as words_of
 from policies.summaries import explained
-from quad_env.cli.format import listed
+from quad_env.cli.format import counted, listed
 from quad_env.files.writing import write_atomically
 
-FILM_PLACE = 6
-"""Place of the film among the sections; it is made in another process meanwhile."""
-
-
+NOTES = (
+    "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
+    "terrain. They come from a family of seeds that training and parameter searches never draw from.",
+    "Velocity and yaw-rate error are means over the control steps after an episode's first second, in the heading "
+    "frame. A step's error is capped at 2 m/s and 3 rad/s, and every step from a fall to the time limit is "
+    "assigned the cap, so that a fall never improves an error.",
+    "Mean velocity error compares the command with the mean velocity over each command interval after its first "
+    "second, so that swaying within a stride does not count. After a fall it is the cap too.",
+    "A divergence of the simulation counts as a fall. A time-out does not.",
+    "Cost of transport is the energy of all episodes, ∑|torque · joint speed| before a fall, over weight times "
+    "distance, where the distance of a command interval is its time times its mean planar speed: swaying on the spot "
+    "covers none.",
+    "Intervals are 95 %: Wilson for successes and falls, for scores Wilson with the effective number of episodes (Korn "
+    "and Graubard 1998), bootstrap (BCa) over episodes for means, Tango's score interval for differences of successes "
+    "and falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means. Where all episodes "
+    "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
+    "Tests are paired by episode and two-sided: exact McNemar for falls, sign-flip permutation for means. p-values are "
+    "corrected by Holm's method, metric by metric, over the comparisons with the baseline on every scenario of the "
+    "run; those of the other pairs are families of their own. A difference is claimed below 0.05: the chance of any "
+    "false claim in a family is then at most 5 %. Where none is claimed there may still be one that so many episodes "
+    "cannot show.",
+    "A breaking point is where half of the episodes fail, that is fall or do not succeed: where a monotone regression, "
+    "straight over the logarithm of severity between the levels, crosses one half. No shape is assumed. "
+    f"{CAVEAT} What fewer and more are is shown by exact binomial tests.",
+    "The intervals speak of episodes, not of training: another training seed gives another policy.",
+)
 Origin = tuple[str, str]
 """Command and day that a run was begun by and on; each empty where it is not known."""
 
@@ -50,11 +73,11 @@ def render(
     """The whole page; `folder` is where the results are, for the commands that the page names.
 
     Filming takes a few seconds, and the page says why where it is impossible; `trust`, of the filmed policies: see
-    `evaluate.report.camera.Shot`.
+    `evaluate.report.footage.film`.
     """
     css = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     with drawing.settings(), ThreadPoolExecutor(1) as pool:
-        shown = pool.submit(footage, results, trust) if film else None
+        shown = pool.submit(footage, results, trust) if film else None  # in another process meanwhile
         sections = [
             _outcome(results),
             success(results),
@@ -62,14 +85,13 @@ def render(
             overview(results),
             sensitivity(results),
             disturbances(results),
+            shown.result() if shown else "",
             gaits(results),
             responses(results),
             training(results),
             worst_episodes(results, folder),
             _notes(results),
         ]
-        if shown is not None:
-            sections.insert(FILM_PLACE, shown.result())
     body = "".join(sections)
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -124,3 +146,26 @@ def _notes(results: Results) -> str:
         note(f"Made with {made_with}."),
         note("In the same folder: results.json (these figures), episodes.parquet (a row an episode)."),
     )
+
+
+def warnings(results: Results) -> list[str]:
+    """What a reader has to know first: policies with errors, and outcomes by an older rule of success."""
+    lines = [
+        f"{each.policy} failed in {each.failed} of {counted(each.episodes, 'episode')}; in the first it {each.first}"
+        for each in results.policy_errors
+    ]
+    if results.success_rule != SUCCESS_RULE:
+        lines.append(
+            f"Success is by the older rule {results.success_rule}, under which these episodes ran: standing still can "
+            f"succeed at slow commands. python -m research rescore applies {SUCCESS_RULE} to an evaluation with traces"
+        )
+    return lines
+
+
+def extent(results: Results) -> str:
+    """`64 episodes of each policy on each of 27 scenarios, of document on flat alone`."""
+    ran = {policy: [name for name, other in results.summaries if other == policy] for policy in results.policies}
+    fewer = {policy: names for policy, names in ran.items() if len(names) < len(results.scenarios)}
+    alone = [f"of {policy} on {listed(names)} alone" for policy, names in fewer.items() if results.complete]
+    scenarios = counted(len(results.scenarios), "scenario")
+    return ", ".join([f"{counted(results.episodes, 'episode')} of each policy on each of {scenarios}", *alone])

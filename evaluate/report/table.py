@@ -13,9 +13,8 @@ from evaluate.analysis.comparison import FALL_RATE, METRICS, RATES, SUCCESS_RATE
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, amount, place, severity_axes
 from evaluate.analysis.summary import Summary
-from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
-from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES
-from quad_env.cli.format import broken, counted, number, p_value, percent, points, share
+from evaluate.report.headings import FIRST, NARROW, NARROW_DIFFERENCES, shares
+from quad_env.cli.format import broken, counted, number, p_value, points, share
 
 SHOWN = "success % (falls %)"
 MOST_SCENARIOS = 6
@@ -27,7 +26,7 @@ FIGURES_WIDTH = 72
 
 
 def print_results(results: Results, console: Console) -> None:
-    """Print every cell, every policy's difference from the baseline and the training seeds; 80 columns are enough.
+    """Print every cell, every policy's difference from the baseline; 80 columns are enough.
 
     Of more scenarios than a screen holds, the shares of successes and of falls on each and the breaking points.
     """
@@ -39,7 +38,6 @@ def print_results(results: Results, console: Console) -> None:
             console.print()
             console.print(difference_table(results))
     console.print()
-    print_spread(results, console)
 
 
 def print_levels(results: Results, console: Console) -> None:
@@ -78,7 +76,10 @@ def single_table(results: Results, single: Sequence[SeverityAxis]) -> Table:
     """Successes and falls in per cent: a scenario a row, a policy a column."""
     rows = (
         {FIRST: f" {escape(place(axis.scenarios[0]))}"}
-        | {policy: _shares(results.summaries.get((axis.scenario_names[0], policy))) for policy in results.policies}
+        | {
+            policy: shares(found) if (found := results.summaries.get((axis.scenario_names[0], policy))) else ""
+            for policy in results.policies
+        }
         for axis in single
     )
     names = {policy: escape("\n".join(broken(policy, HEAD_WIDTH))) for policy in results.policies}
@@ -127,25 +128,6 @@ def difference_table(results: Results) -> Table:
     return console_table(title, {FIRST: "policy", **NARROW_DIFFERENCES}, groups)
 
 
-def print_spread(results: Results, console: Console) -> None:
-    """A table for each training of several seeds, if there is one."""
-    for run, scenarios in seed_spreads(results.cells).items():
-        count = next(iter(scenarios.values()))[SUCCESS_RATE].seeds
-        title = f"{escape(run)}, {count} training seeds: mean ± standard deviation, lowest … highest"
-        rows = (
-            {FIRST: escape(scenario), **{metric: _over_seeds(metrics[metric], metric) for metric in METRICS}}
-            for scenario, metrics in scenarios.items()
-        )
-        console.print(console_table(title, {FIRST: "scenario", **NARROW}, {"": rows}))
-        console.print()
-
-
-def _over_seeds(spread: SeedSpread, metric: str) -> str:
-    form = percent if metric in RATES else number
-    middle = f"{form(spread.mean)} ± {form(spread.standard_deviation)}"
-    return f"{middle}\n{form(spread.lowest)} … {form(spread.highest)}"
-
-
 def row_name(name: str) -> str:
     """A name at the head of a row, as markup."""
     return "\n".join(f" {escape(line)}" for line in broken(name, NAME_WIDTH))
@@ -172,11 +154,6 @@ def _difference(comparison: Comparison) -> str:
     value = comparison.difference
     shown = points(value) if comparison.metric in RATES else number(value)
     return f"{shown}\n{p_value(comparison.p_value_holm)}"
-
-
-def _shares(summary: Summary | None) -> str:
-    """Successes, and in brackets falls, in per cent."""
-    return f"{_percent(summary.success_rate)} ({_percent(summary.fall_rate)})" if summary else ""
 
 
 def _percent(share: float) -> str:

@@ -11,8 +11,7 @@ from typing import Annotated, Literal
 import tyro
 
 from evaluate.film import files
-from evaluate.film.shooting import film
-from evaluate.film.take import Look, Take
+from evaluate.film.shooting import Look, Take, film
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL
 from live.commands.episode import Command, EpisodeOptions, check_command

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import policies
-from evaluate.film.commanded_path import heading
+from evaluate.film.scene import heading
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import Hardware
 from evaluate.rollouts.observers import Observer

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.film.commanded_path import headings
+from evaluate.film.scene import headings
 from evaluate.rollouts.observers import Step
 from live.outcome import OutcomeSoFar
 from live.session import failure_of

@@ -13,9 +13,8 @@ from PIL import Image
 
 import quad_env
 from evaluate.film.captions import Text
-from evaluate.film.files import moving_picture
+from evaluate.film.files import moving_picture, tiled
 from evaluate.film.frames import frames_of
-from evaluate.film.sheet import tiled
 from evaluate.rollouts.hardware import Hardware, hardware_of
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError

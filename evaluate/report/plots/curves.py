@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evaluate.analysis.comparison import FALL_RATE
+from evaluate.analysis.comparison import FALL_RATE, RATES
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.report.plots.drawing import Margins, figure, same_ticks, short_name, style, svg, text_width
@@ -28,10 +28,17 @@ SHOWN = 300
 """Episodes of a scatter at most: the first of the run, the same for every policy."""
 
 
-def rates(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
-    """Shares of successes or of falls with Wilson bands, the curve through them, and where it crosses one half."""
+def against_severity(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
+    """Shares of successes or of falls with Wilson bands, the curve through them, and where it crosses one half; or a
+    mean error with its 95 % band."""
     drawn, axes = figure(HEIGHT)
-    _draw_rates(axes, results, axis, metric)
+    if metric in RATES:
+        _draw_rates(axes, results, axis, metric)
+    else:
+        for policy in results.policies:
+            _draw_levels(axes, results, axis, policy, metric, "-")
+        axes.set_ylim(bottom=0.0)
+        _finish(axes, axis)
     axes.set(ylabel=label)
     return svg(drawn)
 
@@ -65,16 +72,11 @@ def _draw_rates(axes: "Axes", results: Results, axis: SeverityAxis, metric: str)
     of = "falls" if metric == FALL_RATE else "success"
     axes.axhline(50.0, color="#888888", linewidth=0.8, linestyle=(0, (4, 3)))
     for policy in results.policies:
-        severities, values, low, high = _points(results, axis, policy, metric, 100.0)
-        if len(severities):
-            colour, mark = style(results, policy)
-            fitted = len(severities) >= LEAST_LEVELS
-            _band(axes, severities, low, high, colour)
-            line = "none" if fitted else "-"
-            axes.plot(severities, values, mark, color=colour, markersize=4, linestyle=line, label=policy)
-            if fitted:
-                across, fit = _curve(severities, values, of)
-                axes.plot(across, fit, color=colour, linewidth=1.4)
+        fitted = sum((level.name, policy) in results.summaries for level in axis.levels) >= LEAST_LEVELS
+        severities, values = _draw_levels(axes, results, axis, policy, metric, "none" if fitted else "-")
+        if fitted:
+            across, fit = _curve(severities, values, of)
+            axes.plot(across, fit, color=style(results, policy)[0], linewidth=1.4)
     for point in results.breaking_points:
         if (point.axis, point.of, point.found) == (axis.name, of, "crossed"):
             ends = np.clip(point.ci, point.lowest, point.highest)
@@ -85,36 +87,48 @@ def _draw_rates(axes: "Axes", results: Results, axis: SeverityAxis, metric: str)
     _finish(axes, axis)
 
 
-def errors(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
-    """A mean error against the severity with its 95 % band."""
-    drawn, axes = figure(HEIGHT)
-    for policy in results.policies:
-        severities, values, low, high = _points(results, axis, policy, metric, 1.0)
-        if len(severities):
-            colour, mark = style(results, policy)
-            _band(axes, severities, low, high, colour)
-            axes.plot(severities, values, color=colour, marker=mark, markersize=4, linewidth=1.4)
-    axes.set(ylabel=label)
-    axes.set_ylim(bottom=0.0)
-    _finish(axes, axis)
-    return svg(drawn)
+def _draw_levels(
+    axes: "Axes", results: Results, axis: SeverityAxis, policy: str, metric: str, line: str
+) -> tuple[Floats, Floats]:
+    """Figures and a band between the ends of their intervals, an upright line where there is but one; gives the
+    severities that the policy ran, and the figures."""
+    rows = [
+        (level.severity, getattr(summary, metric), *getattr(summary, f"{metric}_ci"))
+        for level in axis.levels
+        if (summary := results.summaries.get((level.name, policy)))
+    ]
+    severities, *figures = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+    values, low, high = (_scale(metric) * each for each in figures)
+    if len(severities):
+        colour, mark = style(results, policy)
+        if len(severities) == 1:
+            axes.vlines(severities, low, high, color=colour, alpha=0.55, linewidth=2.2)
+        axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
+        axes.plot(severities, values, mark, color=colour, markersize=4, linewidth=1.4, linestyle=line, label=policy)
+    return severities, values
 
 
-def intervals(results: Results, scenario: str, metric: str, label: str, scale: float = 1.0) -> bytes:
+def _scale(metric: str) -> float:
+    """Shares are shown in per cent."""
+    return 100.0 if metric in RATES else 1.0
+
+
+def intervals(results: Results, scenario: str, metric: str, label: str) -> bytes:
     """A policy a line: figure and 95 % interval."""
     names = [policy for policy in results.policies if (scenario, policy) in results.summaries]
     widest = max(text_width(short_name(name)) for name in names)
     drawn, axes = figure(0.6 + 0.3 * len(names), margins=Margins(left=0.22 + widest))
     for row, policy in enumerate(names):
         summary = results.summaries[scenario, policy]
-        value, ci = scale * getattr(summary, metric), scale * np.asarray(getattr(summary, f"{metric}_ci"))
+        value = _scale(metric) * getattr(summary, metric)
+        ci = _scale(metric) * np.asarray(getattr(summary, f"{metric}_ci"))
         colour, mark = style(results, policy)
         if np.isfinite(ci).all():
             axes.plot(ci, (row, row), color=colour, linewidth=2.2, solid_capstyle="butt", alpha=0.55)
         axes.plot([value], [row], mark, color=colour, markersize=5.5)
     axes.set_yticks(range(len(names)), [short_name(name) for name in names])
     axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.set_xlim(left=min(0.0, axes.get_xlim()[0]) if scale == 1.0 else -2.0, right=None if scale == 1.0 else 102.0)
+    axes.set_xlim(*((-2.0, 102.0) if metric in RATES else (min(0.0, axes.get_xlim()[0]), None)))
     axes.set_xlabel(label)
     return svg(drawn)
 
@@ -134,26 +148,6 @@ def paired(results: Results, others: Sequence[Cell], baseline: Cell) -> bytes:
         xlim=(0, limit), ylim=(0, limit), xlabel=f"{short_name(baseline.policy)}, m/s", ylabel="other policies, m/s"
     )
     return svg(drawn)
-
-
-def _points(
-    results: Results, axis: SeverityAxis, policy: str, metric: str, scale: float
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Severities, figures and the ends of their intervals, of the levels that the policy ran."""
-    rows = [
-        (level.severity, scale * getattr(summary, metric), *(scale * end for end in getattr(summary, f"{metric}_ci")))
-        for level in axis.levels
-        if (summary := results.summaries.get((level.name, policy)))
-    ]
-    severities, values, low, high = np.array(rows, dtype=np.float64).reshape(-1, 4).T
-    return severities, values, low, high
-
-
-def _band(axes: "Axes", severities: Floats, low: Floats, high: Floats, colour: str) -> None:
-    """Between the ends of the intervals; an upright line where there is but one."""
-    if len(severities) == 1:
-        axes.vlines(severities, low, high, color=colour, alpha=0.55, linewidth=2.2)
-    axes.fill_between(severities, low, high, color=colour, alpha=0.15, linewidth=0)
 
 
 def _curve(severities: Floats, values: Floats, of: str) -> tuple[Floats, Floats]:

@@ -5,7 +5,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
-from zlib import crc32
 
 from evaluate.analysis.results import Results
 from evaluate.rollouts.experiment import Cell
@@ -19,7 +18,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 """Matplotlib's name -> the same mark in text."""
 OWN = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
-"""Policies that have a colour of their own, the first of COLOURS, in every report."""
+"""Policies whose colours, the first of COLOURS, are the same in every report; those of others go by their order."""
 FONT = "DejaVu Sans"
 WIDTH = 3.6
 """in, about a phone's width at 100 points an inch"""
@@ -81,36 +80,22 @@ def svg(drawn: "Figure") -> bytes:
     return buffer.getvalue()
 
 
+@cache
+def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
+    """Colours and marks: of OWN the first, of others those that are left, then all of them with other marks."""
+    others = (policy for policy in policies if policy not in OWN)
+    places = {policy: OWN.index(policy) for policy in policies if policy in OWN}
+    places |= {policy: len(OWN) + number for number, policy in enumerate(others)}
+    marks = list(MARKS)
+    return {
+        policy: (COLOURS[place % len(COLOURS)], marks[sum(divmod(place, len(COLOURS))) % len(marks)])
+        for policy, place in places.items()
+    }
+
+
 def style(results: Results, policy: str) -> tuple[str, str]:
     """Colour and matplotlib's mark of a policy, the same in every plot."""
-    return styles(frozenset(results.policies))[policy]
-
-
-@cache
-def styles(policies: frozenset[str]) -> dict[str, tuple[str, str]]:
-    """Colours and marks by the policies' names, whatever their order and mostly whatever their company.
-
-    A name other than OWN's has its colour by its digest; of two that want the same, the later in the alphabet gives
-    way. More policies than colours share them, with other marks.
-    """
-    taken: list[int] = []
-    found = {}
-    for policy in sorted(policies, key=lambda name: (name not in OWN, name)):
-        wanted = _preferred(policy)
-        colour = min(wanted, key=lambda index: (taken.count(index), wanted.index(index)))
-        mark = list(MARKS)[(colour + taken.count(colour)) % len(MARKS)]
-        taken.append(colour)
-        found[policy] = COLOURS[colour], mark
-    return found
-
-
-def _preferred(policy: str) -> list[int]:
-    """Indices of COLOURS, the best first."""
-    own, others = list(range(len(OWN))), list(range(len(OWN), len(COLOURS)))
-    if policy in OWN:
-        return [OWN.index(policy)]
-    first = crc32(policy.encode()) % len(others)
-    return others[first:] + others[:first] + own
+    return styles(results.policies)[policy]
 
 
 @cache

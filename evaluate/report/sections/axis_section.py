@@ -1,8 +1,10 @@
 """A section for each axis of the run: curves over its levels, and folded below them every figure."""
 
 from collections.abc import Iterator
+from functools import partial
 from html import escape
 
+from evaluate.analysis.comparison import FALL_RATE, SUCCESS_RATE
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import SeverityAxis, severity, severity_axes
 from evaluate.report.html import fold, grid, image, note, section
@@ -13,9 +15,12 @@ from evaluate.report.sections.push_section import pushes
 from evaluate.statistics.breaking_point import LEAST_LEVELS
 from quad_env.scenarios.named import Scenario
 
-SUCCESS = ("success_rate", "episodes that succeed, %", 100.0)
-FALLS = ("fall_rate", "episodes with a fall, %", 100.0)
-ERROR = ("velocity_error", "velocity error, m/s", 1.0)
+SHOWN = {
+    SUCCESS_RATE: "episodes that succeed, %",
+    FALL_RATE: "episodes with a fall, %",
+    "velocity_error": "velocity error, m/s",
+}
+"""Metrics that are drawn, and what their figures are."""
 FITTED = "Lines of success and falls: monotone curves, with the breaking point and its interval at one half."
 JOINED = f"Lines of success and falls join the levels: fewer than {LEAST_LEVELS} have no breaking point."
 
@@ -41,16 +46,17 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
     if len(axis.levels) > 1:
         lines = FITTED if len(axis.levels) >= LEAST_LEVELS else JOINED
         yield note(f"Bands join the levels' 95 % intervals. {lines} Harder to the right.")
-        yield grid(_curves(results, axis), 2)
-        yield level_table(results, axis)
-        yield pushes(results, axis)
-        yield fold("Every figure", "".join(_figures(results, level) for level in axis.scenarios))
+        drawn, on = partial(curves.against_severity, results, axis), f"against {axis.quantity}"
+        table = level_table(results, axis)
+        folded = fold("Every figure", "".join(_figures(results, level) for level in axis.scenarios))
     else:
         scenario = axis.scenarios[0].name
-        yield grid((_bars(results, scenario, figure) for figure in (SUCCESS, FALLS, ERROR)), 2)
-        yield summary_table(results, scenario)
-        yield pushes(results, axis)
-        yield fold("Every measure", figures_table(results, scenario))
+        drawn, on = partial(curves.intervals, results, scenario), f"on {scenario}"
+        table, folded = summary_table(results, scenario), fold("Every measure", figures_table(results, scenario))
+    yield grid((image(drawn(metric, label), f"{label} of each policy {on}") for metric, label in SHOWN.items()), 2)
+    yield table
+    yield pushes(results, axis)
+    yield folded
     yield from _differences(results, axis)
 
 
@@ -71,29 +77,15 @@ def _figures(results: Results, level: Scenario) -> str:
     return f"{head}{summary_table(results, level.name)}{every}"
 
 
-def _curves(results: Results, axis: SeverityAxis) -> Iterator[str]:
-    for metric, label, _ in (SUCCESS, FALLS):
-        yield image(curves.rates(results, axis, metric, label), f"{label} of each policy against {axis.quantity}")
-    metric, label, _ = ERROR
-    yield image(curves.errors(results, axis, metric, label), f"{label} of each policy against {axis.quantity}")
-
-
-def _bars(results: Results, scenario: str, figure: tuple[str, str, float]) -> str:
-    metric, label, scale = figure
-    return image(curves.intervals(results, scenario, metric, label, scale), f"{label} of each policy on {scenario}")
-
-
 def _episodes(results: Results, axis: SeverityAxis) -> str:
     """Paired scatter on the nominal scenario of the axis, else on its mildest level."""
     scenario = axis.nominal.name
-    baseline = cell_of(results, scenario, results.baseline)
-    others = [cell_of(results, scenario, policy) for policy in results.policies if policy != results.baseline]
-    present = [cell for cell in others if cell is not None]
-    if baseline is None or not present:
+    found = {policy: cell for policy in results.policies if (cell := cell_of(results, scenario, policy))}
+    baseline = found.pop(results.baseline, None)
+    if baseline is None or not found:
         return ""
-    lead = note(
+    lead = (
         f"Velocity error of each episode of {scenario}, {baseline.policy} across: below the line a policy did better."
     )
-    return lead + grid(
-        [image(curves.paired(results, present, baseline), f"Velocity errors on {scenario}, by episode")], 2
-    )
+    drawn = curves.paired(results, list(found.values()), baseline)
+    return note(lead) + grid([image(drawn, f"Velocity errors on {scenario}, by episode")], 2)

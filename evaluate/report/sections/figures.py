@@ -11,7 +11,7 @@ from evaluate.analysis.training_seeds import SeedSpread, seed_spreads
 from evaluate.measures import catalogue
 from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
 from evaluate.measures.outcomes import RULES
-from evaluate.report.headings import DIFFERENCE_UNITS, FIRST, TITLES, UNITS
+from evaluate.report.headings import DIFFERENCE_UNITS, FIRST, TITLES, UNITS, shares
 from evaluate.report.html import BEST, breakable, heading, mark, note, section, table
 from evaluate.report.plots.drawing import MARKS, style
 from quad_env.cli.format import (
@@ -58,7 +58,7 @@ def level_table(results: Results, axis: SeverityAxis) -> str:
         for policy in results.policies
     }
     rows = (
-        {FIRST: policy_label(results, policy), **{name: _shares(s) if s else ABSENT for name, s in levels.items()}}
+        {FIRST: policy_label(results, policy), **{name: shares(s) if s else ABSENT for name, s in levels.items()}}
         for policy, levels in found.items()
         if any(levels.values())
     )
@@ -89,10 +89,6 @@ def _summary_cells(summary: Summary, best: dict[str, float]) -> dict[str, str]:
         text = f"{number(value)}<small>{interval(ci)}</small>"
         cells[metric] = f"{BEST}{text}" if value == best[metric] else text
     return cells
-
-
-def _shares(summary: Summary) -> str:
-    return f"{number(100.0 * summary.success_rate, 0)}&nbsp;({number(100.0 * summary.fall_rate, 0)})"
 
 
 def _difference(comparison: Comparison) -> str:

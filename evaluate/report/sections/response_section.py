@@ -8,16 +8,14 @@ import numpy as np
 
 from evaluate.analysis.results import Results
 from evaluate.analysis.severity_levels import severity_axes
-from evaluate.measures.response import AXES, RESPONDS, Response, known
+from evaluate.measures.response import AXES, RESPONDS, known
 from evaluate.report.headings import FIRST
 from evaluate.report.html import grid, heading, image, note, section, table
 from evaluate.report.plots.drawing import Margins, cell_of, figure, same_ticks, style, svg
 from evaluate.report.sections.figures import policy_label
 from evaluate.statistics.intervals import Floats
-from quad_env.cli.format import ABSENT, number
+from quad_env.cli.format import number
 
-COMPONENTS = tuple((axis.replace("_", " "), unit) for axis, unit in AXES.items())
-"""Component of a command, and its unit."""
 BINS = 9
 """Bins of a component's commands."""
 FEWEST = 3
@@ -30,12 +28,15 @@ def responses(results: Results) -> str:
     """Achieved against commanded speed on level ground; empty where no robot ended a command interval upright."""
     every = severity_axes(results.cells)
     scenario = next((axis for axis in every if axis.name == LEVEL), every[0]).nominal.name
-    if not any(len(_intervals(results, scenario, policy, 0)[0]) for policy in results.policies):
-        return ""
-    images = [
-        image(_response(results, scenario, component), f"Mean against commanded {name} of each policy on {scenario}")
-        for component, (name, _) in enumerate(COMPONENTS)
-    ]
+    cells = [cell for policy in results.policies if (cell := cell_of(results, scenario, policy))]
+    images = []
+    for component, (axis, unit) in enumerate(AXES.items()):
+        name = axis.replace("_", " ")
+        intervals = {c.policy: known(c.measures.commands, c.measures.mean_velocities, component) for c in cells}
+        if not any(len(commanded) for commanded, _ in intervals.values()):
+            return ""
+        drawn = _response(results, intervals, name, unit)
+        images.append(image(drawn, f"Mean against commanded {name} of each policy on {scenario}"))
     lead = note(
         "Median speed over the command intervals that the robot ended upright, after their first second, against the "
         "speed commanded; bands hold the middle half. The grey line is perfect tracking."
@@ -48,15 +49,13 @@ def responses(results: Results) -> str:
     return section(title, lead, grid(images, 3), dead, _dead_zones(results, scenario))
 
 
-def _response(results: Results, scenario: str, component: int) -> bytes:
-    """Mean speed against commanded speed, a line a policy; the band holds the middle half of the intervals."""
-    name, unit = COMPONENTS[component]
+def _response(results: Results, intervals: Mapping[str, tuple[Floats, Floats]], name: str, unit: str) -> bytes:
+    """Mean speed against commanded speed, a line a policy; the band holds the middle half of its intervals."""
     drawn, axes = figure(3.0, 3.2, Margins(left=0.75))
-    limit = _largest(results, scenario, component)
+    limit = float(max(np.abs(np.concatenate([commanded for commanded, _ in intervals.values()])).max(), 0.1))
     axes.plot((-limit, limit), (-limit, limit), color="#888888", linewidth=1)
-    for policy in results.policies:
+    for policy, (commanded, achieved) in intervals.items():
         colour, mark = style(results, policy)
-        commanded, achieved = _intervals(results, scenario, policy, component)
         centre, low, middle, high = _quartiles(commanded, achieved, limit)
         if len(centre):
             axes.fill_between(centre, low, high, color=colour, alpha=0.15, linewidth=0)
@@ -64,19 +63,6 @@ def _response(results: Results, scenario: str, component: int) -> bytes:
     axes.set(xlim=(-1.05 * limit, 1.05 * limit), xlabel=f"commanded {name}, {unit}", ylabel=f"mean, {unit}")
     same_ticks(axes)
     return svg(drawn)
-
-
-def _intervals(results: Results, scenario: str, policy: str, component: int) -> tuple[Floats, Floats]:
-    """Commanded and mean speed of the command intervals that the robot ended upright, both (k,)."""
-    cell = cell_of(results, scenario, policy)
-    if cell is None:
-        return np.empty(0), np.empty(0)
-    return known(cell.measures.commands, cell.measures.mean_velocities, component)
-
-
-def _largest(results: Results, scenario: str, component: int) -> float:
-    speeds = [_intervals(results, scenario, policy, component)[0] for policy in results.policies]
-    return float(max(np.abs(np.concatenate(speeds)).max(initial=0.0), 0.1))
 
 
 def _quartiles(commanded: Floats, achieved: Floats, limit: float) -> tuple[Floats, Floats, Floats, Floats]:
@@ -94,23 +80,15 @@ def _quartiles(commanded: Floats, achieved: Floats, limit: float) -> tuple[Float
 
 def _dead_zones(results: Results, scenario: str) -> str:
     """A policy a row; the columns of each component of a command."""
-    heads = {FIRST: "policy"}
+    heads, rows = {FIRST: "policy"}, []
     for axis, unit in AXES.items():
         name = axis.replace("_", " ")
         heads |= {f"{axis} slope": heading(name, "slope"), f"{axis} zone": heading(name, f"dead zone, {unit}")}
-    rows = (
-        {FIRST: policy_label(results, policy), **_cells(results.summaries[scenario, policy].response)}
-        for policy in results.policies
-        if (scenario, policy) in results.summaries
-    )
+    for policy in results.policies:
+        if summary := results.summaries.get((scenario, policy)):
+            row = {FIRST: policy_label(results, policy)}
+            for axis, found in summary.response.items():
+                zone = "all" if math.isinf(found.dead_zone) else number(found.dead_zone, 1)
+                row |= {f"{axis} slope": number(found.gain, 2), f"{axis} zone": zone}
+            rows.append(row)
     return table(heads, rows)
-
-
-def _cells(responses: Mapping[str, Response]) -> dict[str, str]:
-    """Column -> cell."""
-    cells = {}
-    for axis, found in responses.items():
-        zone = "all" if math.isinf(found.dead_zone) else number(found.dead_zone, 1)
-        cells[f"{axis} slope"] = number(found.gain, 2)
-        cells[f"{axis} zone"] = zone if not math.isnan(found.dead_zone) else ABSENT
-    return cells

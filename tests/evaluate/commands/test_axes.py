@@ -13,7 +13,7 @@ from evaluate.__main__ import main
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.commands.outputs import analysed
 from evaluate.records.store import ChunkStore, read_run
-from evaluate.report.table import print_levels, print_spread
+from evaluate.report.table import print_levels
 from evaluate.rollouts.experiment import Chunk
 from quad_env.scenarios.axes import AXES
 from tests.evaluate.trained import trained
@@ -90,14 +90,6 @@ def test_training_seeds_are_reported_apart(folder) -> None:
         assert found["standard_deviation"] == pytest.approx(np.std(values, ddof=1))
         assert (found["lowest"], found["highest"]) == pytest.approx((min(values), max(values)))
     assert len(group["scenarios"]) == len(AXES["push"].levels)
-
-
-def test_the_spread_is_printed_once_a_run(folder) -> None:
-    console = Console(file=io.StringIO(), width=100)
-    print_spread(analysed(read_run(folder / "out")), console)
-    printed = console.file.getvalue()
-    assert printed.count("2 training seeds") == 1
-    assert printed.count("±") == 1 + len(AXES["push"].levels) * 5
 
 
 def test_a_command_that_is_none_may_be_a_policy_or_a_slip(tmp_path, capsys) -> None:

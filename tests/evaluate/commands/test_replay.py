@@ -11,7 +11,7 @@ from PIL import Image
 
 import policies
 from evaluate.__main__ import main
-from evaluate.film.panel import ALARM, BAD
+from evaluate.film.shooting import ALARM, BAD
 from evaluate.records import manifest
 from evaluate.records.episode_table import read_table, write_table
 

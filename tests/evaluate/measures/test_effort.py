@@ -1,4 +1,4 @@
-"""What the motors did and what a residual made of its authority: by hand, and with a fault planted into each."""
+"""What the motors did and what a residual made of its authority: by hand."""
 
 from collections.abc import Callable
 
@@ -8,14 +8,12 @@ import pytest
 import policies
 import quad_env
 from evaluate.analysis.summary import summarise
-from evaluate.measures import effort, metrics, residual_use
-from evaluate.measures.averages import upright_mean, upright_share
+from evaluate.measures import metrics
 from evaluate.measures.episodes import blank, weight
 from evaluate.rollouts import rollout
 from evaluate.rollouts.experiment import Cell
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
-from tests.planted_faults.harness import fault_tests, replaced, wrapped
 
 DT = 0.1
 STEPS = 50
@@ -54,15 +52,6 @@ BRAKING = joints("joint_torque", (ALL, 0, 20.0), (ALL, 1, -10.0)) | joints(
 """70 W: 40 W into one joint and 30 W out of another, which no spring keeps."""
 
 
-def energy() -> None:
-    assert measured("energy", **BRAKING) == pytest.approx(70 * 4.0)
-    assert measured("energy", **BRAKING, **FELL) == pytest.approx(70 * 2.0)
-
-
-def cost_of_transport() -> None:
-    assert measured("cost_of_transport", **BRAKING, **WALK, weight=140.0) == pytest.approx(280 / (140 * 2.0))
-
-
 def test_what_is_carried_is_weighed() -> None:
     """A load of 5 kg, in the record of its episodes as in their summary."""
     bare, loaded = quad_env.scenario("flat"), quad_env.scenario("payload=5")
@@ -76,29 +65,29 @@ def test_what_is_carried_is_weighed() -> None:
     assert summarise(cell, SIMPLE_QUAD).cost_of_transport == pytest.approx(expected)
 
 
-def mechanical_power() -> None:
+def test_mechanical_power() -> None:
     assert measured("mechanical_power", **BRAKING) == pytest.approx(70)
     assert measured("mechanical_power", **BRAKING, **FELL) == pytest.approx(70)
 
 
-def peak_torque() -> None:
+def test_peak_torque() -> None:
     late = joints("joint_torque", (20, 3, -80.0), (25, 4, 60.0), (FALL + 5, 5, 95.0), (3, 5, 99.0))
     assert measured("peak_torque", **late) == 95
     assert measured("peak_torque", **late, **FELL) == 80
 
 
-def mean_torque() -> None:
+def test_mean_torque() -> None:
     swinging = joints("joint_torque", (slice(0, None, 2), 0, 12.0), (slice(1, None, 2), 0, -12.0))
     assert measured("mean_torque", **swinging) == pytest.approx(1.0)
 
 
-def torque_saturation() -> None:
+def test_torque_saturation() -> None:
     weak = joints("joint_torque", (slice(20, 30), 2, -40.0), (slice(20, 30), 3, 39.0))
     assert measured("torque_saturation", **weak, torque_limit=40.0) == pytest.approx(10 / (JUDGED * 12))
     assert measured("torque_saturation", **weak, torque_limit=40.0, **FELL) == pytest.approx(10 / (20 * 12))
 
 
-def joint_limit() -> None:
+def test_joint_limit() -> None:
     middle = (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2
 
     def change(record: np.ndarray) -> None:
@@ -110,12 +99,12 @@ def joint_limit() -> None:
     assert measured("joint_limit", joint_position=signal("joint_position", change)) == pytest.approx(12 / (JUDGED * 12))
 
 
-def overspeed() -> None:
+def test_overspeed() -> None:
     fast = joints("joint_velocity", (slice(20, 26), 0, -10.5), (slice(20, 26), 1, 9.5))
     assert measured("overspeed", **fast) == pytest.approx(6 / (JUDGED * 12))
 
 
-def action_rate() -> None:
+def test_action_rate() -> None:
     """One target that steps by 0.3 rad once: 3 rad/s for one of the judged steps and twelve joints."""
     step = joints("action", (slice(20, None), 0, 0.3))
     assert measured("action_rate", **step) == pytest.approx(3 / np.sqrt(JUDGED * 12))
@@ -128,89 +117,20 @@ def corrected(*places: tuple[slice | int, slice | int, float], base: tuple = ())
     return joints("correction", *places) | joints("base_action", *base)
 
 
-def authority_used() -> None:
+def test_authority_used() -> None:
     assert measured("authority_used", **corrected((ALL, 0, -0.6), (ALL, 1, 0.6))) == pytest.approx(0.1)
     assert np.isnan(measured("authority_used"))
 
 
-def authority_saturated() -> None:
+def test_authority_saturated() -> None:
     high = corrected((slice(20, 30), 0, -1.0), (slice(20, 30), 1, 0.98))
     assert measured("authority_saturated", **high) == pytest.approx(10 / (JUDGED * 12))
 
 
-def against_base() -> None:
+def test_against_base() -> None:
     """Two joints that the base lowers by 0.05 rad a step, in ten steps: one is held back, in four of them, one helped;
     a third is held back, but hardly, and a fourth at rest."""
     ramp = [(slice(20 + k, STEPS), which, -0.05 * (k + 1)) for which in (0, 1, 2) for k in range(10)]
     base = [(ALL, slice(0, 3), 1.0), *((steps, which, 1.0 + value) for steps, which, value in ramp)]
     use = corrected((slice(20, 24), 0, 0.5), (slice(20, 30), 1, -0.5), (ALL, 2, 0.04), (ALL, 3, 1.0), base=base)
     assert measured("against_base", **use) == pytest.approx(4 / 14)
-
-
-def signed_power(torque: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    return (torque * speed.astype(float)).sum(axis=-1)
-
-
-CHECKS = (
-    energy, cost_of_transport, mechanical_power, peak_torque, mean_torque, torque_saturation, joint_limit, overspeed,
-    action_rate, authority_used, authority_saturated, against_base,
-)  # fmt: skip
-FAULTS = {
-    "braking gives energy back": (replaced(effort, "mechanical_power", signed_power), energy),
-    "mass for weight": (
-        wrapped(
-            effort, "cost_of_transport", lambda true, energy, distance, weight: true(energy, distance, weight / 9.81)
-        ),
-        cost_of_transport,
-    ),
-    "power over the whole time limit": (
-        replaced(effort, "mean_power", lambda power, upright: np.where(upright, power, 0).mean(axis=0)),
-        mechanical_power,
-    ),
-    "only positive torques peak": (
-        replaced(effort, "peak_torque", lambda torque, upright: np.where(upright, torque.max(-1), -1).max(0)),
-        peak_torque,
-    ),
-    "torques that cancel": (
-        replaced(effort, "mean_torque", lambda torque, upright: upright_mean(torque.mean(-1), upright)),
-        mean_torque,
-    ),
-    "the strong motors' limit": (
-        replaced(
-            effort, "torque_saturation", lambda torque, _, upright: upright_share(np.abs(torque) >= 99.9, upright)
-        ),
-        torque_saturation,
-    ),
-    "lower limits alone": (
-        replaced(effort, "joint_limit", lambda angle, lower, _, upright: upright_share(angle <= lower + 0.01, upright)),
-        joint_limit,
-    ),
-    "forward speeds alone": (
-        replaced(effort, "overspeed", lambda speed, rated, upright: upright_share(speed > rated, upright)),
-        overspeed,
-    ),
-    "change a step for rate": (
-        wrapped(effort, "action_rate", lambda true, action, upright, dt: true(action, upright, 1.0)),
-        action_rate,
-    ),
-    "corrections that cancel": (
-        replaced(residual_use, "authority_used", lambda c, upright: upright_mean(c.astype(float).mean(-1), upright)),
-        authority_used,
-    ),
-    "saturated on one side": (
-        replaced(residual_use, "authority_saturated", lambda c, upright: upright_share(c >= 0.99, upright)),
-        authority_saturated,
-    ),
-    "the base's place for its motion": (
-        wrapped(
-            residual_use,
-            "against_base",
-            lambda true, c, base, upright, dt: true(c, np.cumsum(base, axis=0), upright, dt),
-        ),
-        against_base,
-    ),
-    "slight corrections judged": (replaced(residual_use, "SLIGHT", 0.0), against_base),
-}
-
-
-test_measured_by_hand, test_the_fault_is_found, test_every_check_has_a_fault = fault_tests(CHECKS, FAULTS)

@@ -4,12 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evaluate.measures import metrics, tracking
-from evaluate.measures.averages import upright_mean
-from evaluate.measures.catalogue import FIGURES, MEASURES
+from evaluate.measures import metrics
 from evaluate.measures.episodes import OF_POLICY, Episodes, blank, shapes
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.evaluate.measures.uneventful import uneventful
@@ -54,16 +52,9 @@ def test_a_steady_robot_is_billed_its_velocity_error() -> None:
     assert np.isnan(measures.fall_time[0])
 
 
-def test_the_first_second_is_not_judged() -> None:
+def test_the_first_second_is_not_judged_and_a_step_costs_at_most_the_cap() -> None:
     velocity = np.tile((1.0, 0.0, 0.5), (STEPS, 1))
     velocity[:SETTLING] = 50.0
-    measures = measure(velocity)
-    assert measures.velocity_error == pytest.approx([0.0])
-    assert measures.yaw_rate_error == pytest.approx([0.0])
-
-
-def test_a_step_costs_at_most_the_cap() -> None:
-    velocity = np.tile((1.0, 0.0, 0.5), (STEPS, 1))
     velocity[SETTLING : SETTLING + 9] = (11.0, 0.0, 50.0)  # 9 of 90 steps, 10 m/s and 49.5 rad/s wrong
     measures = measure(velocity)
     assert measures.velocity_error == pytest.approx([0.1 * 2.0])
@@ -110,18 +101,14 @@ def test_each_command_interval_has_its_own_mean_after_its_first_second() -> None
     np.testing.assert_allclose(measures.mean_velocities[0, :, 0], (0.8, -0.8))
 
 
-def test_an_interval_that_was_not_ended_upright_has_no_mean_velocity() -> None:
-    measures = measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS + SETTLING + 5)
+def test_an_interval_has_a_command_if_begun_and_a_mean_velocity_if_ended_upright() -> None:
+    measures = measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS + 1)
+    assert np.isfinite(measures.commands).all()
     assert np.isfinite(measures.mean_velocities[0, 0]).all()
     assert np.isnan(measures.mean_velocities[0, 1]).all()
-    assert np.isfinite(measures.commands).all()
-
-
-def test_an_interval_that_was_never_begun_has_no_command() -> None:
     commands = measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS).commands[0]
     np.testing.assert_array_equal(commands[0], (1.0, 0.0, 0.5))
     assert np.isnan(commands[1]).all()
-    assert np.isfinite(measure((0.7, 0.4, 0.2), fall_step=COMMAND_STEPS + 1).commands).all()
 
 
 @pytest.mark.parametrize(("turns", "outcome"), [(slice(75, None), "stalled"), (slice(75), "off_command")])
@@ -149,18 +136,12 @@ def test_falling_within_the_first_second_leaves_nothing_upright() -> None:
     assert np.isnan(measures.cost_of_transport[0])
 
 
-def test_cost_of_transport_is_energy_over_weight_times_distance() -> None:
-    # 9 s at 71 W over 142 N · 9 s · 0.5 m/s.
-    measures = measure((0.3, 0.4, 0.0))
-    assert measures.energy == pytest.approx([639.0])
-    assert measures.distance == pytest.approx([4.5])
-    assert measures.cost_of_transport == pytest.approx([1.0])
-
-
-def test_cost_of_transport_ends_with_the_fall() -> None:
-    measures = measure((0.3, 0.4, 0.0), fall_step=SETTLING + 40)
-    assert measures.energy == pytest.approx([284.0])
-    assert measures.distance == pytest.approx([2.0])
+@pytest.mark.parametrize(("fall", "seconds"), [(STEPS, 9.0), (SETTLING + 40, 4.0)])
+def test_cost_of_transport_is_energy_over_weight_times_distance_up_to_a_fall(fall, seconds) -> None:
+    """At 71 W over 142 N and 0.5 m/s."""
+    measures = measure((0.3, 0.4, 0.0), fall_step=fall)
+    assert measures.energy == pytest.approx([71.0 * seconds])
+    assert measures.distance == pytest.approx([0.5 * seconds])
     assert measures.cost_of_transport == pytest.approx([1.0])
 
 
@@ -177,6 +158,7 @@ def test_the_last_step_counts_as_a_fall_only_if_the_robot_fell_in_it() -> None:
     assert measure((1.0, 0.0, 0.0), fall_step=STEPS - 1).fell[0]
 
 
+@settings(max_examples=30)
 @given(
     velocities=st.lists(st.tuples(st.floats(-1.4, 1.4), st.floats(-1, 1), st.floats(-5, 5)), min_size=5, max_size=5),
     falls=st.tuples(st.integers(0, STEPS), st.integers(0, STEPS)),
@@ -185,18 +167,8 @@ def test_falling_earlier_never_lowers_an_error(velocities, falls) -> None:
     # Mean errors stay below the cap, as they do for a robot that can do 3 m/s at most.
     velocity = np.repeat(velocities, STEPS // 5, axis=0)
     early, late = (measure(velocity, (0.0, 0.0, 0.0), fall_step=fall) for fall in sorted(falls))
-    billed = [m.name for m in MEASURES if m.name in FIGURES and (m.better, m.scope) == ("less", "whole episode")]
-    assert billed
-    for name in billed:
+    for name in ("velocity_error", "yaw_rate_error", "mean_velocity_error"):
         assert getattr(early, name)[0] >= getattr(late, name)[0] - 1e-12
-
-
-@given(st.floats(-np.pi, np.pi))
-def test_planar_errors_do_not_depend_on_their_direction(angle) -> None:
-    turned = (np.cos(angle), np.sin(angle), 0.0)
-    measures = measure(turned, (0.0, 0.0, 0.0))
-    assert measures.velocity_error == pytest.approx([1.0])
-    assert measures.mean_velocity_error == pytest.approx([1.0])
 
 
 def test_a_summary_is_the_plain_mean_over_episodes() -> None:
@@ -212,58 +184,3 @@ def test_a_summary_is_the_plain_mean_over_episodes() -> None:
     assert summary["diverged_rate"] == 0.0
     assert summary["velocity_error"] == pytest.approx((2.0 + 0.5) / 2)
     assert summary["yaw_rate_error"] == pytest.approx((3.0 + 0.3) / 2)
-
-
-def mean_of_errors(command, velocity, upright, windows):
-    return upright_mean(tracking.planar(command - velocity), upright)
-
-
-def unbilled_yaw_rate(command, velocity, upright):
-    return upright_mean(np.abs(command[..., 2] - velocity[..., 2]), upright)
-
-
-def whole_error(command, velocity, upright):
-    return tracking.velocity_error(command, velocity, upright)
-
-
-def path_length(velocity, upright, stretches, dt):
-    return np.where(upright, tracking.planar(velocity), 0.0)[SETTLING:].sum(axis=0) * dt
-
-
-FAULTS = {
-    "the mean of errors for the error of means": (
-        "mean_velocity_error",
-        mean_of_errors,
-        test_swaying_within_a_stride_costs_velocity_error_but_no_mean_velocity_error,
-    ),
-    "no cap on the yaw rate": ("yaw_rate_error", unbilled_yaw_rate, test_a_step_costs_at_most_the_cap),
-    "the upright error bills falls": (
-        "velocity_error_upright",
-        whole_error,
-        test_every_step_from_the_fall_to_the_time_limit_costs_the_cap,
-    ),
-    "the path for the distance": ("distance_covered", path_length, test_stepping_in_place_has_no_cost_of_transport),
-    "intervals that a fall cut short": (
-        "mean_velocities",
-        lambda velocity, upright, windows: np.stack([velocity[window.start] for window in windows], axis=1),
-        test_an_interval_that_was_not_ended_upright_has_no_mean_velocity,
-    ),
-    "commands that were never begun": (
-        "commands_given",
-        lambda command, upright, starts: np.stack([command[start] for start in starts], axis=1),
-        test_an_interval_that_was_never_begun_has_no_command,
-    ),
-    "one window for both commands": (
-        "command_intervals",
-        lambda steps, command_steps, settling: tracking.CommandIntervals(*[(slice(settling, steps),)] * 2),
-        test_each_command_interval_has_its_own_mean_after_its_first_second,
-    ),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_the_fault_is_found(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    name, faulty, check = FAULTS[fault]
-    monkeypatch.setattr(tracking, name, faulty)
-    with pytest.raises((AssertionError, IndexError)):
-        check()

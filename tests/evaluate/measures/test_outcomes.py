@@ -24,7 +24,7 @@ from policies.safety import Safe
 from quad_env import OBSERVATION, SCENARIOS, CommandRanges
 from quad_env.seeding import episode_seeds
 
-SEEDS = episode_seeds("search", 12, 2)
+SEED, STEPS = episode_seeds("search", 12, 1), 400
 
 
 def judged(commands, velocities, **changes):
@@ -41,19 +41,15 @@ def judged(commands, velocities, **changes):
         ((1.0, 0.0, 0.0), (0.64, 0.0, 0.0), "off_command"),
         ((1.0, 0.0, 0.0), (0.75, 0.25, 0.0), "off_command"),  # 0.354 off, in both directions together
         ((0.0, 0.0, 1.0), (0.0, 0.0, 0.66), "succeeded"),
-        ((0.0, 0.0, 1.0), (0.0, 0.0, 1.36), "off_command"),
-        ((0.0, 0.0, 1.0), (0.16, 0.0, 1.0), "off_command"),
         ((0.0, 0.0, 1.0), (0.0, 0.0, 0.24), "stalled"),  # the turn stands in for the way
         ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), "succeeded"),
         ((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), "off_command"),  # nothing was asked in which it could stall
         ((1.0, 0.0, 0.0), (0.26, 0.0, 0.0), "off_command"),
         ((1.0, 0.0, 0.0), (0.24, 0.9, 0.0), "stalled"),  # the way counts along the command
         # Within 0.15 m/s + 20 % of the command, though it hardly moved.
-        ((0.1, 0.0, 0.0), (0.0, 0.0, 0.0), "stalled"),
         ((0.0, -0.1, 0.0), (0.0, -0.024, 0.0), "stalled"),
         ((0.0, -0.1, 0.0), (0.0, -0.026, 0.0), "succeeded"),
         ((0.06, 0.08, 0.0), (0.08, -0.06, 0.0), "stalled"),  # 0.1 m/s, but across the command
-        ((-0.2, 0.0, 0.0), (-0.01, 0.0, 0.0), "stalled"),
         ((0.2, 0.0, 1.0), (0.04, 0.0, 1.0), "stalled"),  # no turn stands in for the way
         # No more than 0.05 m/s: to stand is within tolerance.
         ((0.05, 0.0, 0.0), (0.0, 0.0, 0.0), "succeeded"),
@@ -166,53 +162,41 @@ def asked(forward):
 
 
 class Stopped(Safe):
-    """The trot under a safety layer that is told to stop it after half of the episode."""
+    """The trot under a safety layer that is told to stop it after 2 s."""
 
     def _act(self, observation):
-        if self._step == 500:
+        if self._step == 200:
             self.emergency_stop()
         return super()._act(observation)
+
+
+def trot():
+    return policies.make("trot")
 
 
 @pytest.mark.parametrize(
     ("policy", "forward", "expected"),
     [
-        (lambda: policies.make("trot"), 1.0, "succeeded"),
-        (lambda: policies.make("stand"), 1.0, "stalled"),
+        (trot, 1.0, "succeeded"),
         (lambda: policies.make("stand"), 0.1, "stalled"),
-        (lambda: policies.make("stand"), 0.0, "succeeded"),
         (lambda: Told(share=0.7), 2.4, "off_command"),
         (lambda: Told(sideways=0.25), 0.0, "off_command"),
-        (lambda: Told(sideways=0.25), 0.4, "off_command"),
-        (lambda: Told(until=920), 0.5, "fell"),
-        (lambda: Stopped(policies.make("trot")), 0.5, "stalled"),
+        (lambda: Told(until=320), 0.5, "fell"),
+        (lambda: Stopped(trot()), 0.5, "stalled"),
     ],
-    ids=(
-        "trot",
-        "stands still",
-        "stands still at a slow command",
-        "stands",
-        "30 % too slow",
-        "drifts on the spot",
-        "drifts",
-        "falls late",
-        "stopped",
-    ),
+    ids=("trot", "stands still", "30 % too slow", "drifts", "falls late", "stopped"),
 )
 def test_planted_policies_get_their_outcome(policy, forward, expected):
-    episodes = run(policy(), asked(forward), SEEDS)
+    episodes = run(policy(), asked(forward), SEED, steps=STEPS)
     found = measure(episodes)
-    assert found.outcome.tolist() == [expected] * len(SEEDS)
+    assert found.outcome.tolist() == [expected]
+    survived = outcome(episodes, RULES["survival"])
+    assert survived.tolist() == ["fell" if fell else "succeeded" for fell in found.fell]
     if expected == "fell":
-        assert ((found.fall_time > 9.8) & (found.fall_time < 10.0)).all()
-        survived = outcome(episodes, RULES["survival"])
-        assert (survived == "fell").all()
-    if expected == "stalled":
-        np.testing.assert_array_equal(outcome(episodes, RULES["survival"]) == "succeeded", ~found.fell)
+        assert 3.2 < found.fall_time[0] < 4.0
 
 
 def test_rules_differ_in_how_far_off_is_off():
-    episodes = run(Told(share=0.7), asked(1.0), SEEDS)
-    by_rule = {name: set(outcome(episodes, rule)) for name, rule in RULES.items()}
-    assert by_rule["success-half"] == {"off_command"}
-    assert by_rule[SUCCESS_RULE] == by_rule["success-double"] == by_rule["survival"] == {"succeeded"}
+    commands, velocities = np.array([[(1.0, 0.0, 0.0)]]), np.array([[(0.7, 0.0, 0.0)]])
+    found = {name: rule.on_command(commands, velocities)[0] for name, rule in RULES.items()}
+    assert [name for name, succeeds in found.items() if not succeeds] == ["success-half"]

@@ -52,7 +52,7 @@ def test_they_keep_the_rule_of_success_that_they_ran_under_and_say_so(folder, ca
     assert main(["report", str(folder), "--no-film"]) == 0
     said = "Success is by the older rule success/1, under which these episodes ran"
     assert said in " ".join(capsys.readouterr().out.split())
-    assert all(said in (folder / name).read_text() for name in ("report.md", "report.html"))
+    assert said in (folder / "report.html").read_text()
     found = json.loads((folder / "results.json").read_text())
     assert found["versions"]["success_rule"] == "success/1"
     outcomes = found["policies"]["trot"]["scenarios"]["flat"]["outcomes"]

@@ -1,22 +1,19 @@
 """What the report's plots are drawn from."""
 
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
+from evaluate.analysis.results import analyse
 from evaluate.analysis.score import Score
-from evaluate.commands.outputs import analysed
 from evaluate.measures.footfalls import stances
-from evaluate.records.store import read_run
-from evaluate.report.page import render
 from evaluate.report.plots import curves, drawing, success
 from evaluate.report.sections.gait_section import gait_diagram
 from evaluate.report.sections.push_section import DIRECTIONS, fall_shares, push_plot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
+from tests.evaluate.report.conftest import watch_clipping
 
 
 def test_stances_are_the_stretches_on_the_ground() -> None:
@@ -54,41 +51,21 @@ WIDE = "W" * 30
 
 @pytest.fixture
 def clipped(monkeypatch) -> list[str]:
-    """What reaches beyond its figure, of every figure that is saved meanwhile; how many there were stands first."""
-    seen = ["0"]
-    save = Figure.savefig
-
-    def look(figure: Figure, *args, **settings) -> None:
-        FigureCanvasAgg(figure)
-        figure.draw_without_rendering()
-        box = figure.get_tightbbox()
-        beyond = np.maximum(0.0, [-box.x0, -box.y0, *(np.array([box.x1, box.y1]) - figure.get_size_inches())])
-        if beyond.max() > 0.005:
-            labels = [f"{axes.get_title('left')} {axes.get_xlabel()} {axes.get_ylabel()}" for axes in figure.axes]
-            seen.append(f"{'; '.join(labels)}: {beyond.round(3)} in")
-        seen[0] = str(int(seen[0]) + 1)
-        save(figure, *args, **settings)
-
-    monkeypatch.setattr(Figure, "savefig", look)
-    return seen
+    return watch_clipping(monkeypatch)
 
 
-def test_no_label_of_the_page_is_clipped(run, clipped) -> None:
-    render(analysed(read_run(run.folder)), Path())
-    assert clipped == ["17"]
+def test_no_label_of_a_page_is_clipped(four) -> None:
+    assert len(four.clipped) == 1
+    assert int(four.clipped[0]) > 20
 
 
-def test_no_label_of_made_up_curves_is_clipped(made, clipped, tmp_path) -> None:
-    render(made, Path())
+def test_no_label_of_the_picture_of_all_axes_is_clipped(made, clipped, tmp_path) -> None:
     curves.write_falls(made, tmp_path / "curves.svg")
-    assert len(clipped) == 1
-    assert int(clipped[0]) > 8
+    assert clipped == ["1"]
 
 
 @pytest.mark.parametrize("name", [LONG, WIDE])
 def test_no_name_is_clipped(made_up_cell, clipped, name) -> None:
-    from evaluate.analysis.results import analyse
-
     cells = [made_up_cell(policy, np.arange(9) < 3, np.linspace(0.1, 2.0, 9)) for policy in (name, "trot")]
     results = analyse(cells, seed=0, episodes=9, complete=True)
     impulses = np.outer(np.linspace(20.0, 220.0, 40), (1.0, 0.5))
@@ -124,17 +101,9 @@ def test_headings_of_the_heat_map_neither_overlap_nor_leave_it(clipped, names, s
     )
 
 
-def test_a_policys_colour_is_its_own_whatever_the_order_and_company() -> None:
-    names = ("document", "document_repaired", "trot", "residual", "trot_feedback", "mine", "models/run/best")
-    alone = {name: drawing.styles(frozenset({name}))[name][0] for name in names}
-    assert len(set(alone.values())) == len(names)
-    for company in itertools.combinations(names, 3):
-        assert {name: colour for name, (colour, _) in drawing.styles(frozenset(company)).items()} == {
-            name: alone[name] for name in company
-        }
-
-
-def test_many_policies_are_all_told_apart() -> None:
-    found = drawing.styles(frozenset(f"run-{number}" for number in range(9)))
-    assert len({colour for colour, _ in found.values()}) == 9
-    assert len(set(drawing.styles(frozenset(f"run-{number}" for number in range(40))).values())) == 40
+def test_a_policys_colour_is_its_own_and_many_are_all_told_apart() -> None:
+    alone = {name: drawing.styles((name,))[name] for name in drawing.OWN}
+    assert len({colour for colour, _ in alone.values()}) == len(drawing.OWN)
+    assert drawing.styles((*drawing.OWN[::-1], "mine")).items() > alone.items()
+    found = drawing.styles(("trot", *(f"run-{number}" for number in range(40))))
+    assert len(set(found.values())) == 41

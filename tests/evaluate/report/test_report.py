@@ -10,9 +10,12 @@ from html import escape, unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from evaluate.analysis.results import analyse
+from evaluate.analysis.gates import evaluate, parse
+from evaluate.analysis.results import Results, analyse, as_json
+from evaluate.measures.outcomes import OUTCOMES, OUTCOMES_1
 from evaluate.report.page import render
 from evaluate.report.sections.worst import worst
 from policies import summary
@@ -26,21 +29,17 @@ def page(run) -> str:
 
 
 class Outline(HTMLParser):
-    """What a page refers to, and its text."""
+    """What a page refers to, and its tags."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
         self.references: list[str] = []
         self.tags: list[str] = []
-        self.words: list[str] = []
         self.feed(page)
 
     def handle_starttag(self, tag, attrs) -> None:
         self.tags.append(tag)
         self.references += [value for name, value in attrs if name in ("src", "href", "srcset", "data")]
-
-    def handle_data(self, data) -> None:
-        self.words.append(data)
 
 
 def test_the_page_needs_nothing_but_itself(page) -> None:
@@ -51,14 +50,11 @@ def test_the_page_needs_nothing_but_itself(page) -> None:
     assert not re.search(r"url\(|@import", page.split("</style>")[0])
 
 
-def test_the_outcome_in_words_comes_before_every_table_and_plot(page) -> None:
-    first = min(page.index("<table"), page.index("<img"))
-    assert 0 < page.index("Outcome") < page.index("document against trot") < first
-
-
-def test_what_each_policy_is_stands_before_its_figures(page) -> None:
+def test_policies_and_outcome_in_words_come_before_every_table_and_plot(page) -> None:
     legend = page[page.index('<ul class="legend">') : page.index("Outcome")]
     assert all(f": {escape(summary(name))}</li>" in legend for name in ("document", "stand", "trot"))
+    first = min(page.index("<table"), page.index("<img"))
+    assert 0 < page.index("Outcome") < page.index("document against trot") < first
 
 
 def test_the_contents_lead_to_every_section(page) -> None:
@@ -76,34 +72,83 @@ def test_the_page_names_its_command_and_day(run, page) -> None:
     assert f"Made by <code>{words}</code>, begun on {begun}." in page
 
 
-def test_a_policy_stands_only_where_it_ran(made) -> None:
-    """The other policy on flat ground alone: it has no row in the tables of push and rough, and the page says so."""
-    cells = tuple(c for c in made.cells if (c.policy, c.scenario.name) in {("other", "flat")} or c.policy == "trot")
-    page = render(analyse(cells, seed=0, episodes=40, complete=True), Path())
-    assert "40 episodes of each policy on each of 6 scenarios, of other on flat alone: flat, push and rough." in page
-    sections = dict(zip(re.findall(r'<section id="([^"]+)">', page), page.split("<section ")[1:], strict=True))
-    assert {name for name, text in sections.items() if "</span>other" in text} == {
-        "axis-flat", "worst-episodes"
-    }  # fmt: skip
-
-
 def test_every_plot_says_what_it_shows(page) -> None:
-    images = re.findall(r"<img [^>]*>", page)
-    plots = [image for image in images if "image/svg" in image]
+    plots = [image for image in re.findall(r"<img [^>]*>", page) if "image/svg" in image]
     # Success; bars and pairs of each scenario, pushes and gaits of the two policies that stay upright, responses.
     assert len(plots) == 2 + 2 * (3 + 1) + 2 + 2 + 3
-    assert all(re.search(r'alt="[^"]{10,}"', image) for image in images)
+    assert all(re.search(r'alt="[^"]{10,}"', image) for image in plots)
 
 
-def test_the_worst_falls_come_first_with_the_command_that_replays_them(made) -> None:
+def odd_one(made: Results) -> Results:
+    """Part of a run under success/1, on motors: other ran on flat and rough alone, and raised in three episodes."""
+    cells = []
+    for cell in made.cells:
+        if cell.policy == "other" and cell.scenario.name in ("flat", "rough"):
+            failure = np.full(cell.episodes, None, dtype=object)
+            failure[cell.scenario.name == "flat" : 2] = "raised ValueError: a_b <c>\nsecond line"
+            cells.append(dataclasses.replace(cell, failure=failure))
+        elif cell.policy == "trot" and cell.scenario.name != "rough":
+            cells.append(cell)
+    provenance = {"versions": {}, "hardware": {"actuator": "motor", "sensors": "typical"}}
+    return analyse(cells, seed=0, episodes=40, complete=False, provenance=provenance)
+
+
+@pytest.fixture(scope="module")
+def odd(made) -> tuple[Results, str]:
+    """Its results and its page."""
+    results = odd_one(made)
+    gates = [evaluate(parse(gate), made) for gate in ("other falls <= 50 %", "trot diverged <= 0")]
+    return results, render(results, Path("some where"), gates=gates)
+
+
+def test_what_a_reader_has_to_know_first_stands_at_the_top(odd, page) -> None:
+    results, text = odd
+    error = {"policy": "other", "failed": 3, "episodes": 80, "first": "raised ValueError: a_b <c> second line"}
+    assert as_json(results)["policy_errors"] == [error]
+    top = text[: text.index("<section")].replace("\u00a0", " ")
+    for said in (
+        "Interrupted: this page shows the part",
+        escape("other failed in 3 of 80 episodes; in the first it raised ValueError: a_b <c> second line"),
+        "Success is by the older rule success/1",
+        "Motors: motor; sensors: typical.",
+    ):
+        assert said in top
+    assert not re.search("Interrupted|failed in|older rule|Motors:", page[: page.index("<section")])
+
+
+def test_a_gate_has_a_line(odd, page) -> None:
+    text = unescape(odd[1]).replace("\u00a0", " ")
+    assert "failed: other falls <= 50 % (70 % on push:6)" in text
+    assert "passed: trot diverged <= 0 (0.000 on flat)" in text
+    assert "Gates" not in page
+
+
+def test_outcomes_are_those_of_the_rule(odd, page, run) -> None:
+    results, text = odd
+    assert set(results.summaries["flat", "trot"].outcomes) == set(OUTCOMES_1)
+    assert set(run.results["policies"]["trot"]["scenarios"]["flat"]["outcomes"]) == set(OUTCOMES)
+    definitions = [each.split("Every measure: unit")[-1] for each in (text, page)]
+    assert [("rule success/1" in each, "rule success/2" in each) for each in definitions] == [
+        (True, False), (False, True)
+    ]  # fmt: skip
+
+
+def test_a_policy_stands_only_where_it_ran(odd) -> None:
+    """Other did not run on the pushes, nor the trot on rough."""
+    sections = dict(zip(re.findall(r'<section id="([^"]+)">', odd[1]), odd[1].split("<section ")[1:], strict=True))
+    assert "</span>other" not in sections["axis-push"]
+    assert "</span>other" in sections["axis-flat"]
+    assert "</span>trot" not in sections["axis-rough"]
+
+
+def test_the_worst_falls_come_first_with_the_command_that_replays_them(made, odd) -> None:
     """Other falls least often on push:3 (5 %), so its falls there surprise the most; then on push:5 (43 %)."""
     assert [(cell.scenario.name, episode) for cell, episode in worst(made, "other")][:3] == [
         ("push:3", 0),
         ("push:3", 1),
         ("push:5", 0),
     ]
-    page = unescape(render(made, Path("some where")))
-    assert "python -m evaluate replay 'some where' 0 --policy other --scenario push:3" in page
+    assert "python -m evaluate replay 'some where' 0 --policy trot --scenario push:3" in unescape(odd[1])
 
 
 def test_without_falls_the_largest_errors_are_the_worst(made) -> None:
