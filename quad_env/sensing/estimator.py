@@ -65,15 +65,6 @@ class Estimate(NamedTuple):
     """Of the trunk's centre, m/s, (n, 3)"""
 
 
-class Height(NamedTuple):
-    """Of n trunks."""
-
-    value: Array
-    """m, (n,)"""
-    deviation: Array
-    """Standard deviation that is claimed of its error, m, (n,)"""
-
-
 class Estimator(Protocol):
     """Estimates of n robots, base frame, moved on by a control period at a time."""
 
@@ -92,10 +83,6 @@ class Estimator(Protocol):
     def covariance(self) -> Array | None:
         """Of the error of that estimate and of what else belongs to it, (n, k, k); None where it is not known."""
 
-    @property
-    def height(self) -> Height | None:
-        """Of the trunks' centres above the feet that stand, of that moment; None where it is not known."""
-
     def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
         """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
 
@@ -110,7 +97,6 @@ class ComplementaryFilter:
     """
 
     covariance = None
-    height = None
 
     def __init__(self, robot: Robot, num_envs: int, dt: float, spacing: float) -> None:
         self._robot, self._dt, self._spacing = robot, dt, spacing

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quad_env.actuation.delay import ActionDelay
+from quad_env.actuation.runtime import ActionDelay
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Latency, SteadyForce
