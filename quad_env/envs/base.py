@@ -20,8 +20,7 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.estimator import Estimator
-from quad_env.sensing.estimators import check_estimator
+from quad_env.sensing.estimators import Estimator, check_estimator
 from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
 from quad_env.sensing.observation import SensedObservation, shown_by
 from quad_env.sensing.suite import SensorSuite, sensor_suite

@@ -217,17 +217,14 @@ def shows_windows() -> bool:
 
 
 def find_backend() -> None:
-    """Have MuJoCo draw without a display where there is none. Raises RuntimeError where nothing can be drawn then."""
-    if not shows_windows():
-        _render_without_a_display()
-
-
-def _render_without_a_display() -> None:
-    """Have MuJoCo use EGL, unless MUJOCO_GL says otherwise; by itself it reads that when it is imported, and only then.
+    """Have MuJoCo draw with EGL where there is no display, unless MUJOCO_GL says otherwise, which it reads only when it
+    is imported.
 
     Raises:
         RuntimeError: there is no EGL.
     """
+    if shows_windows():
+        return
     if "MUJOCO_GL" not in os.environ:
         try:
             ctypes.CDLL("libEGL.so.1")

@@ -13,7 +13,7 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import SensorNoise
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.channel import Clock
+from quad_env.sensing.channel import Channel, Clock
 from quad_env.sensing.estimator import Read
 from quad_env.sensing.estimators import make_estimator
 from quad_env.sensing.instruments import Instruments
@@ -29,8 +29,7 @@ class Sensors:
         table = observation_table(robot)
         self._sensed, self._bound = table.sensed, table.bound[table.sensed]
         late = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
-        self._shown = np.zeros((late + 1, num_envs, len(self._bound)), np.float32)
-        """Readings of the last steps: that of clock c is at c modulo its length."""
+        self._readings = Channel(num_envs, len(self._bound), None, late * dt, 1 / dt) if late else None
         self._noise = None if scenario.noise is None else Noise(num_envs, _deviations(scenario.noise, table))
 
     def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
@@ -45,13 +44,9 @@ class Sensors:
         if self._noise is not None:
             sensed += self._noise.at(clock, rows)
             np.clip(sensed, -self._bound, self._bound, out=sensed)
-        slots = len(self._shown)
-        if slots == 1:
-            return
-        if (first := clock == 0).any():
-            self._shown[:, rows[first]] = sensed[first]
-        self._shown[clock % slots, rows] = sensed
-        sensed[:] = self._shown[(clock + 1) % slots, rows]
+        if self._readings is not None:
+            self._readings.take(sensed, clock, rows)
+            sensed[:] = self._readings.value(clock, rows)
 
 
 def _deviations(noise: SensorNoise, table: ObservationTable) -> NDArray[np.float32]:
