@@ -229,35 +229,6 @@ def check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands() -> None
             assert turned > 0.5
 
 
-def check_what_a_scenario_asks_for_reaches_the_physics() -> None:
-    """Friction, torque limit, payload and delay of the model that is stepped are those of the scenario."""
-    slippery = gym.make("SimpleQuad-v0", scenario=quad_env.AXES["slippery"].level(4)).unwrapped.model
-    assert slippery.geom("ground").friction[0] == 0.1
-    weak = gym.make("SimpleQuad-v0", scenario=quad_env.AXES["weak_motors"].level(4)).unwrapped.model
-    assert (weak.actuator_forcerange[:, 1] == 10.0).all()
-    heavy = gym.make("SimpleQuad-v0", scenario=quad_env.AXES["payload"].level(4)).unwrapped.model
-    assert heavy.body_mass.sum() == pytest.approx(14.2 + 20.0)
-
-
-def check_latency_delays_actions_and_readings_by_its_whole_steps() -> None:
-    """With 40 ms a joint does not move for 4 steps after its target does, nor does its reading for 4 more."""
-    target = SIMPLE_QUAD.home_pose.astype(np.float32)
-    target[2] -= 0.4
-    first: dict[str, tuple[int, int]] = {}
-    for name in ("flat", "latency:3"):
-        where = quad_env.SCENARIOS["flat"] if name == "flat" else quad_env.AXES["latency"].level(3)
-        still = replace(where, start=quad_env.StartNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        env = gym.make("SimpleQuad-v0", scenario=still)
-        env.reset(seed=0, options={"command": (0.0, 0.0, 0.0)})
-        moved, read = [], []
-        for _ in range(15):
-            observation, *_ = env.step(target)
-            moved.append(abs(env.unwrapped.data.joint("fl_calf_joint").qpos[0] - SIMPLE_QUAD.home_pose[2]) > 0.05)
-            read.append(abs(part(observation, "joint_position")[2]) > 0.05)
-        first[name] = moved.index(True), read.index(True)
-    assert first["latency:3"] == (first["flat"][0] + 4, first["flat"][1] + 8)
-
-
 def reward_term(name: str, change: Callable[[Any], Any]) -> Plant:
     """The term is `change` of itself."""
     key = f"reward_{name}"
@@ -297,27 +268,6 @@ def command_turned(index: int) -> Plant:
         patch.setattr(Policy, "act", faulty)
 
     return plant
-
-
-def dropped(name: str) -> Plant:
-    """The simulation is made without that part of the scenario."""
-
-    def plant(patch: pytest.MonkeyPatch) -> None:
-        true_init = Simulation.__init__
-        default = getattr(quad_env.SCENARIOS["flat"], name)
-
-        def faulty(self: Simulation, robot: Any, scenario: quad_env.Scenario, *args: Any, **kwargs: Any) -> None:
-            true_init(self, robot, replace(scenario, **{name: default}), *args, **kwargs)
-
-        patch.setattr(Simulation, "__init__", faulty)
-
-    return plant
-
-
-def latency_one_step_short(patch: pytest.MonkeyPatch) -> None:
-    level = quad_env.AXES["latency"].level
-    short = replace(level(3), latency=quad_env.Latency(action=0.03, observation=0.04))
-    patch.setattr(type(quad_env.AXES["latency"]), "level", lambda self, number: short)
 
 
 def state_with(change: Callable[[QuadState], QuadState]) -> Plant:
@@ -453,10 +403,6 @@ FAULTS: Faults = {
         command_turned(2),
         check_a_trot_turns_and_sidesteps_to_the_left_for_positive_commands,
     ),
-    "friction of the scenario dropped": (dropped("ground"), check_what_a_scenario_asks_for_reaches_the_physics),
-    "torque limit of the scenario dropped": (dropped("motors"), check_what_a_scenario_asks_for_reaches_the_physics),
-    "payload of the scenario dropped": (dropped("payload"), check_what_a_scenario_asks_for_reaches_the_physics),
-    "latency a step short": (latency_one_step_short, check_latency_delays_actions_and_readings_by_its_whole_steps),
 }
 
 

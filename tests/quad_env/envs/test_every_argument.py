@@ -1,7 +1,8 @@
 """Every argument of the environments, option of `reset` and field of the settings reaches the simulated robots.
 
 `FIELDS`, `ARGUMENTS`, `ALONE` and `BATCHED` have an entry for each; one without an entry fails. An entry changes one
-value and reads the model, the motion, the observation or the infos of a robot, alone and as the second of a batch.
+value and reads the model, the motion, the observation or the infos of the second robot of a batch; of arguments, those
+of a robot alone too.
 """
 
 import copy
@@ -653,30 +654,29 @@ def test_every_argument_and_field_has_an_effect_that_is_tested() -> None:
 BOTH = pytest.mark.parametrize("alone", [True, False], ids=["alone", "in a batch"])
 
 
-@BOTH
 @pytest.mark.parametrize("field", FIELDS)
-def test_a_field_reaches_what_it_governs(field: str, alone: bool) -> None:
-    check(field, FIELDS[field], alone)
+def test_a_field_reaches_what_it_governs(field: str) -> None:
+    """Of a robot of a batch; a robot alone has its bits, see `test_same_bits`."""
+    check(field, FIELDS[field])
 
 
-@BOTH
 @pytest.mark.parametrize(("field", "effect"), AT_50_HZ, ids=lambda each: each if isinstance(each, str) else "")
-def test_seconds_are_seconds_at_any_control_rate(field: str, effect: Effect, alone: bool) -> None:
+def test_seconds_are_seconds_at_any_control_rate(field: str, effect: Effect) -> None:
     slower = {"config": TaskConfig(control_rate=50.0)}
-    check(field, replace(effect, given=effect.given | slower), alone)
+    check(field, replace(effect, given=effect.given | slower))
 
 
 BEFORE: dict[Any, Any] = {}
 """Readings at the usual values."""
 
 
-def check(field: str, effect: Effect, alone: bool) -> None:
+def check(field: str, effect: Effect) -> None:
     owner, name = field.split(".")
     usual, given = next(each for kind, each in USUAL.items() if kind.__name__ == owner)
-    known = owner, effect.reading, alone, repr(effect.given)
+    known = owner, effect.reading, repr(effect.given)
     if known not in BEFORE:
-        BEFORE[known] = effect.of(alone, given(usual))
-    effect.check(BEFORE[known], effect.of(alone, given(replace(usual, **{name: effect.value}))))
+        BEFORE[known] = effect.of(False, given(usual))
+    effect.check(BEFORE[known], effect.of(False, given(replace(usual, **{name: effect.value}))))
 
 
 @pytest.mark.parametrize(
@@ -714,21 +714,19 @@ def test_the_weight_of_each_reward_term_is_what_a_robot_earns_by(alone: bool) ->
     np.testing.assert_allclose(earned[1], earned[0] * weights[1])
 
 
-@BOTH
-def test_an_accelerometer_with_a_bias_says_where_down_is_at_first(alone: bool) -> None:
-    robot = Robot(alone, **suite("imu")(replace(IDEAL.imu, accelerometer_bias=0.5)))
+def test_an_accelerometer_with_a_bias_says_where_down_is_at_first() -> None:
+    robot = Robot(False, **suite("imu")(replace(IDEAL.imu, accelerometer_bias=0.5)))
     up = np.array((0.0, 0.0, 9.81)) + 0.5 * BIAS[PLACES["accelerometer"]]
     np.testing.assert_allclose(robot.seen[:3], -up / np.linalg.norm(up), atol=1e-6)
 
 
-@BOTH
-def test_drives_go_by_the_timestep(alone: bool) -> None:
+def test_drives_go_by_the_timestep() -> None:
     """Motors with a curve see the value of their lag at the start of each physics step."""
     finer, straight = {"config": TaskConfig(400.0, 0.0025)}, quad_env.TorqueSpeed()
-    lagging = Robot(alone, **scene(), **finer, actuator=quad_env.Actuator(straight, bandwidth=5.0))
+    lagging = Robot(False, **scene(), **finer, actuator=quad_env.Actuator(straight, bandwidth=5.0))
     share = 1 - math.exp(-0.0025 * 2 * math.pi * 5.0)
     np.testing.assert_allclose(after(servo_targets, tuple(HOME + 0.1), steps=2)(lagging), np.full(12, 0.1 * share))
-    warm = Robot(alone, **scene(), **finer, actuator=quad_env.Actuator(straight, thermal=quad_env.Thermal(4.0, 0.5)))
+    warm = Robot(False, **scene(), **finer, actuator=quad_env.Actuator(straight, thermal=quad_env.Thermal(4.0, 0.5)))
     rise = 4.0 / 10 * 100.0**2 * (1 - math.exp(-0.0025 / 0.5))
     np.testing.assert_allclose(after(temperature, FAR)(warm), np.full(12, 25.0 + rise))
 
@@ -739,9 +737,8 @@ def test_the_model_of_a_single_environment_carries_the_load_of_its_episode() -> 
     np.testing.assert_allclose(robot.base.model.body("payload").pos, loaded()[1:4])
 
 
-@BOTH
-def test_the_model_of_a_robot_has_the_constants_that_follow_from_its_load(alone: bool) -> None:
-    robot = Robot(alone, **scene(payload=quad_env.Payload(40.0)))
+def test_the_model_of_a_robot_has_the_constants_that_follow_from_its_load() -> None:
+    robot = Robot(False, **scene(payload=quad_env.Payload(40.0)))
     robot.base.simulation.show_load(robot.row)
     worked_out = copy.copy(robot.model)
     worked_out.qpos0[2] = worked_out.key("home").qpos[2]

@@ -14,12 +14,7 @@ import quad_env
 from quad_env import serialisation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-TERRAINS = (
-    quad_env.Flat(0.5),
-    quad_env.Slope(0.3),
-    quad_env.Stairs(rise=0.05),
-    quad_env.SmoothRandom(half_size=6.0, spawn_radius=4.0),
-)
+TERRAINS = quad_env.Slope(0.3), quad_env.Stairs(rise=0.05), quad_env.SmoothRandom(half_size=6.0, spawn_radius=4.0)
 STORM = quad_env.Scenario(
     "storm",
     pushes=quad_env.Pushes(count=4, impulse=10.0, window=(2.0, 8.0)),

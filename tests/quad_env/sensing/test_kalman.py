@@ -94,26 +94,23 @@ def walk(sensors: str, num_envs: int, seeds: list[int], steps: int, estimator: s
 
 
 def test_it_is_nearer_to_the_truth_than_the_complementary_filter() -> None:
-    by_kalman, by_complementary = (walk("typical", 8, list(range(8)), 400, name)[1] for name in (KALMAN, ESTIMATORS[0]))
+    by_kalman, by_complementary = (walk("typical", 4, list(range(4)), 250, name)[1] for name in (KALMAN, ESTIMATORS[0]))
     assert np.sqrt(np.mean(by_kalman[100:] ** 2)) < 0.7 * np.sqrt(np.mean(by_complementary[100:] ** 2))
 
 
 def test_ideal_sensors_leave_next_to_nothing() -> None:
-    tilt, velocity, _ = walk("ideal", 4, [1, 2, 3, 4], 300)
+    tilt, velocity, _ = walk("ideal", 2, [1, 2], 200)
     assert np.sqrt(np.mean(tilt[100:] ** 2)) < 0.01
     assert np.sqrt(np.mean(velocity[100:] ** 2)) < 0.05
 
 
 def test_robots_are_estimated_each_by_itself() -> None:
-    together = walk("typical", 3, [5, 6, 7], 150)[2]
-    alone = walk("typical", 1, [6], 150)[2]
+    together = walk("typical", 2, [5, 6], 120)[2]
+    alone = walk("typical", 1, [6], 120)[2]
     for of_all, of_one in ((together.gravity, alone.gravity), (together.velocity, alone.velocity)):
         np.testing.assert_allclose(of_all[1], of_one[0], atol=1e-9)
-    np.testing.assert_allclose(together.covariance[1], alone.covariance[0], atol=1e-9)
-
-
-def test_the_covariance_stays_one() -> None:
-    covariance = walk("typical", 2, [8, 9], 300)[2].covariance
+    covariance = together.covariance
+    np.testing.assert_allclose(covariance[1], alone.covariance[0], atol=1e-9)
     np.testing.assert_allclose(covariance, np.swapaxes(covariance, 1, 2), atol=1e-12)
     assert np.linalg.eigvalsh(covariance).min() > 0.0
 
@@ -159,8 +156,7 @@ def after_one_sample(suite: SensorSuite, late: int = 0, gyro: tuple[float, float
     return filter_
 
 
-@pytest.mark.parametrize("late", [0, 1, 4])
-@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(("axis", "late"), [(0, 0), (0, 4), (1, 1)])
 def test_the_trunk_turns_on_as_it_does_over_the_delay_of_the_readings(axis: int, late: int) -> None:
     """Gravity, which a trunk that turns by ω sees turn by -ω, goes on by ω · delay from the moment of the readings."""
     gyro = tuple(0.8 * np.eye(3)[axis])
