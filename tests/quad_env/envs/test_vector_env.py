@@ -157,30 +157,6 @@ def test_autoreset_modes_go_by_either_name(mode: Any) -> None:
     assert make(autoreset_mode=mode).autoreset_mode is AutoresetMode.NEXT_STEP
 
 
-@pytest.mark.parametrize(
-    ("make_it", "message"),
-    [
-        (lambda: quad_env.SmoothRandom(peak_to_valley=0.0), "positive"),
-        (lambda: quad_env.CommandRanges(interval=float("inf")), "interval"),
-        (lambda: quad_env.CommandRanges(forward=(1.0, -1.0)), "range"),
-        (lambda: quad_env.CommandRanges(zero_fraction=2.0), "zero_fraction"),
-    ],
-)
-def test_scenario_values_that_make_no_sense_are_refused(make_it: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        make_it()
-
-
-@pytest.mark.rendering
-def test_a_batch_renders_a_frame_of_each_robot() -> None:
-    env = gym.make_vec("SimpleQuad-v0", num_envs=2, render_mode="rgb_array")
-    env.reset(seed=0)
-    frames: Any = env.render()
-    assert [frame.shape for frame in frames] == [(480, 640, 3)] * 2
-    assert (frames[0] != frames[1]).any()
-    env.close()
-
-
 def test_next_step_mode_resets_on_the_step_after_the_last_and_ignores_its_action() -> None:
     env = make(2, max_episode_steps=50)
     env.reset(seed=0)

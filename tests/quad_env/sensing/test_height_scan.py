@@ -17,6 +17,7 @@ from quad_env.sensing.height_scan import UNSEEN
 
 HOME = SIMPLE_QUAD.home_pose.astype(np.float32)
 SMALL = HeightScan(ahead=6, behind=2, aside=3, spacing=0.13)
+IMPERFECT = replace(SMALL, noise=0.02, dropouts=0.2, delay=0.03, rate=50.0)
 ROUGH = SCENARIOS["rough"]
 
 
@@ -89,8 +90,8 @@ def test_it_is_the_last_term_of_the_table_and_within_the_space() -> None:
     assert observation.dtype == np.float32
 
 
-def alone(robot: int, scan: HeightScan, steps: int) -> list[bytes]:
-    env = gym.make("SimpleQuad-v0", scenario="rough", height_scan=scan, max_episode_steps=7)
+def alone(robot: int, steps: int) -> list[bytes]:
+    env = gym.make("SimpleQuad-v0", scenario="rough", height_scan=IMPERFECT, max_episode_steps=7)
     observation, _ = env.reset(seed=3 + robot)
     out, done = [observation.tobytes()], False
     for action in waved(robot + 1, steps)[:, robot]:
@@ -103,16 +104,12 @@ def alone(robot: int, scan: HeightScan, steps: int) -> list[bytes]:
     return out
 
 
-IMPERFECT = replace(SMALL, noise=0.02, dropouts=0.2, delay=0.03, rate=50.0)
-
-
-@pytest.mark.parametrize("scan", [SMALL, IMPERFECT], ids=["perfect", "imperfect"])
-def test_a_single_env_equals_its_row_in_any_batch(scan: HeightScan) -> None:
+def test_a_single_env_equals_its_row_in_any_batch() -> None:
     for robots, nthread in ((3, 1), (9, 2)):
-        env = SimpleQuadVectorEnv(robots, "rough", height_scan=scan, max_episode_steps=7, nthread=nthread)
+        env = SimpleQuadVectorEnv(robots, "rough", height_scan=IMPERFECT, max_episode_steps=7, nthread=nthread)
         rows = np.array([env.reset(seed=3)[0], *(env.step(action)[0] for action in waved(robots, 30))])
         for robot in (0, 2):
-            assert [row[robot].tobytes() for row in rows] == alone(robot, scan, 30)
+            assert [row[robot].tobytes() for row in rows] == alone(robot, 30)
 
 
 @pytest.mark.parametrize("mode", ["NEXT_STEP", "SAME_STEP"])
@@ -187,9 +184,3 @@ def test_what_is_no_scan_is_refused_by_name() -> None:
             make("SimpleQuad-v0", height_scan=True)
         with pytest.raises(ValueError, match="control rate"):
             make("SimpleQuad-v0", height_scan=HeightScan(rate=33.0))
-
-
-def test_however_noisy_it_stays_within_the_space() -> None:
-    seen = scans(replace(SMALL, noise=3.0), 2, 3)
-    assert (np.abs(seen) <= SMALL.term.bound).all()
-    assert (np.abs(seen) == SMALL.term.bound).any()
