@@ -94,10 +94,8 @@ class Lag:
 class Windings:
     """Temperatures of n robots' motors, and the torque limits that they leave; see `Thermal`.
 
-    MuJoCo 4.0's `dcmotor` has a thermal model too, but heats by the current before the force range limits it: a motor
-    that is derated or off would be heated by a current that it does not carry.
-
-    `force_range`, (n, 12, 2), N·m, is what MuJoCo limits each motor's torque to; it is written here.
+    MuJoCo 4.0's `dcmotor` heats by the current before the force range limits it, which a motor that is off does not
+    carry. `force_range`, (n, 12, 2), N·m, is what MuJoCo limits each motor's torque to; it is written here.
     """
 
     def __init__(self, thermal: Thermal, line: Line, timestep: float, force_range: Array) -> None:

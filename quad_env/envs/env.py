@@ -165,13 +165,11 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
 
     def _judge(self) -> QuadState[float]:
         """Readings of the robot that just moved; whether it fell, and whether that ends the episode."""
-        motion = self.simulation.motion_of_one()
-        self._diverged = self.simulation.one_diverged(motion)
+        self._diverged = self.simulation.one_diverged()
         if self._diverged:
             self.simulation.park(_ROW)
-            motion = self.simulation.motion_of_one()
         self._followed = self._command
-        state = self.simulation.state_of_one(self._followed, motion)
+        state = self.simulation.state_of_one(self._followed)
         self._fall = 0 if self._diverged else fall_code(state, self.config.fall_rule, self._lowest)
         self._terminated = self._diverged or (self._fall > 0 and self.terminate_on_fall)
         return state

@@ -33,12 +33,10 @@ _SCALE = 2.5
 class HeightScan(Sampled):
     """Ground heights on a grid about the trunk's centre, in the heading frame: x ahead, y to the left, both level.
 
-    A value is the height of the ground there minus that of the trunk's centre, m: negative where the ground is lower,
-    about −0.36 under a robot that stands. It is clipped to ±2 m, and a point that is not seen reads −2 m. Heights are
-    those of the terrain straight below and above the points: nothing hides behind a step, and the robot's own legs are
-    not seen. A sample that is seen late is of the place, heading and height of the trunk when it was taken.
-
-    A scenario's observation latency comes on top of the delay, and its noise on top of the noise.
+    A value is the height of the ground there minus that of the trunk's centre, m, about −0.36 under a robot that
+    stands; clipped to ±2 m, and −2 m where a point is not seen. Nothing hides behind a step, and the robot's own legs
+    are not seen. A sample that is seen late is of the place, heading and height of the trunk when it was taken. A
+    scenario's observation latency and noise come on top.
     """
 
     delay: float = 0.0
