@@ -11,7 +11,7 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.terrain import Terrain
 
 BOUNCE = 1
-"""Control steps in a row off the ground that are no swing: on touch-down feet bounce. As legged_gym's `contact_filt`."""
+"""Control steps in a row off the ground that are no swing, as in legged_gym's `contact_filt`: landing feet bounce."""
 Columns = Callable[[Array], Vector[Column]]
 """Takes the columns of the wanted robots out of the rows of all."""
 

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 import quad_env
-from quad_env import OBSERVATION, OBSERVATION_SIZE, RewardWeights, TaskConfig
+from quad_env import OBSERVATION, OBSERVATION_SIZE, TaskConfig
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -517,15 +517,11 @@ AT_50_HZ = [
     ("HeightScan.delay", late(scan, 0.06)),
 ]
 """Whatever is said in seconds or hertz, in control steps of 20 ms."""
-TERMS = [field.name for field in dataclasses.fields(RewardWeights)]
 
 
 def test_every_argument_has_an_effect_that_is_tested() -> None:
     for kind, own in ((SimpleQuadEnv, ALONE), (SimpleQuadVectorEnv, BATCHED)):
         assert {*inspect.signature(kind).parameters, "max_episode_steps"} == {*ARGUMENTS, *own}
-
-
-BOTH = pytest.mark.parametrize("alone", [True, False], ids=["alone", "in a batch"])
 
 
 @pytest.mark.parametrize("field", FIELDS)
@@ -566,26 +562,6 @@ def test_an_argument_reaches_what_it_governs(name: str, alone: bool, tmp_path: P
     usual = {name: "rgb_array"} if name == "render_mode" else {}
     changed = {name: effect.value(tmp_path) if name == "robot" else effect.value}
     effect.check(effect.of(alone, usual), effect.of(alone, changed))
-
-
-@BOTH
-def test_the_weight_of_each_reward_term_is_what_a_robot_earns_by(alone: bool) -> None:
-    weights, earned = (np.ones(len(TERMS)), 2.0 ** np.arange(len(TERMS))), []
-    for each in weights:
-        config = TaskConfig(fall_rule=quad_env.FallRule(height=0.4), reward_weights=RewardWeights(*each.tolist()))
-        robot, sums, ended = Robot(alone, config=config), np.zeros(len(TERMS)), False
-        for step in range(100):
-            wild = np.random.default_rng(step // 10).uniform(SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
-            robot.step(wild)
-            paid = np.array([robot.infos[f"reward_{term}"] for term in TERMS])
-            assert robot.own(robot.reward) == pytest.approx(paid.sum())
-            sums += paid
-            if ended := bool(robot.own(robot.ended)):
-                break
-        assert ended
-        earned.append(sums)
-    assert (earned[0] != 0.0).all(), "or this shows nothing"
-    np.testing.assert_allclose(earned[1], earned[0] * weights[1])
 
 
 def test_an_accelerometer_with_a_bias_says_where_down_is_at_first() -> None:

@@ -69,13 +69,6 @@ def test_a_specification_from_before_there_were_terms_of_the_feet_is_read_with_t
     assert gym.make(EnvSpec.from_json(json.dumps(spec))).unwrapped.config == OPTIONS["config"]
 
 
-def test_names_survive_as_names() -> None:
-    env = gym.make("SimpleQuad-v0", scenario="rough", actuator="motor", sensors="typical", max_episode_steps=7)
-    spec = through_json(env.spec)
-    assert (spec.kwargs["scenario"], spec.max_episode_steps) == ("rough", 7)
-    assert gym.make(spec).unwrapped.scenario == quad_env.SCENARIOS["rough"]
-
-
 def test_no_two_kinds_of_settings_have_the_same_fields() -> None:
     """Gymnasium's JSON holds the fields of a setting and not its type."""
     kinds = serialisation._KINDS.values()

@@ -13,6 +13,7 @@ from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
+from quad_env.sensing.height_scan import HeightScan
 
 STEPS, FIRST_SEED = 260, 11
 FEET = TaskConfig(
@@ -97,10 +98,23 @@ def test_motors_that_lag_and_heat_up_are_the_same_alone_and_in_batches() -> None
     assert single_digests("payload=5+slow_motors=8", 2, **short | {"actuator": "motor"}) != singles[2]
 
 
-@pytest.mark.parametrize(("scenario", "sensors"), [("rough", "truth"), ("push", "typical")])
-def test_rewards_that_know_feet_are_the_same_alone_and_in_batches(scenario: str, sensors: str) -> None:
+SCAN = HeightScan(ahead=6, behind=2, aside=3, noise=0.02, dropouts=0.2, delay=0.03, rate=50.0)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "options"),
+    [
+        ("rough", {"config": FEET}),
+        ("push", {"config": FEET, "sensors": "typical"}),
+        ("noise", {"sensors": "typical"}),
+        ("latency", {"sensors": "typical"}),
+        ("rough", {"height_scan": SCAN}),
+    ],
+    ids=["feet", "feet and sensors", "sensors and noise", "sensors and latency", "height scan"],
+)
+def test_what_is_asked_for_besides_is_the_same_alone_and_in_batches(scenario: str, options: dict[str, Any]) -> None:
     """Over three episodes."""
-    short: dict[str, Any] = {"steps": 100, "limit": 45, "sensors": sensors, "config": FEET}
+    short: dict[str, Any] = {"steps": 100, "limit": 45} | options
     singles = [single_digests(scenario, robot, **short) for robot in (0, 2)]
     assert batch_digests(scenario, 7, 2, [0, 2], **short) == singles
 

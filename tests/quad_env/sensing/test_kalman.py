@@ -13,7 +13,7 @@ from quad_env.sensing import error_state
 from quad_env.sensing.error_state import BodyMotion, Samples, rotation
 from quad_env.sensing.estimator import Read, unit
 from quad_env.sensing.estimators import ESTIMATORS, KALMAN
-from quad_env.sensing.kalman import KalmanFilter, sensor_errors
+from quad_env.sensing.kalman import KalmanFilter
 from quad_env.sensing.suite import Encoders, Imu, SensorSuite
 from quad_env.task.observations import OBSERVATION
 
@@ -178,14 +178,6 @@ def test_after_one_sample_feet_are_as_uncertain_as_the_encoders() -> None:
     for leg, jacobian in enumerate(foot_jacobians(ROBOT, ROBOT.home_pose.reshape(1, 4, 3))[0]):
         place, noise = error_state.foot(leg), 0.001**2 * jacobian @ jacobian.T
         np.testing.assert_allclose(found[place, place], noise, atol=0.02 * noise.max())
-
-
-def test_the_errors_of_the_sensors_are_those_of_their_data_sheet() -> None:
-    imu = Imu(position=(0.03, 0.0, 0.0), rotation=(0.0, 0.006, 0.0))
-    found = sensor_errors(SensorSuite(imu=imu, encoders=Encoders(bits=12, noise=0.001, zero_offset=0.004)))
-    step = 2.0 * np.pi / 4096.0
-    expected = (0.0017, 0.003, 0.012, 0.2, np.sqrt(0.001**2 + step**2 / 12.0), 0.004, 0.03 / 3**0.5, 0.006 / 3**0.5)
-    np.testing.assert_allclose(found, expected)
 
 
 def test_the_covariance_counts_the_mounting_of_the_imu_as_tilt() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import policies
-from quad_env import OBSERVATION, SCENARIOS, SENSORS, CommandRanges, SensorNoise, SensorSuite
+from quad_env import OBSERVATION, SCENARIOS, SENSORS, CommandRanges, SensorSuite
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task.observations import observation_table
@@ -63,37 +63,9 @@ def test_sensors_change_nothing_that_happens(name: str) -> None:
             np.testing.assert_array_equal(value, other[name], err_msg=name)
 
 
-def batch(robots: int, scenario: str, nthread: int) -> list[list[bytes]]:
-    observations, infos, _ = run(
-        "typical", robots, scenario, nthread=nthread, max_episode_steps=60, terminate_on_fall=True
-    )
-    return [[digest(row[i], info, i) for row, info in zip(observations, infos, strict=True)] for i in (0, 2)]
-
-
 def digest(observation: np.ndarray, info: dict[str, Any], row: Any) -> bytes:
     arrays = [observation, *(np.asarray(info[key])[row] for key in sorted(info) if key.startswith("sensor_"))]
     return b"".join(array.tobytes() for array in arrays)
-
-
-def single(robot: int, scenario: str) -> list[bytes]:
-    env = gym.make("SimpleQuad-v0", scenario=scenario, sensors="typical", max_episode_steps=60)
-    observation, info = env.reset(seed=7 + robot)
-    out, done = [digest(observation, info, ...)], False
-    for action in actions(robot + 1)[:, robot]:
-        if done:
-            (observation, info), done = env.reset(), False
-        else:
-            observation, _, terminated, truncated, info = env.step(action)
-            done = terminated or truncated
-        out.append(digest(observation, info, ...))
-    return out
-
-
-@pytest.mark.parametrize("scenario", ["noise", "latency"])
-def test_a_single_env_equals_its_row_in_any_batch(scenario: str) -> None:
-    singles = [single(robot, scenario) for robot in (0, 2)]
-    assert batch(3, scenario, 1) == singles
-    assert batch(7, scenario, 2) == singles
 
 
 def test_a_robot_that_has_ended_keeps_its_observation() -> None:
@@ -106,15 +78,6 @@ def test_a_robot_that_has_ended_keeps_its_observation() -> None:
         assert not ended or shown == last
         ended, last = terminated, shown
     assert ended
-
-
-def test_noise_of_a_scenario_comes_on_top() -> None:
-    noisy = replace(SCENARIOS["flat"], noise=SensorNoise(0.1))
-    sensed = run("ideal", scenario=noisy)[0].astype(float) - run("ideal")[0]
-    plain = run(None, scenario=noisy)[0].astype(float) - run(None)[0]
-    for name in ("angular_velocity", "joint_position", "linear_velocity"):
-        np.testing.assert_allclose(sensed[..., OBSERVATION[name]], plain[..., OBSERVATION[name]], atol=1e-5)
-    assert plain[..., OBSERVATION["angular_velocity"]].std() == pytest.approx(0.1, rel=0.1)
 
 
 def test_estimates_are_of_one_moment_that_of_the_slowest_sensor() -> None:
