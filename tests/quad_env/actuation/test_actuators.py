@@ -68,12 +68,6 @@ def test_the_largest_torque_lies_on_the_curve_and_braking_is_held_to_the_current
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-def test_below_the_curve_the_motor_is_the_ideal_servo() -> None:
-    target = (SIMPLE_QUAD.joint_lower + SIMPLE_QUAD.joint_upper) / 2 + 0.05
-    for speed in (0.0, 1.0, -3.0):
-        np.testing.assert_allclose(torque_at(speed, target, Actuator(CURVE)), 15 - 10 * speed, atol=1e-9)
-
-
 def test_no_physics_step_of_a_control_step_leaves_the_curve() -> None:
     """At 500 Hz every step is looked at; at 100 Hz, with the same targets, the motion is the same to the bit."""
     fine, coarse = (simulate(Actuator(CURVE), rate) for rate in (EVERY_SUBSTEP, EVERY_CONTROL_STEP))

@@ -170,16 +170,6 @@ def drawn(first: int, count: int, width: float) -> Effect:
     return Effect(width, start, lambda before: np.where(drawn, width * UNITS, before))
 
 
-@cache
-def ground(*points: tuple[float, float]) -> Reading:
-    """Heights of the ground that rays from above hit."""
-    down, hit = np.array((0.0, 0.0, -1.0)), np.zeros(1, np.int32)
-    starts = [np.array((*point, 20.0)) for point in points]
-    return lambda robot: [
-        20.0 - mujoco.mj_ray(robot.model, robot.now, above, down, None, 1, -1, hit) for above in starts
-    ]
-
-
 def force(robot: Robot) -> np.ndarray:
     return np.array(robot.now.body("base_link").xfrc_applied)
 
@@ -256,10 +246,6 @@ def load(robot: Robot) -> list[float]:
 def loaded(mass: float = 5.0, reach: tuple[float, float] = (0.2, 0.1), edge: float = 0.2) -> list[float]:
     place = streams().payload.uniform(-1, 1, 2) * reach
     return [mass, *place, (SIMPLE_QUAD.trunk_size[2] + edge) / 2, mass * edge**2 / 6]
-
-
-def lowest_feet(robot: Robot) -> float:
-    return float(np.mean([robot.now.site(f"{leg}_foot").xpos[2] for leg in SIMPLE_QUAD.leg_names]))
 
 
 def armature(robot: Robot) -> Any:
@@ -375,13 +361,11 @@ USUAL: dict[type, Usual] = {
     quad_env.StartNoise: (CALM, part("start")),
     quad_env.AnyPose: (quad_env.AnyPose(0.0, 0.0, 0.0), part("start")),
     quad_env.Flat: (quad_env.Flat(), part("terrain")),
-    quad_env.Slope: (quad_env.Slope(), part("terrain")),
     quad_env.Pushes: (
         quad_env.Pushes(count=1, duration=0.05, window=(0.0, 0.1)),
         lambda settings: scene(pushes=settings, force=quad_env.SteadyForce(12.0)),
     ),
     quad_env.SteadyForce: (quad_env.SteadyForce(), part("force")),
-    quad_env.Ground: (quad_env.Ground(), part("ground")),
     quad_env.Motors: (quad_env.Motors(), part("motors")),
     quad_env.Payload: (quad_env.Payload(), part("payload")),
     quad_env.Latency: (quad_env.Latency(0.0, 0.0), part("latency")),
@@ -417,18 +401,11 @@ FIELDS = {
     "StartNoise.joint_velocity": drawn(23, 12, 0.7),
     "AnyPose.joint_velocity": drawn(23, 12, 0.7),
     "Flat.spawn_radius": drawn(0, 2, 0.5),
-    "Slope.angle": Effect(
-        0.2,
-        lambda robot: [*ground((2.0, 0.0), (-1.0, 2.0))(robot), *robot.seen[:3]],
-        [2 * math.tan(0.2), -math.tan(0.2), -math.sin(0.2), 0.0, -math.cos(0.2)],
-    ),
     "Pushes.count": Effect(2, series(force), pushed(2, 0, 5)),
     "Pushes.impulse": Effect(20.0, series(force), lambda before: (before - WIND) * 20 / 35 + WIND),
     "Pushes.duration": Effect(0.097, series(force), pushed(1, 0, 10)),
     "Pushes.window": Effect((0.06, 0.12), series(force), pushed(1, 6, 5)),
     "SteadyForce.force": Effect(12.0, series(force), np.tile(WIND, (STEPS + 1, 1))),
-    "Ground.friction": Effect(0.3, after(lambda robot: robot.now.contact.friction[:, 0].copy()), [0.3] * 4),
-    "Ground.sink_depth": Effect(0.02, after(lowest_feet, steps=60), 0.0, within=2e-3),
     "Motors.torque_limit": Effect(8.0, after(largest_torque, FAR), 8.0),
     "Motors.bandwidth": lagging(5.0),
     "Payload.mass": Effect(8.0, load, loaded(mass=8.0)),

@@ -105,7 +105,7 @@ def test_a_reset_leaves_nothing_of_the_episode_before() -> None:
 
 def test_it_changes_nothing_else_and_a_scenario_s_noise_comes_on_top() -> None:
     """Noise and drop-outs are drawn from streams of their own, for each robot, point and sample."""
-    noisy = replace(ROUGH, noise=SensorNoise(0.04), commands=CommandRanges(interval=0.1))
+    noisy = replace(ROUGH, noise=SensorNoise(0.08), commands=CommandRanges(interval=0.1))
     options = {"scenario": noisy, "max_episode_steps": 30, "robots": 6, "steps": 60}
     env = SimpleQuadVectorEnv(6, noisy, height_scan=replace(SMALL, noise=0.03, dropouts=0.1), max_episode_steps=30)
     rows = np.array([env.reset(seed=3)[0], *(env.step(action)[0] for action in waved(6, 60))])
