@@ -14,8 +14,7 @@ import numpy as np
 from mujoco.rendering.classic import gl_context
 from numpy.typing import NDArray
 
-from quad_env.physics.marker import Marker
-from quad_env.physics.marks import Mark
+from quad_env.physics.marks import Mark, Marker
 
 NEAR = 6.0
 """Half-side of the square that is drawn, m; a whole height field is a million triangles."""

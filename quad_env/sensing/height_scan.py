@@ -16,8 +16,7 @@ from quad_env.scenarios.disturbances import check_amount, check_positive
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Terrain
-from quad_env.sensing.channel import Channel, Clock
-from quad_env.sensing.noise import Noise
+from quad_env.sensing.channel import Channel, Clock, Noise
 from quad_env.sensing.suite import Sampled
 from quad_env.task.observations import ObservationTable, Term, observation_table
 

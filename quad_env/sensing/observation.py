@@ -13,11 +13,10 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import SensorNoise
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.channel import Channel, Clock
+from quad_env.sensing.channel import Channel, Clock, Noise
 from quad_env.sensing.estimator import Read
 from quad_env.sensing.estimators import make_estimator
 from quad_env.sensing.instruments import Instruments
-from quad_env.sensing.noise import Noise
 from quad_env.sensing.suite import SensorSuite
 from quad_env.task.observations import ObservationTable, observation_table
 

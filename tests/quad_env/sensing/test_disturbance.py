@@ -7,7 +7,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import SensorNoise
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.noise import BLOCK
+from quad_env.sensing.channel import BLOCK
 from quad_env.task.observations import OBSERVATION, observation_table
 
 SENSED = observation_table(SIMPLE_QUAD).sensed
