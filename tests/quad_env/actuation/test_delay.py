@@ -54,15 +54,6 @@ def test_a_joint_that_hears_nothing_holds_its_last_target() -> None:
     assert (lost != observations(PLAIN)).any()
 
 
-def test_every_joint_drops_out_and_every_dropout_lies_in_its_window() -> None:
-    scenario = Scenario("lost", dropouts=Dropouts(count=4, duration=0.5, window=(1.0, 9.0)))
-    plans = [Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01).dropouts for seed in range(100)]
-    assert {int(joint) for plan in plans if plan for joint in plan.joint} == set(range(12))
-    first = np.array([plan.first_step for plan in plans if plan])
-    assert first.shape == (100, 4)
-    assert ((first >= 100 + 200 * np.arange(4)) & (first + 50 <= 300 + 200 * np.arange(4))).all()
-
-
 @pytest.mark.parametrize(
     ("kind", "wrong"),
     [

@@ -146,7 +146,7 @@ def test_a_batch_wants_a_reset_before_its_first_step() -> None:
         make().step(np.tile(HOME, (3, 1)))
 
 
-@pytest.mark.parametrize("seed", [-1, [0.5, 1, 2], [True, 1, 2], [1, 2, -3], ["a", 1, 2]])
+@pytest.mark.parametrize("seed", [-1, [0.5, 1, 2], [True, 1, 2], ["a", 1, 2]])
 def test_bad_seeds_are_refused(seed: Any) -> None:
     with pytest.raises(ValueError, match="seed"):
         make().reset(seed=seed)
