@@ -69,7 +69,7 @@ class Channel:
         self._samples = np.zeros((max(oldest, self.late) // self.period + 3, num_envs, width))
         """Sample s is at s modulo its length; two more than are seen late, for differences."""
 
-    def take(self, values: Array, clock: Clock, rows: Rows) -> None:
+    def take(self, values: Array | NDArray[np.float32], clock: Clock, rows: Rows) -> None:
         """Samples of those robots' sensors, which would now read these values, (k, width); kept where one is due."""
         due = clock % self.period == 0
         self._samples[clock[due] // self.period % len(self._samples), rows[due]] = values[due]

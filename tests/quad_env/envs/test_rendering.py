@@ -68,7 +68,8 @@ def display() -> Iterator[str]:
 def test_a_window_opens_on_a_display(display: str) -> None:
     environment = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "WAYLAND_DISPLAY")}
     command = [sys.executable, "-c", HUMAN]
-    run = subprocess.run(command, env=environment | {"DISPLAY": display}, capture_output=True, text=True, check=False)
+    environment["DISPLAY"] = display
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=120)
     assert run.stdout == "closed\n", run.stderr  # whatever MuJoCo's own thread does as the process ends
 
 
