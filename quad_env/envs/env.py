@@ -63,8 +63,8 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
       estimator `kalman` allows for ground that yields under an impact.
     * v0 of 2026-11-22: each episode on random ground has a surface drawn by its seed. `info["fall"]` is an int8 code,
       and reward terms are `reward_<term>`.
-    * v0 of 2026-11-21: first registered, with weights 1.2 (was 1.0), 0.8 (was 0.5) and -1 (was -5) of
-      `linear_velocity_tracking`, `yaw_rate_tracking` and `fall` later that day.
+    * v0 of 2026-11-21: first registered; later that day the reward's weights of `linear_velocity_tracking`,
+      `yaw_rate_tracking` and `fall` became 1.2 (was 1.0), 0.8 (was 0.5) and -1 (was -5).
     """
 
     _KEPT = ("spec", "_seed", "_next_episode")
