@@ -9,115 +9,77 @@ from typing import TYPE_CHECKING, Any
 from quad_env.registration import ENV_ID, MAX_EPISODE_STEPS, register
 
 if TYPE_CHECKING:
-    from quad_env.actuation.models import ACTUATORS, Actuator, Gear, Thermal, TorqueSpeed
-    from quad_env.config import (
-        FALL_REASONS,
-        FALL_RULE,
-        AnyPose,
-        CommandRanges,
-        FallRule,
-        RewardTerm,
-        RewardWeights,
-        StartNoise,
-        TaskConfig,
-    )
-    from quad_env.envs.home_pose import HomePoseActions, HomePoseSpace, VectorHomePoseActions
-    from quad_env.robots.anatomy import ModelError
-    from quad_env.robots.named import ROBOTS
-    from quad_env.robots.robot import Robot
-    from quad_env.robots.simple_quad import JOINT_NAMES, SIMPLE_QUAD
-    from quad_env.scenarios.axes import AXES, Axis
-    from quad_env.scenarios.disturbances import (
-        Dropouts,
-        Ground,
-        Latency,
-        Motors,
-        Payload,
-        Pushes,
-        SensorNoise,
-        SteadyForce,
-    )
-    from quad_env.scenarios.named import SCENARIOS, scenario
-    from quad_env.scenarios.scenario import Scenario
-    from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
-    from quad_env.sensing.estimators import ESTIMATORS
-    from quad_env.sensing.height_scan import HeightScan
-    from quad_env.sensing.suite import SENSORS, Encoders, FootContact, Imu, JointTorque, SensorSuite
-    from quad_env.task.observations import OBSERVATION, OBSERVATION_SIZE
+    from quad_env.actuation.models import ACTUATORS as ACTUATORS
+    from quad_env.actuation.models import Actuator as Actuator
+    from quad_env.actuation.models import Gear as Gear
+    from quad_env.actuation.models import Thermal as Thermal
+    from quad_env.actuation.models import TorqueSpeed as TorqueSpeed
+    from quad_env.config import FALL_REASONS as FALL_REASONS
+    from quad_env.config import FALL_RULE as FALL_RULE
+    from quad_env.config import AnyPose as AnyPose
+    from quad_env.config import CommandRanges as CommandRanges
+    from quad_env.config import FallRule as FallRule
+    from quad_env.config import RewardTerm as RewardTerm
+    from quad_env.config import RewardWeights as RewardWeights
+    from quad_env.config import StartNoise as StartNoise
+    from quad_env.config import TaskConfig as TaskConfig
+    from quad_env.envs.home_pose import HomePoseActions as HomePoseActions
+    from quad_env.envs.home_pose import HomePoseSpace as HomePoseSpace
+    from quad_env.envs.home_pose import VectorHomePoseActions as VectorHomePoseActions
+    from quad_env.robots.anatomy import ModelError as ModelError
+    from quad_env.robots.named import ROBOTS as ROBOTS
+    from quad_env.robots.robot import Robot as Robot
+    from quad_env.robots.simple_quad import JOINT_NAMES as JOINT_NAMES
+    from quad_env.robots.simple_quad import SIMPLE_QUAD as SIMPLE_QUAD
+    from quad_env.scenarios.axes import AXES as AXES
+    from quad_env.scenarios.axes import Axis as Axis
+    from quad_env.scenarios.disturbances import Dropouts as Dropouts
+    from quad_env.scenarios.disturbances import Ground as Ground
+    from quad_env.scenarios.disturbances import Latency as Latency
+    from quad_env.scenarios.disturbances import Motors as Motors
+    from quad_env.scenarios.disturbances import Payload as Payload
+    from quad_env.scenarios.disturbances import Pushes as Pushes
+    from quad_env.scenarios.disturbances import SensorNoise as SensorNoise
+    from quad_env.scenarios.disturbances import SteadyForce as SteadyForce
+    from quad_env.scenarios.named import SCENARIOS as SCENARIOS
+    from quad_env.scenarios.named import scenario as scenario
+    from quad_env.scenarios.scenario import Scenario as Scenario
+    from quad_env.scenarios.terrain import Flat as Flat
+    from quad_env.scenarios.terrain import Slope as Slope
+    from quad_env.scenarios.terrain import SmoothRandom as SmoothRandom
+    from quad_env.scenarios.terrain import Stairs as Stairs
+    from quad_env.sensing.estimators import ESTIMATORS as ESTIMATORS
+    from quad_env.sensing.height_scan import HeightScan as HeightScan
+    from quad_env.sensing.suite import SENSORS as SENSORS
+    from quad_env.sensing.suite import Encoders as Encoders
+    from quad_env.sensing.suite import FootContact as FootContact
+    from quad_env.sensing.suite import Imu as Imu
+    from quad_env.sensing.suite import JointTorque as JointTorque
+    from quad_env.sensing.suite import SensorSuite as SensorSuite
+    from quad_env.task.observations import OBSERVATION as OBSERVATION
+    from quad_env.task.observations import OBSERVATION_SIZE as OBSERVATION_SIZE
 
-__all__ = [
-    "ACTUATORS",
-    "AXES",
-    "ENV_ID",
-    "ESTIMATORS",
-    "FALL_REASONS",
-    "FALL_RULE",
-    "JOINT_NAMES",
-    "MAX_EPISODE_STEPS",
-    "OBSERVATION",
-    "OBSERVATION_SIZE",
-    "ROBOTS",
-    "SCENARIOS",
-    "SENSORS",
-    "SIMPLE_QUAD",
-    "Actuator",
-    "AnyPose",
-    "Axis",
-    "CommandRanges",
-    "Dropouts",
-    "Encoders",
-    "FallRule",
-    "Flat",
-    "FootContact",
-    "Gear",
-    "Ground",
-    "HeightScan",
-    "HomePoseActions",
-    "HomePoseSpace",
-    "Imu",
-    "JointTorque",
-    "Latency",
-    "ModelError",
-    "Motors",
-    "Payload",
-    "Pushes",
-    "RewardTerm",
-    "RewardWeights",
-    "Robot",
-    "Scenario",
-    "SensorNoise",
-    "SensorSuite",
-    "Slope",
-    "SmoothRandom",
-    "Stairs",
-    "StartNoise",
-    "SteadyForce",
-    "TaskConfig",
-    "Thermal",
-    "TorqueSpeed",
-    "VectorHomePoseActions",
-    "scenario",
-]
-_MODULES = (
-    "actuation.models",
-    "config",
-    "robots.anatomy",
-    "robots.named",
-    "robots.robot",
-    "robots.simple_quad",
-    "scenarios.axes",
-    "scenarios.disturbances",
-    "scenarios.named",
-    "scenarios.scenario",
-    "scenarios.terrain",
-    "sensing.estimators",
-    "sensing.height_scan",
-    "sensing.suite",
-    "task.observations",
-    "envs.home_pose",
-)
-"""Where the names above come from; loaded one after the other until one has the name that is asked for. The last needs
-Gymnasium."""
+_NAMES = {
+    "actuation.models": "ACTUATORS Actuator Gear Thermal TorqueSpeed",
+    "config": "FALL_REASONS FALL_RULE AnyPose CommandRanges FallRule RewardTerm RewardWeights StartNoise TaskConfig",
+    "robots.anatomy": "ModelError",
+    "robots.named": "ROBOTS",
+    "robots.robot": "Robot",
+    "robots.simple_quad": "JOINT_NAMES SIMPLE_QUAD",
+    "scenarios.axes": "AXES Axis",
+    "scenarios.disturbances": "Dropouts Ground Latency Motors Payload Pushes SensorNoise SteadyForce",
+    "scenarios.named": "SCENARIOS scenario",
+    "scenarios.scenario": "Scenario",
+    "scenarios.terrain": "Flat Slope SmoothRandom Stairs",
+    "sensing.estimators": "ESTIMATORS",
+    "sensing.height_scan": "HeightScan",
+    "sensing.suite": "SENSORS Encoders FootContact Imu JointTorque SensorSuite",
+    "task.observations": "OBSERVATION OBSERVATION_SIZE",
+    "envs.home_pose": "HomePoseActions HomePoseSpace VectorHomePoseActions",
+}
+"""Module -> its names that are also this package's; it is loaded when one of them is asked for."""
+_MODULE_OF = {name: module for module, names in _NAMES.items() for name in names.split()}
+__all__ = ["ENV_ID", "MAX_EPISODE_STEPS", *_MODULE_OF]
 
 register()
 
@@ -125,13 +87,9 @@ register()
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return _version()
-    if name not in __all__:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    for module in map(import_module, (f"{__name__}.{module}" for module in _MODULES)):
-        globals().update({each: getattr(module, each) for each in __all__ if hasattr(module, each)})
-        if name in globals():
-            break
-    return globals()[name]
+    return globals().setdefault(name, getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name))
 
 
 def __dir__() -> list[str]:

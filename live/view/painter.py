@@ -12,8 +12,7 @@ from PIL import Image, ImageDraw
 from live.view.camera import Picture
 from live.view.last_value import LastValue
 from live.view.quality import Level, Quality
-from quad_env.physics.marker import COMPANIONS
-from quad_env.physics.marks import Colour
+from quad_env.physics.marks import COMPANIONS, Colour
 from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80

@@ -17,14 +17,10 @@ class TorqueSpeed:
     """The torque-speed curve of a DC motor on a constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed), and the
     same with both signs turned.
 
-    By default the robot's rated torque is taken for the stall torque, its rated speed for the speed without load. That
-    is our reading of the document, which gives each joint an effort limit and a velocity limit and no curve.
-
     The line is that of a winding of resistance R and motor constant K on a voltage of at most ±V: τ = K (v − K ω) / R
-    (MuJoCo DC Motor Model, equation 2; MuJoCo's `dcmotor` with its on-board controller). It goes on through all four
-    quadrants: a motor that brakes has the back-EMF on its side, and the line allows more than the stall torque there.
-    The drive's current limit does not, and holds the torque within ±stall_torque. Above the speed without load the
-    back-EMF exceeds the supply: the motor can do nothing but brake, at least along the line.
+    (MuJoCo DC Motor Model, equation 2). It goes on through all four quadrants: a motor that brakes could exceed the
+    stall torque, but the drive's current limit holds the torque within ±stall_torque. Above the speed without load the
+    motor can do nothing but brake, at least along the line.
     """
 
     stall_torque: float | None = None
@@ -87,13 +83,10 @@ class Thermal:
 
     From `derating` to `shutdown` the torque limit falls linearly to the share `derated` of itself; a motor that reaches
     `shutdown` is switched off: its winding is open, it gives no torque and does not brake, until the end of the
-    episode, however much it cools. Real drives do so: moteus (`derate_temperature`, `derate_current_A`, then a fault at
-    `fault_temperature`), and ODrive 0.5, where the limit falls to zero and an axis that is hotter still stays off until
-    its error is cleared. An episode starts at `ambient`.
+    episode, however much it cools, as drives of moteus and ODrive do. An episode starts at `ambient`.
 
-    The default figures are those of the winding and the case of a small leg motor, its case taken to stay at ambient
-    temperature: resistance 1.07 K/W, 16.3 J/K, at most 115 °C with a soft border of 15 °C below it (opensourceleg,
-    `hardware/thermal.py`).
+    The default figures are those of a small leg motor whose case stays at ambient temperature: 1.07 K/W, 16.3 J/K, at
+    most 115 °C with a soft border of 15 °C below it (opensourceleg, `hardware/thermal.py`).
     """
 
     resistance: float = 1.07

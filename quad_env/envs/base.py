@@ -8,9 +8,9 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from quad_env.actuation.delay import action_delay_of
 from quad_env.actuation.models import Actuator
 from quad_env.actuation.models import actuator as find_actuator
+from quad_env.actuation.runtime import action_delay_of
 from quad_env.columns import Column, Rows, Vector
 from quad_env.config import TaskConfig
 from quad_env.physics.simulation import Simulation
@@ -20,11 +20,9 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode, at_reset
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.estimator import Estimator
-from quad_env.sensing.estimators import check_estimator
-from quad_env.sensing.height_scan import HeightScan, table_with
+from quad_env.sensing.estimators import Estimator, check_estimator
+from quad_env.sensing.height_scan import HeightScan, scanner_of, table_with
 from quad_env.sensing.observation import SensedObservation, shown_by
-from quad_env.sensing.scanner import scanner_of
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
 from quad_env.task.rewards import look_at_feet, step_weights

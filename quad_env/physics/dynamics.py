@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.robots.arena import spec_of
-from quad_env.robots.collisions import foot_geoms
 from quad_env.robots.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -123,38 +122,3 @@ def _symmetric(composite: Floats) -> Floats:
     """The rotational inertia, (3, 3), of MuJoCo's record of a composite body."""
     xx, yy, zz, xy, xz, yz = composite[:6]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-class WholeBody(NamedTuple):
-    """Motion of a whole robot and what the ground does to it, world frame; of several with leading axes."""
-
-    centre: Floats
-    """Centre of mass, (3,), m."""
-    velocity: Floats
-    """Its velocity, (3,), m/s."""
-    rotation: Floats
-    """From the base to the world frame, (3, 3)."""
-    turning: Floats
-    """Angular velocity of the trunk, (3,), rad/s."""
-    forces: Floats
-    """Of the ground on each foot, (4, 3), N."""
-
-
-def whole_body(robot: Robot, model: Any, data: Any) -> WholeBody:
-    """What MuJoCo has of the robot in `data` now, derived fields current, such as those of `Simulation.snapshot`."""
-    import mujoco
-
-    mujoco.mj_subtreeVel(model, data)
-    trunk = model.body("base_link").id
-    rotation, joint = data.xmat[trunk].reshape(3, 3).copy(), model.body_dofadr[trunk]
-    feet = {geom: foot for foot, leg in enumerate(robot.leg_names) for geom in foot_geoms(model, leg)}
-    forces, one = np.zeros((len(robot.leg_names), 3)), np.zeros(6)
-    for number, contact in enumerate(data.contact):
-        for place, geom in enumerate(contact.geom):
-            if (foot := feet.get(int(geom))) is not None:
-                mujoco.mj_contactForce(model, data, number, one)
-                # It acts on the second of the two.
-                sign = 1.0 if place == 1 else -1.0
-                forces[foot] += sign * (contact.frame.reshape(3, 3).T @ one[:3])
-    turning = rotation @ data.qvel[joint + 3 : joint + 6]
-    return WholeBody(data.subtree_com[trunk].copy(), data.subtree_linvel[trunk].copy(), rotation, turning, forces)

@@ -11,9 +11,9 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.terrain import Terrain
 
 BOUNCE = 1
-"""Control steps in a row off the ground that are no swing: on touch-down feet bounce. legged_gym's filter
-(`contact_filt`) has the same effect, and there too a swing lasts as many control steps as the foot is off the ground.
-"""
+"""Control steps in a row off the ground that are no swing, as in legged_gym's `contact_filt`: landing feet bounce."""
+Columns = Callable[[Array], Vector[Column]]
+"""Takes the columns of the wanted robots out of the rows of all."""
 
 
 class Footsteps:
@@ -66,8 +66,8 @@ class Footsteps:
         self._readings[ids, :3], self._readings[ids, 3:6] = position.transpose(0, 2, 1), velocity.transpose(0, 2, 1)
         self._readings[ids, 6] = height
 
-    def feet(self, columns: Callable[[Array], Vector[Column]]) -> Feet[Column]:
-        """Readings now; `columns` takes those of the wanted robots out of the rows of all."""
+    def feet(self, columns: Columns[Column]) -> Feet[Column]:
+        """Readings now."""
         n, _, legs = self._readings.shape
         flat = columns(self._readings.reshape(n, -1))
         xyz, scalars = flat[: 6 * legs], [tuple(flat[k * legs : (k + 1) * legs]) for k in range(6, 11)]

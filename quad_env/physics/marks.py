@@ -1,11 +1,21 @@
-"""Marks that are drawn into a picture, in the world frame."""
+"""Marks and further robots that are drawn into a scene of MuJoCo, in the world frame."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
+
+import mujoco
+import numpy as np
 
 from quad_env.columns import Array, Vector
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 … 1."""
+COMPANIONS: tuple[Colour, ...] = ((0.95, 0.55, 0.1, 1.0), (0.3, 0.75, 0.35, 1.0), (0.75, 0.35, 0.8, 1.0))
+"""Colours of the second robot of a scene, the third and so on."""
+_SHORTEST = 1e-3
+"""m; shorter arrows are not drawn, for they have no direction."""
+_SHADOWLESS = mujoco.mjtCatBit.mjCAT_DECOR
+"""Category of what casts no shadow."""
 
 
 class Arrow(NamedTuple):
@@ -38,3 +48,69 @@ class Ghost(NamedTuple):
 
 
 Mark = Arrow | Ball | Ghost
+
+
+class Marker:
+    """Adds marks to scenes of a model."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._ghost: mujoco.MjData | None = None
+
+    def draw(self, scene: mujoco.MjvScene, marks: Sequence[Mark]) -> None:
+        """Add them."""
+        for mark in marks:
+            if isinstance(mark, Arrow):
+                _add_arrow(scene, mark)
+            elif isinstance(mark, Ball):
+                _add_ball(scene, mark)
+            else:
+                self._add_ghost(scene, mark)
+
+    def accompany(self, scene: mujoco.MjvScene, robots: Sequence[mujoco.MjData]) -> None:
+        """Add robots of the same model, each in one of `COMPANIONS`."""
+        what = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_DYNAMIC
+        for robot, colour in zip(robots, COMPANIONS, strict=False):
+            before = scene.ngeom
+            mujoco.mjv_addGeoms(self._model, robot, *what, scene)
+            for geom in scene.geoms[before : scene.ngeom]:
+                _paint(geom, colour)
+
+    def _add_ghost(self, scene: mujoco.MjvScene, ghost: Ghost) -> None:
+        before = scene.ngeom
+        if self._ghost is None:
+            self._ghost = mujoco.MjData(self._model)
+            mujoco.mj_resetDataKeyframe(self._model, self._ghost, self._model.key("home").id)
+        self._ghost.qpos[:3] = ghost.position
+        mujoco.mju_mat2Quat(self._ghost.qpos[3:7], ghost.rotation.ravel())
+        mujoco.mj_kinematics(self._model, self._ghost)
+        what = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_DYNAMIC
+        mujoco.mjv_addGeoms(self._model, self._ghost, *what, scene)
+        for geom in scene.geoms[before : scene.ngeom]:
+            _paint(geom, ghost.colour)
+
+
+def _add_arrow(scene: mujoco.MjvScene, arrow: Arrow) -> None:
+    start, end = np.array(arrow.start), np.array(arrow.end)
+    if np.linalg.norm(end - start) < _SHORTEST:
+        return
+    geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_ARROW
+    mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(arrow.colour, np.float32))
+    mujoco.mjv_connector(geom, kind, arrow.radius, start, end)
+    geom.size[2] *= 2.0  # of which MuJoCo draws half
+    geom.category = _SHADOWLESS
+    scene.ngeom += 1
+
+
+def _add_ball(scene: mujoco.MjvScene, ball: Ball) -> None:
+    geom, size = scene.geoms[scene.ngeom], np.full(3, ball.radius)
+    colour = np.array(ball.colour, np.float32)
+    mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_SPHERE, size, np.array(ball.centre), np.eye(3).ravel(), colour)
+    geom.category = _SHADOWLESS
+    scene.ngeom += 1
+
+
+def _paint(geom: mujoco.MjvGeom, colour: Colour) -> None:
+    """In one colour, without the material's texture and gloss, and without a shadow."""
+    geom.matid, geom.rgba[:], geom.category = -1, colour, _SHADOWLESS
+    geom.specular = geom.shininess = geom.reflectance = 0.0

@@ -42,10 +42,9 @@ class Probe:
         `clock`, (k,), since the start.
 
         `accelerometer`, sampled every `period` steps, is the mean specific force since the last sample: change of the
-        IMU's velocity by time, less gravity. A foot's impact, over within a substep or two, is neither missed nor taken
-        for all the time, as by the filter of a device. MuJoCo's own accelerometer is the reading of the first look
-        alone: with implicit integration what it reads and how the trunk moves differ by 2.4 m/s² (rms over control
-        steps, vertical) in a trot.
+        IMU's velocity by time, less gravity. So a foot's impact, over within a substep or two, is neither missed nor
+        taken for all the time. MuJoCo's own accelerometer, which implicit integration makes differ from the trunk's
+        motion by 2.4 m/s² (rms, vertical) in a trot, is the reading of the first look alone.
         """
         self._batch.forward(rows)
         gyro, acceleration, velocity, orientation, *feet = (data[rows] for data in self._sensors)

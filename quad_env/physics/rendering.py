@@ -1,5 +1,6 @@
 """Frames and windows of a simulated robot."""
 
+import copy
 import ctypes
 import importlib
 import os
@@ -13,9 +14,12 @@ import numpy as np
 from mujoco.rendering.classic import gl_context
 from numpy.typing import NDArray
 
-from quad_env.physics.ground import Ground
-from quad_env.physics.marker import Marker
-from quad_env.physics.marks import Mark
+from quad_env.physics.marks import Mark, Marker
+
+NEAR = 6.0
+"""Half-side of the square that is drawn, m; a whole height field is a million triangles."""
+STRAY = 2.5
+"""Largest distance of the target from the square's centre along an axis, m."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +126,54 @@ class Camera:
         return camera
 
 
+class Ground:
+    """A copy of a model whose height field, if it has one, is cut to a square about a point."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._whole = model
+        self.model: mujoco.MjModel = copy.copy(model)
+        """The copy."""
+        fields = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)
+        self._geom = int(fields[0]) if len(fields) else None
+        self._centre: NDArray[np.float64] | None = None
+
+    @property
+    def height_field(self) -> int:
+        """Number of the height field in the model."""
+        return int(self.model.geom_dataid[self._geom])
+
+    def come_near(self, target: tuple[float, float, float]) -> bool:
+        """Cut the square about that point, world, m, where it is too far from the present one; whether it was cut."""
+        if self._geom is None:
+            return False
+        place = np.array(target[:2])
+        if self._centre is not None and np.abs(place - self._centre).max() <= STRAY:
+            return False
+        self._cut(place)
+        return True
+
+    def move(self, data: mujoco.MjData) -> None:
+        """Put the square where it belongs in a snapshot of the whole model."""
+        if self._geom is not None:
+            data.geom_xpos[self._geom, :2] = self._centre
+
+    def _cut(self, target: NDArray[np.float64]) -> None:
+        whole, cut, field = self._whole, self.model, self.height_field
+        count = int(whole.hfield_nrow[field])
+        half, at = whole.hfield_size[field, 0], whole.geom_pos[self._geom, :2]
+        spacing = 2.0 * half / (count - 1)
+        kept = min(count, 2 * round(NEAR / spacing) + 1)
+        first = np.clip(np.round((target - at + half) / spacing).astype(int) - kept // 2, 0, count - kept)
+        start = int(whole.hfield_adr[field])
+        heights = whole.hfield_data[start : start + count * count].reshape(count, count)  # rows along y
+        column, row = first
+        part = heights[row : row + kept, column : column + kept]
+        cut.hfield_data[start : start + kept * kept] = part.ravel()
+        cut.hfield_nrow[field] = cut.hfield_ncol[field] = kept
+        cut.hfield_size[field, :2] = spacing * (kept - 1) / 2.0
+        self._centre = at - half + spacing * (first + (kept - 1) / 2.0)
+
+
 class _Renderer(mujoco.Renderer):  # type: ignore[misc]
     """MuJoCo's renderer, for models whose height field changes."""
 
@@ -164,17 +216,14 @@ def shows_windows() -> bool:
 
 
 def find_backend() -> None:
-    """Have MuJoCo draw without a display where there is none. Raises RuntimeError where nothing can be drawn then."""
-    if not shows_windows():
-        _render_without_a_display()
-
-
-def _render_without_a_display() -> None:
-    """Have MuJoCo use EGL, unless MUJOCO_GL says otherwise; by itself it reads that when it is imported, and only then.
+    """Have MuJoCo draw with EGL where there is no display, unless MUJOCO_GL says otherwise, which it reads only when it
+    is imported.
 
     Raises:
         RuntimeError: there is no EGL.
     """
+    if shows_windows():
+        return
     if "MUJOCO_GL" not in os.environ:
         try:
             ctypes.CDLL("libEGL.so.1")

@@ -1,7 +1,7 @@
 """n robots on one MuJoCo batch: joint targets in, state out."""
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any, cast
 
 import mujoco
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.runtime import actuator_models_of
 from quad_env.columns import Array, Column, Ids, Mask, Truth, Vector, not_finite, of_robot, of_robots, total
-from quad_env.physics.footsteps import Footsteps, touching
+from quad_env.physics.footsteps import Columns, Footsteps, touching
 from quad_env.physics.model import (
     PAYLOAD,
     Mounting,
@@ -39,8 +39,6 @@ _LINKS = ("thigh", "calf")
 _HIGH = 10.0
 """How far up robots of users are looked at before they are put on bumpy ground, leg lengths: with a trunk of many geoms
 in the ground MuJoCo finds more contacts than it has memory for."""
-Motion = tuple[Vector[Column], Vector[Column]]
-"""Generalised positions (19) and velocities (18), as MuJoCo orders them."""
 
 
 class Simulation:
@@ -198,15 +196,15 @@ class Simulation:
 
     def diverged(self, ids: Ids = ALL) -> Mask:
         """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite."""
-        return cast("Mask", _diverged(*(of_robots(rows[ids]) for rows in (self._warnings, self.qpos, self.qvel))))
+        return cast("Mask", self._has_diverged(lambda rows: of_robots(rows[ids])))
 
-    def motion_of_one(self) -> Motion[float]:
-        """Motion of the only robot of a batch of one."""
-        return of_robot(self.qpos), of_robot(self.qvel)
+    def one_diverged(self) -> bool:
+        """`diverged` of the only robot of a batch of one."""
+        return bool(self._has_diverged(of_robot))
 
-    def one_diverged(self, motion: Motion[float]) -> bool:
-        """`diverged` of the only robot of a batch of one, whose motion it is."""
-        return bool(_diverged(of_robot(self._warnings), *motion))
+    def _has_diverged(self, columns: Columns[Column]) -> Truth:
+        warned: Any = total(columns(self._warnings)) > 0
+        return warned | not_finite(columns(self.qpos)) | not_finite(columns(self.qvel))  # type: ignore[no-any-return]
 
     def park(self, ids: NDArray[np.intp]) -> None:
         """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
@@ -220,18 +218,14 @@ class Simulation:
 
     def state(self, command: Vector[Array], ids: Ids = ALL) -> QuadState[Array]:
         """Readings of those robots now; `command`, (3) is the one they were following."""
-        motion = of_robots(self.qpos[ids]), of_robots(self.qvel[ids])
-        return self._readings(lambda rows: of_robots(rows[ids]), motion, command)
+        return self._readings(lambda rows: of_robots(rows[ids]), command)
 
-    def state_of_one(self, command: Vector[float], motion: Motion[float] | None = None) -> QuadState[float]:
-        """The same of the only robot of a batch of one; `motion` is its own, where it has been read already."""
-        return self._readings(of_robot, motion or self.motion_of_one(), command)
+    def state_of_one(self, command: Vector[float]) -> QuadState[float]:
+        """The same of the only robot of a batch of one."""
+        return self._readings(of_robot, command)
 
-    def _readings(
-        self, columns: Callable[[Array], Vector[Column]], motion: Motion[Column], command: Vector[Column]
-    ) -> QuadState[Column]:
-        """`columns` takes those of the wanted robots out of the rows of all."""
-        qpos, qvel = motion
+    def _readings(self, columns: Columns[Column], command: Vector[Column]) -> QuadState[Column]:
+        qpos, qvel = columns(self.qpos), columns(self.qvel)
         rotation = rotation_matrix(qpos[3:7])
         x, y, z = qpos[:3]
         return QuadState(
@@ -291,8 +285,3 @@ class Simulation:
         data = self.batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
         return data
-
-
-def _diverged(warnings: Vector[Column], qpos: Vector[Column], qvel: Vector[Column]) -> Truth:
-    warned: Any = total(warnings) > 0
-    return warned | not_finite(qpos) | not_finite(qvel)  # type: ignore[no-any-return]

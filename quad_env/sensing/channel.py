@@ -1,4 +1,4 @@
-"""A sensor's samples on their way to its reader: taken at its rate, seen late."""
+"""A sensor's samples, their noise, and their way to the reader: taken at a rate, seen late."""
 
 import math
 
@@ -9,6 +9,37 @@ from quad_env.columns import Array, Rows
 
 Clock = NDArray[np.int64]
 """Control steps of some robots since the start of their episodes, (k,)."""
+BLOCK = 50
+"""Control steps for which a robot's noise is drawn at once."""
+
+
+class Noise:
+    """White noise of n robots, each from its own stream; `deviation`, (k,), is the standard deviation of each entry.
+
+    Drawn a block of steps at a time: that of a step depends on the robot's stream and the step alone.
+    """
+
+    def __init__(self, num_envs: int, deviation: NDArray[np.float32]) -> None:
+        self._deviation = deviation
+        self._noise = np.zeros((num_envs, BLOCK, len(deviation)), np.float32)
+        self._block = np.full(num_envs, -1)
+        """Which block of steps each robot's noise is of."""
+        self._streams: list[np.random.Generator | None] = [None] * num_envs
+
+    def begin(self, row: int, stream: np.random.Generator) -> None:
+        """That robot starts an episode, whose stream this is."""
+        self._block[row], self._streams[row] = -1, stream
+
+    def at(self, clock: NDArray[np.int64], rows: Rows) -> NDArray[np.float32]:
+        """Noise of those robots at these control steps since their start, which only go up, (n, k)."""
+        block = clock // BLOCK
+        for row in rows[self._block[rows] != block]:
+            noise, stream = self._noise[row], self._streams[row]
+            assert stream is not None
+            stream.standard_normal(out=noise, dtype=np.float32)
+            noise *= self._deviation
+        self._block[rows] = block
+        return self._noise[rows, clock % BLOCK]
 
 
 class Channel:
@@ -38,7 +69,7 @@ class Channel:
         self._samples = np.zeros((max(oldest, self.late) // self.period + 3, num_envs, width))
         """Sample s is at s modulo its length; two more than are seen late, for differences."""
 
-    def take(self, values: Array, clock: Clock, rows: Rows) -> None:
+    def take(self, values: Array | NDArray[np.float32], clock: Clock, rows: Rows) -> None:
         """Samples of those robots' sensors, which would now read these values, (k, width); kept where one is due."""
         due = clock % self.period == 0
         self._samples[clock[due] // self.period % len(self._samples), rows[due]] = values[due]

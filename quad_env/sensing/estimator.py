@@ -18,7 +18,7 @@ al., State estimation for legged robots, RSS 2012, in the form of a filter with 
     v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(when the legs say so))
 """
 
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -65,44 +65,6 @@ class Estimate(NamedTuple):
     """Of the trunk's centre, m/s, (n, 3)"""
 
 
-class Height(NamedTuple):
-    """Of n trunks."""
-
-    value: Array
-    """m, (n,)"""
-    deviation: Array
-    """Standard deviation that is claimed of its error, m, (n,)"""
-
-
-class Estimator(Protocol):
-    """Estimates of n robots, base frame, moved on by a control period at a time."""
-
-    gravity: Array
-    """Unit vectors of now, (n, 3)"""
-    velocity: Array
-    """Velocity of the trunk's centre now, m/s, (n, 3)"""
-    gyro_bias: Array
-    """rad/s, (n, 3)"""
-
-    @property
-    def then(self) -> Estimate:
-        """Of the moment that all sensors have reported."""
-
-    @property
-    def covariance(self) -> Array | None:
-        """Of the error of that estimate and of what else belongs to it, (n, k, k); None where it is not known."""
-
-    @property
-    def height(self) -> Height | None:
-        """Of the trunks' centres above the feet that stand, of that moment; None where it is not known."""
-
-    def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
-        """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
-
-    def move_on(self, read: Read, rows: Rows) -> None:
-        """One control period later those robots' sensors read this."""
-
-
 class ComplementaryFilter:
     """Estimates of n robots, base frame, moved on by `dt`, s, at a time; `spacing`, s, is between encoder samples.
 
@@ -110,7 +72,7 @@ class ComplementaryFilter:
     """
 
     covariance = None
-    height = None
+    """Of the error of the estimate: not known"""
 
     def __init__(self, robot: Robot, num_envs: int, dt: float, spacing: float) -> None:
         self._robot, self._dt, self._spacing = robot, dt, spacing

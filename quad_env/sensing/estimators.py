@@ -1,7 +1,7 @@
 """The estimators by name."""
 
 from quad_env.robots.robot import Robot
-from quad_env.sensing.estimator import ComplementaryFilter, Estimator
+from quad_env.sensing.estimator import ComplementaryFilter
 from quad_env.sensing.instruments import Instruments
 from quad_env.sensing.kalman import KalmanFilter
 from quad_env.sensing.suite import SENSORS, SensorSuite
@@ -9,6 +9,8 @@ from quad_env.sensing.suite import SENSORS, SensorSuite
 COMPLEMENTARY, KALMAN = "complementary", "kalman"
 ESTIMATORS = (COMPLEMENTARY, KALMAN)
 """What `estimator=` can be; the first is the default."""
+Estimator = ComplementaryFilter | KalmanFilter
+"""Estimates of n robots, moved on by a control period at a time."""
 
 
 def check_estimator(name: str, suite: SensorSuite | None) -> None:

@@ -1,14 +1,22 @@
-"""A height scan of the ground about the robot, as a value in physical units."""
+"""A height scan of the ground about the robot: as a value in physical units, and those of n robots."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from quad_env.columns import Array, Mask
+from quad_env.columns import Array, Column, Mask, Rows
+from quad_env.physics.state import QuadState, to_heading
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.disturbances import check_amount, check_positive
+from quad_env.scenarios.episode import Episode
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import Terrain
+from quad_env.sensing.channel import Channel, Clock, Noise
 from quad_env.sensing.suite import Sampled
 from quad_env.task.observations import ObservationTable, Term, observation_table
 
@@ -24,12 +32,10 @@ _SCALE = 2.5
 class HeightScan(Sampled):
     """Ground heights on a grid about the trunk's centre, in the heading frame: x ahead, y to the left, both level.
 
-    A value is the height of the ground there minus that of the trunk's centre, m: negative where the ground is lower,
-    about −0.36 under a robot that stands. It is clipped to ±2 m, and a point that is not seen reads −2 m. Heights are
-    those of the terrain straight below and above the points: nothing hides behind a step, and the robot's own legs are
-    not seen. A sample that is seen late is of the place, heading and height of the trunk when it was taken.
-
-    A scenario's observation latency comes on top of the delay, and its noise on top of the noise.
+    A value is the height of the ground there minus that of the trunk's centre, m, about −0.36 under a robot that
+    stands; clipped to ±2 m, and −2 m where a point is not seen. Nothing hides behind a step, and the robot's own legs
+    are not seen. A sample that is seen late is of the place, heading and height of the trunk when it was taken. A
+    scenario's observation latency and noise come on top.
     """
 
     delay: float = 0.0
@@ -109,3 +115,74 @@ class HeightScan(Sampled):
 def table_with(robot: Robot, scan: HeightScan | None) -> ObservationTable:
     """The observation of a robot with that scan, or without one."""
     return observation_table(robot) if scan is None else observation_table(robot, scan.term)
+
+
+def ground_heights(terrain: Terrain, x: Array, y: Array, z: Array, heading: Array, points: Array) -> Array:
+    """Ground below or above points (p, 2), heading frame, minus the height of the trunks' centres, (k, p), m.
+
+    The centres are at `x`, `y` and `z`, world frame, (k,); `heading` holds the cosine and the sine of each robot's,
+    (2, k).
+    """
+    (cos, sin), (ahead, left) = heading[..., None], points.T
+    world_x, world_y = x[:, None] + (cos * ahead - sin * left), y[:, None] + (sin * ahead + cos * left)
+    return np.asarray(terrain.height(world_x, world_y) - z[:, None])
+
+
+class Scanner:
+    """Noise, drop-outs, rate and delay of n robots' height scans; `latency` and `noise` come on top, s and m."""
+
+    def __init__(
+        self, scan: HeightScan, terrain: Terrain, num_envs: int, control_rate: float, latency: float, noise: float
+    ) -> None:
+        self._terrain, self._points = terrain, scan.points
+        width, deviation = len(self._points), float(np.hypot(scan.noise, noise))
+        self._channel = Channel(num_envs, width, scan.rate, scan.delay + latency, control_rate)
+        self._noise = Noise(num_envs, np.full(width, deviation, np.float32)) if deviation else None
+        self._chance = Noise(num_envs, np.ones(width, np.float32)) if scan.dropouts else None
+        self._unlikely = _quantile(scan.dropouts)
+        """A standard normal number is below it with the chance of a drop-out."""
+
+    def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
+        """Start these episodes of those robots."""
+        for row, episode in zip(rows, episodes, strict=True):
+            if self._noise is not None:
+                self._noise.begin(row, episode.streams.scan_noise)
+            if self._chance is not None:
+                self._chance.begin(row, episode.streams.scan_dropouts)
+
+    def scan(self, state: QuadState[Column], clock: Clock, rows: Rows) -> NDArray[np.float32]:
+        """What those robots, (k,), whose `state` and `clock` these are, are shown now, (k, p)."""
+        due = np.flatnonzero(clock % self._channel.period == 0)
+        if len(due):
+            self._channel.take(self._sampled(state, clock[due], rows[due], due), clock[due], rows[due])
+        return self._channel.value(clock, rows).astype(np.float32)
+
+    def _sampled(self, state: QuadState[Column], clock: Clock, rows: Rows, which: Rows) -> Array:
+        """Fresh samples of some of the robots, whose rows of the state are `which`, (k, p)."""
+        east: Any = (1.0, 0.0)
+        cos, minus_sin = to_heading(state.rotation, east)
+        x, y, z, cos, sin = (np.reshape(np.asarray(each), -1)[which] for each in (*state.position, cos, -minus_sin))
+        values = ground_heights(self._terrain, x, y, z, np.stack((cos, sin)), self._points)
+        number = clock // self._channel.period
+        if self._noise is not None:
+            values += self._noise.at(number, rows)
+        if self._chance is not None:
+            values[self._chance.at(number, rows) < self._unlikely] = UNSEEN
+        return np.clip(values, UNSEEN, -UNSEEN, out=values)
+
+
+def _quantile(share: float) -> float:
+    from scipy.special import ndtri
+
+    return float(ndtri(share))
+
+
+def scanner_of(scan: HeightScan | None, scenario: Scenario, num_envs: int, control_rate: float) -> Scanner | None:
+    """The scanner of n robots in that scenario; None without a scan, ValueError for what is none."""
+    if scan is None:
+        return None
+    if not isinstance(scan, HeightScan):
+        raise ValueError(f"height_scan is a quad_env.HeightScan or None, got {scan!r}; write quad_env.HeightScan(…)")
+    late = 0 if scenario.latency is None else round(scenario.latency.observation * control_rate)
+    noise = 0.0 if scenario.noise is None else scenario.noise.height_scan
+    return Scanner(scan, scenario.terrain, num_envs, control_rate, late / control_rate, noise)

@@ -8,8 +8,7 @@ from quad_env.columns import Array, Rows
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import Episode
-from quad_env.sensing.channel import Channel, Clock, steps_late
-from quad_env.sensing.noise import Noise
+from quad_env.sensing.channel import Channel, Clock, Noise, steps_late
 from quad_env.sensing.suite import SensorSuite
 
 

@@ -33,9 +33,8 @@ from quad_env.sensing.error_state import (
     rotation,
     times,
 )
-from quad_env.sensing.estimator import Estimate, Height, Read, unit
+from quad_env.sensing.estimator import Estimate, Read, unit
 from quad_env.sensing.suite import SensorSuite
-from quad_env.sensing.trunk_height import TrunkHeight
 
 BETWEEN = 0.35
 """Share of the change from one sample of the gyroscope to the next by which their mean is not that of the time between
@@ -137,7 +136,6 @@ class KalmanFilter:
         self._force = np.zeros((num_envs, 3))
         self._jacobians = np.zeros((num_envs, legs, 3, 3))
         """Of the feet by `_joints`, m/rad"""
-        self._height = TrunkHeight(robot, num_envs, self._errors.zero)
 
     @property
     def then(self) -> Estimate:
@@ -147,12 +145,9 @@ class KalmanFilter:
     @property
     def covariance(self) -> Array:
         """Of the error of `motion`, the IMU's mounting with it; (n, 24, 24), in the order of `error_state`."""
-        return self._claimed(self._covariance)
-
-    @property
-    def height(self) -> Height:
-        """Of the trunk's centre above the feet that stand, of the moment of the readings."""
-        return self._height.now
+        out = self._covariance.copy()
+        out[:, TILT, TILT] += self._errors.mounting**2 * ONE
+        return out
 
     def begin(self, rows: Rows, at_rest: Array, read: Read) -> None:
         """Start of those robots, whose accelerometers read so before, (k, 3), when they stood still."""
@@ -174,7 +169,6 @@ class KalmanFilter:
         self._rest[rows] = self._read[rows] = 0.0
         self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, 0.0
         self._jacobians[rows], self._force[rows] = foot_jacobians(self._robot, joints), at_rest
-        self._height.begin(rows, BodyMotion._make(values[rows] for values in self.motion), *self._known(rows))
         self.gravity[rows], self.velocity[rows], self.gyro_bias[rows] = gravity, 0.0, 0.0
 
     def move_on(self, read: Read, rows: Rows) -> None:
@@ -192,8 +186,6 @@ class KalmanFilter:
         error, self._covariance[rows] = self._measured(rows, read, motion, samples, loaded, covariance)
         motion = error_state.corrected(motion, error)
         self._keep(rows, motion)
-        covariance, jacobians = self._known(rows)
-        self._height.move_on(rows, motion, covariance, self.standing[rows], jacobians, self._dt)
         self._show(rows, motion, read.gyro, acceleration, times(to.turn, self._acceleration[rows]))
         self._gyro[rows], self._joints[rows], self._acceleration[rows] = read.gyro, joints, acceleration
 
@@ -251,16 +243,6 @@ class KalmanFilter:
         self.gravity[rows] = unit(times(turn, motion.gravity))
         self.velocity[rows] = times(turn, motion.velocity + gained)
         self.gyro_bias[rows] = motion.gyro_bias
-
-    def _known(self, rows: Rows) -> tuple[Array, Array]:
-        """Covariance of the error, and Jacobians of the feet, of those robots."""
-        return self._claimed(self._covariance[rows]), self._jacobians[rows]
-
-    def _claimed(self, covariance: Array) -> Array:
-        """With the IMU's mounting, (k, size, size)."""
-        out = covariance.copy()
-        out[:, TILT, TILT] += self._errors.mounting**2 * ONE
-        return out
 
     def _keep(self, rows: Rows, motion: BodyMotion) -> None:
         for kept, values in zip(self.motion, motion, strict=True):

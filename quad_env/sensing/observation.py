@@ -1,4 +1,4 @@
-"""The observation as n robots' own sensors have it."""
+"""What n robots' observations show of their states: with noise, late, or as their own sensors have it."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,15 +10,50 @@ from quad_env.columns import Rows
 from quad_env.physics.probe import Probe
 from quad_env.physics.simulation import Simulation
 from quad_env.robots.robot import Robot
+from quad_env.scenarios.disturbances import SensorNoise
 from quad_env.scenarios.episode import Episode
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.channel import Clock
-from quad_env.sensing.disturbance import Sensors
+from quad_env.sensing.channel import Channel, Clock, Noise
 from quad_env.sensing.estimator import Read
 from quad_env.sensing.estimators import make_estimator
 from quad_env.sensing.instruments import Instruments
 from quad_env.sensing.suite import SensorSuite
-from quad_env.task.observations import observation_table
+from quad_env.task.observations import ObservationTable, observation_table
+
+
+class Sensors:
+    """Noise and delay of n robots' sensors; `clock` is each robot's control steps since its start."""
+
+    def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
+        table = observation_table(robot)
+        self._sensed, self._bound = table.sensed, table.bound[table.sensed]
+        late = 0 if scenario.latency is None else round(scenario.latency.observation / dt)
+        self._readings = Channel(num_envs, len(self._bound), None, late * dt, 1 / dt) if late else None
+        self._noise = None if scenario.noise is None else Noise(num_envs, _deviations(scenario.noise, table))
+
+    def begin(self, rows: Rows, episodes: Sequence[Episode]) -> None:
+        """Start these episodes of those robots."""
+        if self._noise is not None:
+            for row, episode in zip(rows, episodes, strict=True):
+                self._noise.begin(row, episode.streams.noise)
+
+    def sense(self, observation: NDArray[np.float32], clock: NDArray[np.int64], rows: Rows) -> None:
+        """Turn true observations, (k, …), into what the sensors of those robots show; `clock` is theirs, (k,)."""
+        sensed = observation[:, self._sensed]
+        if self._noise is not None:
+            sensed += self._noise.at(clock, rows)
+            np.clip(sensed, -self._bound, self._bound, out=sensed)
+        if self._readings is not None:
+            self._readings.take(sensed, clock, rows)
+            sensed[:] = self._readings.value(clock, rows)
+
+
+def _deviations(noise: SensorNoise, table: ObservationTable) -> NDArray[np.float32]:
+    """Standard deviation of each sensed entry, (33,)."""
+    out = np.zeros(table.sensed.stop, np.float32)
+    for term, deviation in noise.deviations.items():
+        out[table.slices[term]] = deviation
+    return out
 
 
 class SensedObservation:

@@ -5,9 +5,9 @@ the field, with the error itself rather than its square in the exponent, so that
 pay.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
-from typing import Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -115,42 +115,27 @@ def _horizontal_speed_squared(velocity: Vector[Column]) -> Column:
     return velocity[0] * velocity[0] + velocity[1] * velocity[1]
 
 
-class Term(Protocol):
-    """A reward term."""
-
-    __name__: str
-
-    def __call__(self, state: QuadState[Column]) -> Column:
-        """The term's value, not weighted."""
-
-
-class FootTerm(Protocol):
-    """A reward term of the feet."""
-
-    __name__: str
-
-    def __call__(self, state: QuadState[Column], feet: Feet[Column], /) -> Column:
-        """The term's value, not weighted."""
-
-
-_FUNCTIONS: tuple[Term, ...] = (
-    linear_velocity_tracking,
-    yaw_rate_tracking,
-    linear_velocity_error,
-    yaw_rate_error,
-    vertical_velocity,
-    roll_pitch_rate,
-    tilt,
-    action_rate,
-    torque,
-)
 REWARD = "reward_"
 """Begins the key of every term in the infos."""
-TERMS = {f"{REWARD}{function.__name__}": function for function in _FUNCTIONS}
-"""Key of each term in the infos -> its function."""
-_FOOT_FUNCTIONS: tuple[FootTerm, ...] = (foot_air_time, foot_clearance, foot_slip, foot_impact)
-FOOT_TERMS = {f"{REWARD}{function.__name__}": function for function in _FOOT_FUNCTIONS}
-"""The same of the terms that are worked out where they have a weight, and 0 elsewhere."""
+TERMS: dict[str, Callable[..., Any]] = {
+    f"{REWARD}{function.__name__}": function
+    for function in (
+        linear_velocity_tracking,
+        yaw_rate_tracking,
+        linear_velocity_error,
+        yaw_rate_error,
+        vertical_velocity,
+        roll_pitch_rate,
+        tilt,
+        action_rate,
+        torque,
+    )
+}
+"""Key of each term in the infos -> its function of the state."""
+FOOT_TERMS: dict[str, Callable[..., Any]] = {
+    f"{REWARD}{function.__name__}": function for function in (foot_air_time, foot_clearance, foot_slip, foot_impact)
+}
+"""The same of the terms of state and feet, which are worked out where they have a weight, and 0 elsewhere."""
 FALL = f"{REWARD}fall"
 
 
@@ -183,9 +168,8 @@ def reward_terms(
     Raises RewardTermError where one of the user's `own` fails.
     """
     terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
-    feet = cast("Feet[Column]", state.feet)
     for key, foot_term in FOOT_TERMS.items():
-        terms[key] = weights[key] * foot_term(state, feet) if weights[key] else 0.0 * abs(state.height)
+        terms[key] = weights[key] * foot_term(state, state.feet) if weights[key] else 0.0 * abs(state.height)
     terms |= {(key := f"{REWARD}{term.name}"): weights[key] * own_value(term, state) for term in own}
     if anywhere(diverged):
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}

@@ -90,10 +90,6 @@ class Errors(NamedTuple):
     """Velocity that the observation shows, m/s, (steps, n, 3)"""
     nees: Floats
     """(steps, n); not a number where no covariance is claimed"""
-    height: Floats
-    """Of the trunk above the ground, of that moment, m, (steps, n); not a number where it is not estimated"""
-    height_claimed: Floats
-    """The estimator's standard deviation of the height, m, (steps, n)"""
 
 
 def main(options: Options) -> int:
@@ -144,26 +140,19 @@ def _success(options: Options) -> Iterator[str]:
 def table(options: Options) -> Iterator[str]:
     """Lines of a Markdown table: a row a ground and estimator."""
     columns = ("walk", "estimator", "velocity, m/s", "shown", "of it level", "roll, pitch, °", "NEES", "steps within")
-    yield f"| {' | '.join((*columns, 'height, mm'))} |"
-    yield "|---" * (len(columns) + 1) + "|"
+    yield f"| {' | '.join(columns)} |"
+    yield "|---" * len(columns) + "|"
     for name, scenario in walks(options.ground).items():
         for estimator in ESTIMATORS:
             found = errors(options, scenario, estimator)
             roll, pitch = np.degrees(rms(found.tilt[..., 0])), np.degrees(rms(found.tilt[..., 1]))
             velocity, shown, level = map(norm, (found.velocity, found.shown, found.shown[..., :2]))
             cells = [name, estimator, *(f"{each:.3f}" for each in (velocity, shown, level)), f"{roll:.2f}, {pitch:.2f}"]
-            yield f"| {' | '.join([*cells, *consistency(found.nees), _height(found)])} |"
+            yield f"| {' | '.join([*cells, *consistency(found.nees)])} |"
     low, high = band(options.episodes)
     words = f"`{options.policy}`, sensors `{options.sensors}`, {options.episodes} episodes of each row"
     yield ""
     yield f"{words}, {options.seeds} seeds; 95 % band of NEES {low:.2f} to {high:.2f}."
-
-
-def _height(found: Errors) -> str:
-    """Error of the height and its standard deviation by the estimator, mm; a dash where it has none."""
-    if np.isnan(found.height).all():
-        return ABSENT
-    return f"{1e3 * rms(found.height):.1f} ({1e3 * rms(found.height_claimed):.1f} claimed)"
 
 
 def walks(ground: int) -> dict[str, Scenario]:
@@ -221,7 +210,7 @@ class _Watch:
     """Observer of the errors of estimates that are `late` control steps old, and of the observation."""
 
     def __init__(self, late: int) -> None:
-        self._truths: deque[tuple[Floats, Floats, Floats]] = deque(maxlen=late + 1)
+        self._truths: deque[tuple[Floats, Floats]] = deque(maxlen=late + 1)
         self._rows: list[tuple[Floats, ...]] = []
 
     def __call__(self, step: Step) -> None:
@@ -229,18 +218,16 @@ class _Watch:
         state, estimator = step.env.simulation.state((np.zeros(count),) * 3), step.env.estimator
         assert estimator is not None
         gravity, velocity = np.transpose(state.projected_gravity), np.transpose(state.linear_velocity)
-        self._truths.append((gravity, velocity, np.array(state.height)))
+        self._truths.append((gravity, velocity))
         if step.number <= SETTLING:
             return
-        then, (true_gravity, true_velocity, true_height) = estimator.then, self._truths[0]
+        then, (true_gravity, true_velocity) = estimator.then, self._truths[0]
         turned, moved = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
         tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)
-        nees, height, claimed = np.full((3, count), np.nan)
-        if (above := estimator.height) is not None:
-            height, claimed = true_height - above.value, above.deviation
+        nees = np.full(count, np.nan)
         if (covariance := estimator.covariance) is not None:
             nees = normalised(then.gravity, turned, moved, covariance)
-        self._rows.append((tilt, moved, velocity - estimator.velocity, nees, height, claimed))
+        self._rows.append((tilt, moved, velocity - estimator.velocity, nees))
 
     def errors(self, fall_step: NDArray[np.int64]) -> Errors:
         """The errors, without those after falls."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +25,8 @@ from policies.mpc.policy import HORIZON, Mpc, MpcWbc
 from quad_env import SCENARIOS
 from quad_env.cli.command_line import check_numbers, make_room_for_picture
 from quad_env.files.writing import write_atomically
-from quad_env.physics.dynamics import WholeBody, whole_body
+from quad_env.robots.collisions import foot_geoms
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import episode_seeds
 from research.pages.places import insert, page_with
@@ -60,6 +62,39 @@ class Options:
     page: Path | None = None
     """File with the lines <!-- prediction --> and <!-- /prediction -->, between which the table goes, such as
     docs/mpc.md."""
+
+
+class WholeBody(NamedTuple):
+    """Motion of a whole robot and what the ground does to it, world frame; of several with leading axes."""
+
+    centre: Floats
+    """Centre of mass, (3,), m."""
+    velocity: Floats
+    """Its velocity, (3,), m/s."""
+    rotation: Floats
+    """From the base to the world frame, (3, 3)."""
+    turning: Floats
+    """Angular velocity of the trunk, (3,), rad/s."""
+    forces: Floats
+    """Of the ground on each foot, (4, 3), N."""
+
+
+def whole_body(robot: Robot, model: Any, data: Any) -> WholeBody:
+    """What MuJoCo has of the robot in `data` now, derived fields current, such as those of `Simulation.snapshot`."""
+    mujoco.mj_subtreeVel(model, data)
+    trunk = model.body("base_link").id
+    rotation, joint = data.xmat[trunk].reshape(3, 3).copy(), model.body_dofadr[trunk]
+    feet = {geom: foot for foot, leg in enumerate(robot.leg_names) for geom in foot_geoms(model, leg)}
+    forces, one = np.zeros((len(robot.leg_names), 3)), np.zeros(6)
+    for number, contact in enumerate(data.contact):
+        for place, geom in enumerate(contact.geom):
+            if (foot := feet.get(int(geom))) is not None:
+                mujoco.mj_contactForce(model, data, number, one)
+                # It acts on the second of the two.
+                sign = 1.0 if place == 1 else -1.0
+                forces[foot] += sign * (contact.frame.reshape(3, 3).T @ one[:3])
+    turning = rotation @ data.qvel[joint + 3 : joint + 6]
+    return WholeBody(data.subtree_com[trunk].copy(), data.subtree_linvel[trunk].copy(), rotation, turning, forces)
 
 
 class Walk(NamedTuple):

@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 
 from quad_env import columns
-from quad_env.physics.simulation import Simulation
-from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
-from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.scenario import Scenario
+from quad_env.physics.state import heading_velocity, rotation_matrix, to_body
 from quad_env.scenarios.terrain import Flat, SmoothRandom
-from quad_env.task import rewards
 
 ROBOTS = 1000
 
@@ -67,21 +63,3 @@ def test_a_vector_with_one_broken_entry_is_not_finite(broken: float) -> None:
     vector = np.array([[1.0, 2.0, 3.0], [4.0, broken, 6.0]])
     assert columns.not_finite(vector).tolist() == [False, True, False]
     assert [columns.not_finite(tuple(column)) for column in vector.T.tolist()] == [False, True, False]
-
-
-def test_a_reward_term_that_somebody_adds_serves_one_robot_and_a_batch(monkeypatch: pytest.MonkeyPatch) -> None:
-    def height(state: QuadState[columns.Column]) -> columns.Column:
-        """Of the trunk above the ground, m."""
-        return state.height
-
-    monkeypatch.setitem(rewards.TERMS, "reward_height", height)
-    weights = dict.fromkeys((*rewards.TERMS, rewards.FALL), 2.0) | dict.fromkeys(rewards.FOOT_TERMS, 0.0)
-    robot, robots = (Simulation(SIMPLE_QUAD, Scenario("made"), n, 1, 100.0) for n in (1, 2))
-    for simulation, count in ((robot, 1), (robots, 2)):
-        simulation.reset(np.arange(count), np.zeros((count, 35)))
-    one = rewards.reward_terms(robot.state_of_one((0.0, 0.0, 0.0)), False, False, weights)
-    mask = np.array([False, True])
-    two = rewards.reward_terms(robots.state(np.zeros((3, 2))), mask, mask, weights)
-    assert one["reward_height"] == pytest.approx(2 * SIMPLE_QUAD.home_height)
-    assert two["reward_height"].tolist() == [one["reward_height"], 0.0]  # a diverged robot is paid for nothing
-    assert (one[rewards.FALL], two[rewards.FALL].tolist()) == (0.0, [0.0, 2.0])

@@ -23,6 +23,9 @@ import quad_env
         (quad_env.RewardTerm, {"name": "mine", "function": abs, "weight": float("nan")}, "must be finite, got nan"),
         (quad_env.TaskConfig, {"reward_terms": (quad_env.RewardTerm("mine", abs, 1.0),) * 2}, "name of its own, got m"),
         (quad_env.Actuator, {"gear": 10.0}, r"Actuator\.gear is a quad_env\.Gear or None, got 10\.0"),
+        (quad_env.CommandRanges, {"interval": float("inf")}, "interval must lie between"),
+        (quad_env.CommandRanges, {"forward": (1.0, -1.0)}, "a command range must rise"),
+        (quad_env.CommandRanges, {"zero_fraction": 2.0}, "zero_fraction must lie between"),
         (quad_env.SensorSuite, {"imu": None}, r"write quad_env\.Imu\(…\)"),
     ],
 )

@@ -1,12 +1,9 @@
 """`python -m quad_env info` says what the environment is."""
 
 import io
-import os
 import re
-import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import gymnasium as gym
 import pytest
@@ -16,8 +13,6 @@ from evaluate.rollouts import battery
 from quad_env import info
 from quad_env.__main__ import SUMMARIES, main
 from quad_env.scenarios import listing
-
-COMMAND = (sys.executable, "-W", "error", "-m", "quad_env")
 
 
 def test_it_says_what_the_environment_is(capsys) -> None:
@@ -87,21 +82,6 @@ def test_a_mistake_is_one_line_that_names_what_there_is(capsys, arguments, named
     assert (printed.out, printed.err.count("\n")) == ("", 1)
     assert printed.err.startswith("error: ")
     assert all(name in printed.err for name in named)
-
-
-@pytest.mark.parametrize("arguments", [["info"], ["--help"]], ids=" ".join)
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_closed_pipe_is_no_failure_and_a_full_disk_one_line(repository, arguments) -> None:
-    reading, writing = os.pipe()
-    os.close(reading)
-    options = {"cwd": repository, "stderr": subprocess.PIPE, "text": True, "check": False}
-    closed = subprocess.run([*COMMAND, *arguments], stdout=writing, **options)
-    os.close(writing)
-    assert (closed.returncode, closed.stderr) == (0, "")
-    with Path("/dev/full").open("w", encoding="utf-8") as full:
-        filled = subprocess.run([*COMMAND, *arguments], stdout=full, **options)
-    assert (filled.returncode, filled.stderr.count("\n")) == (2, 1)
-    assert filled.stderr.startswith("error: cannot ")
 
 
 def test_a_terminal_without_unicode_gets_the_same(monkeypatch) -> None:

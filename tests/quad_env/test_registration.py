@@ -32,9 +32,7 @@ def python(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     "code",
     [
         "import quad_env, gymnasium; gymnasium.make('SimpleQuad-v0')",
-        "import gymnasium, quad_env; gymnasium.make('SimpleQuad-v0')",
         "import gymnasium; gymnasium.make('quad_env:SimpleQuad-v0')",
-        "import quad_env; from gymnasium.envs.registration import registry; registry['SimpleQuad-v0']",
         "import quad_env.envs.env, gymnasium, quad_env; gymnasium.make_vec('SimpleQuad-v0', num_envs=2)",
     ],
 )
@@ -46,7 +44,7 @@ def test_its_import_loads_neither_gymnasium_nor_the_simulator() -> None:
     assert python(f"import sys, quad_env; print(set(sys.modules) & {set(SLOW)})").stdout == "set()\n"
 
 
-@pytest.mark.parametrize("program", ["evaluate", "train", "research"])
+@pytest.mark.parametrize("program", ["evaluate", "train"])
 def test_help_waits_for_neither(program: str) -> None:
     command = [sys.executable, "-X", "importtime", "-m", program, "--help"]
     run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
@@ -56,7 +54,7 @@ def test_help_waits_for_neither(program: str) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a POSIX signal")
-@pytest.mark.parametrize("words", ["evaluate trot", "train --steps 1", "research gaits", "quad_env view"])
+@pytest.mark.parametrize("words", ["evaluate trot", "quad_env view"])
 def test_ctrl_c_while_a_command_loads_is_one_line(words: str) -> None:
     ended = python(INTERRUPTED, *words.split())
     loads, *lines = ended.stderr.splitlines()

@@ -7,13 +7,10 @@ from quad_env.scenarios.disturbances import Motors
 from quad_env.serialisation import from_plain, to_plain
 
 
-@pytest.mark.parametrize(
-    "scenario",
-    [axis.level(k + 1) for axis in AXES.values() for k in range(len(axis.levels))],
-    ids=lambda scenario: scenario.name,
-)
-def test_every_scenario_is_written_down_and_read_back(scenario) -> None:
-    assert from_plain(to_plain(scenario)) == scenario
+def test_every_scenario_is_written_down_and_read_back() -> None:
+    for axis in AXES.values():
+        for scenario in (axis.level(k + 1) for k in range(len(axis.levels))):
+            assert from_plain(to_plain(scenario)) == scenario
 
 
 @pytest.mark.parametrize(("written", "read"), [(100.0, None), (50.0, 50.0)])

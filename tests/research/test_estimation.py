@@ -102,8 +102,6 @@ def test_the_filter_knows_its_error_on_a_hard_and_on_a_soft_gait(monkeypatch) ->
         options = estimation.Options(policy=policy, episodes=6, seeds="search")
         found = estimation.errors(options, estimation.walks(2)["flat"], "kalman")
         assert np.nanmean(found.nees) < 8.0
-        assert estimation.rms(found.height) < 0.006
-        assert 0.7 < estimation.rms(found.height) / estimation.rms(found.height_claimed) < 1.4
 
 
 @pytest.mark.parametrize(

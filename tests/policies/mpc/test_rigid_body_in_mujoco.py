@@ -9,8 +9,8 @@ from policies.mpc.policy import MpcWbc
 from policies.mpc.rigid_body import Body, Horizon, Weights
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
-from quad_env.physics.dynamics import Dynamics, WholeBody, whole_body
-from research.studies.prediction import turned_back
+from quad_env.physics.dynamics import Dynamics
+from research.studies.prediction import WholeBody, turned_back, whole_body
 
 
 def now(env: SimpleQuadEnv) -> WholeBody:

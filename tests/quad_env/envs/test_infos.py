@@ -1,9 +1,7 @@
 """Infos are numbers that other people's buffers, wrappers and batches can hold."""
 
-import warnings
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
@@ -77,18 +75,3 @@ def test_gymnasiums_own_batch_of_single_environments_has_the_infos_of_the_native
     same(*(batch.reset(seed=3)[1] for batch in batches))
     for _ in range(80):  # robot 0 falls, and starts again
         same(*(batch.step(np.array([LOW, HOME]))[4] for batch in batches))
-
-
-def test_numpy_to_torch_takes_every_info_of_one_robot_and_of_a_batch() -> None:
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("array_api_compat")
-    with warnings.catch_warnings():  # array-api-compat's own
-        warnings.simplefilter("ignore")
-        from gymnasium.wrappers import NumpyToTorch
-        from gymnasium.wrappers.vector import NumpyToTorch as VectorNumpyToTorch
-    single = NumpyToTorch(gym.make("SimpleQuad-v0", sensors="typical"))
-    batch = VectorNumpyToTorch(SimpleQuadVectorEnv(2, autoreset_mode="SAME_STEP", max_episode_steps=1, readings=True))
-    for env, targets in ((single, torch.tensor(HOME)), (batch, torch.tensor(np.tile(HOME, (2, 1))))):
-        infos = [env.reset(seed=0)[1], env.step(targets)[4]]
-        assert all(isinstance(value, torch.Tensor | dict) for info in infos for value in info.values())
-    assert isinstance(infos[-1]["final_info"]["fall"], torch.Tensor)

@@ -49,7 +49,7 @@ class State:
         return np.concatenate((self.velocity, self.turning, self.speeds))
 
 
-@pytest.fixture(params=range(4))
+@pytest.fixture(params=range(2))
 def state(request: pytest.FixtureRequest) -> State:
     return State(request.param)
 

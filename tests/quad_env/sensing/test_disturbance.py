@@ -7,12 +7,12 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import SensorNoise
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.noise import BLOCK
+from quad_env.sensing.channel import BLOCK
 from quad_env.task.observations import OBSERVATION, observation_table
 
 SENSED = observation_table(SIMPLE_QUAD).sensed
 
-ROBOTS, STEPS = 6, 4 * BLOCK + 7
+ROBOTS, STEPS = 6, 3 * BLOCK + 7
 GYRO = 0.1
 
 
@@ -35,26 +35,9 @@ def standing() -> np.ndarray:
     return noise()
 
 
-@pytest.mark.parametrize(
-    ("term", "proportion"),
-    [("angular_velocity", 1.0), ("linear_velocity", 0.5), ("joint_position", 0.05), ("joint_velocity", 7.5)],
-)
-def test_each_term_has_the_stated_standard_deviation(standing: np.ndarray, term: str, proportion: float) -> None:
-    added = standing[..., OBSERVATION[term]]
-    assert added.std() == pytest.approx(proportion * GYRO, rel=0.04)
-    assert abs(added.mean()) < 4 * proportion * GYRO / np.sqrt(added.size)
-
-
-def test_gravity_is_noisy_within_the_observation_space(standing: np.ndarray) -> None:
-    x, y, _ = np.moveaxis(standing[..., OBSERVATION["projected_gravity"]], -1, 0)
-    assert (x.std(), y.std()) == pytest.approx((0.25 * GYRO, 0.25 * GYRO), rel=0.06)
+def test_it_keeps_within_the_observation_space() -> None:
     seen = observations(Scenario("noisy", noise=SensorNoise(3.0)))
     assert (np.abs(seen) <= observation_table(SIMPLE_QUAD).bound).all()
-
-
-def test_what_needs_no_sensor_has_no_noise(standing: np.ndarray) -> None:
-    assert (standing[..., SENSED.stop :] == 0).all()
-    assert SENSED.stop == OBSERVATION["previous_action"].start == OBSERVATION["joint_velocity"].stop
 
 
 def test_noise_is_white_and_independent_between_robots_and_entries(standing: np.ndarray) -> None:

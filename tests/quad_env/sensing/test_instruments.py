@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-from quad_env import JOINT_NAMES, SENSORS, Encoders, FootContact, Imu, JointTorque, Scenario, SensorSuite, StartNoise
+from quad_env import JOINT_NAMES, SENSORS, Scenario, SensorSuite, StartNoise
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -26,15 +25,6 @@ def ideal(**changes: Any) -> SensorSuite:
 
 def env_of(suite: SensorSuite, robots: int = ROBOTS, scenario: Scenario | str = CALM) -> SimpleQuadVectorEnv:
     return SimpleQuadVectorEnv(robots, scenario, sensors=suite, terminate_on_fall=False, max_episode_steps=None)
-
-
-@cache
-def waving(suite: SensorSuite, steps: int = STEPS, size: float = 0.1, robots: int = ROBOTS) -> dict[str, np.ndarray]:
-    """Sensor -> its values while robots wave their legs at random, (steps + 1, robots, k)."""
-    env, rng = env_of(suite, robots, "flat"), np.random.default_rng(0)
-    infos = [env.reset(seed=0)[1]]
-    infos += [env.step(HOME[:robots] + size * rng.normal(0, 1, (robots, 12)))[4] for _ in range(steps)]
-    return {name: np.array([info[f"sensor_{name}"] for info in infos]) for name in NAMES}
 
 
 def flying(suite: SensorSuite, spin: tuple[float, float, float], yaw: float = 0.0) -> Iterator[tuple[dict, Any]]:
@@ -139,81 +129,13 @@ def test_the_accelerometer_tells_how_the_velocity_changed() -> None:
     assert largest > 15
 
 
-def test_slower_accelerometers_average_for_longer() -> None:
-    fast = waving(IDEAL, 40, 0.02)["accelerometer"]
-    slow = waving(ideal(imu={"rate": 25.0}), 40, 0.02)["accelerometer"]
-    for end in range(4, 41, 4):
-        np.testing.assert_allclose(slow[end], fast[end - 3 : end + 1].mean(axis=0), atol=0.2)
-        np.testing.assert_array_equal(slow[end - 4 : end], np.tile(slow[end - 4], (4, 1, 1)))
-
-
-def test_a_sensor_shows_earlier_samples_with_their_time() -> None:
-    """Encoders at 25 Hz, 30 ms late: what ideal ones showed at the control step of the time stamp."""
-    true = waving(IDEAL, 60)["joint_position"]
-    env, rng = env_of(ideal(encoders={"rate": 25.0, "delay": 0.03}), ROBOTS, "flat"), np.random.default_rng(0)
-    infos = [env.reset(seed=0)[1]]
-    infos += [env.step(HOME + 0.1 * rng.normal(0, 1, (ROBOTS, 12)))[4] for _ in range(60)]
-    for step, info in enumerate(infos):
-        taken = max((step - 3) // 4 * 4, 0)
-        np.testing.assert_array_equal(info["sensor_joint_position_time"], taken / 100)
-        np.testing.assert_array_equal(info["sensor_joint_position"], true[taken])
-        np.testing.assert_array_equal(info["sensor_gyro_time"], step / 100)
-
-
-BIASES = {
-    "gyro": ({"imu": {"gyro_bias": 0.1}}, 0.1),
-    "accelerometer": ({"imu": {"accelerometer_bias": 0.3}}, 0.3),
-    "joint_position": ({"encoders": {"zero_offset": 0.02}}, 0.02),
-    "joint_torque": ({"torque": {"bias": 2.0}}, 2.0),
-}
-
-
-@pytest.mark.parametrize("name", BIASES)
-def test_a_bias_stays_for_the_episode_and_is_drawn_anew_for_each(name: str) -> None:
-    changes, deviation = BIASES[name]
-    env, plain = env_of(ideal(**changes), 64), env_of(IDEAL, 64)
-    biases = []
+def test_a_bias_stays_for_the_episode_and_is_drawn_anew_for_each() -> None:
+    envs, biases = (env_of(ideal(imu={"gyro_bias": 0.1}), 64), env_of(IDEAL, 64)), []
     for seed in (0, None):
-        added = [[each.reset(seed=seed)[1][f"sensor_{name}"]] for each in (env, plain)]
-        for _ in range(5):
-            for run, values in zip((env, plain), added, strict=True):
-                values.append(run.step(np.tile(SIMPLE_QUAD.home_pose, (64, 1)))[4][f"sensor_{name}"])
-        difference = np.subtract(*added)
-        np.testing.assert_allclose(difference, np.tile(difference[0], (6, 1, 1)), atol=1e-9)
-        biases.append(difference[0])
+        rows = [[env.reset(seed=seed)[1], env.step(np.tile(SIMPLE_QUAD.home_pose, (64, 1)))[4]] for env in envs]
+        first, later = (one["sensor_gyro"] - other["sensor_gyro"] for one, other in zip(*rows, strict=True))
+        np.testing.assert_allclose(first, later, atol=1e-9)
+        biases.append(first)
     drawn = np.concatenate(biases)
-    assert drawn.std() == pytest.approx(deviation, rel=4 / np.sqrt(2 * drawn.size))
-    assert abs(drawn.mean()) < 4 * deviation / np.sqrt(drawn.size)
+    assert drawn.std() == pytest.approx(0.1, rel=4 / np.sqrt(2 * drawn.size))
     assert len(np.unique(drawn.round(9))) == drawn.size
-
-
-NOISE = {
-    "gyro": ({"imu": {"gyro_noise": 0.1}}, 0.1),
-    "accelerometer": ({"imu": {"accelerometer_noise": 0.3}}, 0.3),
-    "joint_position": ({"encoders": {"noise": 0.02}}, 0.02),
-    "joint_torque": ({"torque": {"noise": 2.0}}, 2.0),
-}
-
-
-@pytest.mark.parametrize("name", NOISE)
-def test_noise_has_the_stated_size_is_white_and_the_same_whatever_the_policy_does(name: str) -> None:
-    changes, deviation = NOISE[name]
-    noise = waving(ideal(**changes))[name] - waving(IDEAL)[name]
-    assert noise.std() == pytest.approx(deviation, rel=4 / np.sqrt(2 * noise.size))
-    assert abs(noise.mean()) < 4 * deviation / np.sqrt(noise.size)
-    flat = noise.reshape(STEPS + 1, -1)
-    correlation = np.corrcoef(flat.T) - np.eye(flat.shape[1])
-    assert np.abs(correlation).max() < 5.5 / np.sqrt(STEPS)
-    assert abs((flat[1:] * flat[:-1]).mean()) < 5 * deviation**2 / np.sqrt(flat.size)
-    still = waving(ideal(**changes), 60, 0.0)[name] - waving(IDEAL, 60, 0.0)[name]
-    np.testing.assert_allclose(still, noise[:61], atol=1e-6)
-
-
-def test_noisy_feet_err_near_their_threshold() -> None:
-    suite = ideal(feet={"threshold": 30.0, "noise": 10.0})
-    contact = waving(suite, 100, 0.0)["foot_contact"][50:]
-    assert 0.4 < contact.mean() < 0.95
-
-
-def test_the_defaults_are_those_that_the_typical_suite_has() -> None:
-    assert SensorSuite(Imu(), Encoders(), FootContact(), JointTorque()) == SENSORS["typical"]

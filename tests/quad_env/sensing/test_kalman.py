@@ -13,7 +13,7 @@ from quad_env.sensing import error_state
 from quad_env.sensing.error_state import BodyMotion, Samples, rotation
 from quad_env.sensing.estimator import Read, unit
 from quad_env.sensing.estimators import ESTIMATORS, KALMAN
-from quad_env.sensing.kalman import KalmanFilter, sensor_errors
+from quad_env.sensing.kalman import KalmanFilter
 from quad_env.sensing.suite import Encoders, Imu, SensorSuite
 from quad_env.task.observations import OBSERVATION
 
@@ -94,26 +94,23 @@ def walk(sensors: str, num_envs: int, seeds: list[int], steps: int, estimator: s
 
 
 def test_it_is_nearer_to_the_truth_than_the_complementary_filter() -> None:
-    by_kalman, by_complementary = (walk("typical", 8, list(range(8)), 400, name)[1] for name in (KALMAN, ESTIMATORS[0]))
+    by_kalman, by_complementary = (walk("typical", 4, list(range(4)), 250, name)[1] for name in (KALMAN, ESTIMATORS[0]))
     assert np.sqrt(np.mean(by_kalman[100:] ** 2)) < 0.7 * np.sqrt(np.mean(by_complementary[100:] ** 2))
 
 
 def test_ideal_sensors_leave_next_to_nothing() -> None:
-    tilt, velocity, _ = walk("ideal", 4, [1, 2, 3, 4], 300)
+    tilt, velocity, _ = walk("ideal", 2, [1, 2], 200)
     assert np.sqrt(np.mean(tilt[100:] ** 2)) < 0.01
     assert np.sqrt(np.mean(velocity[100:] ** 2)) < 0.05
 
 
 def test_robots_are_estimated_each_by_itself() -> None:
-    together = walk("typical", 3, [5, 6, 7], 150)[2]
-    alone = walk("typical", 1, [6], 150)[2]
+    together = walk("typical", 2, [5, 6], 120)[2]
+    alone = walk("typical", 1, [6], 120)[2]
     for of_all, of_one in ((together.gravity, alone.gravity), (together.velocity, alone.velocity)):
         np.testing.assert_allclose(of_all[1], of_one[0], atol=1e-9)
-    np.testing.assert_allclose(together.covariance[1], alone.covariance[0], atol=1e-9)
-
-
-def test_the_covariance_stays_one() -> None:
-    covariance = walk("typical", 2, [8, 9], 300)[2].covariance
+    covariance = together.covariance
+    np.testing.assert_allclose(covariance[1], alone.covariance[0], atol=1e-9)
     np.testing.assert_allclose(covariance, np.swapaxes(covariance, 1, 2), atol=1e-12)
     assert np.linalg.eigvalsh(covariance).min() > 0.0
 
@@ -159,8 +156,7 @@ def after_one_sample(suite: SensorSuite, late: int = 0, gyro: tuple[float, float
     return filter_
 
 
-@pytest.mark.parametrize("late", [0, 1, 4])
-@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(("axis", "late"), [(0, 0), (0, 4), (1, 1)])
 def test_the_trunk_turns_on_as_it_does_over_the_delay_of_the_readings(axis: int, late: int) -> None:
     """Gravity, which a trunk that turns by ω sees turn by -ω, goes on by ω · delay from the moment of the readings."""
     gyro = tuple(0.8 * np.eye(3)[axis])
@@ -182,14 +178,6 @@ def test_after_one_sample_feet_are_as_uncertain_as_the_encoders() -> None:
     for leg, jacobian in enumerate(foot_jacobians(ROBOT, ROBOT.home_pose.reshape(1, 4, 3))[0]):
         place, noise = error_state.foot(leg), 0.001**2 * jacobian @ jacobian.T
         np.testing.assert_allclose(found[place, place], noise, atol=0.02 * noise.max())
-
-
-def test_the_errors_of_the_sensors_are_those_of_their_data_sheet() -> None:
-    imu = Imu(position=(0.03, 0.0, 0.0), rotation=(0.0, 0.006, 0.0))
-    found = sensor_errors(SensorSuite(imu=imu, encoders=Encoders(bits=12, noise=0.001, zero_offset=0.004)))
-    step = 2.0 * np.pi / 4096.0
-    expected = (0.0017, 0.003, 0.012, 0.2, np.sqrt(0.001**2 + step**2 / 12.0), 0.004, 0.03 / 3**0.5, 0.006 / 3**0.5)
-    np.testing.assert_allclose(found, expected)
 
 
 def test_the_covariance_counts_the_mounting_of_the_imu_as_tilt() -> None:

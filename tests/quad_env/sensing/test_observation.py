@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import policies
-from quad_env import OBSERVATION, SCENARIOS, SENSORS, CommandRanges, Latency, SensorNoise, SensorSuite
+from quad_env import OBSERVATION, SCENARIOS, SENSORS, CommandRanges, SensorSuite
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.task.observations import observation_table
@@ -50,53 +50,22 @@ def test_what_the_sensors_read_is_what_the_observation_shows() -> None:
     np.testing.assert_allclose(shown["joint_velocity"], speed, rtol=1e-5, atol=1e-4)
 
 
-def test_what_needs_no_sensor_is_as_ever() -> None:
-    np.testing.assert_array_equal(run("typical")[0][..., SENSED.stop :], run(None)[0][..., SENSED.stop :])
-
-
-@pytest.mark.parametrize("scenario", ["push", "rough", "payload"])
-def test_sensors_change_nothing_that_happens(scenario: str) -> None:
-    """Rewards rest on torques and contacts of the last substep, readings too."""
-    _, plain, rewards = run(None, scenario=scenario, readings=True)
-    _, sensed, paid = run("typical", scenario=scenario, readings=True)
+@pytest.mark.parametrize("name", ["push", "rough"])
+def test_sensors_change_nothing_that_happens(name: str) -> None:
+    """Rewards and readings rest on torques and contacts of the last substep; the sensors' draws shift no others."""
+    scenario = replace(SCENARIOS[name], commands=CommandRanges(interval=0.2))
+    seen, plain, rewards = run(None, scenario=scenario, readings=True)
+    shown, sensed, paid = run("typical", scenario=scenario, readings=True)
     np.testing.assert_array_equal(rewards, paid)
+    np.testing.assert_array_equal(seen[..., SENSED.stop :], shown[..., SENSED.stop :])
     for one, other in zip(plain, sensed, strict=True):
-        np.testing.assert_array_equal(one["heading_velocity"], other["heading_velocity"])
         for name, value in one.items():
             np.testing.assert_array_equal(value, other[name], err_msg=name)
-
-
-def batch(robots: int, scenario: str, nthread: int) -> list[list[bytes]]:
-    observations, infos, _ = run(
-        "typical", robots, scenario, nthread=nthread, max_episode_steps=60, terminate_on_fall=True
-    )
-    return [[digest(row[i], info, i) for row, info in zip(observations, infos, strict=True)] for i in (0, 2)]
 
 
 def digest(observation: np.ndarray, info: dict[str, Any], row: Any) -> bytes:
     arrays = [observation, *(np.asarray(info[key])[row] for key in sorted(info) if key.startswith("sensor_"))]
     return b"".join(array.tobytes() for array in arrays)
-
-
-def single(robot: int, scenario: str) -> list[bytes]:
-    env = gym.make("SimpleQuad-v0", scenario=scenario, sensors="typical", max_episode_steps=60)
-    observation, info = env.reset(seed=7 + robot)
-    out, done = [digest(observation, info, ...)], False
-    for action in actions(robot + 1)[:, robot]:
-        if done:
-            (observation, info), done = env.reset(), False
-        else:
-            observation, _, terminated, truncated, info = env.step(action)
-            done = terminated or truncated
-        out.append(digest(observation, info, ...))
-    return out
-
-
-@pytest.mark.parametrize("scenario", ["flat", "noise", "latency", "slope"])
-def test_a_single_env_equals_its_row_in_any_batch(scenario: str) -> None:
-    singles = [single(robot, scenario) for robot in (0, 2)]
-    assert batch(3, scenario, 1) == singles
-    assert batch(17, scenario, 2) == singles
 
 
 def test_a_robot_that_has_ended_keeps_its_observation() -> None:
@@ -111,20 +80,6 @@ def test_a_robot_that_has_ended_keeps_its_observation() -> None:
     assert ended
 
 
-def test_noise_of_a_scenario_comes_on_top() -> None:
-    noisy = replace(SCENARIOS["flat"], noise=SensorNoise(0.1))
-    sensed = run("ideal", scenario=noisy)[0].astype(float) - run("ideal")[0]
-    plain = run(None, scenario=noisy)[0].astype(float) - run(None)[0]
-    for name in ("angular_velocity", "joint_position", "linear_velocity"):
-        np.testing.assert_allclose(sensed[..., OBSERVATION[name]], plain[..., OBSERVATION[name]], atol=1e-5)
-    assert plain[..., OBSERVATION["angular_velocity"]].std() == pytest.approx(0.1, rel=0.1)
-
-
-def test_latency_of_a_scenario_comes_on_top() -> None:
-    late = run("typical", scenario=replace(SCENARIOS["flat"], latency=Latency(0.0, 0.03)))[0]
-    np.testing.assert_array_equal(late[3:, :, SENSED], run("typical")[0][:-3, :, SENSED])
-
-
 def test_estimates_are_of_one_moment_that_of_the_slowest_sensor() -> None:
     """Encoders and feet 20 and 30 ms late: the ideal suite's estimates of 30 ms ago."""
     late = replace(IDEAL, encoders=replace(IDEAL.encoders, delay=0.02), feet=replace(IDEAL.feet, delay=0.03))
@@ -134,24 +89,14 @@ def test_estimates_are_of_one_moment_that_of_the_slowest_sensor() -> None:
     np.testing.assert_array_equal(then[..., OBSERVATION["angular_velocity"]], now[..., OBSERVATION["angular_velocity"]])
 
 
-def test_the_sensors_have_a_stream_of_their_own() -> None:
-    """The sensors' draws shift none of the episode's others: commands, start and pushes are the truth's."""
-    often = replace(SCENARIOS["push"], commands=CommandRanges(interval=0.2))
-    _, plain, _ = run(None, scenario=often, readings=True)
-    _, sensed, _ = run("typical", scenario=often, readings=True)
-    for one, other in zip(plain, sensed, strict=True):
-        np.testing.assert_array_equal(one["command"], other["command"])
-        np.testing.assert_array_equal(one["push"], other["push"])
-
-
 def walked(sensors: str, command: tuple[float, float, float]) -> np.ndarray:
-    """Error of the observation of 16 robots that trot by the truth, of the steps after the first second."""
-    true, sensed = (SimpleQuadVectorEnv(16, sensors=each) for each in (None, sensors))
+    """Error of the observation of 6 robots that trot by the truth, of the steps after the first second."""
+    true, sensed = (SimpleQuadVectorEnv(6, sensors=each) for each in (None, sensors))
     policy = policies.make("trot")
-    policy.reset(16)
+    policy.reset(6)
     seen = [env.reset(seed=0, options={"command": command})[0] for env in (true, sensed)]
     errors = []
-    for _ in range(400):
+    for _ in range(250):
         action = policy.act(seen[0])
         seen = [env.step(action)[0] for env in (true, sensed)]
         errors.append(seen[1].astype(float) - seen[0])
@@ -162,8 +107,10 @@ def rms(errors: np.ndarray, name: str) -> float:
     return float(np.sqrt((errors[..., OBSERVATION[name]] ** 2).sum(axis=-1).mean()))
 
 
-@pytest.mark.parametrize(("sensors", "gravity", "velocity"), [("ideal", 0.025, 0.06), ("typical", 0.035, 0.2)])
-@pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (1.0, 0.3, 1.0)])
+@pytest.mark.parametrize(
+    ("sensors", "gravity", "velocity", "command"),
+    [("ideal", 0.025, 0.06, (0.5, 0.0, 0.0)), ("typical", 0.035, 0.2, (1.0, 0.3, 1.0))],
+)
 def test_of_a_trot_the_estimates_are_close(
     sensors: str, gravity: float, velocity: float, command: tuple[float, float, float]
 ) -> None:

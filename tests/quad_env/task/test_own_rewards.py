@@ -33,20 +33,7 @@ def task(function: Callable[[Any], Any], weight: float = -0.25, **options: Any) 
     return quad_env.TaskConfig(reward_terms=(quad_env.RewardTerm("mine", function, weight),), **options)
 
 
-def test_it_pays_its_value_times_weight_and_control_period_beside_the_others() -> None:
-    config = task(joint_speed, control_rate=50.0)
-    env = SimpleQuadVectorEnv(2, nthread=1, config=config)
-    _, infos = env.reset(seed=0)
-    assert infos["reward_mine"].tolist() == [0.0, 0.0]
-    _, reward, _, _, infos = env.step(np.array([LOW, HOME]))
-    speed = env.simulation.state((np.zeros(2),) * 3).joint_velocity
-    np.testing.assert_allclose(infos["reward_mine"], -0.25 * 0.02 * np.sum(np.square(speed), axis=0), rtol=1e-12)
-    terms = [value for key, value in infos.items() if key.startswith("reward_")]
-    np.testing.assert_allclose(reward, np.sum(terms, axis=0), rtol=1e-12)
-    assert (infos["reward_mine"] < 0.0).all()
-
-
-@pytest.mark.parametrize("function", [joint_speed, foot_speed, partial(foot_speed)])
+@pytest.mark.parametrize("function", [joint_speed, partial(foot_speed)])
 def test_one_robot_is_paid_as_in_a_batch_to_the_bit_and_no_other_number_changes(function: Callable[..., Any]) -> None:
     config = task(function)
     one, batch, plain = SimpleQuadEnv(config=config), SimpleQuadVectorEnv(2, config=config), SimpleQuadVectorEnv(2)
@@ -104,13 +91,10 @@ def test_a_robot_that_waits_for_its_reset_is_not_asked_about_and_earns_nothing()
         (lambda state: 1.0, r"mine gives numbers of shape \(\); wanted \(2,\), one for each robot"),
         (lambda state: np.array(state.joint_velocity), r"of shape \(12, 2\); wanted \(2,\)"),
         (lambda state: state.height * np.array([1.0, np.nan]), "mine gives nan; wanted finite numbers"),
-        (lambda state: state.height / 0.0, "mine gives inf; wanted finite"),
         (lambda state, foot: foot.height, "mine fails: TypeError: .* missing 1 required positional argument: 'foot'"),
-        (lambda state: state.speed, "mine fails: AttributeError: .* no attribute 'speed'"),
         (lambda state: ["high", "low"], "mine fails: ValueError: "),
     ],
 )
-@pytest.mark.filterwarnings("ignore:divide by zero")
 def test_one_that_gives_no_reward_says_why(function: Callable[[Any], Any], says: str) -> None:
     env = SimpleQuadVectorEnv(2, nthread=1, config=task(function))
     env.reset(seed=0)

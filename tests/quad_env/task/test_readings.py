@@ -54,15 +54,10 @@ def test_every_reading_has_its_shape_and_a_copy_of_its_own() -> None:
         np.testing.assert_array_equal(infos[name], before[name], err_msg=name)
 
 
-def test_without_readings_there_are_none() -> None:
-    _, infos = SimpleQuadVectorEnv(2).reset(seed=SEED)
-    assert not set(WIDTHS) & set(infos)
-
-
-@pytest.mark.parametrize("scenario", ["push", "rough"])
-def test_readings_change_no_other_bit(scenario: str) -> None:
-    runs = zip(trot(3, 150, scenario=scenario), trot(3, 150, scenario=scenario, readings=False), strict=True)
+def test_readings_change_no_other_bit() -> None:
+    runs = zip(trot(3, 60, scenario="rough"), trot(3, 60, scenario="rough", readings=False), strict=True)
     for (*looked, with_readings, _), (*blind, without, _) in runs:
+        assert not set(WIDTHS) & set(without)
         for one, other in zip(looked, blind, strict=True):
             np.testing.assert_array_equal(one, other)
         np.testing.assert_array_equal(with_readings["heading_velocity"], without["heading_velocity"])
@@ -70,7 +65,7 @@ def test_readings_change_no_other_bit(scenario: str) -> None:
 
 
 def test_a_robot_reads_the_same_bits_alone_and_in_a_batch() -> None:
-    alone, batch = trot(1, 150), trot(17, 150, nthread=1)
+    alone, batch = trot(1, 60), trot(7, 60, nthread=1)
     for (*_, one, _), (*_, many, _) in zip(alone, batch, strict=True):
         for name in WIDTHS:
             np.testing.assert_array_equal(one[name][0], many[name][0], err_msg=name)
@@ -116,18 +111,6 @@ def test_contacts_are_those_of_the_last_substep() -> None:
         seen.add((*feet[0].tolist(), bool(leg[0])))
     assert {leg for *_, leg in seen} == {False, True}
     assert len(seen) > 4, "several footholds must occur for this to show anything"
-
-
-def test_the_push_is_the_force_of_the_step_just_taken() -> None:
-    env = SimpleQuadVectorEnv(4, "push", readings=True, autoreset_mode="DISABLED", terminate_on_fall=False)
-    env.reset(seed=SEED)
-    total, steps = np.zeros((4, 2)), 0
-    for _ in range(1000):
-        force = env.pushes.force_at(env._schedule.clock).copy()
-        *_, infos = env.step(np.tile(SIMPLE_QUAD.home_pose.astype(np.float32), (4, 1)))
-        np.testing.assert_array_equal(infos["push"], force)
-        total, steps = total + np.abs(force), steps + force.any(axis=1)
-    assert steps.tolist() == [20] * 4
 
 
 def test_every_contact_sensor_watches_a_geom_against_the_world() -> None:

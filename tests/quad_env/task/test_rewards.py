@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
 import pytest
 
-from quad_env.columns import of_robots
 from quad_env.config import RewardWeights
 from quad_env.physics.state import Feet, QuadState
 from quad_env.task.rewards import FOOT_TERMS, linear_velocity_error, reward_terms, step_weights, yaw_rate_error
@@ -96,29 +94,3 @@ def test_a_diverged_robot_is_paid_for_its_end_alone() -> None:
     found = reward_terms(STATE, True, True, step_weights(WEIGHTS, 0.01))
     assert found.pop("reward_fall") == -1.0
     assert not any(found.values())
-
-
-@pytest.mark.parametrize("term", ["linear_velocity_tracking", "yaw_rate_tracking"])
-def test_tracking_pays_most_at_the_command_and_less_on_either_side(term: str) -> None:
-    weights = step_weights(RewardWeights(), 0.01)
-
-    def paid(forward: float, yaw_rate: float) -> float:
-        state = STATE._replace(command=(0.5, 0.0, 0.3), heading_velocity=(forward, 0.0, yaw_rate))
-        return reward_terms(state, False, False, weights)[f"reward_{term}"]
-
-    assert paid(0.5, 0.3) > paid(0.4, 0.2) > paid(0.2, 0.0) > 0
-    assert paid(0.5, 0.3) > paid(0.6, 0.4) > paid(0.8, 0.6) > 0
-
-
-def test_n_robots_are_paid_as_each_alone_to_the_bit() -> None:
-    nested = {"rotation", "feet"}
-    rows = {name: np.array([value, value]) for name, value in STATE._asdict().items() if name not in nested}
-    columns = {name: of_robots(array) if array.ndim == 2 else array for name, array in rows.items()}
-    rotation = tuple(of_robots(np.array([row, row])) for row in STATE.rotation)
-    feet = Feet(*(tuple(np.stack([leg, leg], axis=-1) for leg in reading) for reading in FEET))
-    weights = step_weights(WEIGHTS, 0.01)
-    alone = reward_terms(STATE, True, False, weights)
-    state = QuadState(rotation=rotation, feet=feet, **columns)
-    both = reward_terms(state, np.array([True, False]), np.array([False, False]), weights)
-    for name, value in alone.items():
-        assert both[name][0] == value
