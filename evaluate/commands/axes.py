@@ -11,8 +11,8 @@ import tyro
 from evaluate.commands.options import PROGRAM, WALKING_POLICIES, Flag
 from evaluate.commands.options import Options as Comparison
 from evaluate.rollouts.hardware import hardware_of
+from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.cli.cores import available_cores
 
 PICTURE = "fall_rates.svg"
 
