@@ -82,7 +82,7 @@ def simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
 
 def _simulate(plan: Plan, store: ChunkStore, interrupt: Interrupt, done: list[Cell]) -> None:
     """Add the cells to those done, as they are finished."""
-    with show_progress([policy for _, policy in plan.manifest.cells]) as progress:
+    with show_progress(len(plan.manifest.cells)) as progress:
 
         def report(policy: str, scenario: str, share: float) -> None:
             interrupt.check()

@@ -8,8 +8,7 @@ import signal
 import subprocess
 import sys
 
-from quad_env.doctor.check import Finding, ok, problem
-from quad_env.doctor.subject import Subject
+from quad_env.doctor.check import Finding, Subject, ok, problem
 
 PATIENCE = 60.0
 """Longest time for a first frame, with shaders that the processor compiles, s."""

@@ -12,8 +12,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-from quad_env.doctor.check import Finding, ok, problem
-from quad_env.doctor.subject import Subject
+from quad_env.doctor.check import Finding, Subject, ok, problem
 
 PROJECT = "simple-quad"
 SOURCE = Path(__file__).parents[2] / "pyproject.toml"

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from quad_env.describe import LARGEST_SINK, LARGEST_TILT, STAND_TIME
-from quad_env.doctor.check import Finding, ok, problem
-from quad_env.doctor.subject import Subject
+from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.similarity import servo_gains
 
 LARGEST_LAG = 0.1

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.robots.anatomy import LINKS, Anatomy, Leg
-from quad_env.robots.collisions import GROUND_BIT, HERE, OWN, Parts, Rules, meet_the_ground, renamed, watched
+from quad_env.robots.collisions import GROUND_BIT, HERE, OWN, Parts, Rules, meet_the_ground, numbered, renamed, watched
 from quad_env.robots.figures import Figures
-from quad_env.robots.joint_names import numbered
 from quad_env.robots.model_file import read
 from quad_env.robots.reference import REFERENCE
 from quad_env.robots.shapes import surface

@@ -1,10 +1,10 @@
 """What a user's robot collides with on our ground: the ground, by a bit of its own, and itself, as in its model."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from quad_env.robots.anatomy import LINKS, Anatomy
-from quad_env.robots.joint_names import of_name
 from quad_env.robots.shapes import geoms_of, welded
 
 GROUND_BIT = 1 << 30
@@ -90,6 +90,16 @@ def meet_the_ground(parts: Parts, found: Anatomy) -> None:
         part = parts.geoms[geom]
         part.contype, part.conaffinity = part.contype & ~GROUND_BIT, part.conaffinity & ~GROUND_BIT
         part.contype |= GROUND_BIT * int(meets)
+
+
+def numbered(name: str, number: int) -> str:
+    """`name` of the first of several parts, counted from 0, `name_2` of the second, and so on."""
+    return name if number == 0 else f"{name}_{number + 1}"
+
+
+def of_name(name: str, names: Iterable[str]) -> list[str]:
+    """Those of these names that `numbered` gives to parts of that name."""
+    return [each for each in names if re.fullmatch(rf"{re.escape(name)}(_\d+)?", each)]
 
 
 def foot_geoms(model: Any, leg: str) -> list[int]:

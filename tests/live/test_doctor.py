@@ -14,9 +14,8 @@ import pytest
 from live.commands.doctor import CHECKS as OF_POLICIES
 from policies import shipped
 from quad_env.__main__ import main
-from quad_env.doctor.check import Check, Finding, examine
+from quad_env.doctor.check import Check, Finding, Subject, examine
 from quad_env.doctor.command import CHECKS
-from quad_env.doctor.subject import Subject
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -30,7 +29,7 @@ def complaints(subject: Subject, checks: tuple[Check, ...] = OF_THE_ROBOT) -> di
     """Warnings and problems, by check; those of walking and of the policy too."""
     more = OF_POLICIES if subject.policy is not None else OF_POLICIES[:1]
     entries = examine((*checks, *more) if checks == OF_THE_ROBOT else checks, subject)
-    return {entry.name: entry.finding for entry in entries if entry.finding.result in ("problem", "warning")}
+    return {name: finding for name, finding, _ in entries if finding.result in ("problem", "warning")}
 
 
 def of_policy(path: Path | str) -> dict[str, Finding]:
