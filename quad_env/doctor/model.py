@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from quad_env.doctor.check import Finding, Subject, ok, problem
-from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError
+from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError, contradicts
 from quad_env.robots.kinematics import feet_in_world
 from quad_env.robots.model_file import DECISIVE, log_to_the_console
 from quad_env.robots.plausibility import warnings_of
@@ -20,11 +20,6 @@ UNLIKE = 0.2
 """Largest difference between a left and a right leg in an angle, rad; Boston Dynamics' Spot has 0.05 in a limit."""
 OFF = 0.005
 """Farthest that a foot may be from where the angles put it, m."""
-
-LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr rr rh br") for word in words.split()}
-"""Leg by word of a joint's name; only words that mean one leg wherever they are used."""
-LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
-"""Places in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
 
 
 def model(subject: Subject) -> Finding:
@@ -107,8 +102,7 @@ def _misnamed(robot: Robot) -> Iterator[Finding]:
     """Joints whose names say another leg or another place in the leg."""
     for place, name in enumerate(robot.joint_names):
         leg, link = robot.leg_names[place // JOINTS_PER_LEG], place % JOINTS_PER_LEG
-        words = re.split(r"[^a-z]+", name.lower())
-        if any(LEG_WORDS.get(word, leg) != leg or str(link) not in LINK_WORDS.get(word, str(link)) for word in words):
+        if contradicts(name, leg, link):
             is_at = f"{name} is joint {link + 1} of the leg {leg}, counted from the trunk"
             cause = "two joints of the MJCF have each other's names, or are in each other's places"
             yield problem(is_at, cause, f"exchange them in {robot.mjcf}")

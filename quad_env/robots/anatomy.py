@@ -6,6 +6,7 @@ others about the leg's y axis. `Leg` says what its joints are called, which way 
 model when they are zero in the terms of `Robot`: legs straight down, hips about +x, thighs and calves about +y.
 """
 
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -20,6 +21,10 @@ Floats = NDArray[np.float64]
 
 LEGS, JOINTS_PER_LEG = 4, 3
 LINKS = "hip", "thigh", "calf"
+LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr rr rh br") for word in words.split()}
+"""Leg by word of a joint's name; only words that mean one leg wherever they are used."""
+LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
+"""Places in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
 _PARALLEL = 0.999
 """Least cosine of two axes that are taken for parallel."""
 _SAME = 0.02
@@ -152,6 +157,12 @@ def anatomy(mujoco: Any, model: Any) -> Anatomy:
     return Anatomy(root, trunk, descendants(model, root), meets, places, axes, legs)
 
 
+def contradicts(name: str, leg: str, link: int) -> bool:
+    """Whether a joint's name says another leg than this, fl, fr, hl or hr, or another place in it, 0, 1 or 2."""
+    words = re.split(r"[^a-z]+", name.lower())
+    return any(LEG_WORDS.get(word, leg) != leg or str(link) not in LINK_WORDS.get(word, str(link)) for word in words)
+
+
 def _name(part: Any) -> str:
     return repr(part.name) if part.name else f"number {part.id}"
 
@@ -196,16 +207,9 @@ def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
     for root, chain in chains.items():
         bodies = [int(model.jnt_bodyid[joint]) for joint in chain]
         pairs = zip(bodies, (trunk, *bodies), strict=False)
-        if len(chain) != JOINTS_PER_LEG or not all(_below(model, *pair) for pair in pairs):
+        if len(chain) != JOINTS_PER_LEG or not all(a != b and descendants(model, b)[a] for a, b in pairs):
             raise ModelError(f"the joints below {_name(model.body(root))} are no chain of three hinges")
     return chains
-
-
-def _below(model: Any, body: int, ancestor: int) -> bool:
-    while (body := int(model.body_parentid[body])) > 0:
-        if body == ancestor:
-            return True
-    return False
 
 
 def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> Leg:
@@ -238,6 +242,8 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     turned, bent = (float(np.arctan2(-link[0], -link[2])) for link in (upper, lower))
     zeros = np.array([np.arctan2(lateral[2], lateral[1]), turned, bent - turned])
     side = float(across[1] + upper[1] + lower[1])
+    sin, cos = np.sin(bent), np.cos(bent)
+    straightened = np.array(((cos, 0.0, sin), (0.0, 1.0, 0.0), (-sin, 0.0, cos))).T
     return Leg(
         name="",
         joints=(chain[0], chain[1], chain[2]),
@@ -251,17 +257,8 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
         foot_body=sole.body,
         foot_place=sole.place,
         foot_radius=sole.radius,
-        foot_points=extremes(sole.points @ (_about(1, bent).T @ leg @ base.T @ turn).T),
+        foot_points=extremes(sole.points @ (straightened @ leg @ base.T @ turn).T),
     )
-
-
-def _about(axis: int, angle: float) -> Floats:
-    """Rotation matrix about x (0), y (1) or z (2), (3, 3)."""
-    one, other = (axis + 1) % 3, (axis + 2) % 3
-    turned = np.eye(3)
-    turned[one, one] = turned[other, other] = np.cos(angle)
-    turned[other, one], turned[one, other] = np.sin(angle), -np.sin(angle)
-    return turned
 
 
 def _named(legs: list[Leg]) -> tuple[Leg, ...]:

@@ -26,8 +26,7 @@ from quad_env.scenarios.disturbances import (
     SteadyForce,
     check_positive,
 )
-from quad_env.scenarios.scaling import scaled
-from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.scenario import Scenario, scaled
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
 AtSeverity = Callable[[float], Scenario]
@@ -127,10 +126,7 @@ def _flat(top_speed: float) -> Scenario:
     """
     ranges = CommandRanges()
     share = top_speed / ranges.forward[1]
-    forward, lateral, yaw_rate = (
-        (share * low, share * high) for low, high in (ranges.forward, ranges.lateral, ranges.yaw_rate)
-    )
-    return Scenario("flat", commands=replace(ranges, forward=forward, lateral=lateral, yaw_rate=yaw_rate))
+    return Scenario("flat", commands=ranges.times(share, share))
 
 
 @_axis("impulse of each push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0, 140.0, 200.0), nominal=35.0)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quad_env.files.text import LONGEST, number, one_line
-from quad_env.scenarios.combination import combined
+from quad_env.scenarios.named import combined
 
 
 @given(st.floats(allow_nan=False))

@@ -24,7 +24,7 @@ from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.combination import scaled_name
+from quad_env.scenarios.named import scaled_name
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 from train.config import DEFAULTS

@@ -20,8 +20,8 @@ from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.axes import AS_THE_ROBOT, AXES, axes_of
-from quad_env.scenarios.combination import scaled_name
-from quad_env.scenarios.scaling import scaled
+from quad_env.scenarios.named import scaled_name
+from quad_env.scenarios.scenario import scaled
 from quad_env.task.terminations import fall_code
 from tests.quad_env.robots.alike import alike
 from train import validation
