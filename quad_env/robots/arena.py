@@ -10,20 +10,31 @@ An attached model keeps the units of its own compiler, but loses what that does 
 `settotalmass`. So each body gets the mass and inertia that it has in the model as MuJoCo compiles it by itself.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.robots.anatomy import LINKS, Anatomy, Leg
-from quad_env.robots.collisions import GROUND_BIT, HERE, OWN, Parts, Rules, meet_the_ground, numbered, renamed, watched
-from quad_env.robots.figures import Figures
+from quad_env.robots.collisions import (
+    GROUND_BIT,
+    HERE,
+    OWN,
+    RULES,
+    Parts,
+    meet_the_ground,
+    numbered,
+    own_rules,
+    renamed,
+    watched,
+)
+from quad_env.robots.figures import REFERENCE, Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.reference import REFERENCE
 from quad_env.robots.shapes import surface
 
 Floats = NDArray[np.float64]
+_SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
+"""Fields of a sensor."""
 
 
 def spec_of(robot: Figures) -> Any:
@@ -38,14 +49,15 @@ def spec_of(robot: Figures) -> Any:
     _keep_masses(parts, model, found)
     _turn_joints(parts, model, found)
     _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights")
-    rules = Rules.of(own, found)
+    rules = own_rules(own, found)
     _name_parts(parts, model, found, robot)
     sensed = dict(watched(parts, model, found))
     meet_the_ground(parts, found)
     _centre_base(parts, found)
-    rules.name()
+    for rule, field, part in rules:
+        setattr(rule, field, part.name)
     _equip(parts.bodies[found.root], stage, robot)
-    sensors = [_Sensor(s.name, s.type, s.objtype, s.objname, s.reftype, s.refname, s.intprm) for s in stage.sensors]
+    sensors = [{field: getattr(sensor, field) for field in _SENSOR} for sensor in stage.sensors]
     stage.delete(stage.body("base_link"))
     _clear(stage, "actuators", "sensors", "keys")
     own.option, own.visual, own.stat, own.memory = stage.option, stage.visual, stage.stat, stage.memory
@@ -56,23 +68,16 @@ def spec_of(robot: Figures) -> Any:
     plane.conaffinity |= GROUND_BIT
     for part in (*stage.bodies, *stage.joints, *stage.geoms, *stage.sites, *stage.cameras, *stage.lights):
         part.name = renamed(part.name)
-    Rules.rename(stage)
+    for kind, (_, *names) in RULES.items():
+        for rule in getattr(stage, kind):
+            for name in names:
+                setattr(rule, name, renamed(getattr(rule, name)))
     _drive(stage, robot)
     _sense(stage, robot, sensors, sensed)
     qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
     stage.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
     stage.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)
     return stage
-
-
-class _Sensor(NamedTuple):
-    name: str
-    type: Any
-    objtype: Any
-    objname: str
-    reftype: Any
-    refname: str
-    intprm: Any
 
 
 def _clear(spec: Any, *kinds: str) -> None:
@@ -183,7 +188,7 @@ def _drive(stage: Any, robot: Figures) -> None:
         servo.forcelimited, servo.forcerange = 1, (-robot.rated_torque, robot.rated_torque)
 
 
-def _sense(stage: Any, robot: Figures, sensors: Sequence[_Sensor], sensed: dict[str, list[Any]]) -> None:
+def _sense(stage: Any, robot: Figures, sensors: list[dict[str, Any]], sensed: dict[str, list[Any]]) -> None:
     """SimpleQuad's sensors on the parts of these names, those of the joints on the joints at their places, those of
     contacts on all that is `sensed`, those of touch on whole soles."""
     import mujoco
@@ -195,12 +200,11 @@ def _sense(stage: Any, robot: Figures, sensors: Sequence[_Sensor], sensed: dict[
     }
     soles = {f"{leg}_foot": f"{leg}_sole" for leg in robot.leg_names} if robot.foot_points.size else {}
     for sensor in sensors:
-        if sensor.type != mujoco.mjtSensor.mjSENS_CONTACT:
-            names = soles if sensor.type == mujoco.mjtSensor.mjSENS_TOUCH else joints
-            stage.add_sensor(**sensor._replace(objname=names.get(sensor.objname, sensor.objname))._asdict())
+        if sensor["type"] != mujoco.mjtSensor.mjSENS_CONTACT:
+            names = soles if sensor["type"] == mujoco.mjtSensor.mjSENS_TOUCH else joints
+            stage.add_sensor(**sensor | {"objname": names.get(sensor["objname"], sensor["objname"])})
             continue
-        for number, part in enumerate(sensed[sensor.name.removesuffix("_ground")]):
-            geom = hasattr(part, "contype")
-            kind = mujoco.mjtObj.mjOBJ_GEOM if geom else mujoco.mjtObj.mjOBJ_BODY
-            named = {"name": numbered(sensor.name, number), "objtype": kind, "objname": part.name}
-            stage.add_sensor(**sensor._replace(**named)._asdict())
+        for number, part in enumerate(sensed[sensor["name"].removesuffix("_ground")]):
+            kind = mujoco.mjtObj.mjOBJ_GEOM if hasattr(part, "contype") else mujoco.mjtObj.mjOBJ_BODY
+            named = {"name": numbered(sensor["name"], number), "objtype": kind, "objname": part.name}
+            stage.add_sensor(**sensor | named)

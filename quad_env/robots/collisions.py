@@ -10,8 +10,6 @@ from quad_env.robots.shapes import geoms_of, welded
 GROUND_BIT = 1 << 30
 """Of `contype` of the geoms that meet the ground, and of `conaffinity` of the ground: so that these collide, whatever
 bits the model uses by itself, and no two geoms of a robot do that did not before."""
-
-
 OWN, HERE = "own/", "@"
 """Before the names of a model's parts on our ground, and before those that get a name from here."""
 
@@ -24,40 +22,23 @@ class Parts(NamedTuple):
     geoms: dict[int, Any]
 
 
-class Rules(NamedTuple):
-    """Which of the robot's own parts may collide with each other, and which may not."""
+RULES = {"excludes": ("body", "bodyname1", "bodyname2"), "pairs": ("geom", "geomname1", "geomname2")}
+"""Which parts may not collide, and which may: kind of the parts, and the fields that name the two."""
 
-    excludes: tuple[tuple[Any, Any, Any], ...]
-    """Each with its two bodies."""
-    pairs: tuple[tuple[Any, Any, Any], ...]
-    """Each with its two geoms."""
 
-    @classmethod
-    def of(cls, own: Any, found: Anatomy) -> "Rules":
-        """Those of a specification; any with parts of the scene are deleted, since the ground is ours."""
-        kept: list[list[tuple[Any, Any, Any]]] = [[], []]
-        for exclude in list(own.excludes):
-            bodies = own.body(exclude.bodyname1), own.body(exclude.bodyname2)
-            kept[0].append((exclude, *bodies)) if all(b.id in found.bodies for b in bodies) else own.delete(exclude)
-        for pair in list(own.pairs):
-            geoms = own.geom(pair.geomname1), own.geom(pair.geomname2)
-            kept[1].append((pair, *geoms)) if all(g.parent.id in found.bodies for g in geoms) else own.delete(pair)
-        return cls(*map(tuple, kept))
-
-    def name(self) -> None:
-        """Have them name their parts as these are called now."""
-        for exclude, one, other in self.excludes:
-            exclude.bodyname1, exclude.bodyname2 = one.name, other.name
-        for pair, one, other in self.pairs:
-            pair.geomname1, pair.geomname2 = one.name, other.name
-
-    @staticmethod
-    def rename(stage: Any) -> None:
-        """The same after the parts have been renamed on our ground."""
-        for exclude in stage.excludes:
-            exclude.bodyname1, exclude.bodyname2 = renamed(exclude.bodyname1), renamed(exclude.bodyname2)
-        for pair in stage.pairs:
-            pair.geomname1, pair.geomname2 = renamed(pair.geomname1), renamed(pair.geomname2)
+def own_rules(own: Any, found: Anatomy) -> list[tuple[Any, str, Any]]:
+    """Of a specification's rules those between parts of the robot: rule, field, and the part that it names. Any with
+    parts of the scene are deleted, since the ground is ours."""
+    kept: list[tuple[Any, str, Any]] = []
+    for kind, (part, *names) in RULES.items():
+        for rule in list(getattr(own, kind)):
+            parts = [getattr(own, part)(getattr(rule, name)) for name in names]
+            bodies = {each.id if part == "body" else each.parent.id for each in parts}
+            if bodies <= set(found.bodies):
+                kept += [(rule, name, each) for name, each in zip(names, parts, strict=True)]
+            else:
+                own.delete(rule)
+    return kept
 
 
 def renamed(name: str) -> str:

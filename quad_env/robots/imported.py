@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
-from quad_env.robots.figures import Figures
+from quad_env.robots.figures import REFERENCE, REFERENCE_MASS, Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.reference import REFERENCE, REFERENCE_MASS
 from quad_env.robots.shapes import corners, geoms_of
 
 Floats = NDArray[np.float64]
