@@ -1,7 +1,6 @@
 """The figures of a user's robot, inferred from its MJCF or given in a TOML file."""
 
 import tomllib
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,12 +29,10 @@ def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
     source, own = path, path.stem
     if path.suffix == ".toml":
         path, figures = _given(path, figures)
-        own = figures.pop("name", own)
+        own = figures.pop("name")
     try:
-        robot = _inferred(
-            path, own if name is None else name, {figure: _figure(figure, value) for figure, value in figures.items()}
-        )
-        return replace(robot, source=source)
+        given = {figure: _figure(figure, value) for figure, value in figures.items()}
+        return replace(_inferred(path, own if name is None else name, given), source=source)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error
 
@@ -45,20 +42,18 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]
-    length = leg.thigh_length + leg.calf_length
-    longer = length / REFERENCE.leg_length
-    mass = float(model.body_subtreemass[found.root])
-    stiffness = REFERENCE.servo_stiffness * longer * mass / REFERENCE_MASS
-    stiffness = figures.get("servo_stiffness", stiffness)
-    in_time = REFERENCE.servo_damping / REFERENCE.servo_stiffness * float(np.sqrt(longer))
-    inferred: dict[str, Callable[[], Any]] = {
-        "home_pose": lambda: np.zeros(len(found.joints)),
-        "knee_direction": lambda: _knee_direction(model, found),
-        "rated_speed": lambda: REFERENCE.rated_speed / float(np.sqrt(longer)),
-        "rated_torque": lambda: _rated_torque(model, found),
-        "servo_damping": lambda: stiffness * in_time,
-        "servo_stiffness": lambda: stiffness,
-    }
+    longer = (leg.thigh_length + leg.calf_length) / REFERENCE.leg_length
+    stiffness = REFERENCE.servo_stiffness * longer * float(model.body_subtreemass[found.root]) / REFERENCE_MASS
+    stiffness, slower = figures.get("servo_stiffness", stiffness), float(np.sqrt(longer))
+    chosen = {
+        "home_pose": np.zeros(len(found.joints)),
+        "rated_speed": REFERENCE.rated_speed / slower,
+        "servo_damping": stiffness * (REFERENCE.servo_damping / REFERENCE.servo_stiffness * slower),
+        "servo_stiffness": stiffness,
+    } | figures
+    for figure, infer in {"knee_direction": _knee_direction, "rated_torque": _rated_torque}.items():
+        if figure not in figures:
+            chosen[figure] = infer(model, found)
     trunk_centre, trunk_size = found.trunk_box(model)
     robot = Figures(
         name=name,
@@ -76,7 +71,7 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
         thigh_radius=_thigh_radius(model, found, leg),
         trunk_size=trunk_size,
         trunk_centre=trunk_centre,
-        **{figure: figures[figure] if figure in figures else infer() for figure, infer in inferred.items()},
+        **chosen,
     )
     if "home_pose" not in figures:
         stand = _stand(model, found)
@@ -135,13 +130,10 @@ def _knee_direction(model: Any, found: Anatomy) -> Floats:
     if (bends == 0.0).any():
         raise ModelError(
             "neither limits nor a keyframe say which way all knees bend: give knee_direction, -1 (backward) or 1 "
-            f"(forward), or four of these where fore and hind knees differ, in the order {_legs(found)}"
+            "(forward), or four of these where fore and hind knees differ, in the order "
+            f"{', '.join(leg.name for leg in found.legs)}"
         )
     return bends
-
-
-def _legs(found: Anatomy) -> str:
-    return ", ".join(leg.name for leg in found.legs)
 
 
 def _rated_torque(model: Any, found: Anatomy) -> float:
