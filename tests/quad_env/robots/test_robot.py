@@ -78,10 +78,8 @@ def test_positive_hip_angle_swings_the_foot_to_the_left_and_positive_thigh_angle
 
 
 def test_servos_and_geometry_are_those_of_the_compiled_model(model: mujoco.MjModel) -> None:
-    assert tuple(model.actuator(i).name for i in range(model.nu)) == SIMPLE_QUAD.joint_names
     assert (model.actuator_gainprm[:, 0] == SIMPLE_QUAD.servo_stiffness).all()
     assert (model.actuator_biasprm[:, 2] == -SIMPLE_QUAD.servo_damping).all()
-    assert (model.actuator_forcerange[:, 1] == SIMPLE_QUAD.rated_torque).all()
     assert (2 * model.geom("trunk").size == SIMPLE_QUAD.trunk_size).all()
     for leg, hip, side in zip(SIMPLE_QUAD.leg_names, SIMPLE_QUAD.hip_positions, SIMPLE_QUAD.side, strict=True):
         np.testing.assert_array_equal(model.body(f"{leg}_hip_link").pos, hip)

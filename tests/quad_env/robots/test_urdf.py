@@ -61,58 +61,42 @@ def test_has_the_thirteen_links_and_twelve_joints_in_order(urdf: mujoco.MjModel,
     assert [mjcf.joint(i).name for i in range(1, 13)] == list(SIMPLE_QUAD.joint_names)
 
 
-@pytest.mark.parametrize("link", LINKS)
-def test_links_have_the_same_mass_and_inertia(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, link: str) -> None:
-    assert urdf.body(link).mass == mjcf.body(link).mass
-    np.testing.assert_allclose(urdf.body(link).ipos, mjcf.body(link).ipos, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(inertia_in_link_frame(urdf, link), inertia_in_link_frame(mjcf, link), rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("part", "mass", "centre", "inertia"),
-    [
+def test_links_have_the_same_mass_and_inertia_and_these_are_the_printed_ones(
+    urdf: mujoco.MjModel, mjcf: mujoco.MjModel
+) -> None:
+    for link in LINKS:
+        assert urdf.body(link).mass == mjcf.body(link).mass
+        np.testing.assert_allclose(urdf.body(link).ipos, mjcf.body(link).ipos, rtol=0, atol=1e-12)
+        ours, reference = (inertia_in_link_frame(model, link) for model in (urdf, mjcf))
+        np.testing.assert_allclose(ours, reference, rtol=0, atol=1e-12)
+    for link, mass, centre, inertia in (
         ("base_link", 5.0, (0, 0, 0), (0.1, 0.2, 0.1)),
         ("fl_hip_link", 0.5, (0, 0, 0), (0.001, 0.001, 0.001)),
         ("hr_thigh_link", 1.0, (0, 0, -0.15), (0.005, 0.005, 0.001)),
         ("hl_calf_link", 0.8, (0, 0, -0.15), (0.003, 0.003, 0.001)),
-    ],
-)
-def test_inertias_are_the_printed_ones(
-    urdf: mujoco.MjModel, part: str, mass: float, centre: tuple[float, ...], inertia: tuple[float, ...]
+    ):
+        assert urdf.body(link).mass == mass
+        np.testing.assert_allclose(urdf.body(link).ipos, centre, atol=1e-12)
+        np.testing.assert_allclose(inertia_in_link_frame(urdf, link), np.diag(inertia), atol=1e-12)
+
+
+def test_joints_have_the_same_axes_and_limits_and_the_rated_torque_and_speed(
+    urdf: mujoco.MjModel, mjcf: mujoco.MjModel
 ) -> None:
-    assert urdf.body(part).mass == mass
-    np.testing.assert_allclose(urdf.body(part).ipos, centre, atol=1e-12)
-    np.testing.assert_allclose(inertia_in_link_frame(urdf, part), np.diag(inertia), atol=1e-12)
-
-
-@pytest.mark.parametrize("name", SIMPLE_QUAD.joint_names)
-def test_joints_turn_about_the_same_axes_within_the_same_limits(
-    urdf: mujoco.MjModel, mjcf: mujoco.MjModel, name: str
-) -> None:
-    ours, reference = urdf.joint(name), mjcf.joint(name)
-    np.testing.assert_array_equal(ours.axis, reference.axis)
-    np.testing.assert_array_equal(ours.range, reference.range)
-    np.testing.assert_array_equal(ours.damping, reference.damping)
-    np.testing.assert_array_equal(ours.frictionloss, reference.frictionloss)
-    assert ours.limited
-    assert reference.limited
-
-
-@pytest.mark.parametrize("name", SIMPLE_QUAD.joint_names)
-def test_effort_limits_agree(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, name: str) -> None:
-    limit = (-SIMPLE_QUAD.rated_torque, SIMPLE_QUAD.rated_torque)
-    np.testing.assert_array_equal(urdf.jnt_actfrcrange[urdf.joint(name).id], limit)
-    np.testing.assert_array_equal(mjcf.actuator(name).forcerange, limit)
-
-
-def test_velocity_limits_are_the_rated_speed() -> None:
-    """MuJoCo does not read them, ROS does."""
-    limits = ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")
+    torques = (-SIMPLE_QUAD.rated_torque, SIMPLE_QUAD.rated_torque)
+    for name in SIMPLE_QUAD.joint_names:
+        ours, reference = urdf.joint(name), mjcf.joint(name)
+        for figure in ("axis", "range", "damping", "frictionloss", "limited"):
+            np.testing.assert_array_equal(getattr(ours, figure), getattr(reference, figure), err_msg=figure)
+        assert ours.limited
+        np.testing.assert_array_equal(urdf.jnt_actfrcrange[ours.id], torques)
+        np.testing.assert_array_equal(mjcf.actuator(name).forcerange, torques)
+    limits = ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")  # speeds, which MuJoCo does not read
     assert [float(limit.attrib["velocity"]) for limit in limits] == [SIMPLE_QUAD.rated_speed] * 12
 
 
 def test_feet_are_in_the_same_places_at_any_joint_angles(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
-    for angles in random_angles(200):
+    for angles in random_angles(50):
         ours = foot_positions(urdf, posed(urdf, angles))
         np.testing.assert_allclose(ours, foot_positions(mjcf, posed(mjcf, angles)), rtol=0, atol=1e-9)
 
@@ -146,12 +130,13 @@ def test_foot_spheres_collide_at_the_calf_ends(urdf: mujoco.MjModel, mjcf: mujoc
     )
 
 
-@pytest.mark.parametrize("link", LINKS)
-def test_links_look_and_collide_alike(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, link: str) -> None:
-    def shapes(model: mujoco.MjModel, *, colliding: bool) -> list[tuple[float, ...]]:
+def test_links_look_and_collide_alike(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
+    def shapes(model: mujoco.MjModel, link: str, *, colliding: bool) -> list[tuple[float, ...]]:
         geoms = [model.geom(i) for i in np.flatnonzero(model.geom_bodyid == model.body(link).id)]
         chosen = [g for g in geoms if bool(g.contype[0]) == colliding]
         return sorted((float(g.type[0]), *np.round(g.size, 9), *np.round(g.pos, 9)) for g in chosen)
 
-    assert shapes(urdf, colliding=True) == shapes(mjcf, colliding=True)
-    assert {s[:7] for s in shapes(urdf, colliding=False)} >= set(shapes(mjcf, colliding=False))
+    for link in LINKS:
+        assert shapes(urdf, link, colliding=True) == shapes(mjcf, link, colliding=True)
+        seen = {shape[:7] for shape in shapes(urdf, link, colliding=False)}
+        assert seen >= set(shapes(mjcf, link, colliding=False))
