@@ -192,8 +192,8 @@ def test_the_error_of_a_users_policy_is_reported(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "made",
-    [None, Made(signs=(1, -1, -1)), Made(order=("hl", "hr", "fl", "fr"), knees=(1, -1))],
-    ids=["SimpleQuad's own, with a policy", "axes the other way", "another order, knees both ways"],
+    [None, Made(order=("hl", "hr", "fl", "fr"), signs=(1, -1, -1), knees=(1, -1))],
+    ids=["SimpleQuad's own, with a policy", "axes the other way, another order, knees both ways"],
 )
 def test_a_sound_robot_raises_no_complaint(made: Made | None, tmp_path: Path) -> None:
     path = edited(tmp_path) if made is None else made.write(tmp_path)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import quad_env
-from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.disturbances import Ground, Latency, Payload
-from quad_env.scenarios.named import SCENARIOS, scenario
+from quad_env.scenarios.named import scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope
 
@@ -21,21 +20,11 @@ def test_a_combination_has_what_each_of_its_axes_sets() -> None:
     assert scenario(found.name) == found
 
 
-@pytest.mark.parametrize("axis", AXES.values(), ids=list(AXES))
-def test_one_severity_is_a_scenario_of_its_axis(axis: quad_env.Axis) -> None:
-    for severity in (axis.nominal, axis.levels[2]):
-        written = f"{axis.name}={severity:g}"
-        assert scenario(written) == axis.scenario(severity, written)
-
-
-def test_a_push_at_its_nominal_severity_is_the_same_episodes() -> None:
-    def last_steps(where: str) -> np.ndarray:
-        env, rng = SimpleQuadVectorEnv(4, where), np.random.default_rng(0)
-        env.reset(seed=3)
-        home = env.robot.home_pose
-        return np.array([env.step(home + 0.1 * rng.normal(size=(4, 12)))[0] for _ in range(300)][-10:])
-
-    np.testing.assert_array_equal(last_steps("push=35"), last_steps("push"))
+def test_one_severity_is_a_scenario_of_its_axis() -> None:
+    for axis in AXES.values():
+        for severity in (axis.nominal, axis.levels[2]):
+            written = f"{axis.name}={severity:g}"
+            assert scenario(written) == axis.scenario(severity, written)
 
 
 def test_parts_of_one_thing_go_together() -> None:
@@ -76,7 +65,3 @@ def test_no_severity_beyond_the_sense_of_an_axis_ends_in_anything_but_a_value_er
             except ValueError:
                 continue
             assert np.isfinite(found.severity)
-
-
-def test_the_named_scenarios_are_found_as_ever() -> None:
-    assert all(scenario(name) is found for name, found in SCENARIOS.items())
