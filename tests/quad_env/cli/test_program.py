@@ -116,34 +116,20 @@ class OfBoth(OfSeveral):
     """Policy."""
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["--policies", "trot", "stand", "--scenario", "push"],
-        ["--policy", "trot", "stand", "--scenarios", "push"],
-        ["--scenarios=push", "--policy", "trot", "stand"],
-    ],
-)
-def test_policies_and_scenarios_are_named_alike_whether_a_command_takes_one_or_several(words: list[str]) -> None:
-    found = parse(OfSeveral, words, program="python -m thing", description="What it does.")
-    assert found == OfSeveral(("trot", "stand"), "push")
-
-
-def test_a_command_that_has_both_takes_each_as_it_is() -> None:
-    words = ["--policy", "stand", "--policies", "trot"]
-    found = parse(OfBoth, words, program="python -m thing", description="What it does.")
+def test_policies_and_scenarios_are_named_alike_whether_a_command_takes_one_or_several() -> None:
+    for words in (["--policy", "trot", "stand", "--scenarios", "push"], ["--scenarios=push", "--policy=trot", "stand"]):
+        assert parse(OfSeveral, words, program="thing", description="") == OfSeveral(("trot", "stand"), "push")
+    found = parse(OfBoth, ["--policy", "stand", "--policies", "trot"], program="thing", description="")
     assert (found.policy, found.policies) == ("stand", ("trot",))
 
 
 @pytest.mark.parametrize(
     ("error", "code", "said"),
     [
-        (UsageError("two\nlines"), 2, "error: two lines"),
-        (UsageError("\x1b]0;title\x07\x1b[31mred\x9b0m"), 2, "error: ]0;title [31mred 0m"),
+        (UsageError("\x1b]0;title\x07\n\x1b[31mred\x9b0m"), 2, "error: ]0;title [31mred 0m"),
         (PolicyError("no such policy"), 2, "error: no such policy"),
         (PermissionError(errno.EACCES, "Permission denied", "a/b"), 2, "error: cannot use a/b (Permission denied)"),
         (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), 2, f"error: cannot go on ({os.strerror(errno.ENOSPC)})"),
-        (OSError("b is no picture"), 2, "error: b is no picture"),
         (KeyboardInterrupt(), 130, "interrupted: no further file was written"),
         (KeyboardInterrupt("kept 3 parts"), 130, "interrupted: kept 3 parts"),
     ],
@@ -157,7 +143,7 @@ def test_every_command_ends_alike(command, capsys, error, code, said) -> None:
     assert capsys.readouterr().err == f"{said}\n"
 
 
-@pytest.mark.parametrize("error", [ValueError("a bug"), TypeError("a bug"), BrokenPipeError(errno.EPIPE, "Broken")])
+@pytest.mark.parametrize("error", [ValueError("a bug"), BrokenPipeError(errno.EPIPE, "Broken")])
 def test_what_is_no_mistake_of_the_users_is_not_hidden(command, error) -> None:
     def fail(_: Options) -> int:
         raise error

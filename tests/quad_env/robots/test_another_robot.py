@@ -64,7 +64,7 @@ def test_spaces_are_made_of_the_joint_limits(weak: Robot) -> None:
     assert weak.mass == 16.2
 
 
-@pytest.mark.parametrize("actuator", ["ideal", "torque_speed", "motor"])
+@pytest.mark.parametrize("actuator", ["ideal", "motor"])
 def test_targets_pose_torque_and_speed_are_those_of_the_robot(weak: Robot, actuator: str) -> None:
     env = SimpleQuadEnv(robot=weak, actuator=actuator)
     seen, _ = env.reset(seed=0)
