@@ -21,10 +21,10 @@ EXAMPLES = {
 
 @dataclass(frozen=True)
 class Options:
-    """List every scenario: what happens in it, its severities and unit, how to write and combine them."""
+    """Options of a command that prints what is known of a robot."""
 
     robot: str = "simple_quad"
-    """Robot, to whose size severities are scaled: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
 
 
 def main(options: Options) -> int:
