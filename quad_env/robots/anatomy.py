@@ -9,12 +9,13 @@ model when they are zero in the terms of `Robot`: legs straight down, hips about
 import re
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.robots.feet import extremes, foot
+from quad_env.robots.feet import Foot, extremes, find_foot
 from quad_env.robots.shapes import Bools, corners, descendants, geoms_of, grounded, welded
 
 Floats = NDArray[np.float64]
@@ -53,15 +54,8 @@ class Leg:
     """Outboard from the hip joint to the plane in which the leg bends."""
     thigh_length: float
     calf_length: float
-    feet: tuple[int, ...]
-    """Ids of the geoms that are the foot, the lowest first."""
-    foot_body: int
-    """Id of the body of the first of them."""
-    foot_place: Floats
-    """Centre of the foot in the frame of that body, (3,)."""
-    foot_radius: float
-    foot_points: Floats
-    """Points of a foot that is no ball from its centre, base frame with the leg straight down, (k, 3)."""
+    foot: Foot
+    """Its points in the base frame with the leg straight down, as many for every foot that is no ball."""
 
 
 @dataclass(frozen=True)
@@ -147,11 +141,11 @@ def anatomy(mujoco: Any, model: Any) -> Anatomy:
     mujoco.mj_kinematics(model, data)
     meets = grounded(model, root)
     legs = _named([_leg(model, data, trunk, meets, chain) for chain in chains.values()])
-    for length in ("hip_offset", "thigh_length", "calf_length", "foot_radius"):
-        found = [getattr(leg, length) for leg in legs]
+    for length in ("hip_offset", "thigh_length", "calf_length", "foot.radius"):
+        found = [attrgetter(length)(leg) for leg in legs]
         if np.ptp(found) > _SAME * (legs[0].thigh_length + legs[0].calf_length):
             each = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, found, strict=True))
-            raise ModelError(f"the legs differ in {length.replace('_', ' ')}, m: {each}")
+            raise ModelError(f"the legs differ in {re.sub('[_.]', ' ', length)}, m: {each}")
     base = data.xmat[trunk].reshape(3, 3)
     places, axes = (data.xpos - data.xpos[trunk]) @ base, base.T @ data.xmat.reshape(-1, 3, 3)
     return Anatomy(root, trunk, descendants(model, root), meets, places, axes, legs)
@@ -228,7 +222,7 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     lateral = signs[1] * axes[1]
     leg = np.stack(((1.0, 0.0, 0.0), lateral, np.cross((1.0, 0.0, 0.0), lateral)))
     shin = int(model.jnt_bodyid[chain[-1]])
-    sole = foot(model, data, chain[-1], geoms_of(model, welded(model, shin), meets))
+    sole = find_foot(model, data, chain[-1], geoms_of(model, welded(model, shin), meets))
     if sole is None:
         raise ModelError(f"below joint {names[2]} nothing collides with the ground: no foot")
     turn = data.xmat[sole.body].reshape(3, 3)
@@ -253,11 +247,7 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
         hip_offset=side,
         thigh_length=lengths[0],
         calf_length=lengths[1],
-        feet=sole.geoms,
-        foot_body=sole.body,
-        foot_place=sole.place,
-        foot_radius=sole.radius,
-        foot_points=extremes(sole.points @ (straightened @ leg @ base.T @ turn).T),
+        foot=sole._replace(points=extremes(sole.points @ (straightened @ leg @ base.T @ turn).T)),
     )
 
 

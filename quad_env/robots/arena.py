@@ -125,10 +125,10 @@ def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> Non
     for geom in parts.geoms.values():
         geom.priority, geom.condim = 0, 3  # the ground's friction is the scenario's, and slides alone
     for leg in found.legs:
-        for number, geom in enumerate(leg.feet):
+        for number, geom in enumerate(leg.foot.geoms):
             parts.geoms[geom].name = HERE + numbered(f"{leg.name}_foot", number)
-        body = parts.bodies[leg.foot_body]
-        site = {"pos": leg.foot_place, "size": (leg.foot_radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
+        body = parts.bodies[leg.foot.body]
+        site = {"pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
         body.add_site(name=HERE + f"{leg.name}_foot", **site)
         body.add_site(name=HERE + f"{leg.name}_sole", **_sole(model, leg))
         for joint, link in zip(leg.joints, LINKS, strict=True):
@@ -158,7 +158,9 @@ def _centre_base(parts: Parts, found: Anatomy) -> None:
 
 def _sole(model: Any, leg: Leg) -> dict[str, Any]:
     """A site around the foot's geoms of one body, a little larger than these: the volume of a touch sensor."""
-    points = np.concatenate([surface(model, geom) for geom in leg.feet if model.geom_bodyid[geom] == leg.foot_body])
+    points = np.concatenate(
+        [surface(model, geom) for geom in leg.foot.geoms if model.geom_bodyid[geom] == leg.foot.body]
+    )
     low, high = points.min(axis=0), points.max(axis=0)
     return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}
 

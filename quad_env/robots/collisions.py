@@ -50,9 +50,9 @@ def watched(parts: Parts, model: Any, found: Anatomy) -> Iterator[tuple[str, lis
     """Name of each part that touches the ground -> the bodies, or geoms, whose contacts are its contacts."""
     yield "trunk", _solid(parts, model, found, found.trunk, ()) or [parts.bodies[found.trunk]]
     for leg in found.legs:
-        yield f"{leg.name}_foot", [parts.geoms[geom] for geom in leg.feet]
+        yield f"{leg.name}_foot", [parts.geoms[geom] for geom in leg.foot.geoms]
         for joint, link in zip(leg.joints[1:], LINKS[1:], strict=True):
-            yield f"{leg.name}_{link}", _solid(parts, model, found, int(model.jnt_bodyid[joint]), leg.feet)
+            yield f"{leg.name}_{link}", _solid(parts, model, found, int(model.jnt_bodyid[joint]), leg.foot.geoms)
 
 
 def _solid(parts: Parts, model: Any, found: Anatomy, body: int, feet: Sequence[int]) -> list[Any]:

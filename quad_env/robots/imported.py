@@ -66,8 +66,8 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
         hip_offset=float(np.mean([leg.hip_offset for leg in found.legs])),
         thigh_length=leg.thigh_length,
         calf_length=leg.calf_length,
-        foot_radius=leg.foot_radius,
-        foot_points=np.stack([leg.foot_points for leg in found.legs]),
+        foot_radius=leg.foot.radius,
+        foot_points=np.stack([leg.foot.points for leg in found.legs]),
         thigh_radius=_thigh_radius(model, found, leg),
         trunk_size=trunk_size,
         trunk_centre=trunk_centre,
@@ -191,7 +191,7 @@ def _thigh_radius(model: Any, found: Anatomy, leg: Leg) -> float:
     thigh, calf = (int(model.jnt_bodyid[joint]) for joint in leg.joints[1:])
     geoms, along = geoms_of(model, [thigh], found.grounded), model.body_pos[calf]
     if not geoms:
-        return leg.foot_radius
+        return leg.foot.radius
     points = np.concatenate([corners(model, geom) for geom in geoms])
     share = np.clip(points @ along / (along @ along), 0.0, 1.0)
     beside = np.linalg.norm(points - share[:, None] * along, axis=1)

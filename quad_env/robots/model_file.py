@@ -65,10 +65,9 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
 def remarks(path: Path) -> Iterator[tuple[str, str]]:
     """What the model in a user's file has that one should know of: heading and text, a line each."""
     own, model, found = read(path)
-    names = [
-        model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for leg in found.legs for geom in leg.feet
-    ]
-    kinds = {SHAPES[int(model.geom_type[geom])] for leg in found.legs for geom in leg.feet}
+    feet = [geom for leg in found.legs for geom in leg.foot.geoms]
+    names = [model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for geom in feet]
+    kinds = {SHAPES[int(model.geom_type[geom])] for geom in feet}
     yield "feet", f"{', '.join(names)} ({', '.join(sorted(kinds))})"
     if not found.trunk_collides(model):
         yield "trunk", "does not collide in the model: the box around what is shown of it does here"
