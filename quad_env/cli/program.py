@@ -14,9 +14,8 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from quad_env.cli import memory
 from quad_env.cli.command_line import UsageError, UserError, fail, parse, survive_narrow_encodings
-from quad_env.cli.launcher import INTERRUPTED, NOTHING_KEPT, is_broken_pipe
+from quad_env.cli.launcher import INTERRUPTED, NOTHING_KEPT, OUT_OF_MEMORY, is_broken_pipe, is_out_of_memory
 
 HELP = {"-h", "--help"}
 _TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
@@ -108,8 +107,8 @@ def _line_for(error: Exception) -> str:
     """What a user is told of an error that is none of the program; any other is raised again."""
     if isinstance(error, UserError):
         return str(error)
-    if memory.is_short(error):
-        return memory.SHORT
+    if is_out_of_memory(error):
+        return OUT_OF_MEMORY
     if isinstance(error, OSError):
         return words_of(error)
     package = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""

@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from quad_env.cli import memory
+from quad_env.cli.launcher import is_out_of_memory
 
 LITTLE = """
 import resource
@@ -31,7 +31,7 @@ launcher.leave_on_interrupt()
     ],
 )
 def test_how_it_shows(error: Exception) -> None:
-    assert memory.is_short(error)
+    assert is_out_of_memory(error)
 
 
 class Mute(Exception):
@@ -45,7 +45,7 @@ class Mute(Exception):
     "error", [ValueError("a bug"), Mute(), OSError(errno.ENOSPC, "No space"), KeyboardInterrupt(), SystemExit(2)]
 )
 def test_what_is_none(error: BaseException) -> None:
-    assert not memory.is_short(error)
+    assert not is_out_of_memory(error)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits memory")
