@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
@@ -82,7 +81,8 @@ def limits(subject: Subject) -> Finding:
     for left, right in _pairs(robot):
         if len(set(_knees(robot, left, right))) > 1:  # which `joints` reports
             continue
-        for own, other in zip(_mirrored(lower[right], upper[right]), (lower[left], upper[left]), strict=True):
+        mirrored = np.array([-upper[right][0], *lower[right][1:]]), np.array([-lower[right][0], *upper[right][1:]])
+        for own, other in zip(mirrored, (lower[left], upper[left]), strict=True):
             if len(off := np.flatnonzero(np.abs(own - other) > UNLIKE)):
                 both = f"{names[left][off[0]]} and {names[right][off[0]]}"
                 return problem(
@@ -162,8 +162,3 @@ def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
 def _knees(robot: Robot, *parts: slice) -> list[float]:
     """Ways in which the knees of legs bend."""
     return [float(robot.knee_direction[part.start // JOINTS_PER_LEG]) for part in parts]
-
-
-def _mirrored(lower: Any, upper: Any) -> tuple[Any, Any]:
-    """Limits of the leg on the other side: of its hip, negated and exchanged."""
-    return np.array([-upper[0], *lower[1:]]), np.array([-lower[0], *upper[1:]])

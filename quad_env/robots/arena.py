@@ -1,13 +1,10 @@
 """A robot's model on our ground: the MJCF of its own for SimpleQuad, for others theirs with our servos and sensors.
 
-A model brings the body with the free joint and all below it; ground, physics settings, servos, sensors and the home
-pose are those of every robot here. Its joints keep their names and their order. Where an axis of a joint points the
-other way, or the leg of the model's zero pose is bent, the joint's axis, limits and `ref` are rewritten: the motion is
-the same, its angle is zero with the leg straight down and grows about +x (hips) or +y (thighs and calves). Bodies and
-geoms that the simulation looks for get the names that SimpleQuad's have.
-
-An attached model keeps the units of its own compiler, but loses what that does to the whole model, such as
-`settotalmass`. So each body gets the mass and inertia that it has in the model as MuJoCo compiles it by itself.
+A model brings the body with the free joint and all below it. Its joints keep their names and their order; where an
+axis points the other way, or the leg of the zero pose is bent, axis, limits and `ref` are rewritten, so that angles are
+zero with the leg straight down and grow about +x (hips) or +y (thighs and calves). Bodies and geoms that the simulation
+looks for get the names that SimpleQuad's have. An attached model loses what its compiler does to the whole model, such
+as `settotalmass`: each body gets the mass and inertia that MuJoCo's compilation of the model by itself gives it.
 """
 
 from typing import Any

@@ -1,9 +1,8 @@
 """Dynamic similarity: what a figure that was chosen for SimpleQuad is on a robot of another size and mass.
 
-Animals of all sizes move alike where their Froude numbers v²/(g·L) are alike (R. McN. Alexander and A. S. Jayes, A
-dynamic similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity being the same, lengths go as the leg
-length L, masses as the mass m, times as √L, and everything else as its unit says: speeds as √L, forces as m, impulses
-as m·√L, torques as m·L.
+Animals of all sizes move alike at equal Froude numbers v²/(g·L) (R. McN. Alexander and A. S. Jayes, A dynamic
+similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity being the same, lengths go as the leg length
+L, masses as the mass m, times as √L, and everything else as its unit says.
 """
 
 import numpy as np
@@ -27,11 +26,10 @@ _UNITS = {
 """By exponents of leg length and mass."""
 _EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in units}
 WIDE, LONG = "m wide", "m long"
-"""Units of distances between left and right and between fore and hind feet, m: what robots of other proportions have as
-much more or less of, in leg lengths, than between their thigh joints."""
+"""Units of distances between left and right and between fore and hind feet, m: what they are more or less than those
+between the thigh joints goes as the leg length."""
 AHEAD = " ahead"
-"""End of the unit of what the way the knees bend decides: of a robot whose knees bend forward, it is the other way
-round, as of SimpleQuad seen in a mirror that exchanges fore and hind legs; of one with as many of each, nothing."""
+"""End of the unit of what the way the knees bend decides: negated where they bend forward, 0 with as many of each."""
 
 
 def ratio(robot: Robot, unit: str) -> float:
