@@ -16,8 +16,6 @@ from policies import shipped
 from quad_env.__main__ import main
 from quad_env.doctor.check import Check, Finding, Subject, examine
 from quad_env.doctor.command import CHECKS
-from quad_env.robots.robot import Robot
-from quad_env.robots.similarity import servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import Made
 
@@ -127,11 +125,6 @@ def test_a_problem_of_a_users_figures_is_found(name: str, tmp_path: Path) -> Non
 def test_a_problem_of_the_shipped_model_is_found(name: str, tmp_path: Path) -> None:
     old, new, *expected = SHIPPED[name]
     check_complaint(Subject(replace(SIMPLE_QUAD, mjcf=edited(tmp_path, (old, new)))), *expected)
-
-
-def test_the_gains_that_it_names_are_those_that_a_model_is_given(tmp_path: Path) -> None:
-    robot = Robot.from_mjcf(Made().write(tmp_path))
-    assert servo_gains(robot) == pytest.approx((robot.servo_stiffness, robot.servo_damping), rel=1e-9)
 
 
 def bundle(folder: Path, **changes: object) -> Path:
