@@ -33,8 +33,8 @@ COMMANDS = {
     "axes": Command("evaluate.commands.axes", "falls of policies along the axes of disturbance, as curves"),
 }
 _RESEARCH = "calibration estimation gait-diagram gaits ground jump pictures prediction readme recovery rescore safety"
-MOVED = {name: f"python -m research {name}" for name in (*_RESEARCH.split(), "straight-walking")}
-"""Commands that replace those of older versions."""
+MOVED = {name: f"now `python -m research {name}`" for name in (*_RESEARCH.split(), "straight-walking")}
+"""Where commands of older versions are."""
 
 
 def compare(words: list[str]) -> int:

@@ -13,8 +13,7 @@ from evaluate.rollouts.rollout import roll_out
 from policies import PolicyError
 from policies.base import CONTROL_PERIOD, Policy
 from quad_env.config import FALL_REASONS
-from quad_env.doctor.check import Finding, ok, problem
-from quad_env.doctor.subject import Subject
+from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import ratio
 

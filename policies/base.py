@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.gait_cycle import Floats as Floats
 from policies.gait_cycle import advance, smoothstep
-from quad_env.cli.errors import UserError
+from quad_env.cli.command_line import UserError
 from quad_env.config import TaskConfig
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot

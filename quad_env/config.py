@@ -3,7 +3,7 @@
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any, get_args
 
@@ -53,6 +53,13 @@ class CommandRanges:
     def straight(cls, speed: float) -> "CommandRanges":
         """Always straight ahead at that speed, m/s."""
         return cls((speed, speed), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
+
+    def times(self, faster: float, turning: float) -> "CommandRanges":
+        """These ranges with so many times the velocities and so many times the yaw rates."""
+        forward, lateral = ((faster * low, faster * high) for low, high in (self.forward, self.lateral))
+        clockwise, anticlockwise = self.yaw_rate
+        yaw_rate = (turning * clockwise, turning * anticlockwise)
+        return replace(self, forward=forward, lateral=lateral, yaw_rate=yaw_rate)
 
     def __post_init__(self) -> None:
         for low, high in (self.forward, self.lateral, self.yaw_rate):

@@ -1,7 +1,7 @@
 """The environment as text: the robot, spaces, scenarios, actuators and sensors; `python -m quad_env info`."""
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.metadata import version
 
 import quad_env
@@ -11,18 +11,10 @@ from quad_env.robots.named import robot_named
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import axes_of
-from quad_env.scenarios.listing import axis_line
+from quad_env.scenarios.listing import Options, axis_line
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.suite import SENSORS, TRUTH
 from quad_env.task.observations import observation_table
-
-
-@dataclass(frozen=True)
-class Options:
-    """Print the robot, spaces, scenarios, actuators and sensors of the environment."""
-
-    robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
 
 
 def main(options: Options) -> int:

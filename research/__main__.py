@@ -12,10 +12,8 @@ if __name__ == "__main__":  # before the imports that take time
     launcher.leave_on_interrupt()
     launcher.check_packages("research", "research")
 
-from quad_env.cli.command_line import UsageError
 from quad_env.cli.program import Command, Program
 
-NAME = "python -m research"
 COMMANDS = {
     "rescore": Command("research.studies.rescore", "falls of a traced run under the rules of other projects"),
     "gaits": Command("research.studies.gaits", "what the gaits, and changes between them, do on flat ground"),
@@ -36,17 +34,7 @@ COMMANDS = {
     "trials": Command("research.training.trials", "training runs of different settings, compared"),
     "publish": Command("research.training.publish", "finished runs evaluated, and that of seed 0 shipped"),
 }
-
-
-def _list(words: list[str]) -> int:
-    """Print the commands if asked to. Raises UsageError for any other words."""
-    if not words or words[0] in ("-h", "--help"):
-        print(f"{__doc__}\n{PROGRAM.listing()}")
-        return 0
-    raise UsageError(f"there is no command {words[0]}; there are {', '.join(COMMANDS)}")
-
-
-PROGRAM = Program(NAME, COMMANDS, _list)
+PROGRAM = Program("python -m research", COMMANDS)
 main = PROGRAM.main
 
 if __name__ == "__main__":

@@ -24,8 +24,8 @@ COMMANDS = {
     "search": Command("train.search.command", "parameters of a trot, a gait, a policy with feedback, by CMA-ES"),
     "export": Command("train.export", "a trained residual as an ONNX file"),
 }
-MOVED = {name: f"python -m research {name}" for name in ("ablations", "publish", "sweep", "trials")}
-"""Commands that replace those of older versions."""
+MOVED = {name: f"now `python -m research {name}`" for name in ("ablations", "publish", "sweep", "trials")}
+"""Where commands of older versions are."""
 REWARDS = "--rewards"
 
 

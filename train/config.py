@@ -17,7 +17,7 @@ from policies.parameters import number
 from quad_env.cli.command_line import UsageError
 from quad_env.config import RewardWeights
 from quad_env.files.reading import read_bytes
-from quad_env.scenarios import combination
+from quad_env.scenarios.named import scaled_name
 from train.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE
 
@@ -301,7 +301,7 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {
 
 def likewise(config: TrainConfig, hardware: Hardware) -> TrainConfig:
     """SimpleQuad's settings for another robot: the same shares on scenarios as hard for it."""
-    mixture = tuple((combination.scaled_name(name, hardware.quadruped), share) for name, share in config.mixture)
+    mixture = tuple((scaled_name(name, hardware.quadruped), share) for name, share in config.mixture)
     return dataclasses.replace(config, robot=hardware.robot, mixture=mixture)
 
 

@@ -24,8 +24,8 @@ from evaluate.rollouts.hardware import hardware_of
 from policies import bundle
 from policies.parameters import limits_of, number
 from policies.shipped import folder_of
+from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
-from quad_env.cli.cores import available_cores
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.robots.robot import Robot

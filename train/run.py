@@ -17,8 +17,8 @@ import policies
 from evaluate.records.provenance import REPOSITORY, REVISION, git_revision
 from evaluate.rollouts.cluster import Report, cluster
 from policies.residual import NO_SHIFT, authority_of
+from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.cores import available_cores
 from quad_env.cli.interrupt import Interrupt
 from quad_env.files.writing import sole_use, write_atomically
 from train.config import TrainConfig

@@ -8,8 +8,8 @@ import tyro
 
 from evaluate.commands.options import WALKING_POLICIES, Flag
 from evaluate.commands.options import Options as Comparison
+from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.cores import available_cores
 
 PICTURE = "fall_rates.svg"
 

@@ -14,7 +14,7 @@ from evaluate.records.store import ChunkStore, Run, is_unfinished, read_run, rem
 from evaluate.report.table import print_results
 from evaluate.rollouts.experiment import Cell, NotKept, Settings, TraceWriter, evaluation_seeds, run_cells
 from evaluate.rollouts.workers import WorkerLost, process_pool
-from quad_env.cli import launcher, memory
+from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.program import words_of
@@ -46,9 +46,9 @@ def _execute(plan: Plan, show: Show) -> int:
     try:
         code = conclude(Run(manifest, tuple(done)), out, ending) if done else 0
     except Exception as error:
-        if not memory.is_short(error):
+        if not launcher.is_out_of_memory(error):
             raise
-        raise UsageError(f"{memory.SHORT}; {_then(store)}") from error
+        raise UsageError(f"{launcher.OUT_OF_MEMORY}; {_then(store)}") from error
     if not interrupted:
         remove_chunks(out)
         return code
@@ -63,8 +63,8 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
     interrupted = False
     try:
         launcher.raise_on_interrupt()
-        memory.hold_where_limited()
-        with Interrupt() as interrupt, show_progress([policy for _, policy in plan.manifest.cells]) as progress:
+        launcher.hold_memory_where_limited()
+        with Interrupt() as interrupt, show_progress(len(plan.manifest.cells)) as progress:
 
             def report(policy: str, scenario: str, share: float) -> None:
                 interrupt.check()
@@ -96,8 +96,8 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[list[Cell], bool]:
 
 def _why(error: Exception, store: ChunkStore) -> str | None:
     """A line for a user: why not everything was simulated, and what may be done; None for a fault of the program."""
-    if memory.is_short(error):
-        return f"{memory.SHORT}; {_then(store)}"
+    if launcher.is_out_of_memory(error):
+        return f"{launcher.OUT_OF_MEMORY}; {_then(store)}"
     if isinstance(error, NotKept):
         return f"cannot write to {store.folder} ({error.strerror}); make room, then {_then(store)}"
     if isinstance(error, WorkerLost | OSError):

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from evaluate.rollouts.hardware import Hardware
-from quad_env.cli.cores import available_cores
+from quad_env.cli.child_process import available_cores
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 PROGRAM = "python -m evaluate"

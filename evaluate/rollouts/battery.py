@@ -12,8 +12,7 @@ from quad_env.files.text import described
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of
-from quad_env.scenarios.combination import is_combination
-from quad_env.scenarios.named import SCENARIOS, WRITTEN, Scenario, find, scenarios_of
+from quad_env.scenarios.named import SCENARIOS, WRITTEN, Scenario, find, is_combination, scenarios_of
 from quad_env.serialisation import from_plain, to_plain
 
 NOMINAL = ("flat", "push", "rough")

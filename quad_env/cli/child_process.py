@@ -1,4 +1,7 @@
-"""Processes that serve the one that began them: Ctrl-C is for that one, and they end when it ends, however it does."""
+"""Processes that serve the one that began them: Ctrl-C is for that one, and they end when it ends, however it does.
+
+The number of them is up to the processor's cores.
+"""
 
 import contextlib
 import multiprocessing
@@ -9,6 +12,11 @@ import threading
 from collections.abc import Iterator
 from multiprocessing import connection, resource_tracker
 from typing import Any
+
+
+def available_cores() -> int:
+    """Processor cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextlib.contextmanager

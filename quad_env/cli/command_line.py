@@ -11,7 +11,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from quad_env.cli.errors import UserError
 from quad_env.files.text import number, one_line
 from quad_env.files.writing import make_writable_folder
 
@@ -20,6 +19,10 @@ N = TypeVar("N", int, float)
 
 _PAIRS = ("policy", "policies"), ("scenario", "scenarios")
 _RULE = re.compile(r"[─-]{3,}")
+
+
+class UserError(Exception):
+    """A user's mistake, which any package may find; its text is one line that names the remedy."""
 
 
 class UsageError(UserError):

@@ -1,7 +1,6 @@
 """Ctrl-C as a request: the first is remembered until a loop is where it can stop, the second ends the process at once.
 
-A KeyboardInterrupt that the signal itself raises comes in the middle of anything: in a callback or a finaliser it is
-lost, and in an import it becomes another error.
+A KeyboardInterrupt that the signal itself raises is lost in a callback or a finaliser.
 """
 
 import signal

@@ -1,10 +1,11 @@
-"""How a program ends without a traceback whatever its user does: Ctrl-C at any moment, a reader that closes the pipe.
+"""How a program ends without a traceback: Ctrl-C at any moment, a reader that closes the pipe, too little memory.
 
 A launcher calls `leave_on_interrupt` before its slow imports, and then `launch`. The program itself calls
 `raise_on_interrupt` once it has everything loaded and can keep what it has done. It imports next to nothing.
 """
 
 import errno
+import mmap
 import os
 import signal
 import sys
@@ -14,8 +15,6 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import NoReturn
 
-from quad_env.cli import memory
-
 INTERRUPTED = 130
 FAILED = 2
 NOTHING_KEPT = "interrupted: no further file was written"
@@ -24,6 +23,17 @@ ROOT = Path(__file__).resolve().parents[2]
 IS_CLONE = (ROOT / "live").is_dir() and (ROOT / "pyproject.toml").is_file()
 PACKAGES = "quad_env", "policies", "evaluate"
 """Packages that every command needs."""
+_MEMORY_SIGNS = (
+    "cannot allocate memory",  # of the system
+    "could not allocate memory",  # of MuJoCo
+    "failed to map segment",  # of a library that is loaded
+    "can't start new thread",  # whose stack has no room
+)
+_OF_CPP = "caught an unknown exception"
+"""What MuJoCo's compiler gives where it cannot start its threads, and after whatever else it does not expect."""
+_BLAS_BUFFER = 2**26
+"""Bytes that OpenBLAS wants at its first large product, at most."""
+OUT_OF_MEMORY = "out of memory: end other programs, or raise the limit of `ulimit -v` if there is one"
 
 
 def leave_on_interrupt() -> None:
@@ -32,7 +42,7 @@ def leave_on_interrupt() -> None:
     A KeyboardInterrupt out of an import can turn into an ImportError, or get lost in a callback, so none is raised.
     """
     sys.excepthook = _end_by
-    memory.save_where_limited()
+    save_memory_where_limited()
     # A shell starts background jobs deaf to Ctrl-C; that stays.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
@@ -118,12 +128,53 @@ def leave(text: str) -> NoReturn:
 
 def _end_by(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     """End by an error that nothing else has taken, such as of an import."""
-    if not memory.is_short(error):
+    if not is_out_of_memory(error):
         sys.__excepthook__(kind, error, trace)
         return
-    os.write(2, f"error: {memory.SHORT}\n".encode())
+    os.write(2, f"error: {OUT_OF_MEMORY}\n".encode())
     os._exit(FAILED)
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
     leave(NOTHING_KEPT)
+
+
+def memory_is_limited() -> bool:
+    """Whether this process may have only so much address space, as `ulimit -v` sets it."""
+    if sys.platform == "win32":
+        return False
+    import resource
+
+    return resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
+
+
+def save_memory_where_limited() -> None:
+    """To be called before NumPy is loaded: its OpenBLAS, which reserves memory for each of its threads and ends the
+    process or waits for ever where it gets none, has one thread where memory is limited."""
+    if memory_is_limited():
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether an exception comes from too little memory, whatever its type."""
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        return True
+    if not isinstance(error, Exception):
+        return False
+    try:
+        text = str(error).lower()
+    except Exception:  # of a user
+        return False
+    return any(sign in text for sign in _MEMORY_SIGNS) or (_OF_CPP in text and memory_is_limited())
+
+
+def hold_memory_where_limited() -> None:
+    """To be called once everything is loaded: OpenBLAS takes now what it would end the process for later.
+
+    Raises OSError where there is too little for it.
+    """
+    if memory_is_limited():
+        import numpy as np
+
+        mmap.mmap(-1, _BLAS_BUFFER).close()
+        np.ones((256, 256)) @ np.ones((256, 256))

@@ -8,16 +8,14 @@ KeyboardInterrupt, with a text if it has something to say about what is kept.
 import difflib
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from typing import Any
 
-from quad_env.cli import memory
-from quad_env.cli.command_line import UsageError, fail, parse, survive_narrow_encodings
-from quad_env.cli.errors import UserError
-from quad_env.cli.launcher import INTERRUPTED, NOTHING_KEPT, is_broken_pipe
+from quad_env.cli.command_line import UsageError, UserError, fail, parse, survive_narrow_encodings
+from quad_env.cli.launcher import INTERRUPTED, NOTHING_KEPT, OUT_OF_MEMORY, is_broken_pipe, is_out_of_memory
 
 HELP = {"-h", "--help"}
 _TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
@@ -51,45 +49,43 @@ class Program:
     name: str
     """As it is called, `python -m train`."""
     commands: Mapping[str, Command]
-    """By the words that call them, such as `search trot`."""
-    otherwise: Callable[[list[str]], int]
-    """Runs the words that begin with no command; the exit code."""
-    moved: Mapping[str, str] = field(default_factory=dict)
-    """The command that replaces one of an older version, by the words of the old one."""
+    """By the word that calls them."""
+    otherwise: Callable[[list[str]], int] | None = None
+    """Runs the words that begin with no command, and gives the exit code; None where they are a mistake."""
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
+    """Where commands are that are not here, such as those of older versions: "now `python -m research jump`"."""
 
     def main(self, arguments: list[str] | None = None) -> int:
         """Run the command that the arguments begin with; its exit code, 2 after a mistake, 130 after Ctrl-C."""
         words = sys.argv[1:] if arguments is None else arguments
         return exit_code(partial(self._run, words))
 
-    def listing(self, names: Iterable[str] | None = None) -> str:
-        """The commands of these names, by default all, with a line each."""
-        chosen = list(self.commands if names is None else names)
-        width = max(map(len, chosen)) + 2
-        return "\n".join(f"  {name:{width}}{self.commands[name].summary}" for name in chosen)
+    def listing(self) -> str:
+        """The commands, with a line each."""
+        width = max(map(len, self.commands)) + 2
+        return "\n".join(f"  {name:{width}}{command.summary}" for name, command in self.commands.items())
 
     def _run(self, words: list[str]) -> int:
-        for name, command in self.commands.items():
-            called = name.split()
-            if words[: len(called)] == called:
-                module: Any = import_module(command.module)
-                program, rest = f"{self.name} {name}", words[len(called) :]
-                return int(module.main(parse(module.Options, rest, program=program, description=module.__doc__)))
-        for name, new in self.moved.items():
-            if words[: len(name.split())] == name.split():
-                raise UsageError(f"`{self.name} {name}` is now `{new}`")
-        family = [name for name in self.commands if words and name.split()[0] == words[0]]
-        if family and HELP & set(words):
-            print(f"{self.name} COMMAND, each with its own --help:\n{self.listing(family)}")
-            return 0
-        if family:
-            raise UsageError(f"there is no command {' '.join(words[:2])}; there are {', '.join(family)}")
+        first = words[0] if words else ""
+        if first in self.commands:
+            module: Any = import_module(self.commands[first].module)
+            program = f"{self.name} {first}"
+            return int(module.main(parse(module.Options, words[1:], program=program, description=module.__doc__)))
+        if first in self.elsewhere:
+            raise UsageError(f"`{self.name} {first}` is {self.elsewhere[first]}")
         try:
-            return self.otherwise(words)
+            return self.otherwise(words) if self.otherwise else self._list(words)
         except UsageError as mistake:
-            if meant := difflib.get_close_matches(words[0], self.commands, 1, 0.7) if words else []:
+            if meant := difflib.get_close_matches(first, self.commands, 1, 0.7):
                 raise UsageError(f"{mistake}; did you mean the command {meant[0]}?") from mistake
             raise
+
+    def _list(self, words: list[str]) -> int:
+        """Print the commands if asked to. Raises UsageError for any other words."""
+        if words and words[0] not in HELP:
+            raise UsageError(f"there is no command {words[0]}; there are {', '.join(self.commands)}")
+        print(f"{self.name} COMMAND, each with its own --help:\n{self.listing()}")
+        return 0
 
 
 def exit_code(run: Callable[[], int]) -> int:
@@ -110,8 +106,8 @@ def _line_for(error: Exception) -> str:
     """What a user is told of an error that is none of the program; any other is raised again."""
     if isinstance(error, UserError):
         return str(error)
-    if memory.is_short(error):
-        return memory.SHORT
+    if is_out_of_memory(error):
+        return OUT_OF_MEMORY
     if isinstance(error, OSError):
         return words_of(error)
     package = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""

@@ -1,21 +1,68 @@
-"""Checks and their findings; a check is left out where one that it needs has found a problem."""
+"""Checks, what they examine and what they find; a check is left out where one that it needs has found a problem."""
 
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
-from typing import Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
-from quad_env.doctor.subject import Subject
+from quad_env.robots.named import ROBOTS, SUFFIXES, robot_of
 
-Result = Literal["ok", "warning", "problem", "left out"]
+if TYPE_CHECKING:
+    from quad_env.robots.robot import Robot
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The robot, and perhaps the policy, that a run of checks examines."""
+
+    given: "str | Robot" = "simple_quad"
+    """Name of a robot, path of its MJCF or TOML, or the robot itself."""
+    policy: str | None = None
+    """Policy by name or path."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError, one line, for a robot that is neither a name nor a file."""
+        given = self.given
+        if isinstance(given, str) and given not in ROBOTS:
+            if Path(given).suffix not in SUFFIXES:
+                robot_of(given)  # raises: unknown robot …
+            if not Path(given).is_file():
+                raise ValueError(f"{given} is no file")
+
+    @property
+    def name(self) -> str:
+        """Name of the robot, or the path of its file."""
+        return self.given if isinstance(self.given, str) else str(self.given.source or self.given.name)
+
+    @cached_property
+    def robot(self) -> "Robot":
+        """The robot. Raises what reading it does."""
+        return robot_of(self.given)
+
+    @cached_property
+    def env(self) -> Any:
+        """A single environment with it, falls ignored. Raises ValueError where there is none."""
+        from quad_env.envs.env import SimpleQuadEnv
+
+        return SimpleQuadEnv(robot=self.robot, terminate_on_fall=False)
+
+    @property
+    def figures(self) -> str:
+        """Place where the figures of the robot can be given, in words."""
+        if self.name.endswith(".toml"):
+            return self.name
+        return f"a TOML (python -m quad_env describe {self.name} --toml mine.toml)"
 
 
 @dataclass(frozen=True)
 class Finding:
     """Result of a check."""
 
-    result: Result
+    result: Literal["ok", "warning", "problem", "left out"]
+    """A warning needs no repair, a problem does."""
     seen: str
     """Observation, one line."""
     cause: str = ""
@@ -27,11 +74,6 @@ class Finding:
 def ok(seen: str) -> Finding:
     """Finding of a check without fault."""
     return Finding("ok", seen)
-
-
-def warning(seen: str, cause: str, remedy: str) -> Finding:
-    """Finding that needs no repair."""
-    return Finding("warning", seen, cause, remedy)
 
 
 def problem(seen: str, cause: str, remedy: str) -> Finding:
@@ -53,7 +95,7 @@ class Check:
         """Finding of the check; an unexpected error is a problem too."""
         module, _, function = self.place.partition(":")
         try:
-            found = getattr(import_module(module), function)(subject)
+            found: Finding = getattr(import_module(module), function)(subject)
         except ModuleNotFoundError as error:
             return problem(
                 f"{error.name} is not installed", "a package is missing", "pip install -U simple-quad, or -e ."
@@ -61,22 +103,11 @@ class Check:
         except Exception as error:
             text = " ".join(str(error).split()) or type(error).__name__
             return problem(text, f"{type(error).__name__} in the check itself", "report it, with this line")
-        assert isinstance(found, Finding)
         return found
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A check with its finding."""
-
-    name: str
-    finding: Finding
-    seconds: float
-    """Duration of the check."""
-
-
-def examine(checks: Iterable[Check], subject: Subject) -> Iterator[Entry]:
-    """Entries of the checks, in their order; one whose needs are not met is left out."""
+def examine(checks: Iterable[Check], subject: Subject) -> Iterator[tuple[str, Finding, float]]:
+    """Name, finding and duration, s, of each check, in their order; one whose needs are not met is left out."""
     broken: set[str] = set()
     for check in checks:
         start = time.perf_counter()
@@ -86,4 +117,4 @@ def examine(checks: Iterable[Check], subject: Subject) -> Iterator[Entry]:
             finding = check.look(subject)
         if finding.result in ("problem", "left out"):
             broken.add(check.name)
-        yield Entry(check.name, finding, time.perf_counter() - start)
+        yield check.name, finding, time.perf_counter() - start

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Annotated
 
@@ -11,8 +11,7 @@ import tyro
 
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import counted
-from quad_env.doctor.check import Check, Entry, examine
-from quad_env.doctor.subject import Subject
+from quad_env.doctor.check import Check, Finding, Subject, examine
 
 HERE = "quad_env.doctor"
 CHECKS = (
@@ -20,8 +19,8 @@ CHECKS = (
     Check("mujoco", f"{HERE}.packages:mujoco", ("packages",)),
     Check("opengl", f"{HERE}.drawing:opengl", ("mujoco",)),
     Check("model", f"{HERE}.model:model", ("mujoco",)),
-    Check("limits", f"{HERE}.joints:limits", ("model",)),
-    Check("joints", f"{HERE}.joints:joints", ("limits",)),
+    Check("limits", f"{HERE}.model:limits", ("model",)),
+    Check("joints", f"{HERE}.model:joints", ("limits",)),
     Check("servos", f"{HERE}.standing:servos", ("joints",)),
     Check("plausible", f"{HERE}.model:plausible", ("servos",)),
     Check("stands", f"{HERE}.standing:stands", ("servos",)),
@@ -59,38 +58,25 @@ def run(options: Options, of_policies: tuple[Check, ...] | None) -> int:
         subject = Subject(options.robot, options.policy)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    entries: list[Entry] = []
-    for entry in examine((*CHECKS, *(of_policies or ())), subject):
-        entries.append(entry)
+    checks = []
+    for name, found, seconds in examine((*CHECKS, *(of_policies or ())), subject):
+        checks.append({"name": name, **asdict(found), "seconds": round(seconds, 3)})
         if not options.json or sys.stderr.isatty():
-            print("\n".join(_lines(entry)), file=sys.stderr if options.json else sys.stdout, flush=True)
-    clone = of_policies is not None
-    print(_as_json(entries, clone) if options.json else _summary(entries, clone))
-    return int(_problems(entries) > 0)
+            print("\n".join(_lines(name, found)), file=sys.stderr if options.json else sys.stdout, flush=True)
+    clone, counts = of_policies is not None, Counter(check["result"] for check in checks)
+    if options.json:
+        report = {"schema": SCHEMA, "policies_examined": clone, "problems": counts["problem"], "checks": checks}
+        print(json.dumps(report, indent=2, ensure_ascii=False))
+    else:
+        faults = [counted(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
+        others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
+        print(", ".join(faults + others) + ("" if clone else f"; {NO_CLONE}"))
+    return int(counts["problem"] > 0)
 
 
-def _lines(entry: Entry) -> Iterator[str]:
+def _lines(name: str, found: Finding) -> Iterator[str]:
     """The observation, and cause and remedy where there are any."""
-    found = entry.finding
-    yield f"{found.result:9} {entry.name:9} {found.seen}"
+    yield f"{found.result:9} {name:9} {found.seen}"
     if found.remedy:
         yield f"{'':20}cause:  {found.cause}"
         yield f"{'':20}remedy: {found.remedy}"
-
-
-def _summary(entries: Sequence[Entry], clone: bool) -> str:
-    """Counts of results, in a line."""
-    counts = Counter(entry.finding.result for entry in entries)
-    faults = [counted(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
-    others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
-    return ", ".join(faults + others) + ("" if clone else f"; {NO_CLONE}")
-
-
-def _as_json(entries: Sequence[Entry], clone: bool) -> str:
-    checks = [{"name": entry.name, **asdict(entry.finding), "seconds": round(entry.seconds, 3)} for entry in entries]
-    report = {"schema": SCHEMA, "policies_examined": clone, "problems": _problems(entries), "checks": checks}
-    return json.dumps(report, indent=2, ensure_ascii=False)
-
-
-def _problems(entries: Sequence[Entry]) -> int:
-    return sum(entry.finding.result == "problem" for entry in entries)

@@ -8,8 +8,7 @@ import signal
 import subprocess
 import sys
 
-from quad_env.doctor.check import Finding, ok, problem
-from quad_env.doctor.subject import Subject
+from quad_env.doctor.check import Finding, Subject, ok, problem
 
 PATIENCE = 60.0
 """Longest time for a first frame, with shaders that the processor compiles, s."""
@@ -46,15 +45,12 @@ def _broken(seen: str) -> Finding:
     seen = f"no picture can be drawn: {seen}"
     if sys.platform != "linux":
         return problem(seen, "the system gives no OpenGL", "run it in a desktop session, with its graphics driver")
+    cause = "EGL or a driver behind it is missing"
     if chosen and chosen != "egl":
-        return problem(
-            seen, f"MUJOCO_GL={chosen} asks for a backend that does not work here", f"MUJOCO_GL=egl; {INSTALL}"
-        )
-    if display and not chosen:
-        return problem(seen, f"the display {display} gives no OpenGL", f"MUJOCO_GL=egl draws without it; {INSTALL}")
-    return problem(
-        seen, "EGL or a driver behind it is missing", f"{INSTALL}, or OSMesa (libosmesa6) with MUJOCO_GL=osmesa"
-    )
+        cause = f"MUJOCO_GL={chosen} asks for a backend that does not work here"
+    elif display and not chosen:
+        cause = f"the display {display} gives no OpenGL"
+    return problem(seen, cause, f"MUJOCO_GL=egl, which draws without a display; {INSTALL}")
 
 
 def main() -> int:

@@ -1,14 +1,24 @@
-"""Whether the robot's model loads, and whether its figures are plausible."""
+"""Whether the robot's model loads and is plausible, and its joints are consistent and mirrored left and right."""
 
 import re
+from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
-from quad_env.doctor.check import Finding, ok, problem, warning
-from quad_env.doctor.subject import Subject
-from quad_env.robots.anatomy import ModelError
+from quad_env.doctor.check import Finding, Subject, ok, problem
+from quad_env.robots.anatomy import JOINTS_PER_LEG, ModelError, contradicts
+from quad_env.robots.kinematics import feet_in_world
 from quad_env.robots.model_file import DECISIVE, log_to_the_console
 from quad_env.robots.plausibility import warnings_of
+from quad_env.robots.robot import Robot
+
+NARROWEST, WIDEST, MARGIN = 0.1, 8.01 * np.pi, 0.03
+"""Of a joint's range, and from its home pose to an end of it, rad; ANYmal's joints have ranges of three turns."""
+UNLIKE = 0.2
+"""Largest difference between a left and a right leg in an angle, rad; Boston Dynamics' Spot has 0.05 in a limit."""
+OFF = 0.005
+"""Farthest that a foot may be from where the angles put it, m."""
 
 
 def model(subject: Subject) -> Finding:
@@ -44,7 +54,111 @@ def plausible(subject: Subject) -> Finding:
     """Whether the robot's size, motors and servos are those of a real robot."""
     if found := list(warnings_of(subject.robot)):
         cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
-        return warning(
-            "; ".join(found), cause, f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
-        )
+        remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
+        return Finding("warning", "; ".join(found), cause, remedy)
     return ok("size, motors and servos are in proportion to the weight")
+
+
+def limits(subject: Subject) -> Finding:
+    """Whether the joints' ranges are those of a leg, alike left and right, with the home pose well inside."""
+    robot = subject.robot
+    lower, upper, home = robot.joint_lower, robot.joint_upper, robot.home_pose
+    spans, names = upper - lower, robot.joint_names
+    if wide := [name for name, span in zip(names, spans, strict=True) if span > WIDEST]:
+        seen = f"{_some(wide)} can turn by {spans.max():.0f} rad"
+        cause = 'limits in degrees where the MJCF\'s compiler has angle="radian"'
+        return problem(seen, cause, _correct("range", robot))
+    if narrow := [name for name, span in zip(names, spans, strict=True) if span < NARROWEST]:
+        seen = f"{_some(narrow)} can turn by {spans.min():.3f} rad only"
+        cause = "limits in radians where the MJCF's compiler reads degrees, its default, or a wrong range"
+        return problem(seen, cause, _correct('range, or write <compiler angle="radian"/> if it is in radians', robot))
+    margin = np.minimum(home - lower, upper - home)
+    if tight := [name for name, left in zip(names, margin, strict=True) if left < MARGIN]:
+        seen = f"in the home pose {_some(tight)} is at the end of its range"
+        return problem(
+            seen, "limits or home pose are wrong", f"{_correct('range', robot)}, or home_pose in {subject.figures}"
+        )
+    for left, right in _pairs(robot):
+        if len(set(_knees(robot, left, right))) > 1:  # which `joints` reports
+            continue
+        mirrored = np.array([-upper[right][0], *lower[right][1:]]), np.array([-lower[right][0], *upper[right][1:]])
+        for own, other in zip(mirrored, (lower[left], upper[left]), strict=True):
+            if len(off := np.flatnonzero(np.abs(own - other) > UNLIKE)):
+                both = f"{names[left][off[0]]} and {names[right][off[0]]}"
+                return problem(
+                    f"the ranges of {both} do not mirror each other", "a range is wrong", _correct("range", robot)
+                )
+    return ok(f"ranges of {spans.min():.1f} … {spans.max():.1f} rad, home pose {margin.min():.2f} rad inside")
+
+
+def joints(subject: Subject) -> Finding:
+    """Whether the joints' axes and order agree with their names and with the robot's figures."""
+    robot = subject.robot
+    faults = chain(_misnamed(robot), _unlike(robot, subject), _misplaced(subject))
+    return next(faults, ok("order, names and signs agree; the feet are where the angles put them"))
+
+
+def _misnamed(robot: Robot) -> Iterator[Finding]:
+    """Joints whose names say another leg or another place in the leg."""
+    for place, name in enumerate(robot.joint_names):
+        leg, link = robot.leg_names[place // JOINTS_PER_LEG], place % JOINTS_PER_LEG
+        if contradicts(name, leg, link):
+            is_at = f"{name} is joint {link + 1} of the leg {leg}, counted from the trunk"
+            cause = "two joints of the MJCF have each other's names, or are in each other's places"
+            yield problem(is_at, cause, f"exchange them in {robot.mjcf}")
+
+
+def _unlike(robot: Robot, subject: Subject) -> Iterator[Finding]:
+    """Left and right legs whose knees or home poses do not mirror each other."""
+    for left, right in _pairs(robot):
+        names = robot.joint_names[left][-1], robot.joint_names[right][-1]
+        if len(set(_knees(robot, left, right))) > 1:
+            cause = "the axis of one of them has the wrong sign, or its range has"
+            remedy = f"turn its axis or exchange and negate its range in {robot.mjcf}"
+            yield problem(f"{names[0]} and {names[1]} bend opposite ways", cause, remedy)
+        mirrored = robot.home_pose[right] * (-1.0, 1.0, 1.0)
+        if (np.abs(robot.home_pose[left] - mirrored) > UNLIKE).any():
+            cause = "an angle of the home pose has the wrong sign or the wrong place"
+            yield problem(
+                "left and right legs do not mirror each other in the home pose",
+                cause,
+                f"home_pose in {subject.figures}",
+            )
+
+
+def _misplaced(subject: Subject) -> Iterator[Finding]:
+    """Feet that are not where their joints' angles put them, in a pose of noise about the home pose."""
+    robot, env = subject.robot, subject.env
+    env.reset(seed=0)
+    data = env.data
+    trunk = data.body("base_link")
+    feet = np.array([data.site(f"{leg}_foot").xpos for leg in robot.leg_names])
+    put = feet_in_world(robot, trunk.xpos[None], trunk.xmat.reshape(1, 3, 3), data.qpos[None, 7:])[0]
+    off = np.linalg.norm(feet - put, axis=1)
+    if off.max() > OFF:
+        leg = robot.leg_names[int(off.argmax())]
+        seen = f"the foot of {leg} is {off.max():.2f} m from where its joints' angles put it"
+        cause = f"an axis of a joint of {leg} has the wrong sign, or a length of it changed"
+        yield problem(seen, cause, f"hips turn about +x, thighs and calves about +y: correct {robot.mjcf}")
+
+
+def _some(names: list[str]) -> str:
+    """`fl_calf_joint`, or `fl_calf_joint and 3 more`."""
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+
+
+def _correct(what: str, robot: Robot) -> str:
+    return f"correct {what} in {robot.mjcf}"
+
+
+def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
+    """Joints of the left and of the right leg, fore and hind."""
+    corners = robot.in_leg_order(range(4))
+    starts = [JOINTS_PER_LEG * corners.index(corner) for corner in range(4)]
+    fore_left, fore_right, hind_left, hind_right = (slice(start, start + JOINTS_PER_LEG) for start in starts)
+    yield from ((fore_left, fore_right), (hind_left, hind_right))
+
+
+def _knees(robot: Robot, *parts: slice) -> list[float]:
+    """Ways in which the knees of legs bend."""
+    return [float(robot.knee_direction[part.start // JOINTS_PER_LEG]) for part in parts]

@@ -4,71 +4,55 @@ import os
 import platform
 import shlex
 import tomllib
-from collections.abc import Iterable
-from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
 
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-from quad_env.doctor.check import Finding, ok, problem
-from quad_env.doctor.subject import Subject
+from quad_env.doctor.check import Finding, Subject, ok, problem
 
 PROJECT = "simple-quad"
 SOURCE = Path(__file__).parents[2] / "pyproject.toml"
 """Of the clone that this package lies in, if it lies in one: newer than what was installed, after a `git pull`."""
 
 
-@dataclass(frozen=True)
-class Requirements:
-    """Requirements of the project."""
+def requirements() -> tuple[SpecifierSet, list[Requirement], str]:
+    """Versions of Python and packages that the clone, else the installed package, asks for, and what installs them.
 
-    python: SpecifierSet
-    packages: tuple[Requirement, ...]
-    install: str
-    """Command that installs them."""
-
-
-def requirements() -> Requirements:
-    """Requirements of the clone, else of the installed package. Raises PackageNotFoundError."""
+    Raises PackageNotFoundError.
+    """
     project = tomllib.loads(SOURCE.read_text(encoding="utf-8"))["project"] if SOURCE.is_file() else {}
     if project.get("name") == PROJECT:
-        command = f"pip install -U -e {shlex.quote(str(SOURCE.parent))}"
-        return Requirements(SpecifierSet(project["requires-python"]), _parsed(project["dependencies"]), command)
-    needed = _parsed(metadata.requires(PROJECT) or ())
-    base = tuple(each for each in needed if not each.marker or each.marker.evaluate({"extra": ""}))
-    return Requirements(SpecifierSet(metadata.metadata(PROJECT)["Requires-Python"]), base, f"pip install -U {PROJECT}")
-
-
-def _parsed(lines: Iterable[str]) -> tuple[Requirement, ...]:
-    return tuple(map(Requirement, lines))
+        packages = list(map(Requirement, project["dependencies"]))
+        return (
+            SpecifierSet(project["requires-python"]),
+            packages,
+            f"pip install -U -e {shlex.quote(str(SOURCE.parent))}",
+        )
+    needed = map(Requirement, metadata.requires(PROJECT) or ())
+    packages = [each for each in needed if not each.marker or each.marker.evaluate({"extra": ""})]
+    return SpecifierSet(metadata.metadata(PROJECT)["Requires-Python"]), packages, f"pip install -U {PROJECT}"
 
 
 def packages(_: Subject) -> Finding:
     """Whether Python and the packages that every command needs are there, in versions that fit."""
-    wanted, version = requirements(), platform.python_version()
-    if not wanted.python.contains(version, prereleases=True):
-        needed = f"Python {version}, but {wanted.python} is required"
+    (python, wanted, install), version = requirements(), platform.python_version()
+    if not python.contains(version, prereleases=True):
+        needed = f"Python {version}, but {python} is required"
         return problem(needed, "the environment was made with another Python", "make one with a newer Python")
-    wrong = [fault for each in wanted.packages if (fault := _fault(each))]
+    wrong = [fault for each in wanted if (fault := _fault(each))]
     if not wrong:
-        return ok(f"Python {version}, {len(wanted.packages)} packages, MuJoCo {metadata.version('mujoco')}")
+        return ok(f"Python {version}, {len(wanted)} packages, MuJoCo {metadata.version('mujoco')}")
     cause = "not installed into this environment, changed by another package, or required since the last `git pull`"
-    return problem("; ".join(wrong), cause, wanted.install)
-
-
-def _version(needed: Requirement) -> str | None:
-    try:
-        return metadata.version(needed.name)
-    except metadata.PackageNotFoundError:
-        return None
+    return problem("; ".join(wrong), cause, install)
 
 
 def _fault(needed: Requirement) -> str | None:
     """What is wrong with it, in words; None for nothing."""
-    version = _version(needed)
-    if version is None:
+    try:
+        version = metadata.version(needed.name)
+    except metadata.PackageNotFoundError:
         return f"{needed.name} is missing"
     if needed.specifier.contains(version, prereleases=True):
         return None

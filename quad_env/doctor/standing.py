@@ -6,10 +6,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from quad_env.describe import LARGEST_SINK, LARGEST_TILT, STAND_TIME
-from quad_env.doctor.check import Finding, ok, problem
-from quad_env.doctor.subject import Subject
+from quad_env.doctor.check import Finding, Subject, ok, problem
 from quad_env.robots.similarity import servo_gains
 
 LARGEST_LAG = 0.1
@@ -46,36 +46,31 @@ class Stand:
 
 @lru_cache(maxsize=1)
 def stand(env: Any) -> Stand:
-    """Stand on the home pose's targets, from the home pose, without falls being an end."""
+    """Stand on the home pose's targets, from the home pose, and then squat, without falls being an end."""
     robot = env.robot
     env.reset(seed=0, options={"command": np.zeros(3)})
-    lags, torques = [], []
-    for _ in range(round(STAND_TIME / env.dt)):
-        env.step(robot.home_pose.astype(np.float32))
-        state = env.simulation.state_of_one((0.0, 0.0, 0.0))
-        lags.append(np.array(state.joint_position) - robot.home_pose)
-        torques.append(np.array(state.joint_torque))
-    last = slice(-round(LAST / env.dt), None)
-    lag, torque = np.abs(np.mean(lags[last], axis=0)), float(np.abs(np.mean(torques[last], axis=0)).max())
+    at_rest, last = _states(env, robot.home_pose, STAND_TIME), slice(-round(LAST / env.dt), None)
+    lag = np.abs(np.mean([state.joint_position - robot.home_pose for state in at_rest[last]], axis=0))
+    torque = np.abs(np.mean([state.joint_torque for state in at_rest[last]], axis=0)).max()
+    step = SQUAT * np.array([[0.0, -knee, 2.0 * knee] for knee in robot.knee_direction]).ravel()
+    squatting = _states(env, robot.home_pose + step, SETTLED)
     return Stand(
         lag=float(lag.max()),
         joint=robot.joint_names[int(lag.argmax())],
-        load=torque / robot.rated_torque,
-        height=float(state.height),
-        tilt=math.acos(min(max(float(state.rotation[2][2]), -1.0), 1.0)),
-        ringing=_ringing(env),
+        load=float(torque) / robot.rated_torque,
+        height=float(at_rest[-1].height),
+        tilt=math.acos(min(max(float(at_rest[-1].rotation[2][2]), -1.0), 1.0)),
+        ringing=float(np.sqrt(np.mean(np.square([state.joint_velocity for state in squatting[last]])))),
     )
 
 
-def _ringing(env: Any) -> float:
-    """Of the joints of a robot that stands, after a step of its targets by which it squats."""
-    robot, speeds = env.robot, []
-    step = SQUAT * np.array([[0.0, -knee, 2.0 * knee] for knee in robot.knee_direction]).ravel()
-    target = (robot.home_pose + step).astype(np.float32)
-    for _ in range(round(SETTLED / env.dt)):
-        env.step(target)
-        speeds.append(np.array(env.simulation.state_of_one((0.0, 0.0, 0.0)).joint_velocity))
-    return float(np.sqrt(np.mean(np.square(speeds[-round(LAST / env.dt) :]))))
+def _states(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
+    """States of the robot while it holds a target for so long."""
+    found = []
+    for _ in range(round(seconds / env.dt)):
+        env.step(target.astype(np.float32))
+        found.append(env.simulation.state_of_one((0.0, 0.0, 0.0)))
+    return found
 
 
 def servos(subject: Subject) -> Finding:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from quad_env.actuation.models import ACTUATORS, Actuator, Line, weaker
 from quad_env.config import GRAVITY
 from quad_env.robots.arena import spec_of
-from quad_env.robots.collisions import GROUND_BIT, foot_geoms
-from quad_env.robots.joint_names import of_name
+from quad_env.robots.collisions import GROUND_BIT, foot_geoms, of_name
 from quad_env.robots.model_file import log_to_the_console
 from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import corners, geoms_of, solid, welded

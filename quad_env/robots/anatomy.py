@@ -6,20 +6,26 @@ others about the leg's y axis. `Leg` says what its joints are called, which way 
 model when they are zero in the terms of `Robot`: legs straight down, hips about +x, thighs and calves about +y.
 """
 
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.robots.feet import extremes, foot
+from quad_env.robots.feet import Foot, extremes, find_foot
 from quad_env.robots.shapes import Bools, corners, descendants, geoms_of, grounded, welded
 
 Floats = NDArray[np.float64]
 
 LEGS, JOINTS_PER_LEG = 4, 3
 LINKS = "hip", "thigh", "calf"
+LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr rr rh br") for word in words.split()}
+"""Leg by word of a joint's name; only words that mean one leg wherever they are used."""
+LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
+"""Places in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
 _PARALLEL = 0.999
 """Least cosine of two axes that are taken for parallel."""
 _SAME = 0.02
@@ -48,15 +54,8 @@ class Leg:
     """Outboard from the hip joint to the plane in which the leg bends."""
     thigh_length: float
     calf_length: float
-    feet: tuple[int, ...]
-    """Ids of the geoms that are the foot, the lowest first."""
-    foot_body: int
-    """Id of the body of the first of them."""
-    foot_place: Floats
-    """Centre of the foot in the frame of that body, (3,)."""
-    foot_radius: float
-    foot_points: Floats
-    """Points of a foot that is no ball from its centre, base frame with the leg straight down, (k, 3)."""
+    foot: Foot
+    """Its points in the base frame with the leg straight down, as many for every foot that is no ball."""
 
 
 @dataclass(frozen=True)
@@ -142,14 +141,20 @@ def anatomy(mujoco: Any, model: Any) -> Anatomy:
     mujoco.mj_kinematics(model, data)
     meets = grounded(model, root)
     legs = _named([_leg(model, data, trunk, meets, chain) for chain in chains.values()])
-    for length in ("hip_offset", "thigh_length", "calf_length", "foot_radius"):
-        found = [getattr(leg, length) for leg in legs]
+    for length in ("hip_offset", "thigh_length", "calf_length", "foot.radius"):
+        found = [attrgetter(length)(leg) for leg in legs]
         if np.ptp(found) > _SAME * (legs[0].thigh_length + legs[0].calf_length):
             each = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, found, strict=True))
-            raise ModelError(f"the legs differ in {length.replace('_', ' ')}, m: {each}")
+            raise ModelError(f"the legs differ in {re.sub('[_.]', ' ', length)}, m: {each}")
     base = data.xmat[trunk].reshape(3, 3)
     places, axes = (data.xpos - data.xpos[trunk]) @ base, base.T @ data.xmat.reshape(-1, 3, 3)
     return Anatomy(root, trunk, descendants(model, root), meets, places, axes, legs)
+
+
+def contradicts(name: str, leg: str, link: int) -> bool:
+    """Whether a joint's name says another leg than this, fl, fr, hl or hr, or another place in it, 0, 1 or 2."""
+    words = re.split(r"[^a-z]+", name.lower())
+    return any(LEG_WORDS.get(word, leg) != leg or str(link) not in LINK_WORDS.get(word, str(link)) for word in words)
 
 
 def _name(part: Any) -> str:
@@ -196,16 +201,9 @@ def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
     for root, chain in chains.items():
         bodies = [int(model.jnt_bodyid[joint]) for joint in chain]
         pairs = zip(bodies, (trunk, *bodies), strict=False)
-        if len(chain) != JOINTS_PER_LEG or not all(_below(model, *pair) for pair in pairs):
+        if len(chain) != JOINTS_PER_LEG or not all(a != b and descendants(model, b)[a] for a, b in pairs):
             raise ModelError(f"the joints below {_name(model.body(root))} are no chain of three hinges")
     return chains
-
-
-def _below(model: Any, body: int, ancestor: int) -> bool:
-    while (body := int(model.body_parentid[body])) > 0:
-        if body == ancestor:
-            return True
-    return False
 
 
 def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> Leg:
@@ -224,7 +222,7 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     lateral = signs[1] * axes[1]
     leg = np.stack(((1.0, 0.0, 0.0), lateral, np.cross((1.0, 0.0, 0.0), lateral)))
     shin = int(model.jnt_bodyid[chain[-1]])
-    sole = foot(model, data, chain[-1], geoms_of(model, welded(model, shin), meets))
+    sole = find_foot(model, data, chain[-1], geoms_of(model, welded(model, shin), meets))
     if sole is None:
         raise ModelError(f"below joint {names[2]} nothing collides with the ground: no foot")
     turn = data.xmat[sole.body].reshape(3, 3)
@@ -238,6 +236,8 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
     turned, bent = (float(np.arctan2(-link[0], -link[2])) for link in (upper, lower))
     zeros = np.array([np.arctan2(lateral[2], lateral[1]), turned, bent - turned])
     side = float(across[1] + upper[1] + lower[1])
+    sin, cos = np.sin(bent), np.cos(bent)
+    straightened = np.array(((cos, 0.0, sin), (0.0, 1.0, 0.0), (-sin, 0.0, cos))).T
     return Leg(
         name="",
         joints=(chain[0], chain[1], chain[2]),
@@ -247,21 +247,8 @@ def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> L
         hip_offset=side,
         thigh_length=lengths[0],
         calf_length=lengths[1],
-        feet=sole.geoms,
-        foot_body=sole.body,
-        foot_place=sole.place,
-        foot_radius=sole.radius,
-        foot_points=extremes(sole.points @ (_about(1, bent).T @ leg @ base.T @ turn).T),
+        foot=sole._replace(points=extremes(sole.points @ (straightened @ leg @ base.T @ turn).T)),
     )
-
-
-def _about(axis: int, angle: float) -> Floats:
-    """Rotation matrix about x (0), y (1) or z (2), (3, 3)."""
-    one, other = (axis + 1) % 3, (axis + 2) % 3
-    turned = np.eye(3)
-    turned[one, one] = turned[other, other] = np.cos(angle)
-    turned[other, one], turned[one, other] = np.sin(angle), -np.sin(angle)
-    return turned
 
 
 def _named(legs: list[Leg]) -> tuple[Leg, ...]:

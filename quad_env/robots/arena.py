@@ -1,30 +1,37 @@
 """A robot's model on our ground: the MJCF of its own for SimpleQuad, for others theirs with our servos and sensors.
 
-A model brings the body with the free joint and all below it; ground, physics settings, servos, sensors and the home
-pose are those of every robot here. Its joints keep their names and their order. Where an axis of a joint points the
-other way, or the leg of the model's zero pose is bent, the joint's axis, limits and `ref` are rewritten: the motion is
-the same, its angle is zero with the leg straight down and grows about +x (hips) or +y (thighs and calves). Bodies and
-geoms that the simulation looks for get the names that SimpleQuad's have.
-
-An attached model keeps the units of its own compiler, but loses what that does to the whole model, such as
-`settotalmass`. So each body gets the mass and inertia that it has in the model as MuJoCo compiles it by itself.
+A model brings the body with the free joint and all below it. Its joints keep their names and their order; where an
+axis points the other way, or the leg of the zero pose is bent, axis, limits and `ref` are rewritten, so that angles are
+zero with the leg straight down and grow about +x (hips) or +y (thighs and calves). Bodies and geoms that the simulation
+looks for get the names that SimpleQuad's have. An attached model loses what its compiler does to the whole model, such
+as `settotalmass`: each body gets the mass and inertia that MuJoCo's compilation of the model by itself gives it.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quad_env.robots.anatomy import LINKS, Anatomy, Leg
-from quad_env.robots.collisions import GROUND_BIT, HERE, OWN, Parts, Rules, meet_the_ground, renamed, watched
-from quad_env.robots.figures import Figures
-from quad_env.robots.joint_names import numbered
+from quad_env.robots.collisions import (
+    GROUND_BIT,
+    HERE,
+    OWN,
+    RULES,
+    Parts,
+    meet_the_ground,
+    numbered,
+    own_rules,
+    renamed,
+    watched,
+)
+from quad_env.robots.figures import REFERENCE, Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.reference import REFERENCE
 from quad_env.robots.shapes import surface
 
 Floats = NDArray[np.float64]
+_SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
+"""Fields of a sensor."""
 
 
 def spec_of(robot: Figures) -> Any:
@@ -39,14 +46,15 @@ def spec_of(robot: Figures) -> Any:
     _keep_masses(parts, model, found)
     _turn_joints(parts, model, found)
     _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights")
-    rules = Rules.of(own, found)
+    rules = own_rules(own, found)
     _name_parts(parts, model, found, robot)
     sensed = dict(watched(parts, model, found))
     meet_the_ground(parts, found)
     _centre_base(parts, found)
-    rules.name()
+    for rule, field, part in rules:
+        setattr(rule, field, part.name)
     _equip(parts.bodies[found.root], stage, robot)
-    sensors = [_Sensor(s.name, s.type, s.objtype, s.objname, s.reftype, s.refname, s.intprm) for s in stage.sensors]
+    sensors = [{field: getattr(sensor, field) for field in _SENSOR} for sensor in stage.sensors]
     stage.delete(stage.body("base_link"))
     _clear(stage, "actuators", "sensors", "keys")
     own.option, own.visual, own.stat, own.memory = stage.option, stage.visual, stage.stat, stage.memory
@@ -57,23 +65,16 @@ def spec_of(robot: Figures) -> Any:
     plane.conaffinity |= GROUND_BIT
     for part in (*stage.bodies, *stage.joints, *stage.geoms, *stage.sites, *stage.cameras, *stage.lights):
         part.name = renamed(part.name)
-    Rules.rename(stage)
+    for kind, (_, *names) in RULES.items():
+        for rule in getattr(stage, kind):
+            for name in names:
+                setattr(rule, name, renamed(getattr(rule, name)))
     _drive(stage, robot)
     _sense(stage, robot, sensors, sensed)
     qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
     stage.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
     stage.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)
     return stage
-
-
-class _Sensor(NamedTuple):
-    name: str
-    type: Any
-    objtype: Any
-    objname: str
-    reftype: Any
-    refname: str
-    intprm: Any
 
 
 def _clear(spec: Any, *kinds: str) -> None:
@@ -121,10 +122,10 @@ def _name_parts(parts: Parts, model: Any, found: Anatomy, robot: Figures) -> Non
     for geom in parts.geoms.values():
         geom.priority, geom.condim = 0, 3  # the ground's friction is the scenario's, and slides alone
     for leg in found.legs:
-        for number, geom in enumerate(leg.feet):
+        for number, geom in enumerate(leg.foot.geoms):
             parts.geoms[geom].name = HERE + numbered(f"{leg.name}_foot", number)
-        body = parts.bodies[leg.foot_body]
-        site = {"pos": leg.foot_place, "size": (leg.foot_radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
+        body = parts.bodies[leg.foot.body]
+        site = {"pos": leg.foot.place, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
         body.add_site(name=HERE + f"{leg.name}_foot", **site)
         body.add_site(name=HERE + f"{leg.name}_sole", **_sole(model, leg))
         for joint, link in zip(leg.joints, LINKS, strict=True):
@@ -154,7 +155,9 @@ def _centre_base(parts: Parts, found: Anatomy) -> None:
 
 def _sole(model: Any, leg: Leg) -> dict[str, Any]:
     """A site around the foot's geoms of one body, a little larger than these: the volume of a touch sensor."""
-    points = np.concatenate([surface(model, geom) for geom in leg.feet if model.geom_bodyid[geom] == leg.foot_body])
+    points = np.concatenate(
+        [surface(model, geom) for geom in leg.foot.geoms if model.geom_bodyid[geom] == leg.foot.body]
+    )
     low, high = points.min(axis=0), points.max(axis=0)
     return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}
 
@@ -184,7 +187,7 @@ def _drive(stage: Any, robot: Figures) -> None:
         servo.forcelimited, servo.forcerange = 1, (-robot.rated_torque, robot.rated_torque)
 
 
-def _sense(stage: Any, robot: Figures, sensors: Sequence[_Sensor], sensed: dict[str, list[Any]]) -> None:
+def _sense(stage: Any, robot: Figures, sensors: list[dict[str, Any]], sensed: dict[str, list[Any]]) -> None:
     """SimpleQuad's sensors on the parts of these names, those of the joints on the joints at their places, those of
     contacts on all that is `sensed`, those of touch on whole soles."""
     import mujoco
@@ -196,12 +199,11 @@ def _sense(stage: Any, robot: Figures, sensors: Sequence[_Sensor], sensed: dict[
     }
     soles = {f"{leg}_foot": f"{leg}_sole" for leg in robot.leg_names} if robot.foot_points.size else {}
     for sensor in sensors:
-        if sensor.type != mujoco.mjtSensor.mjSENS_CONTACT:
-            names = soles if sensor.type == mujoco.mjtSensor.mjSENS_TOUCH else joints
-            stage.add_sensor(**sensor._replace(objname=names.get(sensor.objname, sensor.objname))._asdict())
+        if sensor["type"] != mujoco.mjtSensor.mjSENS_CONTACT:
+            names = soles if sensor["type"] == mujoco.mjtSensor.mjSENS_TOUCH else joints
+            stage.add_sensor(**sensor | {"objname": names.get(sensor["objname"], sensor["objname"])})
             continue
-        for number, part in enumerate(sensed[sensor.name.removesuffix("_ground")]):
-            geom = hasattr(part, "contype")
-            kind = mujoco.mjtObj.mjOBJ_GEOM if geom else mujoco.mjtObj.mjOBJ_BODY
-            named = {"name": numbered(sensor.name, number), "objtype": kind, "objname": part.name}
-            stage.add_sensor(**sensor._replace(**named)._asdict())
+        for number, part in enumerate(sensed[sensor["name"].removesuffix("_ground")]):
+            kind = mujoco.mjtObj.mjOBJ_GEOM if hasattr(part, "contype") else mujoco.mjtObj.mjOBJ_BODY
+            named = {"name": numbered(sensor["name"], number), "objtype": kind, "objname": part.name}
+            stage.add_sensor(**sensor | named)

@@ -1,17 +1,15 @@
 """What a user's robot collides with on our ground: the ground, by a bit of its own, and itself, as in its model."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from quad_env.robots.anatomy import LINKS, Anatomy
-from quad_env.robots.joint_names import of_name
 from quad_env.robots.shapes import geoms_of, welded
 
 GROUND_BIT = 1 << 30
 """Of `contype` of the geoms that meet the ground, and of `conaffinity` of the ground: so that these collide, whatever
 bits the model uses by itself, and no two geoms of a robot do that did not before."""
-
-
 OWN, HERE = "own/", "@"
 """Before the names of a model's parts on our ground, and before those that get a name from here."""
 
@@ -24,40 +22,23 @@ class Parts(NamedTuple):
     geoms: dict[int, Any]
 
 
-class Rules(NamedTuple):
-    """Which of the robot's own parts may collide with each other, and which may not."""
+RULES = {"excludes": ("body", "bodyname1", "bodyname2"), "pairs": ("geom", "geomname1", "geomname2")}
+"""Which parts may not collide, and which may: kind of the parts, and the fields that name the two."""
 
-    excludes: tuple[tuple[Any, Any, Any], ...]
-    """Each with its two bodies."""
-    pairs: tuple[tuple[Any, Any, Any], ...]
-    """Each with its two geoms."""
 
-    @classmethod
-    def of(cls, own: Any, found: Anatomy) -> "Rules":
-        """Those of a specification; any with parts of the scene are deleted, since the ground is ours."""
-        kept: list[list[tuple[Any, Any, Any]]] = [[], []]
-        for exclude in list(own.excludes):
-            bodies = own.body(exclude.bodyname1), own.body(exclude.bodyname2)
-            kept[0].append((exclude, *bodies)) if all(b.id in found.bodies for b in bodies) else own.delete(exclude)
-        for pair in list(own.pairs):
-            geoms = own.geom(pair.geomname1), own.geom(pair.geomname2)
-            kept[1].append((pair, *geoms)) if all(g.parent.id in found.bodies for g in geoms) else own.delete(pair)
-        return cls(*map(tuple, kept))
-
-    def name(self) -> None:
-        """Have them name their parts as these are called now."""
-        for exclude, one, other in self.excludes:
-            exclude.bodyname1, exclude.bodyname2 = one.name, other.name
-        for pair, one, other in self.pairs:
-            pair.geomname1, pair.geomname2 = one.name, other.name
-
-    @staticmethod
-    def rename(stage: Any) -> None:
-        """The same after the parts have been renamed on our ground."""
-        for exclude in stage.excludes:
-            exclude.bodyname1, exclude.bodyname2 = renamed(exclude.bodyname1), renamed(exclude.bodyname2)
-        for pair in stage.pairs:
-            pair.geomname1, pair.geomname2 = renamed(pair.geomname1), renamed(pair.geomname2)
+def own_rules(own: Any, found: Anatomy) -> list[tuple[Any, str, Any]]:
+    """Of a specification's rules those between parts of the robot: rule, field, and the part that it names. Any with
+    parts of the scene are deleted, since the ground is ours."""
+    kept: list[tuple[Any, str, Any]] = []
+    for kind, (part, *names) in RULES.items():
+        for rule in list(getattr(own, kind)):
+            parts = [getattr(own, part)(getattr(rule, name)) for name in names]
+            bodies = {each.id if part == "body" else each.parent.id for each in parts}
+            if bodies <= set(found.bodies):
+                kept += [(rule, name, each) for name, each in zip(names, parts, strict=True)]
+            else:
+                own.delete(rule)
+    return kept
 
 
 def renamed(name: str) -> str:
@@ -69,9 +50,9 @@ def watched(parts: Parts, model: Any, found: Anatomy) -> Iterator[tuple[str, lis
     """Name of each part that touches the ground -> the bodies, or geoms, whose contacts are its contacts."""
     yield "trunk", _solid(parts, model, found, found.trunk, ()) or [parts.bodies[found.trunk]]
     for leg in found.legs:
-        yield f"{leg.name}_foot", [parts.geoms[geom] for geom in leg.feet]
+        yield f"{leg.name}_foot", [parts.geoms[geom] for geom in leg.foot.geoms]
         for joint, link in zip(leg.joints[1:], LINKS[1:], strict=True):
-            yield f"{leg.name}_{link}", _solid(parts, model, found, int(model.jnt_bodyid[joint]), leg.feet)
+            yield f"{leg.name}_{link}", _solid(parts, model, found, int(model.jnt_bodyid[joint]), leg.foot.geoms)
 
 
 def _solid(parts: Parts, model: Any, found: Anatomy, body: int, feet: Sequence[int]) -> list[Any]:
@@ -90,6 +71,16 @@ def meet_the_ground(parts: Parts, found: Anatomy) -> None:
         part = parts.geoms[geom]
         part.contype, part.conaffinity = part.contype & ~GROUND_BIT, part.conaffinity & ~GROUND_BIT
         part.contype |= GROUND_BIT * int(meets)
+
+
+def numbered(name: str, number: int) -> str:
+    """`name` of the first of several parts, counted from 0, `name_2` of the second, and so on."""
+    return name if number == 0 else f"{name}_{number + 1}"
+
+
+def of_name(name: str, names: Iterable[str]) -> list[str]:
+    """Those of these names that `numbered` gives to parts of that name."""
+    return [each for each in names if re.fullmatch(rf"{re.escape(name)}(_\d+)?", each)]
 
 
 def foot_geoms(model: Any, leg: str) -> list[int]:

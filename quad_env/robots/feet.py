@@ -40,7 +40,7 @@ class Foot(NamedTuple):
     """Points of its hull from that centre, (k, 3); of a ball none, (0, 3)."""
 
 
-def foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot | None:
+def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot | None:
     """The foot among geoms of a leg's last link, that below the joint of the knee; None without candidates."""
     if not candidates:
         return None

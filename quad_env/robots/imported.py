@@ -1,7 +1,6 @@
 """The figures of a user's robot, inferred from its MJCF or given in a TOML file."""
 
 import tomllib
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,8 @@ from numpy.typing import NDArray
 
 from quad_env.files.reading import read_bytes
 from quad_env.robots.anatomy import JOINTS_PER_LEG, LEGS, Anatomy, Leg, ModelError
-from quad_env.robots.figures import Figures
+from quad_env.robots.figures import REFERENCE, REFERENCE_MASS, Figures
 from quad_env.robots.model_file import read
-from quad_env.robots.reference import REFERENCE, REFERENCE_MASS
 from quad_env.robots.shapes import corners, geoms_of
 
 Floats = NDArray[np.float64]
@@ -31,12 +29,10 @@ def figures_of(path: Path, name: str | None = None, **figures: Any) -> Figures:
     source, own = path, path.stem
     if path.suffix == ".toml":
         path, figures = _given(path, figures)
-        own = figures.pop("name", own)
+        own = figures.pop("name")
     try:
-        robot = _inferred(
-            path, own if name is None else name, {figure: _figure(figure, value) for figure, value in figures.items()}
-        )
-        return replace(robot, source=source)
+        given = {figure: _figure(figure, value) for figure, value in figures.items()}
+        return replace(_inferred(path, own if name is None else name, given), source=source)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error
 
@@ -46,20 +42,18 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
     if not isinstance(name, str) or name.startswith(".") or Path(name).name != name:
         raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
     leg = found.legs[0]
-    length = leg.thigh_length + leg.calf_length
-    longer = length / REFERENCE.leg_length
-    mass = float(model.body_subtreemass[found.root])
-    stiffness = REFERENCE.servo_stiffness * longer * mass / REFERENCE_MASS
-    stiffness = figures.get("servo_stiffness", stiffness)
-    in_time = REFERENCE.servo_damping / REFERENCE.servo_stiffness * float(np.sqrt(longer))
-    inferred: dict[str, Callable[[], Any]] = {
-        "home_pose": lambda: np.zeros(len(found.joints)),
-        "knee_direction": lambda: _knee_direction(model, found),
-        "rated_speed": lambda: REFERENCE.rated_speed / float(np.sqrt(longer)),
-        "rated_torque": lambda: _rated_torque(model, found),
-        "servo_damping": lambda: stiffness * in_time,
-        "servo_stiffness": lambda: stiffness,
-    }
+    longer = (leg.thigh_length + leg.calf_length) / REFERENCE.leg_length
+    stiffness = REFERENCE.servo_stiffness * longer * float(model.body_subtreemass[found.root]) / REFERENCE_MASS
+    stiffness, slower = figures.get("servo_stiffness", stiffness), float(np.sqrt(longer))
+    chosen = {
+        "home_pose": np.zeros(len(found.joints)),
+        "rated_speed": REFERENCE.rated_speed / slower,
+        "servo_damping": stiffness * (REFERENCE.servo_damping / REFERENCE.servo_stiffness * slower),
+        "servo_stiffness": stiffness,
+    } | figures
+    for figure, infer in {"knee_direction": _knee_direction, "rated_torque": _rated_torque}.items():
+        if figure not in figures:
+            chosen[figure] = infer(model, found)
     trunk_centre, trunk_size = found.trunk_box(model)
     robot = Figures(
         name=name,
@@ -72,12 +66,12 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> Figures:
         hip_offset=float(np.mean([leg.hip_offset for leg in found.legs])),
         thigh_length=leg.thigh_length,
         calf_length=leg.calf_length,
-        foot_radius=leg.foot_radius,
-        foot_points=np.stack([leg.foot_points for leg in found.legs]),
+        foot_radius=leg.foot.radius,
+        foot_points=np.stack([leg.foot.points for leg in found.legs]),
         thigh_radius=_thigh_radius(model, found, leg),
         trunk_size=trunk_size,
         trunk_centre=trunk_centre,
-        **{figure: figures[figure] if figure in figures else infer() for figure, infer in inferred.items()},
+        **chosen,
     )
     if "home_pose" not in figures:
         stand = _stand(model, found)
@@ -136,13 +130,10 @@ def _knee_direction(model: Any, found: Anatomy) -> Floats:
     if (bends == 0.0).any():
         raise ModelError(
             "neither limits nor a keyframe say which way all knees bend: give knee_direction, -1 (backward) or 1 "
-            f"(forward), or four of these where fore and hind knees differ, in the order {_legs(found)}"
+            "(forward), or four of these where fore and hind knees differ, in the order "
+            f"{', '.join(leg.name for leg in found.legs)}"
         )
     return bends
-
-
-def _legs(found: Anatomy) -> str:
-    return ", ".join(leg.name for leg in found.legs)
 
 
 def _rated_torque(model: Any, found: Anatomy) -> float:
@@ -200,7 +191,7 @@ def _thigh_radius(model: Any, found: Anatomy, leg: Leg) -> float:
     thigh, calf = (int(model.jnt_bodyid[joint]) for joint in leg.joints[1:])
     geoms, along = geoms_of(model, [thigh], found.grounded), model.body_pos[calf]
     if not geoms:
-        return leg.foot_radius
+        return leg.foot.radius
     points = np.concatenate([corners(model, geom) for geom in geoms])
     share = np.clip(points @ along / (along @ along), 0.0, 1.0)
     beside = np.linalg.norm(points - share[:, None] * along, axis=1)

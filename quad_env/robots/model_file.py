@@ -65,26 +65,19 @@ def read(path: Path) -> tuple[Any, Any, Anatomy]:
 def remarks(path: Path) -> Iterator[tuple[str, str]]:
     """What the model in a user's file has that one should know of: heading and text, a line each."""
     own, model, found = read(path)
-    names = [
-        model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for leg in found.legs for geom in leg.feet
-    ]
-    kinds = {SHAPES[int(model.geom_type[geom])] for leg in found.legs for geom in leg.feet}
+    feet = [geom for leg in found.legs for geom in leg.foot.geoms]
+    names = [model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for geom in feet]
+    kinds = {SHAPES[int(model.geom_type[geom])] for geom in feet}
     yield "feet", f"{', '.join(names)} ({', '.join(sorted(kinds))})"
     if not found.trunk_collides(model):
         yield "trunk", "does not collide in the model: the box around what is shown of it does here"
-    scene = [
-        f"body {model.body(body).name or body}" for body in range(1, model.nbody) if _of_the_scene(model, found, body)
-    ]
+    others = np.flatnonzero(~found.own & (model.body_parentid == 0))[1:]  # the first is the world
+    scene = [f"body {model.body(int(body)).name or body}" for body in others]
     loose = sum(geom.parent.id == 0 for geom in own.geoms)
     for kind, count in (("geom", loose), ("tendon", len(own.tendons)), ("equality", len(own.equalities))):
         scene += [f"{count} {kind}{' of the world' if kind == 'geom' else ''}"] if count else []
     if scene:
         yield "left out", ", ".join(scene)
-
-
-def _of_the_scene(model: Any, found: Anatomy, body: int) -> bool:
-    """Whether a body stands in the world by itself and is not the robot."""
-    return not found.own[body] and int(model.body_parentid[body]) == 0
 
 
 def _keep_parts(mujoco: Any, spec: Any) -> None:

@@ -19,44 +19,28 @@ LEAST_DAMPING, MOST_DAMPING = 0.1, 8.0
 
 def warnings_of(robot: Robot) -> Iterator[str]:
     """What is hard to believe about a robot, a line each."""
-    yield from _size(robot)
-    yield from _motors(robot)
-    yield from _servos(robot)
-
-
-def _size(robot: Robot) -> Iterator[str]:
-    length = robot.leg_length
+    length, torque, need = robot.leg_length, robot.rated_torque, standing_torque(robot)
     if length > LONGEST:
         yield f"its legs are {length:.3g} m long: a model in millimetres? MJCF is in metres"
     elif length < SHORTEST:
         yield f"its legs are {length:.3g} m long: is the model in metres?"
-
-
-def _motors(robot: Robot) -> Iterator[str]:
-    torque, need = robot.rated_torque, standing_torque(robot)
-    if torque > STRONGEST * robot.mass * GRAVITY * robot.leg_length:
-        yield (
-            f"its motors have {torque:.4g} N·m, {torque / need:.0f} times what standing takes: a "
-            "placeholder? Give rated_torque, N·m"
-        )
+    if torque > STRONGEST * robot.mass * GRAVITY * length:
+        times = f"{torque / need:.0f} times what standing takes"
+        yield f"its motors have {torque:.4g} N·m, {times}: a placeholder? Give rated_torque, N·m"
     elif torque < need:
         yield (
             f"its motors have {torque:.3g} N·m, and standing in the home pose takes {need:.3g} N·m: masses in another "
             "unit than kg? Check them, or give rated_torque, N·m"
         )
-
-
-def _servos(robot: Robot) -> Iterator[str]:
     ratios = damping_ratios(robot)
-    for extreme, unlikely, word in (
-        (int(ratios.argmin()), ratios.min() < LEAST_DAMPING, "little"),
-        (int(ratios.argmax()), ratios.max() > MOST_DAMPING, "much"),
-    ):
-        if unlikely:
-            yield (
-                f"the servo of {robot.joint_names[extreme]} has a damping ratio of {ratios[extreme]:.2g}, very {word} "
-                "(1 is critical): check servo_stiffness, N·m/rad, and servo_damping, N·m·s/rad"
-            )
+    least, most = int(ratios.argmin()), int(ratios.argmax())
+    unlikely = {"little": least} if ratios[least] < LEAST_DAMPING else {}
+    unlikely |= {"much": most} if ratios[most] > MOST_DAMPING else {}
+    for word, joint in unlikely.items():
+        yield (
+            f"the servo of {robot.joint_names[joint]} has a damping ratio of {ratios[joint]:.2g}, very {word} "
+            "(1 is critical): check servo_stiffness, N·m/rad, and servo_damping, N·m·s/rad"
+        )
 
 
 def standing_torque(robot: Robot) -> float:

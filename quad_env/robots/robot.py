@@ -19,12 +19,11 @@ class Robot(Figures):
     def from_mjcf(cls, path: str | Path, name: str | None = None, **figures: Any) -> "Robot":
         """The quadruped of an MJCF, whatever its parts are called and in whatever order its legs are.
 
-        The robot is the body with the free joint and all below it; other parts of the scene are left out. A leg is a
-        chain of three hinges below the trunk: about the trunk's x axis and twice about the leg's y axis; its foot is
-        the lowest geom, of any shape, that collides. Lengths, limits, torques and the way the knees bend are read from
-        the compiled model, the home pose from its keyframe or, without one, by SimpleQuad's proportions. Its joints are
-        driven by our servos: a stiffness of SimpleQuad's times mass and leg length, a damping that grows with stiffness
-        and with the root of leg length as times do, and the least of the model's largest torques.
+        The robot is the body with the free joint and all below it. A leg is a chain of three hinges: about the trunk's
+        x axis and twice about the leg's y axis; its foot is the lowest geom, of any shape, that collides. Lengths,
+        limits, torques and the way the knees bend are read from the compiled model, the home pose from its keyframe or,
+        without one, by SimpleQuad's proportions. Its joints have our servos, scaled from SimpleQuad's by mass and leg
+        length, with the least of the model's largest torques.
 
         Args:
             path: the MJCF, or a TOML file of figures with the MJCF's path from there as `mjcf`: what

@@ -1,9 +1,8 @@
 """Dynamic similarity: what a figure that was chosen for SimpleQuad is on a robot of another size and mass.
 
-Animals of all sizes move alike where their Froude numbers v²/(g·L) are alike (R. McN. Alexander and A. S. Jayes, A
-dynamic similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity being the same, lengths go as the leg
-length L, masses as the mass m, times as √L, and everything else as its unit says: speeds as √L, forces as m, impulses
-as m·√L, torques as m·L.
+Animals of all sizes move alike at equal Froude numbers v²/(g·L) (R. McN. Alexander and A. S. Jayes, A dynamic
+similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity being the same, lengths go as the leg length
+L, masses as the mass m, times as √L, and everything else as its unit says.
 """
 
 import numpy as np
@@ -11,37 +10,26 @@ import numpy as np
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-_EXPONENTS: dict[str, tuple[float, float]] = {
-    "": (0.0, 0.0),
-    "m": (1.0, 0.0),
-    "s": (0.5, 0.0),
-    "kg": (0.0, 1.0),
-    "m/s": (0.5, 0.0),
-    "m/s²": (0.0, 0.0),
-    "rad/s": (-0.5, 0.0),
-    "rad/s²": (-1.0, 0.0),
-    "Hz": (-0.5, 0.0),
-    "1/s": (-0.5, 0.0),
-    "1/s²": (-1.0, 0.0),
-    "1/m": (-1.0, 0.0),
-    "1/m²": (-2.0, 0.0),
-    "s²": (1.0, 0.0),
-    "s²/m²": (-1.0, 0.0),
-    "s⁴": (2.0, 0.0),
-    "s⁴/m²": (0.0, 0.0),
-    "1/(m/s)": (-0.5, 0.0),
-    "N": (0.0, 1.0),
-    "N·s": (0.5, 1.0),
-    "N·m": (1.0, 1.0),
-    "1/N²": (0.0, -2.0),
+_UNITS = {
+    (0.0, 0.0): ("", "m/s²", "s⁴/m²"),
+    (1.0, 0.0): ("m", "s²"),
+    (2.0, 0.0): ("s⁴",),
+    (0.5, 0.0): ("s", "m/s"),
+    (-0.5, 0.0): ("rad/s", "Hz", "1/s", "1/(m/s)"),
+    (-1.0, 0.0): ("rad/s²", "1/s²", "1/m", "s²/m²"),
+    (-2.0, 0.0): ("1/m²",),
+    (0.0, 1.0): ("kg", "N"),
+    (0.5, 1.0): ("N·s",),
+    (1.0, 1.0): ("N·m",),
+    (0.0, -2.0): ("1/N²",),
 }
-"""Of leg length and mass, by unit."""
+"""By exponents of leg length and mass."""
+_EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in units}
 WIDE, LONG = "m wide", "m long"
-"""Units of distances between left and right and between fore and hind feet, m: what robots of other proportions have as
-much more or less of, in leg lengths, than between their thigh joints."""
+"""Units of distances between left and right and between fore and hind feet, m: what they are more or less than those
+between the thigh joints goes as the leg length."""
 AHEAD = " ahead"
-"""End of the unit of what the way the knees bend decides: of a robot whose knees bend forward, it is the other way
-round, as of SimpleQuad seen in a mirror that exchanges fore and hind legs; of one with as many of each, nothing."""
+"""End of the unit of what the way the knees bend decides: negated where they bend forward, 0 with as many of each."""
 
 
 def ratio(robot: Robot, unit: str) -> float:

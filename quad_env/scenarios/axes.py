@@ -1,9 +1,7 @@
 """Axes of disturbance: one kind of trouble each, as scenarios from harmless to where robots fall.
 
-A severity is in the axis's own physical unit, its levels chosen for SimpleQuad: the last is one at which every shipped
-policy that walks falls in four of five episodes, or what is physically beyond, which is said at the axis; on `slow`
-no robot falls. `push` is the axis at its nominal severity, `push:3` its third level; for another robot both are what is
-as hard for it, `axes_of`.
+A severity is in the axis's own physical unit. Levels are chosen for SimpleQuad: at the last one every shipped policy
+that walks falls in four of five episodes, or it is physically beyond, as said at the axis; on `slow` no robot falls.
 """
 
 import math
@@ -26,8 +24,7 @@ from quad_env.scenarios.disturbances import (
     SteadyForce,
     check_positive,
 )
-from quad_env.scenarios.scaling import scaled
-from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.scenario import Scenario, scaled
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
 AtSeverity = Callable[[float], Scenario]
@@ -76,7 +73,7 @@ class Axis:
         """The axis whose levels are as hard for that robot: see `scaled`."""
         if robot == SIMPLE_QUAD or not self.scales:
             return self
-        larger = self._larger(robot)
+        larger = self.scaled(1.0, robot)
         return replace(
             self,
             at=lambda severity: scaled(self.at(severity / larger), robot),
@@ -86,10 +83,7 @@ class Axis:
 
     def scaled(self, severity: float, robot: Robot) -> float:
         """What is as hard for that robot as a severity is for SimpleQuad."""
-        return self._larger(robot) * severity
-
-    def _larger(self, robot: Robot) -> float:
-        return ratio(robot, self.unit) if self.scales and self.unit in AS_THE_ROBOT else 1.0
+        return severity * (ratio(robot, self.unit) if self.scales and self.unit in AS_THE_ROBOT else 1.0)
 
 
 AS_THE_ROBOT = "m/s", "N·s", "m", "N", "kg", "N·m"
@@ -127,10 +121,7 @@ def _flat(top_speed: float) -> Scenario:
     """
     ranges = CommandRanges()
     share = top_speed / ranges.forward[1]
-    forward, lateral, yaw_rate = (
-        (share * low, share * high) for low, high in (ranges.forward, ranges.lateral, ranges.yaw_rate)
-    )
-    return Scenario("flat", commands=replace(ranges, forward=forward, lateral=lateral, yaw_rate=yaw_rate))
+    return Scenario("flat", commands=ranges.times(share, share))
 
 
 @_axis("impulse of each push", "N·s", (20.0, 35.0, 50.0, 65.0, 80.0, 100.0, 140.0, 200.0), nominal=35.0)

@@ -1,7 +1,4 @@
-"""What an episode can be disturbed by, as values in physical units; a `Scenario` holds any of them together.
-
-Each is drawn at reset from a random stream of its own, so that none depends on actions or on the other disturbances.
-"""
+"""What an episode can be disturbed by, as values in physical units; a `Scenario` holds any of them together."""
 
 import math
 from dataclasses import dataclass
@@ -65,13 +62,11 @@ class Ground:
 
     Whatever touches it has the ground's friction and softness, not its own: the ground's contact priority is higher.
 
-    A soft ground is a spring and a damper under each point of contact. MuJoCo presses a foot out of the ground with
-    the force K s, where s is the depth, K = 1/((1 - d) T² Â), T the time constant `solref[0]`, d = 0.95 the largest
-    impedance `solimp[1]` and Â the inverse inertia of a free leg's end, `body_invweight0`. A foot that carries a
-    quarter of the robot's weight thus sinks by `sink_depth` with T² = sink_depth / ((1 - d) Â m g / 4). The spring is
-    linear: on two feet the robot sinks twice as deep. With the damping ratio 1 of the free leg's end the carried weight
-    is damped more than critically, so that nothing bounces. Friction yields too: a foot under side load creeps. Shins
-    cut through a soft ground as through grass; it carries feet, knees and trunk.
+    A soft ground is a linear spring and a damper under each point of contact. MuJoCo presses a foot out of the ground
+    with the force K s, where s is the depth, K = 1/((1 - d) T² Â), T the time constant `solref[0]`, d = 0.95 the
+    largest impedance `solimp[1]` and Â the inverse inertia of a free leg's end, `body_invweight0`. A foot that carries
+    a quarter of the robot's weight thus sinks by `sink_depth` with T² = sink_depth / ((1 - d) Â m g / 4). It is damped
+    more than critically. A foot under side load creeps. Shins cut through soft ground; it carries feet, knees, trunk.
     """
 
     friction: float = 0.8

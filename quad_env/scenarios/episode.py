@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from quad_env.columns import Array
 from quad_env.config import AnyPose
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.disturbances import Dropouts, Payload, Pushes, SteadyForce
+from quad_env.scenarios.disturbances import Dropouts, Pushes
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import EpisodeStreams
 
@@ -51,10 +51,23 @@ class Episode:
         self._scenario = scenario
         self.streams = EpisodeStreams(seed, number)
         self.start = draw_start(robot, scenario, self.streams.start)
-        self.pushes = draw_pushes(scenario.pushes, self.streams.pushes, dt)
-        self.force = draw_force(scenario.force, self.streams)
-        self.load = draw_load(scenario.payload, self.streams)
-        self.dropouts = draw_dropouts(scenario.dropouts, robot.num_joints, self.streams, dt)
+        """Start of the robot, see `draw_start`, (35,)."""
+        self.pushes = _draw_pushes(scenario.pushes, self.streams.pushes, dt)
+        self.force: Array | None = None
+        """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
+        self.load: Array | None = None
+        """Centre of the payload, ahead and to the left of the trunk's centre, (2,), m."""
+        self.dropouts: DropoutPlan | None = None
+        if (steady := scenario.force) is not None:
+            angle = self.streams.force.uniform(-np.pi, np.pi)
+            self.force = steady.force * np.array((np.cos(angle), np.sin(angle)))
+        if (payload := scenario.payload) is not None:
+            self.load = self.streams.payload.uniform(-1, 1, 2) * np.array(payload.reach)
+        if (dropouts := scenario.dropouts) is not None:
+            first_step = _one_in_each_part(dropouts, self.streams.dropouts, dt)
+            self.dropouts = DropoutPlan(
+                first_step, self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
+            )
 
     def next_command(self) -> Array:
         """The next interval's command, (3,): forward and lateral m/s, yaw rate rad/s.
@@ -94,7 +107,7 @@ def _draw_any_pose(robot: Robot, start: AnyPose, radius: float, stream: np.rando
     return np.concatenate((place, angles, joints, width * stream.uniform(-1, 1, len(width))))
 
 
-def draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) -> PushPlan:
+def _draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) -> PushPlan:
     """One push in each part of the window, each in a uniformly random horizontal direction; `dt`: control period, s."""
     if pushes is None or pushes.count == 0:
         return PushPlan(np.empty(0, np.int64), 0, np.empty((0, 2)))
@@ -103,27 +116,6 @@ def draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) -
     angle = stream.uniform(-np.pi, np.pi, pushes.count)
     force = pushes.impulse / (steps * dt) * np.stack((np.cos(angle), np.sin(angle)), axis=1)
     return PushPlan(first_step, steps, force)
-
-
-def draw_force(steady: SteadyForce | None, streams: EpisodeStreams) -> Array | None:
-    """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
-    if steady is None:
-        return None
-    angle = streams.force.uniform(-np.pi, np.pi)
-    return steady.force * np.array((np.cos(angle), np.sin(angle)))
-
-
-def draw_load(payload: Payload | None, streams: EpisodeStreams) -> Array | None:
-    """Centre of the payload, ahead and to the left of the trunk's centre, (2,), m."""
-    return None if payload is None else streams.payload.uniform(-1, 1, 2) * np.array(payload.reach)
-
-
-def draw_dropouts(dropouts: Dropouts | None, joints: int, streams: EpisodeStreams, dt: float) -> DropoutPlan | None:
-    """One dropout in each part of the window, each of one of so many joints; `dt`: control period, s."""
-    if dropouts is None:
-        return None
-    first_step = _one_in_each_part(dropouts, streams.dropouts, dt)
-    return DropoutPlan(first_step, streams.dropouts.integers(joints, size=dropouts.count))
 
 
 def control_steps(duration: float, dt: float) -> int:

@@ -1,6 +1,5 @@
 """Every scenario with its severities, as text, and how to write them; `python -m quad_env scenarios`."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from quad_env.robots.named import robot_named
@@ -22,10 +21,10 @@ EXAMPLES = {
 
 @dataclass(frozen=True)
 class Options:
-    """List every scenario: what happens in it, its severities and unit, how to write and combine them."""
+    """Options of a command that prints what is known of a robot."""
 
     robot: str = "simple_quad"
-    """Robot, to whose size severities are scaled: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF or TOML."""
 
 
 def main(options: Options) -> int:
@@ -36,7 +35,11 @@ def main(options: Options) -> int:
 
 def text(robot: Robot = SIMPLE_QUAD) -> str:
     """Every scenario with its severities and a sentence; how severities are written."""
-    return "\n".join((*_scenarios(robot), "", "where a scenario is asked for, write", *_examples()))
+    lines = [f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"]
+    for axis in axes_of(robot).values():
+        lines += [axis_line(axis), f"  {'':13}{axis.sentence}"]
+    lines += ["", "where a scenario is asked for, write"]
+    return "\n".join(lines + [f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items()])
 
 
 def axis_line(axis: Axis) -> str:
@@ -44,14 +47,3 @@ def axis_line(axis: Axis) -> str:
     unit = f" {axis.unit}" if axis.unit not in ("", "°") else axis.unit
     levels = " ".join(f"{level:.4g}" for level in axis.levels)
     return f"  {axis.name:13}{f'{axis.nominal:.4g}{unit}':12}{axis.quantity}: {levels}"
-
-
-def _scenarios(robot: Robot) -> Iterator[str]:
-    yield f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"
-    for axis in axes_of(robot).values():
-        yield axis_line(axis)
-        yield f"  {'':13}{axis.sentence}"
-
-
-def _examples() -> Iterator[str]:
-    return (f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items())

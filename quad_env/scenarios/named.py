@@ -1,27 +1,33 @@
-"""The named scenarios: flat ground, and each axis of disturbance at its nominal severity.
+"""Scenarios as they are written: `push`, its level `push:3`, a severity `push=42`, several `payload=15+slope=10`.
 
 A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
 """
 
+from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache
+from operator import attrgetter
 
+from quad_env.files.text import number
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.axes import Axis, axes_of
-from quad_env.scenarios.combination import combined, is_combination
+from quad_env.scenarios.axes import AXES, Axis, axes_of
 from quad_env.scenarios.disturbances import Pushes
-from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.scenario import Scenario, scaled
 
 __all__ = ["SCENARIOS", "Pushes", "Scenario", "scenario"]
 
 WRITTEN = "a level of an axis such as push:3, severities of axes such as push=42 or payload=15+slope=10"
 """How scenarios without a name of their own are written."""
+BETWEEN, EQUALS = "+", "="
+LARGEST = 1e6
+"""Severity beyond which no unit of an axis means anything."""
+_LABELS = ("name", "axis", "severity", "severity_unit")
 
 
 @lru_cache(maxsize=32)
 def scenarios_of(robot: Robot) -> dict[str, Scenario]:
-    """The named scenarios, as hard for the robot as for SimpleQuad."""
+    """The named scenarios, each axis at its nominal severity, as hard for the robot as for SimpleQuad."""
     return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()}
 
 
@@ -50,12 +56,103 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
         return combined(name, robot)
     axis, colon, level = name.partition(":")
     if colon and axis in SCENARIOS:
-        return _level(axes_of(robot)[axis], level)
-    return (SCENARIOS if robot == SIMPLE_QUAD else scenarios_of(robot)).get(name)
+        if not level.isdecimal():
+            valid = f"{axis}:1 to {axis}:{len(AXES[axis].levels)}, {axis}:all where several may be named"
+            raise ValueError(f"'{name}' is no level of {axis}; valid: {valid}")
+        return axes_of(robot)[axis].level(int(level))
+    return scenarios_of(robot).get(name)
 
 
-def _level(axis: Axis, level: str) -> Scenario:
-    if not level.isdecimal():
-        valid = f"{axis.name}:1 to {axis.name}:{len(axis.levels)}, {axis.name}:all where several may be named"
-        raise ValueError(f"'{axis.name}:{level}' is no level of {axis.name}; valid: {valid}")
-    return axis.level(int(level))
+def is_combination(name: str) -> bool:
+    """Whether a name is written as severities; one of quad_env's scenarios, or of a user's, never is."""
+    return EQUALS in name or BETWEEN in name
+
+
+def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
+    """The scenario of `axis=severity`, each in its axis's unit, joined by +; ValueError, one line, for what is none.
+
+    Severities are as they are written for every robot; of what else they bring, such as commands, the robot has its
+    own. One severity is a scenario of its axis. A combination is of no axis: it has no levels, and no severity but its
+    name.
+    """
+    axes = axes_of(robot)
+    parts = _parts(name, axes)
+    names = [axis.name for axis, _ in parts]
+    if twice := [each for each in dict.fromkeys(names) if names.count(each) > 1]:
+        raise ValueError(f"{name}: {' and '.join(twice)} is given twice")
+    written, alone = _written(parts), []
+    for axis, severity in parts:
+        try:
+            alone.append(axis.scenario(severity, written))
+        except ValueError as error:
+            raise ValueError(f"{_written([(axis, severity)])}: {error}") from None
+    return alone[0] if len(alone) == 1 else _together(written, alone, robot)
+
+
+def scaled_name(name: str, robot: Robot) -> str:
+    """The name of what is as hard for a robot, to three digits, as the scenario of that name is for SimpleQuad."""
+    if not is_combination(name):
+        return name
+    return _written([(axis, float(f"{axis.scaled(severity, robot):.3g}")) for axis, severity in _parts(name, AXES)])
+
+
+def _written(parts: list[tuple[Axis, float]]) -> str:
+    """As short as it can be read back exactly."""
+    return BETWEEN.join(f"{axis.name}{EQUALS}{repr(severity).removesuffix('.0')}" for axis, severity in parts)
+
+
+def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
+    """Axes and severities of a combination."""
+    parts = []
+    for text in name.split(BETWEEN):
+        axis, equals, written = (word.strip() for word in text.partition(EQUALS))
+        if axis not in axes:
+            raise ValueError(f"{name}: unknown axis {axis!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")
+        try:
+            severity = number(written)
+        except ValueError:
+            nominal = f"{axis}{EQUALS}{axes[axis].nominal:g}"
+            what = f"{written!r} is no number" if equals else f"{axis} needs a severity"
+            raise ValueError(f"{name}: {what}; write {nominal} for {axes[axis].quantity}") from None
+        if not 0 <= severity <= LARGEST:
+            raise ValueError(f"{name}: {axes[axis].quantity} is a number from 0 to {LARGEST:g}, got {written}")
+        parts.append((axes[axis], severity + 0.0))  # of −0, 0
+    return parts
+
+
+def _together(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
+    """What each of them sets, in one scenario."""
+    setters: dict[str, Scenario] = {}
+    found = undisturbed = scaled(Scenario("undisturbed"), robot)
+    for part in parts:
+        axis = axes_of(robot)[part.axis]
+        # At any level of the axis: the severity may be that of no disturbance.
+        for setting in {each: None for of in (part, *map(axis.at, axis.levels)) for each in _settings(of, undisturbed)}:
+            value, other = attrgetter(setting), setters.setdefault(setting, part)
+            if value(other) != value(part):
+                what = setting.replace(".", " ").replace("_", " ")
+                raise ValueError(f"{name}: {other.axis} and {part.axis} set the {what} differently; leave one out")
+            found = _with(found, setting, part)
+    return replace(found, name=name)
+
+
+def _settings(scenario: Scenario, undisturbed: Scenario) -> list[str]:
+    """What it sets unlike a scenario without disturbance: a field, or a part of one such as `ground.friction`."""
+    found = []
+    for name in (field.name for field in fields(Scenario) if field.name not in _LABELS):
+        value, usual = getattr(scenario, name), getattr(undisturbed, name)
+        if is_dataclass(usual) and type(value) is type(usual):
+            parts = (part.name for part in fields(usual))
+            found += [f"{name}.{part}" for part in parts if getattr(value, part) != getattr(usual, part)]
+        elif value != usual:
+            found.append(name)
+    return found
+
+
+def _with(scenario: Scenario, setting: str, giver: Scenario) -> Scenario:
+    """The scenario with that setting of the giver's."""
+    field, _, part = setting.partition(".")
+    value = getattr(giver, field)
+    if part:
+        value = replace(getattr(scenario, field), **{part: getattr(value, part)})
+    return replace(scenario, **{field: value})

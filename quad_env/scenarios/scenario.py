@@ -1,10 +1,14 @@
-"""A scenario: everything that an episode of a robot is made of, apart from its seed."""
+"""A scenario, everything that an episode of a robot is made of apart from its seed; and the same for another robot."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 from quad_env.config import AnyPose, CommandRanges, StartNoise, check_kinds
+from quad_env.robots.robot import Robot
+from quad_env.robots.similarity import ratio
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
-from quad_env.scenarios.terrain import Flat, Terrain
+from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
 
 @dataclass(frozen=True)
@@ -31,3 +35,42 @@ class Scenario:
 
     def __post_init__(self) -> None:
         check_kinds(self)
+
+
+def scaled(scenario: Scenario, robot: Robot) -> Scenario:
+    """A scenario of SimpleQuad's for another robot, by dynamic similarity: commands by Froude number, pushes by the
+    speed that they give, forces and loads by weight, ground by leg length, torques by weight times leg length.
+
+    Times, noise, friction and angles stay as they are, as does the severity. No motor gets more torque than it has.
+    """
+    if robot == SIMPLE_QUAD:
+        return scenario
+    by = partial(ratio, robot)
+    pushes, force, load, motors = scenario.pushes, scenario.force, scenario.payload, scenario.motors
+    if motors.torque_limit is not None:
+        motors = replace(motors, torque_limit=min(by("N·m") * motors.torque_limit, robot.rated_torque))
+    if load is not None:
+        ahead, beside = load.reach
+        reach = (by("m") * ahead, by("m") * beside)
+        load = replace(load, mass=by("kg") * load.mass, reach=reach, edge=by("m") * load.edge)
+    return replace(
+        scenario,
+        terrain=_terrain(scenario.terrain, by("m")),
+        commands=scenario.commands.times(by("m/s"), by("rad/s")),
+        pushes=pushes and replace(pushes, impulse=by("N·s") * pushes.impulse),
+        force=force and replace(force, force=by("N") * force.force),
+        ground=replace(scenario.ground, sink_depth=by("m") * scenario.ground.sink_depth),
+        motors=motors,
+        payload=load,
+    )
+
+
+def _terrain(terrain: Terrain, larger: float) -> Terrain:
+    if isinstance(terrain, Stairs):
+        landing = max(1.0, larger) * terrain.landing  # which small robots need no less
+        lengths = {name: larger * getattr(terrain, name) for name in ("rise", "run", "half_width")}
+        return replace(terrain, landing=landing, **lengths)
+    if isinstance(terrain, SmoothRandom):
+        names = "peak_to_valley", "correlation_length", "half_size", "spawn_radius", "cell"
+        return replace(terrain, **{name: larger * getattr(terrain, name) for name in names})
+    return terrain

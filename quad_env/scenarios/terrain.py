@@ -1,7 +1,4 @@
-"""Terrains as values, and the height of the ground under a point.
-
-The height of the centre of a resting ball, too: a foot is one.
-"""
+"""Terrains as values: the height of the ground under a point, and of the centre of a ball, such as a foot, on it."""
 
 import math
 from dataclasses import dataclass
@@ -58,9 +55,8 @@ class Slope:
 class Stairs:
     """Stairs with vertical risers, up towards the world's +x and down towards −x from a landing at z = 0.
 
-    Each step is a box 2·`half_width` wide, so that edges and risers are exact. The robots start on the landing, their
-    legs clear of the first steps whatever way they face. Below the last step down and above the last one up the ground
-    goes on level.
+    Each step is a box 2·`half_width` wide, so that edges and risers are exact. Beyond the last steps the ground is
+    level.
     """
 
     rise: float = 0.1
@@ -107,13 +103,11 @@ class Stairs:
 class SmoothRandom:
     """Random height field: white noise smoothed by a Gaussian, its heights made uniform between valley and peak.
 
-    Uniform heights make the whole peak-to-valley range met within a few correlation lengths, wherever a robot walks;
-    scaling the extremes of a large Gaussian field instead would leave the ground around most robots nearly flat. The
-    surface lies between z = 0 and z = `peak_to_valley`; around the field the ground is the plane z = 0.
+    Uniform heights let a robot meet the whole range within a few correlation lengths, where a scaled Gaussian field is
+    nearly flat about most places. The surface lies between z = 0 and z = `peak_to_valley`; around it the plane z = 0.
 
-    Each episode has a surface of its own: the part of the field about its start, whose place its seed draws. The places
-    lie `spawn_radius` about the centre, 16 m for 64 surfaces of 4 m × 4 m side by side, far beyond the correlation
-    length. MuJoCo's heights belong to all simulations of a batch, so that one field must hold every episode's surface.
+    Each episode has a surface of its own: the part of the field about its start, up to `spawn_radius` from the centre,
+    since MuJoCo's heights belong to all simulations of a batch.
     """
 
     peak_to_valley: float = 0.12
@@ -162,11 +156,8 @@ class SmoothRandom:
         return cast("Column", where(inside, surface, 0.0))
 
     def ball_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Centre height of a ball that touches the ground there, world frame, m.
-
-        Cells wider than the ball are taken for level under it; of finer ground, points a third of a radius apart are
-        looked at.
-        """
+        """Centre height of a ball that touches the ground there, world frame, m; cells wider than it are taken for
+        level, of finer ground points a third of a radius apart are looked at."""
         if self.cell > 2 * radius:
             return self.height(x, y) + radius
         thirds = [(i / 3, j / 3) for i in range(-3, 4) for j in range(-3, 4) if i * i + j * j <= 9]

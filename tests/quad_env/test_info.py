@@ -11,7 +11,7 @@ import pytest
 import quad_env
 from evaluate.rollouts import battery
 from quad_env import info
-from quad_env.__main__ import SUMMARIES, main
+from quad_env.__main__ import COMMANDS, main
 from quad_env.scenarios import listing
 
 
@@ -70,7 +70,7 @@ def test_scenarios_can_be_written_as_the_examples_say(written) -> None:
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["inof"], list(SUMMARIES)),
+        (["inof"], list(COMMANDS)),
         (["info", "--nonsense"], ["--help"]),
         (["info", "--robot", "nobody"], ["simple_quad", "go1"]),
         (["dataset", "mine/walk-v0"], ["examples/clients/minari_dataset.py"]),

@@ -1,6 +1,6 @@
 """SimpleQuad, the robot of the source article."""
 
-from quad_env.robots.reference import REFERENCE
+from quad_env.robots.figures import REFERENCE
 from quad_env.robots.robot import Robot
 
 SIMPLE_QUAD = Robot(**REFERENCE.by_name)

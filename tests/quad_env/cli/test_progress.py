@@ -1,30 +1,23 @@
 """The time left."""
 
+import time
+
 import pytest
 
-from quad_env.cli.progress import Forecast, duration
+from quad_env.cli.progress import duration, show_progress
 
 
-def test_the_rest_takes_as_long_as_the_policys_finished_cells_did() -> None:
-    """Two policies on three scenarios; the first takes 10 s a cell, the second 2 s."""
-    forecast = Forecast(("slow", "quick") * 3, now=0.0)
-    assert forecast.seconds is None
-    forecast.update("slow", "flat", 0.0, 0.0)
-    forecast.update("slow", "flat", 0.5, 5.0)
-    assert forecast.seconds == pytest.approx(5.5 * 10.0)  # as if all were slow
-    forecast.update("slow", "flat", 1.0, 10.0)
-    forecast.update("quick", "flat", 0.0, 10.0)
-    forecast.update("quick", "flat", 1.0, 12.0)
-    assert forecast.seconds == pytest.approx(2 * 10.0 + 2 * 2.0)
-
-
-def test_what_was_done_before_counts_for_no_time() -> None:
-    forecast = Forecast(("slow",) * 4, now=0.0)
-    forecast.update("slow", "a", 1.0, 0.0)  # kept whole
-    forecast.update("slow", "b", 0.5, 0.0)  # kept by half
-    assert forecast.seconds is None
-    forecast.update("slow", "b", 1.0, 5.0)
-    assert forecast.seconds == pytest.approx(2 * 10.0)
+def test_the_rest_takes_as_long_as_what_this_run_has_done(monkeypatch, capsys) -> None:
+    """Of four cells an earlier run had done one and a half; this run takes 10 s a cell."""
+    clock = [0.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
+    with show_progress(4) as progress:
+        progress("trot", "flat", 1.0)
+        progress("trot", "push", 0.5)
+        for clock[0], scenario, share in ((5.0, "push", 1.0), (5.0, "rough", 0.0), (15.0, "rough", 1.0)):
+            progress("trot", scenario, share)
+    lines = [line.partition("(")[2] for line in capsys.readouterr().err.splitlines()]
+    assert lines == ["0 s)", "5 s, about 20 s left)", "15 s, about 10 s left)"]
 
 
 @pytest.mark.parametrize(

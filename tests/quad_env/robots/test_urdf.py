@@ -32,12 +32,6 @@ def posed(model: mujoco.MjModel, angles: NDArray[np.float64]) -> mujoco.MjData:
     return data
 
 
-def foot_positions(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
-    """End points of the calves in the world frame, shape (4, 3), m."""
-    calves = [data.body(f"{leg}_calf_link") for leg in SIMPLE_QUAD.leg_names]
-    return np.array([calf.xpos + calf.xmat.reshape(3, 3) @ (0, 0, -SIMPLE_QUAD.calf_length) for calf in calves])
-
-
 def inertia_in_link_frame(model: mujoco.MjModel, link: str) -> NDArray[np.float64]:
     """Inertia tensor about the centre of mass in the link's axes, shape (3, 3), kg·m²."""
     rotation = np.zeros(9)
@@ -61,60 +55,38 @@ def test_has_the_thirteen_links_and_twelve_joints_in_order(urdf: mujoco.MjModel,
     assert [mjcf.joint(i).name for i in range(1, 13)] == list(SIMPLE_QUAD.joint_names)
 
 
-@pytest.mark.parametrize("link", LINKS)
-def test_links_have_the_same_mass_and_inertia(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, link: str) -> None:
-    assert urdf.body(link).mass == mjcf.body(link).mass
-    np.testing.assert_allclose(urdf.body(link).ipos, mjcf.body(link).ipos, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(inertia_in_link_frame(urdf, link), inertia_in_link_frame(mjcf, link), rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("part", "mass", "centre", "inertia"),
-    [
+def test_links_have_the_same_mass_and_inertia_and_these_are_the_printed_ones(
+    urdf: mujoco.MjModel, mjcf: mujoco.MjModel
+) -> None:
+    for link in LINKS:
+        assert urdf.body(link).mass == mjcf.body(link).mass
+        np.testing.assert_allclose(urdf.body(link).ipos, mjcf.body(link).ipos, rtol=0, atol=1e-12)
+        ours, reference = (inertia_in_link_frame(model, link) for model in (urdf, mjcf))
+        np.testing.assert_allclose(ours, reference, rtol=0, atol=1e-12)
+    for link, mass, centre, inertia in (
         ("base_link", 5.0, (0, 0, 0), (0.1, 0.2, 0.1)),
         ("fl_hip_link", 0.5, (0, 0, 0), (0.001, 0.001, 0.001)),
         ("hr_thigh_link", 1.0, (0, 0, -0.15), (0.005, 0.005, 0.001)),
         ("hl_calf_link", 0.8, (0, 0, -0.15), (0.003, 0.003, 0.001)),
-    ],
-)
-def test_inertias_are_the_printed_ones(
-    urdf: mujoco.MjModel, part: str, mass: float, centre: tuple[float, ...], inertia: tuple[float, ...]
+    ):
+        assert urdf.body(link).mass == mass
+        np.testing.assert_allclose(urdf.body(link).ipos, centre, atol=1e-12)
+        np.testing.assert_allclose(inertia_in_link_frame(urdf, link), np.diag(inertia), atol=1e-12)
+
+
+def test_joints_have_the_same_axes_and_limits_and_the_rated_torque_and_speed(
+    urdf: mujoco.MjModel, mjcf: mujoco.MjModel
 ) -> None:
-    assert urdf.body(part).mass == mass
-    np.testing.assert_allclose(urdf.body(part).ipos, centre, atol=1e-12)
-    np.testing.assert_allclose(inertia_in_link_frame(urdf, part), np.diag(inertia), atol=1e-12)
-
-
-@pytest.mark.parametrize("name", SIMPLE_QUAD.joint_names)
-def test_joints_turn_about_the_same_axes_within_the_same_limits(
-    urdf: mujoco.MjModel, mjcf: mujoco.MjModel, name: str
-) -> None:
-    ours, reference = urdf.joint(name), mjcf.joint(name)
-    np.testing.assert_array_equal(ours.axis, reference.axis)
-    np.testing.assert_array_equal(ours.range, reference.range)
-    np.testing.assert_array_equal(ours.damping, reference.damping)
-    np.testing.assert_array_equal(ours.frictionloss, reference.frictionloss)
-    assert ours.limited
-    assert reference.limited
-
-
-@pytest.mark.parametrize("name", SIMPLE_QUAD.joint_names)
-def test_effort_limits_agree(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, name: str) -> None:
-    limit = (-SIMPLE_QUAD.rated_torque, SIMPLE_QUAD.rated_torque)
-    np.testing.assert_array_equal(urdf.jnt_actfrcrange[urdf.joint(name).id], limit)
-    np.testing.assert_array_equal(mjcf.actuator(name).forcerange, limit)
-
-
-def test_velocity_limits_are_the_rated_speed() -> None:
-    """MuJoCo does not read them, ROS does."""
-    limits = ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")
+    torques = (-SIMPLE_QUAD.rated_torque, SIMPLE_QUAD.rated_torque)
+    for name in SIMPLE_QUAD.joint_names:
+        ours, reference = urdf.joint(name), mjcf.joint(name)
+        for figure in ("axis", "range", "damping", "frictionloss", "limited"):
+            np.testing.assert_array_equal(getattr(ours, figure), getattr(reference, figure), err_msg=figure)
+        assert ours.limited
+        np.testing.assert_array_equal(urdf.jnt_actfrcrange[ours.id], torques)
+        np.testing.assert_array_equal(mjcf.actuator(name).forcerange, torques)
+    limits = ElementTree.parse(SIMPLE_QUAD.urdf).getroot().findall("joint/limit")  # speeds, which MuJoCo does not read
     assert [float(limit.attrib["velocity"]) for limit in limits] == [SIMPLE_QUAD.rated_speed] * 12
-
-
-def test_feet_are_in_the_same_places_at_any_joint_angles(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
-    for angles in random_angles(200):
-        ours = foot_positions(urdf, posed(urdf, angles))
-        np.testing.assert_allclose(ours, foot_positions(mjcf, posed(mjcf, angles)), rtol=0, atol=1e-9)
 
 
 def test_frames_of_feet_and_imu_are_where_the_sites_are(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
@@ -128,8 +100,8 @@ def test_frames_of_feet_and_imu_are_where_the_sites_are(urdf: mujoco.MjModel, mj
 
 def test_bent_leg_ends_where_trigonometry_puts_it(urdf: mujoco.MjModel) -> None:
     """Hip 0, thigh 0.3, calf -1.2: from the thigh joint x = -0.3 (sin 0.3 + sin -0.9), z = -0.3 (cos 0.3 + cos 0.9)."""
-    feet = foot_positions(urdf, posed(urdf, np.tile((0.0, 0.3, -1.2), 4)))
-    np.testing.assert_allclose(feet[0], (0.25 + 0.1463420109, 0.25, -0.4730839372), atol=1e-9)
+    foot = posed(urdf, np.tile((0.0, 0.3, -1.2), 4)).body("fl_foot_link").xpos
+    np.testing.assert_allclose(foot, (0.25 + 0.1463420109, 0.25, -0.4730839372), atol=1e-9)
 
 
 def test_foot_spheres_collide_at_the_calf_ends(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
@@ -140,18 +112,20 @@ def test_foot_spheres_collide_at_the_calf_ends(urdf: mujoco.MjModel, mjcf: mujoc
         f"{leg}_calf_link" for leg in SIMPLE_QUAD.leg_names
     ]
     np.testing.assert_array_equal(urdf.geom_size[colliding, 0], SIMPLE_QUAD.foot_radius)
-    np.testing.assert_allclose(data.geom_xpos[colliding], foot_positions(urdf, data), atol=1e-9)
+    feet = [data.body(f"{leg}_foot_link").xpos for leg in SIMPLE_QUAD.leg_names]
+    np.testing.assert_allclose(data.geom_xpos[colliding], feet, atol=1e-9)
     np.testing.assert_array_equal(
         [mjcf.geom(f"{leg}_foot").size[0] for leg in SIMPLE_QUAD.leg_names], SIMPLE_QUAD.foot_radius
     )
 
 
-@pytest.mark.parametrize("link", LINKS)
-def test_links_look_and_collide_alike(urdf: mujoco.MjModel, mjcf: mujoco.MjModel, link: str) -> None:
-    def shapes(model: mujoco.MjModel, *, colliding: bool) -> list[tuple[float, ...]]:
+def test_links_look_and_collide_alike(urdf: mujoco.MjModel, mjcf: mujoco.MjModel) -> None:
+    def shapes(model: mujoco.MjModel, link: str, *, colliding: bool) -> list[tuple[float, ...]]:
         geoms = [model.geom(i) for i in np.flatnonzero(model.geom_bodyid == model.body(link).id)]
         chosen = [g for g in geoms if bool(g.contype[0]) == colliding]
         return sorted((float(g.type[0]), *np.round(g.size, 9), *np.round(g.pos, 9)) for g in chosen)
 
-    assert shapes(urdf, colliding=True) == shapes(mjcf, colliding=True)
-    assert {s[:7] for s in shapes(urdf, colliding=False)} >= set(shapes(mjcf, colliding=False))
+    for link in LINKS:
+        assert shapes(urdf, link, colliding=True) == shapes(mjcf, link, colliding=True)
+        seen = {shape[:7] for shape in shapes(urdf, link, colliding=False)}
+        assert seen >= set(shapes(mjcf, link, colliding=False))

@@ -28,7 +28,7 @@ ISSUE = (
 def test_each_axis_has_levels_in_order_and_a_nominal_scenario_within() -> None:
     assert sorted(AXES) == sorted(SCENARIOS) == sorted(ISSUE.split())
     for name, axis in AXES.items():
-        assert len(set(axis.levels)) >= (3 if name == "slow" else 5)
+        assert len({axis.at(severity) for severity in axis.levels}) == len(axis.levels) >= (3 if name == "slow" else 5)
         assert list(axis.levels) in (sorted(axis.levels), sorted(axis.levels, reverse=True))
         assert min(axis.levels) <= axis.nominal <= max(axis.levels)
         nominal = SCENARIOS[name]
@@ -37,12 +37,6 @@ def test_each_axis_has_levels_in_order_and_a_nominal_scenario_within() -> None:
         assert (third.name, third.severity, third.severity_unit) == (f"{name}:3", axis.levels[2], axis.unit)
         with pytest.raises(ValueError, match=f"{name} has levels 1 to {len(axis.levels)}"):
             axis.level(len(axis.levels) + 1)
-
-
-def test_no_two_severities_of_an_axis_are_the_same_scenario() -> None:
-    for axis in AXES.values():
-        bare = {axis.at(severity) for severity in axis.levels}
-        assert len(bare) == len(axis.levels)
 
 
 def test_slow_goes_straight_ahead_down_to_where_the_rule_of_success_begins() -> None:
@@ -87,9 +81,9 @@ def test_a_disturbance_shifts_no_other_draw() -> None:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) -> None:
     scenario = AXES[name].level(min(4, len(AXES[name].levels)))
-    simulation = Simulation(SIMPLE_QUAD, scenario, 16, 1, 100.0)
-    simulation.reset(np.arange(16), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(16)]))
-    for robot in range(16):
+    simulation = Simulation(SIMPLE_QUAD, scenario, 8, 1, 100.0)
+    simulation.reset(np.arange(8), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]))
+    for robot in range(8):
         data = simulation.snapshot(robot)
         depths = [-contact.dist for contact in data.contact]
         assert max(depths, default=0.0) < 0.006
@@ -98,8 +92,8 @@ def test_one_foot_starts_just_on_the_ground_and_nothing_deep_in_it(name: str) ->
         assert above.min() == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("terrain", [Slope(), Slope(0.3)])
-def test_a_robot_starts_aligned_with_a_slope_and_stands_on_it(terrain: Slope) -> None:
+def test_a_robot_starts_aligned_with_a_slope_and_stands_on_it() -> None:
+    terrain = Slope(0.3)
     scenario = Scenario("slope", terrain=terrain, start=replace(StartNoise(), tilt=0.0))
     simulation = Simulation(SIMPLE_QUAD, scenario, 8, 1, 100.0)
     simulation.reset(np.arange(8), *at_reset([Episode(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]))
@@ -145,7 +139,7 @@ def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> 
     np.testing.assert_array_equal(simulation.snapshot(1).qpos, data.qpos)
 
 
-@pytest.mark.parametrize("share", [0.5, 1.0, 2.0, 4.0])
+@pytest.mark.parametrize("share", [0.5, 4.0])
 def test_each_disturbance_of_a_surprise_has_its_share_of_the_reference(share: float) -> None:
     scenario = AXES["surprise"].at(share)
     assert scenario.terrain == SmoothRandom(peak_to_valley=0.06 * share)

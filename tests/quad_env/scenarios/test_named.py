@@ -1,16 +1,76 @@
-"""Scenarios as they are written: one reading of them, for environments and for commands."""
+"""Scenarios as they are written: names, levels, severities, several at once, and what is refused."""
+
+from dataclasses import replace
 
 import gymnasium as gym
+import numpy as np
 import pytest
 
+import quad_env
 from evaluate.rollouts import battery
 from quad_env import ENV_ID
-from quad_env.scenarios.listing import EXAMPLES
+from quad_env.scenarios.axes import AXES
+from quad_env.scenarios.disturbances import Ground, Latency, Payload
+from quad_env.scenarios.named import scenario
+from quad_env.scenarios.scenario import Scenario
+from quad_env.scenarios.terrain import Slope
 
-ONE_SCENARIO = [written for written in EXAMPLES if written not in ("push:all", "quick", "my_file.py:NAME")]
+
+def test_a_combination_has_what_each_of_its_axes_sets() -> None:
+    found = quad_env.scenario("payload=15+slope=10+latency=0.040")
+    name = "payload=15+slope=10+latency=0.04"
+    assert found == Scenario(name, terrain=Slope(np.radians(10)), payload=Payload(15.0), latency=Latency(0.04, 0.04))
+    assert scenario(found.name) == found
 
 
-@pytest.mark.parametrize("written", [*ONE_SCENARIO, "rough:2", "slippery:6"])
+def test_one_severity_is_a_scenario_of_its_axis() -> None:
+    for axis in AXES.values():
+        for severity in (axis.nominal, axis.levels[2]):
+            written = f"{axis.name}={severity:g}"
+            assert scenario(written) == axis.scenario(severity, written)
+
+
+def test_parts_of_one_thing_go_together() -> None:
+    assert scenario("soft=0.02+slippery=0.4").ground == Ground(friction=0.4, sink_depth=0.02)
+    assert scenario("flat=2+push=35").commands == AXES["flat"].at(2.0).commands
+    alike = replace(AXES["surprise"].at(1.0), name="surprise=1+latency=0.01")
+    assert scenario("surprise=1+latency=0.01") == alike, "what two axes set alike is no contradiction"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("rough=0.1+gravel=0.1", "rough and gravel set the terrain differently; leave one out"),
+        ("payload=3+stairs=0.1+slope=10", "stairs and slope set the terrain differently"),
+        ("slippery=0.8+surprise=1", "slippery and surprise set the ground friction differently"),
+        ("push=20+push=20", "push is given twice"),
+        ("push=20+pull=3", "unknown axis 'pull'; valid: flat, push"),
+        ("payload=15+slope", "slope needs a severity; write slope=15"),
+        ("payload=heavy", "'heavy' is no number; write payload=5 for mass on the trunk"),
+        ("push=-3", "impulse of each push is a number from 0 to"),
+        ("push=nan+slope=3", "from 0 to .* got nan"),
+        ("slope=89", "slope=89: a slope's angle must lie between 0 and 80°"),
+        ("surprise=0", "surprise=0: the share must be .* more than 0"),
+        ("push=42+", "unknown axis ''"),
+    ],
+)
+def test_what_cannot_be_combined_is_said_in_one_line(name: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words) as raised:
+        scenario(name)
+    assert "\n" not in str(raised.value)
+
+
+def test_no_severity_beyond_the_sense_of_an_axis_ends_in_anything_but_a_value_error() -> None:
+    for axis in AXES:
+        for severity in ("-1", "0", "nan", "inf", "1e6", "1e-9", "2e6"):
+            try:
+                found = scenario(f"{axis}={severity}")
+            except ValueError:
+                continue
+            assert np.isfinite(found.severity)
+
+
+@pytest.mark.parametrize("written", ["push", "push:3", "push=42", "payload=15+slope=10"])
 def test_an_environment_takes_every_scenario_that_commands_take(written: str) -> None:
     wanted = battery.one(written)
     with gym.make(ENV_ID, scenario=written) as env:
