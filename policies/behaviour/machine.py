@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Mask, chosen
-from policies.behaviour.guards import conditions
-from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, valid_requests
+from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, conditions, valid_requests
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD

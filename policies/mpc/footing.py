@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from policies.gait_cycle import Floats, smoothstep
-from policies.legs.footholds import swung
+from policies.legs.foot_path import swung
 from policies.legs.ground_plane import at
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 import policies
 from policies.base import CONTROL_PERIOD
 from policies.behaviour import REQUESTS, TRANSITIONS, Behaviour, BehaviourMachine, RequestRefused, State
-from policies.behaviour.guards import conditions, leg_height
 from policies.behaviour.machine import refusal_reason
-from policies.behaviour.transitions import GUARDS, TIME_LIMIT, valid_requests
+from policies.behaviour.transitions import GUARDS, TIME_LIMIT, conditions, valid_requests
+from policies.legs.kinematics import leg_height
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 

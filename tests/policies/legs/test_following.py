@@ -1,7 +1,6 @@
 """How far joints follow their targets: what is measured, what is not, and that each robot has its own."""
 
 import numpy as np
-
 from policies.legs.following import Following
 
 JOINTS, STEPS = 12, 200

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from policies.legs.footholds import (
     REACH_FORWARD,
     REACH_LATERAL,
@@ -12,6 +11,7 @@ from policies.legs.footholds import (
     swung,
     within_reach,
 )
+
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 HIPS = (SIMPLE_QUAD.hip_positions[:, 0:1], SIMPLE_QUAD.hip_positions[:, 1:2])

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from policies.legs.ground import EVEN, LARGEST_ROUGHNESS, GroundSense
+from policies.legs.proprioception import Senses
 
 from policies.base import CONTROL_PERIOD
-from policies.legs.ground import EVEN, LARGEST_ROUGHNESS, GroundSense
 from policies.legs.ground_plane import STEEPEST, above, at, carried, fitted, renewed
 from policies.legs.level_frame import level_frame
-from policies.legs.proprioception import Senses
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan
 

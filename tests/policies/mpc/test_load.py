@@ -4,8 +4,8 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
-
 from policies.mpc.load import LEAST, MOST, Load, estimated_load, loaded
+
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY

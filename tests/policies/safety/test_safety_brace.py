@@ -5,7 +5,7 @@ import pytest
 
 import policies
 from policies.base import CONTROL_PERIOD, Policy
-from policies.behaviour.guards import TOPPLING_TILT
+from policies.behaviour.transitions import TOPPLING_TILT
 from policies.legs.kinematics import foot_positions
 from policies.safety import Mode, Safe, SafetyLimits
 from policies.safety.brace import RELEASE_TIME, REST_TIME, braced
