@@ -1,4 +1,3 @@
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +13,11 @@ from policies.gaits.parameters import (
     GaitParameters,
     froude,
     row,
-    searched_parameters,
     slowed,
     stepping,
 )
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
 from policies.legs.kinematics import foot_positions
-from policies.parameters import limits_of
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -197,23 +194,6 @@ def test_offsets_go_the_shorter_way_and_arrive():
 def test_an_unknown_gait_is_answered_with_the_valid_ones(make):
     with pytest.raises(ValueError, match=r"gallop.*bound, pace, pronk, trot, walk, stand"):
         make()
-
-
-@pytest.mark.parametrize("content", [None, "{", "[]", '{"walk": {}}', '{"walk": {"gallop": 1}}'])
-def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatch, content):
-    file = tmp_path / "gaits.json"
-    if content is not None:
-        file.write_text(content, encoding="utf-8")
-    monkeypatch.setattr("policies.gaits.parameters.PARAMETERS_FILE", file)
-    with pytest.raises(policies.PolicyError, match=r"python -m train search gait"):
-        policies.make("walk")
-
-
-def test_the_file_holds_every_gait_within_the_limits_and_a_walk_of_at_least_three_quarters():
-    found = searched_parameters()
-    assert set(found) == set(OFFSETS)
-    assert found["walk"].duty - found["walk"].duty_fall >= 0.75
-    assert set(limits_of(GaitParameters)) == set(json.loads(json.dumps(vars(BARE))))
 
 
 def test_beyond_its_limits_a_gait_goes_the_same_way_on_the_ellipsoid():

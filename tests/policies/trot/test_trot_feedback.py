@@ -4,10 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import policies
 from policies.base import CONTROL_PERIOD
 from policies.legs.kinematics import foot_positions, joint_angles
+from policies.parameters import limits_of
 from policies.trot.feedback import BRACE_RANGE, BRACE_TIME, LARGEST_CORRECTION, LARGEST_SLOWDOWN, TrotFeedback
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
 from quad_env import OBSERVATION, OBSERVATION_SIZE
@@ -412,3 +415,17 @@ def test_it_mirrors_left_and_right():
     for _ in range(40):
         one, other = left.act(reading(1.0)).reshape(4, 3), right.act(reading(-1.0)).reshape(4, 3)
         np.testing.assert_allclose(other[mirror] * [-1, 1, 1], one, atol=1e-5)
+
+
+@settings(max_examples=20)
+@given(st.data())
+def test_within_the_limits_every_action_is_finite_whatever_is_read(data):
+    drawn = {
+        name: data.draw(st.floats(low, high) | st.sampled_from((low, high)))
+        for name, (low, high) in limits_of(FeedbackParameters).items()
+    }
+    policy = TrotFeedback(FeedbackParameters(**drawn))
+    rng, bound = np.random.default_rng(data.draw(st.integers(0, 1000))), observation_table(SIMPLE_QUAD).bound
+    for scale in (0.01, 1.0, 1.0, 1.0, 1.0):
+        row = (scale * rng.uniform(-bound, bound)).astype(np.float32)
+        assert np.isfinite(policy.act(row)).all()
