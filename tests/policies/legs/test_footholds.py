@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from policies.legs.footholds import (
+
+from policies.legs.foot_path import (
     REACH_FORWARD,
     REACH_LATERAL,
     captured,
@@ -11,7 +12,6 @@ from policies.legs.footholds import (
     swung,
     within_reach,
 )
-
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 HIPS = (SIMPLE_QUAD.hip_positions[:, 0:1], SIMPLE_QUAD.hip_positions[:, 1:2])
@@ -38,16 +38,16 @@ def test_in_a_turn_the_outer_feet_reach_further_and_all_of_them_around():
     np.testing.assert_allclose(offsets((0.0, 0.0, 1.0)), 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0])
 
 
-def test_pushed_to_the_left_the_next_footholds_go_to_the_left():
-    np.testing.assert_allclose(offsets(errors=(0.0, 0.5, 0.0)), [[0.0] * 4, [0.1] * 4])
-
-
-def test_too_fast_ahead_the_next_footholds_go_ahead():
-    np.testing.assert_allclose(offsets(errors=(0.5, 0.0, 0.0)), [[0.05] * 4, [0.0] * 4])
-
-
-def test_turning_too_fast_to_the_left_the_footholds_turn_to_the_left():
-    np.testing.assert_allclose(offsets(errors=(0.0, 0.0, 2.0)), 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0])
+@pytest.mark.parametrize(
+    ("errors", "expected"),
+    [
+        ((0.5, 0.0, 0.0), [[0.05] * 4, [0.0] * 4]),
+        ((0.0, 0.5, 0.0), [[0.0] * 4, [0.1] * 4]),
+        ((0.0, 0.0, 2.0), 0.1 * np.stack([-HIPS[1], HIPS[0]])[..., 0]),
+    ],
+)
+def test_the_next_footholds_go_where_the_robot_is_pushed(errors, expected):
+    np.testing.assert_allclose(offsets(errors=errors), expected)
 
 
 def test_a_push_is_caught_by_what_is_beyond_the_threshold_and_along_it():

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from policies.legs.ground import EVEN, LARGEST_ROUGHNESS, GroundSense
-from policies.legs.proprioception import Senses
 
 from policies.base import CONTROL_PERIOD
 from policies.legs.ground_plane import STEEPEST, above, at, carried, fitted, renewed
-from policies.legs.level_frame import level_frame
+from policies.legs.level_frame import Senses, level_frame
+from policies.trot.perception import EVEN, LARGEST_ROUGHNESS, GroundSense
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan
 
@@ -122,11 +121,3 @@ def test_the_roughest_ground_is_remembered_longest():
         ground.update(feet_on(0.0, 0.0), np.ones((4, 1), bool), UNDISTURBED)
     assert ground.roughness.item() < 0.3 * learnt
     assert ground.worst_roughness.item() > 0.8 * learnt
-
-
-def test_rough_ground_is_learnt_sooner_than_forgotten():
-    ground = felt(feet_on(0.0, 0.0, twist=0.1), seconds=0.3)
-    learnt = ground.roughness.item()
-    for _ in range(30):
-        ground.update(feet_on(0.0, 0.0), np.ones((4, 1), bool), UNDISTURBED)
-    assert 0.8 * learnt < ground.roughness.item() < learnt

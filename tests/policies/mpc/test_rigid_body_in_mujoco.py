@@ -26,7 +26,7 @@ def test_the_rigid_body_s_next_step_is_mujoco_s() -> None:
     one = Horizon(1, model.opt.timestep, Weights(np.ones(3), np.ones(3), np.ones(3), np.ones(3), 1.0))
     trunk = model.body("base_link").id
     joint = model.body_dofadr[trunk]
-    for step in range(160):
+    for step in range(200):
         observation, *_ = env.step(policy.act(observation))
         if step < 100 or step % 7:
             continue

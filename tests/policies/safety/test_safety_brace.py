@@ -109,18 +109,6 @@ def test_robot_that_is_too_far_over_is_the_policys_again():
     assert policy.mode[0] == Mode.FOLLOW
 
 
-def test_second_brace_starts_afresh():
-    policy = Safe(Told(), alarm_above=1.0)
-    policy.reset(1)
-    for _ in range(2):
-        policy.act(moving(PUSHED))
-        assert policy.mode[0] == Mode.CATCH
-        assert policy._brace.share[0] == 1.0
-        for _ in range(40):
-            policy.act(moving((0.0, 0.0, 0.0)))
-        assert policy.mode[0] == Mode.FOLLOW
-
-
 def test_brace_is_wide_and_low_and_lets_the_side_down_that_rises():
     level = (
         foot_positions(SIMPLE_QUAD, braced(SIMPLE_QUAD, moving((0.0, 0.0, 0.0))).reshape(4, 3))
