@@ -229,7 +229,7 @@ class Mpc(ShiftableFootholds):
 
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
         """What the feet swing over to their footholds, (n, 4, 2)."""
-        return ground
+        return lambda x, y, _: ground.at(x, y)
 
     def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         """Height of the ground where each foot stands over the horizon, m, (n, 1 or N, 1 or 4)."""

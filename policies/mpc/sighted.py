@@ -168,7 +168,7 @@ class SightedMpcWbc(MpcWbc):
         x, y, start = self._prints.transpose(0, 2, 1)
         last, end = np.stack((x, y), axis=-1), self._seen_ground.at(aim)
         between = [self._seen_ground.at(last + share * (aim - last)) for share in ON_THE_WAY]
-        return Steps(start, end, np.max([start, end, *between], axis=0))
+        return Steps(start, end, np.max([start, end, *between], axis=0)).over
 
     def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         lasting = np.cumprod(stands, axis=1).astype(np.bool_)

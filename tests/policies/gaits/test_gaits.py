@@ -119,11 +119,11 @@ def test_frequency_rises_and_duty_falls_with_the_root_of_the_froude_number_up_to
 def test_no_target_jumps_in_a_change_of_gait_at_any_time_of_the_cycle(first):
     others = [gait for gait in GAITS if gait != first]
     policy = Gaits(first)
-    policy.reset(40 * len(others))
-    target = np.arange(policy.num_envs) // 40
-    begin = 200 + np.arange(policy.num_envs) % 40
+    policy.reset(10 * len(others))
+    target = np.arange(policy.num_envs) // 10
+    begin = 200 + 4 * (np.arange(policy.num_envs) % 10)
     actions = []
-    for step in range(500):
+    for step in range(400):
         for number, other in enumerate(others):
             if (asked := (begin == step) & (target == number)).any():
                 policy.request(other, asked)
@@ -133,7 +133,7 @@ def test_no_target_jumps_in_a_change_of_gait_at_any_time_of_the_cycle(first):
     assert policy.settled[[others[each] != "stand" for each in target]].all()
 
 
-@pytest.mark.parametrize("first", OFFSETS)
+@pytest.mark.parametrize("first", ["pronk", "walk"])
 def test_standing_comes_to_rest_in_the_home_pose_with_every_swing_finished(first):
     policy = Gaits(first)
     policy.reset(16)
@@ -200,7 +200,7 @@ SPEEDS = {"walk": 0.3}
 
 def walk(gait) -> Strides:
     command = np.array([SPEEDS.get(gait, 0.5), 0.0, 0.0])
-    return walked(Gaits(gait), command, episode_seeds("search", 7, ROBOTS), steps=400)
+    return walked(Gaits(gait), command, episode_seeds("search", 7, ROBOTS), steps=600)
 
 
 @pytest.mark.parametrize("gait", OFFSETS)

@@ -60,14 +60,6 @@ def test_a_load_changes_the_bodies_as_mujoco_says(state: dict[str, np.ndarray]) 
         np.testing.assert_allclose(getattr(found, name), value, atol=1e-6, err_msg=name)
 
 
-def test_no_load_changes_nothing(state: dict[str, np.ndarray]) -> None:
-    bodies = DYNAMICS.at(**state)
-    none = Load(np.zeros(1), PLACE[None])
-    same = loaded(moving(bodies, np.eye(3)[None], np.ones((1, 18))), none).bodies
-    for before, after in zip(bodies, same, strict=True):
-        np.testing.assert_array_equal(before, after)
-
-
 def test_a_level_robots_load_is_told_by_its_weight() -> None:
     load = Load(np.array([MASS, 0.0]), np.stack((PLACE, (0.0, 0.0, PLACE[2]))))
     found = estimated_load(load.pressing(np.stack((np.eye(3),) * 2)), PLACE[2])

@@ -164,21 +164,6 @@ def test_plans_may_be_older_than_a_control_step() -> None:
     assert 0.33 < solver.asked / (300 * 2) < 0.6
 
 
-def test_legs_alone_ask_for_much_the_same_as_the_whole_body() -> None:
-    """A single time, in a walk; torques of none are off by twice as much."""
-    asked = []
-    for out_of_order in (False, True):
-        solver = Unreliable("torques")
-        policy, vec = MpcWbc(solver=solver), gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2)
-        rows, _ = vec.reset(seed=[3, 4], options={"command": (0.5, 0.0, 0.0)})
-        policy.reset(num_envs=2)
-        for _ in range(59):
-            rows, *_ = vec.step(policy.act(rows))
-        solver.out_of_order = out_of_order
-        asked.append(policy.act(rows))
-    assert 1e-3 < np.abs(asked[0] - asked[1]).mean() < 0.015
-
-
 def test_without_the_whole_body_s_program_each_leg_goes_by_itself() -> None:
     """To the bit as with a program that has no solution, until that one is given up."""
     unreliable, never_asked = Unreliable("torques"), Unreliable("torques")

@@ -57,24 +57,6 @@ def test_the_torques_are_those_of_the_equations_of_motion() -> None:
             assert (np.abs(forces[:, :2]) <= 0.6 * forces[:, 2:] + 1e-6).all()
 
 
-def test_many_robots_get_what_each_gets() -> None:
-    of = bodies()
-    wished = wish(of)
-    together = whole(of, wished)
-    for robot in range(COUNT):
-        one = slice(robot, robot + 1)
-        alone = torques(
-            RigidBodies(*(part[one] for part in of)),
-            Wish(*(part[one] for part in wished)),
-            NOTHING[one],
-            FRICTION.of(one),
-            LIMIT,
-            PRIORITIES,
-        )
-        np.testing.assert_array_equal(alone.torque[0], together.torque[robot])
-        np.testing.assert_array_equal(alone.acceleration[0], together.acceleration[robot])
-
-
 def test_torques_stay_within_their_limit() -> None:
     of = bodies()
     wished = wish(of)

@@ -106,30 +106,15 @@ def test_pitching_forward_lengthens_the_front_legs_by_damping_times_rate_times_a
     assert 0.0 < share[0] <= 1.0
 
 
-def test_what_is_felt_lags_by_its_filter_but_for_the_first_reading():
-    parameters = dataclasses.replace(BARE, tilt_damping=0.1, sensor_filter=3.0 * CONTROL_PERIOD)
-    pitching = observation(angular_velocity=(0.0, 0.5, 0.0))
-    lagging, from_the_start, level = (TrotFeedback(parameters) for _ in range(3))
-    at_once = TrotFeedback(dataclasses.replace(parameters, sensor_filter=0.0))
-    for readings in (observation(), observation(), pitching):
-        late, prompt, usual = lagging.act(readings), at_once.act(readings), level.act(observation())
-        constant = from_the_start.act(pitching)
-    moved, full, always = (feet(action)[:, 2] - feet(usual)[:, 2] for action in (late, prompt, constant))
-    standing = ~level._gait.legs(level.phase).swing[0]
-    np.testing.assert_allclose(moved[standing] / full[standing], 0.25, atol=0.01)  # one period of four
-    np.testing.assert_allclose(always, full, atol=ROUNDING)
-
-
-def test_every_reading_of_the_sensors_is_smoothed_and_no_command():
-    """Planted: a term that is left out goes on at once."""
+def test_every_reading_of_the_sensors_lags_from_the_second_on_and_no_command():
     policy = TrotFeedback(dataclasses.replace(BARE, sensor_filter=9.0 * CONTROL_PERIOD))
-    columns = np.zeros((OBSERVATION_SIZE, 1))
-    policy._smoothed(columns.copy())
+    columns = np.ones((OBSERVATION_SIZE, 1))
+    np.testing.assert_array_equal(policy._smoothed(columns.copy()), columns)
     policy._ticks += 1.0
     smoothed = policy._smoothed(columns + 1.0)[:, 0]
     for name in ("linear_velocity", "angular_velocity", "projected_gravity", "joint_position"):
-        np.testing.assert_allclose(smoothed[OBSERVATION[name]], 0.1, err_msg=name)
-    assert (smoothed[OBSERVATION["command"]] == 1.0).all()
+        np.testing.assert_allclose(smoothed[OBSERVATION[name]], 1.1, err_msg=name)
+    assert (smoothed[OBSERVATION["command"]] == 2.0).all()
 
 
 def strides(share, **changes):
