@@ -138,3 +138,41 @@ def test_friction_holds_a_force_within_its_pyramid() -> None:
     assert not allowed(held, [0.0, 0.0, 170.1])
     _, lower, _ = friction_rows(1, Friction(np.array([0.6]), np.array([5.0]), np.array([170.0])))
     assert lower[0, 4] == 5.0  # the vertical force presses at least as hard
+
+
+def several() -> tuple[Body, np.ndarray, np.ndarray, Reference, Friction]:
+    """What the programs of five robots are made of, some with other feet on the ground."""
+    random, count = np.random.default_rng(3), 5
+    bodies = Body(
+        *(
+            np.repeat(part, count, axis=0) * (1.0 + 0.2 * random.random((count, *(1,) * (part.ndim - 1))))
+            for part in body()
+        )
+    )
+    stands = np.repeat(standing(), count, axis=0)
+    stands[1, 0] = stands[4, 0] = True
+    stands[2, 0, 0] = False
+    goal = Reference(*(np.repeat(part, count, axis=0) for part in wanted()))
+    bounds = Friction(0.3 + 0.5 * random.random(count), np.zeros(count), 150.0 + 50.0 * random.random(count))
+    return (
+        bodies,
+        np.repeat(arms(), count, axis=0) + 0.02 * random.normal(size=(count, STEPS, 4, 3)),
+        stands,
+        goal,
+        bounds,
+    )
+
+
+def test_programs_of_many_robots_are_those_of_each() -> None:
+    bodies, feet, stands, goal, bounds = several()
+    seen = []
+    for robots, together in HORIZON.programs(bodies, feet, stands, goal, bounds):
+        for place, robot in enumerate(robots):
+            one = slice(robot, robot + 1)
+            alone_body = Body(*(part if isinstance(part, float) else part[one] for part in bodies))
+            alone_goal = Reference(*(part[one] for part in goal))
+            ((_, alone),) = HORIZON.programs(alone_body, feet[one], stands[one], alone_goal, bounds.of(one))
+            for name in ("hessian", "gradient", "rows", "lower", "upper"):
+                np.testing.assert_array_equal(getattr(together, name)[place], getattr(alone, name)[0], err_msg=name)
+            seen.append(robot)
+    assert sorted(seen) == [0, 1, 2, 3, 4]
