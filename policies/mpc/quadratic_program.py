@@ -7,7 +7,7 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from policies.gait_cycle import Floats
 
 EQUALITY = 5
 """How DAQP marks a row that holds with equality."""

@@ -30,8 +30,6 @@ QUIET = 0.02
 _EDGE = 1e-9
 ON_THE_WAY = (0.25, 0.5, 0.75)
 """Where from foothold to foothold the ground is looked at that a foot is to clear."""
-
-
 UNDER_THE_LEGS = 0.45, 0.4
 """Half-length and half-width of the ground that the trunk is to be level with, m."""
 

@@ -46,13 +46,6 @@ def test_position_and_velocity_are_continuous(duty, seam):
     np.testing.assert_allclose((left - before) / h, (after - right) / h, atol=1e-3)
 
 
-@pytest.mark.parametrize("duty", [0.4, 0.7])
-def test_stance_moves_at_constant_speed_on_the_ground(duty):
-    stance = path(np.linspace(1.0 - duty + 1e-9, 1.0 - 1e-9, 50), duty)
-    np.testing.assert_allclose(np.diff(stance[:, 0]), -1.0 / 49.0, atol=1e-6)
-    assert (stance[:, 1] == 0.0).all()
-
-
 def test_load_is_taken_up_and_given_back_without_a_step_by_hand():
     cycle = LegCycle(np.array([True, False, False, False, False]), np.array([0.5, 0.0, 0.25, 0.5, 1.0]))
     np.testing.assert_allclose(load(cycle), [0.0, 0.0, 0.9375, 1.0, 0.0])  # 1 - (2·0.25 - 1)⁴ = 15/16

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
-from policies.mpc.quadratic_program import Programs, solve
+from policies.mpc.quadratic_program import Programs
 from policies.mpc.rigid_body import Body, Friction, Horizon, Reference, Weights, friction_rows
 from quad_env.config import GRAVITY
 
@@ -98,29 +97,6 @@ def test_the_program_s_cost_is_that_of_the_prediction() -> None:
         x = random.normal(0.0, 50.0, program.gradient.shape[1])
         value = 0.5 * x @ program.hessian[0] @ x + program.gradient[0] @ x
         assert value == pytest.approx(cost(HORIZON.spread(x, standing())) - rest, rel=1e-9)
-
-
-def test_the_forces_found_are_the_best_within_friction() -> None:
-    """SciPy's SLSQP finds none better from there."""
-    programs = of_one(share=0.05)
-    found = solve(programs)
-    assert found.solved.all()
-    hessian, gradient, rows, lower, upper = (part[0] for part in programs[:5])
-    (x,) = found.value
-    assert (rows @ x <= upper + 1e-6).all()
-    assert (rows @ x >= lower - 1e-6).all()
-    assert np.isclose(rows @ x, upper, atol=1e-6).any()  # friction binds, else this tells little
-    low = np.isfinite(lower)
-    one_sided, most = np.concatenate((rows, -rows[low])), np.concatenate((upper, -lower[low]))
-    other = minimize(
-        lambda x: 0.5 * x @ hessian @ x + gradient @ x,
-        x,
-        jac=lambda x: hessian @ x + gradient,
-        constraints={"type": "ineq", "fun": lambda x: most - one_sided @ x, "jac": lambda x: -one_sided},
-        method="SLSQP",
-        options={"ftol": 1e-12, "maxiter": 100},
-    )
-    assert 0.5 * x @ hessian @ x + gradient @ x <= other.fun + 1e-6 * abs(other.fun)
 
 
 def test_friction_holds_a_force_within_its_pyramid() -> None:

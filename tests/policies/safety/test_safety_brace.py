@@ -110,25 +110,17 @@ def test_robot_that_is_too_far_over_is_the_policys_again():
 
 
 def test_brace_is_wide_and_low_and_lets_the_side_down_that_rises():
-    level = (
-        foot_positions(SIMPLE_QUAD, braced(SIMPLE_QUAD, moving((0.0, 0.0, 0.0))).reshape(4, 3))
-        + SIMPLE_QUAD.hip_positions
-    )
+    def feet(turning):
+        joints = braced(SIMPLE_QUAD, moving((0.0, 0.0, 0.0), turning=turning)).reshape(4, 3)
+        return foot_positions(SIMPLE_QUAD, joints) + SIMPLE_QUAD.hip_positions
+
+    level, rolling, pitching = feet((0.0, 0.0, 0.0)), feet((0.5, 0.0, 0.0)), feet((0.0, 0.5, 0.0))
     home = foot_positions(SIMPLE_QUAD, SIMPLE_QUAD.home_pose.reshape(4, 3)) + SIMPLE_QUAD.hip_positions
     assert (np.abs(level[:, 1]) > np.abs(home[:, 1])).all()
     assert (level[:, 2] > home[:, 2]).all()
-    rolling = (
-        foot_positions(SIMPLE_QUAD, braced(SIMPLE_QUAD, moving((0.0, 0.0, 0.0), turning=(0.5, 0.0, 0.0))).reshape(4, 3))
-        + SIMPLE_QUAD.hip_positions
-    )
-    pitching = (
-        foot_positions(SIMPLE_QUAD, braced(SIMPLE_QUAD, moving((0.0, 0.0, 0.0), turning=(0.0, 0.5, 0.0))).reshape(4, 3))
-        + SIMPLE_QUAD.hip_positions
-    )
     assert (np.sign(rolling - level)[:, 2] == SIMPLE_QUAD.side).all()  # +x turns the left side up
-    assert (
-        np.sign(pitching - level)[:, 2] == -np.sign(SIMPLE_QUAD.hip_positions[:, 0])
-    ).all()  # +y turns the nose down
+    nose_down = -np.sign(SIMPLE_QUAD.hip_positions[:, 0])  # as +y turns it
+    assert (np.sign(pitching - level)[:, 2] == nose_down).all()
 
 
 def test_pushed_robots_have_the_bits_of_a_batch_while_they_are_caught():

@@ -1,4 +1,3 @@
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -163,27 +162,6 @@ def test_targets_of_a_loaded_leg_differ_by_the_work_of_the_force():
         np.testing.assert_allclose(
             targets[:, joint] - joints[:, joint], -force * slope / SIMPLE_QUAD.servo_stiffness, atol=1e-8
         )
-
-
-def limited(parameters, command):
-    """Shares of the standing and of the swinging legs that have a joint at its limit, at a held command."""
-    actions, phases = steady(parameters, command, settle=100)
-    legs = actions.reshape(-1, 4, 3).astype(np.float32)
-    lower, upper = (
-        limit.astype(np.float32).reshape(4, 3) for limit in (SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
-    )
-    at_limit = ((legs == lower) | (legs == upper)).any(axis=-1)
-    swing = Gait(TROT_OFFSETS, parameters.duty).legs(phases).swing
-    return at_limit[~swing].mean(), at_limit[swing].mean()
-
-
-def test_joint_limits_cut_the_top_off_a_swing_before_they_touch_a_stance():
-    parameters = searched_parameters()
-    assert limited(parameters, (0.0, 0.0, 0.0))[0] == 0.0
-    for corner in itertools.product((-1.0, 1.5), (-0.8, 0.8), (-1.2, 1.2)):
-        standing, swinging = limited(parameters, corner)
-        assert standing < 0.35
-        assert standing < swinging
 
 
 def walk(seeds, scenario):
