@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Mask, chosen
-from policies.behaviour.guards import conditions
-from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, valid_requests
+from policies.behaviour.transitions import GUARDS, REQUESTS, TRANSITIONS, State, Transition, conditions, valid_requests
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -23,8 +22,6 @@ for _number, _row in enumerate(TRANSITIONS):
 _BY_REQUEST: dict[str, list[tuple[int, Transition]]] = {
     name: [(number, row) for number, row in enumerate(TRANSITIONS) if row.request == name] for name in ("", *REQUESTS)
 }
-_HAPPENS = np.asarray(_SOURCE[[number for number, _ in _BY_REQUEST[""]]].any(axis=0))
-"""States that can be left without a request, (states,)."""
 
 
 class RequestRefused(ValueError):
@@ -112,7 +109,7 @@ class BehaviourMachine:
         self.step += 1
         self.ticks += 1
         self._conditions = conditions(self._robot, self._period, observation, self._state, self.ticks)
-        self._apply(self._rows("", _HAPPENS[self._state]))
+        self._apply(self._rows("", np.ones(len(self._state), np.bool_)))
 
     def changes(self) -> list[Change]:
         """The latest transitions, oldest first."""

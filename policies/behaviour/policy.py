@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, Floats, Mask, Policy, to_actions
-from policies.behaviour.jump import Jump
 from policies.behaviour.machine import BehaviourMachine
-from policies.behaviour.motion import Damp, Hold, Motion
+from policies.behaviour.motion import Damp, Hold, Jump, Motion
 from policies.behaviour.recovery import Recovery, RecoveryParameters
 from policies.behaviour.transitions import State
 from policies.trot.open_loop import Trot

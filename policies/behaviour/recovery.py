@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, Mask
-from policies.behaviour.guards import POSE_TOLERANCE
 from policies.behaviour.motion import Motion, approach
+from policies.behaviour.transitions import POSE_TOLERANCE
 from policies.parameters import Parameters, read
 from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot

@@ -55,10 +55,7 @@ def fitted(prints: Vector) -> Plane:
 
 
 def at(plane: Plane, x: Floats, y: Floats) -> Floats:
-    """Height of the plane there, relative to the trunk's centre, m; shapes that broadcast with (n,).
-
-    At the points of a height scan, (p, 1) each, it is the scan as estimated from the footholds alone, (p, n).
-    """
+    """Height of the plane there, relative to the trunk's centre, m; shapes that broadcast with (n,)."""
     height, forward, lateral = plane
     there: Floats = height + forward * x + lateral * y
     return there

@@ -73,3 +73,12 @@ def held_up(
     give = force / robot.servo_stiffness
     give_in_plane = give * np.cos(hip)
     return hip - give * y, thigh + give_in_plane * x, calf - give_in_plane * robot.calf_length * np.sin(thigh + calf)
+
+
+def leg_height(robot: Robot, gravity: Floats, joints: Floats) -> Floats:
+    """Trunk's centre above the underside of its lowest foot, (n,), m, from gravity (n, 3) and joint angles (n, 12): the
+    height of the fall rule where the ground is level."""
+    feet = foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3)) + robot.hip_positions
+    depth = feet[:, :, 0] * gravity[:, 0:1] + feet[:, :, 1] * gravity[:, 1:2] + feet[:, :, 2] * gravity[:, 2:3]
+    height: Floats = depth.max(axis=1) + robot.foot_depth
+    return height

@@ -1,11 +1,12 @@
 """Where the feet of a robot under model-predictive control go; level frame, arrays (n, 4, …)."""
 
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from policies.gait_cycle import Floats, smoothstep
-from policies.legs.footholds import swung
+from policies.legs.foot_path import swung
 from policies.legs.ground_plane import at
 from policies.mpc.motion import Motion
 from policies.mpc.parameters import MpcParameters
@@ -26,12 +27,8 @@ _NEAR = 1e-3
 """Progress of a swing over which its speed is taken."""
 
 
-class Terrain(Protocol):
-    """What feet swing over."""
-
-    def over(self, x: Floats, y: Floats, progress: Floats) -> Floats:
-        """Height that a swing at that progress starts its lift from, there, m, (n, 4)."""
-        ...
+Terrain = Callable[[Floats, Floats, Floats], Floats]
+"""What feet swing over: height, m, that a swing starts its lift from, by x, y and the swing's progress, (n, 4) each."""
 
 
 class Ground(NamedTuple):
@@ -44,10 +41,6 @@ class Ground(NamedTuple):
     def at(self, x: Floats, y: Floats) -> Floats:
         """Height there, m, (n, 4)."""
         return at((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
-
-    def over(self, x: Floats, y: Floats, _: Floats) -> Floats:
-        """See `Terrain`: a plane is followed."""
-        return self.at(x, y)
 
 
 def neutral_feet(robot: Robot, p: MpcParameters) -> Floats:
@@ -107,7 +100,7 @@ def swing(
     def at(t: Floats) -> Floats:
         x, y = (swung(start[..., i], aim[..., i], slope[..., i], t) for i in range(2))
         arc = 4.0 * t * (1.0 - t)
-        z = ground.over(x, y, t) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
+        z = ground(x, y, t) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
         return np.stack((x, y, z), axis=-1)
 
     def speed(t: Floats) -> Floats:

@@ -6,7 +6,8 @@ do, those share the wrench that the planned forces have about the centre of mass
 
 import numpy as np
 
-from policies.mpc.rigid_body import Floats, Friction
+from policies.gait_cycle import Floats
+from policies.mpc.rigid_body import Friction
 from quad_env.columns import Ids, Mask, Rows
 from quad_env.physics.rotations import skew
 

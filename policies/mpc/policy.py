@@ -19,8 +19,7 @@ from policies.legs.memory import taken_in
 from policies.mpc.contact import ContactSense, ContactStates, as_accelerations, contact_states
 from policies.mpc.footing import Ground, Terrain, arms, footholds, swing
 from policies.mpc.joint_prediction import JointPrediction
-from policies.mpc.load import Load, estimated_load, loaded
-from policies.mpc.motion import Motion
+from policies.mpc.motion import Motion, estimated_load, loaded
 from policies.mpc.observer import Observer
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import Plans
@@ -155,10 +154,10 @@ class Mpc(ShiftableFootholds):
         lost, self._lost, self._seen = self._lost, np.zeros(self.num_envs, np.bool_), observation.copy()
         p = self.parameters
         load = estimated_load(self.sense.wrench, p.load_height)
-        read = _bearing(load, self.observer.read(self._joints.now(observation), self.sense.wrench))
+        read = loaded(self.observer.read(self._joints.now(observation), self.sense.wrench), load)
         forces = self.sense.estimate(read, load.pressing(read.rotation))
         touching = forces[..., 2] > p.touch_force
-        now = _bearing(load, self.observer.ahead(self.sense.wrench, touching, self._slope))
+        now = loaded(self.observer.ahead(self.sense.wrench, touching, self._slope), load)
         self._hurry(now)
         cycle = self._gait.legs(self._phase)
         weight = load.pressing(now.rotation)
@@ -230,7 +229,7 @@ class Mpc(ShiftableFootholds):
 
     def _over(self, aim: Floats, ground: Ground) -> Terrain:
         """What the feet swing over to their footholds, (n, 4, 2)."""
-        return ground
+        return lambda x, y, _: ground.at(x, y)
 
     def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         """Height of the ground where each foot stands over the horizon, m, (n, 1 or N, 1 or 4)."""
@@ -388,8 +387,3 @@ class MpcWbc(Mpc):
             np.where(there, found.acceleration, by_leg.acceleration),
             found.found,
         )
-
-
-def _bearing(load: Load, now: Motion) -> Motion:
-    """The motion of robots that carry these loads."""
-    return now._replace(bodies=loaded(now.bodies, now.rotation, now.generalised, load))

@@ -17,12 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from policies.gait_cycle import Floats
 from policies.mpc.quadratic_program import Programs
 from quad_env.columns import Ids, Mask, Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
-Floats = NDArray[np.float64]
 LEGS = 4
 
 

@@ -30,8 +30,6 @@ QUIET = 0.02
 _EDGE = 1e-9
 ON_THE_WAY = (0.25, 0.5, 0.75)
 """Where from foothold to foothold the ground is looked at that a foot is to clear."""
-
-
 UNDER_THE_LEGS = 0.45, 0.4
 """Half-length and half-width of the ground that the trunk is to be level with, m."""
 
@@ -168,7 +166,7 @@ class SightedMpcWbc(MpcWbc):
         x, y, start = self._prints.transpose(0, 2, 1)
         last, end = np.stack((x, y), axis=-1), self._seen_ground.at(aim)
         between = [self._seen_ground.at(last + share * (aim - last)) for share in ON_THE_WAY]
-        return Steps(start, end, np.max([start, end, *between], axis=0))
+        return Steps(start, end, np.max([start, end, *between], axis=0)).over
 
     def _footing(self, now: Motion, aim: Floats, ground: Ground, stands: Mask) -> Floats:
         lasting = np.cumprod(stands, axis=1).astype(np.bool_)

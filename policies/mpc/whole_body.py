@@ -9,15 +9,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from policies.gait_cycle import Floats
 from policies.mpc.quadratic_program import Programs, Solver, solve
 from policies.mpc.rigid_body import Friction, alike, friction_rows
 from quad_env.columns import Mask, Rows
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import RigidBodies
 
-Floats = NDArray[np.float64]
 TRUNK = slice(3, 6)
 """Angular part of the generalised velocity."""
 

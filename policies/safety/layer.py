@@ -29,14 +29,7 @@ class Mode(IntEnum):
     """Joints damped: too far over, or stopped at once by request."""
 
 
-RAISED = "policy raised an exception"
-MISSHAPEN = "policy returned targets of a wrong shape or type"
-NOT_FINITE = "policy returned non-finite targets"
-PREDICTED = "fall predicted"
-RESTED = "at rest again"
-REQUESTED = "emergency stop requested"
 TOO_FAR_OVER = "too far over"
-STARTED = "restarted"
 
 TOO_FAR = np.deg2rad(65.0)
 """Tilt past which no fall is caught and no stop is under control any more: 5° before the fall rule, `FallRule.tilt`."""
@@ -106,7 +99,7 @@ class Safe(Policy):
 
     def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
         """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
-        self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, REQUESTED)
+        self._enter(chosen(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
         """Restart the layer and its policy for `num_envs` robots; exceptions of the policy pass through."""
@@ -125,7 +118,7 @@ class Safe(Policy):
             motion.reset(num_envs)
 
     def _restart(self, mask: Mask) -> None:
-        self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, STARTED)
+        self._enter(mask & (self._mode != Mode.FOLLOW), Mode.FOLLOW, "restarted")
         self._targets[mask] = self.robot.home_pose
         self._reference[mask], self._recent[mask] = 0.0, 0.0
         self.policy.reset_where(mask)
@@ -160,7 +153,7 @@ class Safe(Policy):
                 answer = self.policy.act(self._slowed(observation))
             except Exception as error:
                 self._failures.append(f"step {self._step}: {described(error)}")
-                self._enter(following, Mode.STOP, RAISED)
+                self._enter(following, Mode.STOP, "policy raised an exception")
             else:
                 self._accept(answer, following, targets)
         return targets
@@ -168,13 +161,13 @@ class Safe(Policy):
     def _accept(self, answer: object, following: Mask, targets: Floats) -> None:
         """Put what the policy answered for the following robots into `targets`, if it is good."""
         if not isinstance(answer, np.ndarray) or answer.shape != targets.shape or answer.dtype.kind != "f":
-            self._enter(following, Mode.STOP, MISSHAPEN)
+            self._enter(following, Mode.STOP, "policy returned targets of a wrong shape or type")
             return
         finite = np.isfinite(answer).all(axis=1)
         good = following & finite
         targets[good] = answer[good]
         if not finite.all():
-            self._enter(following & ~finite, Mode.STOP, NOT_FINITE)
+            self._enter(following & ~finite, Mode.STOP, "policy returned non-finite targets")
 
     def _slowed(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The observation, the command nearer to zero as far as a robot is braced."""
@@ -194,10 +187,10 @@ class Safe(Policy):
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(TOO_FAR)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
         self._brace.start(predicted)
-        self._enter(predicted, Mode.CATCH, PREDICTED)
+        self._enter(predicted, Mode.CATCH, "fall predicted")
         catching = self._mode == Mode.CATCH
         if catching.any():
-            self._enter(self._brace.advance(catching, alarm, rows), Mode.FOLLOW, RESTED)
+            self._enter(self._brace.advance(catching, alarm, rows), Mode.FOLLOW, "at rest again")
             self._enter(tilted & (self._mode == Mode.CATCH), Mode.FOLLOW, TOO_FAR_OVER)
         self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, TOO_FAR_OVER)
 

@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, to_actions
 from policies.gait_cycle import TROT_OFFSETS, TURN, Floats, Gait, LegCycle
-from policies.legs.following import Following
-from policies.legs.foot_path import lift, load
-from policies.legs.footholds import Planar, captured, passing, raibert, swung, within_reach
-from policies.legs.ground import GroundSense
+from policies.legs.foot_path import Planar, captured, lift, load, passing, raibert, swung, within_reach
 from policies.legs.kinematics import held_up, leg_angles
-from policies.legs.level_frame import LevelFrame, Vector
+from policies.legs.level_frame import LevelFrame, Senses, Vector, hips, length, sense
 from policies.legs.memory import Memory, taken_in
-from policies.legs.proprioception import Senses, hips, length, sense
 from policies.trot.feedback_parameters import FeedbackParameters, searched_parameters
+from policies.trot.perception import Following, GroundSense
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.named import robot_of
 from quad_env.robots.robot import Robot

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
+from policies.legs.level_frame import motion
 from policies.legs.memory import taken_in
-from policies.legs.proprioception import motion
 from policies.parameters import from_json, in_force, number, read, search_ranges_of
 from policies.shipped import folder_of
 from policies.trot.open_loop import PARAMETERS_FILE as TROT_FILE

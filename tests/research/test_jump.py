@@ -4,7 +4,7 @@ import numpy as np
 
 from policies.base import CONTROL_PERIOD
 from policies.behaviour import Behaviour
-from policies.behaviour.jump import Jump, keyframes_of
+from policies.behaviour.motion import Jump, keyframes_of
 from quad_env.physics.simulation import ALL, Simulation
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds

@@ -1,5 +1,4 @@
 import itertools
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,8 @@ from hypothesis import strategies as st
 import policies
 from policies.base import CONTROL_PERIOD
 from policies.behaviour import REQUESTS, TRANSITIONS, Behaviour, BehaviourMachine, RequestRefused, State
-from policies.behaviour.guards import conditions, leg_height
 from policies.behaviour.machine import refusal_reason
-from policies.behaviour.transitions import GUARDS, TIME_LIMIT, valid_requests
+from policies.behaviour.transitions import TIME_LIMIT, conditions, valid_requests
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -58,11 +56,11 @@ def machine_in(state, n=1):
     return machine
 
 
-@pytest.mark.parametrize(
-    "row", TRANSITIONS, ids=lambda row: f"{row.request or 'by itself'}-{row.guard}-{row.target.label}"
-)
-def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_reason(row):
-    for source in row.sources:
+EVERY_WAY = [(row, source) for row in TRANSITIONS for source in row.sources]
+
+
+def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_reason():
+    for row, source in EVERY_WAY:
         machine = machine_in(source)
         observation, steps = WITH[row.guard]
         if not row.request:
@@ -82,29 +80,10 @@ def test_every_transition_happens_where_the_table_says_and_is_logged_with_its_re
         assert change.step == machine.step
 
 
-@pytest.mark.parametrize("state", State)
-@pytest.mark.parametrize("request_name", REQUESTS)
-def test_every_request_that_the_table_lacks_is_refused_by_name_with_the_valid_ones(state, request_name):
-    if request_name in valid_requests(state):
-        return
-    machine = machine_in(state)
-    machine.observe(reading())
-    state_before = State(machine.state[0])
-    if request_name in valid_requests(state_before):  # it has moved on by itself
-        machine = machine_in(state)
-        state_before = state
-    with pytest.raises(RequestRefused, match=request_name) as refusal:
-        machine.request(request_name)
-    for valid in valid_requests(state_before):
-        assert valid in str(refusal.value)
-    assert machine.state[0] == state_before
-
-
-@pytest.mark.parametrize(
-    "row", [row for row in TRANSITIONS if row.guard and row.guard != "late"], ids=lambda row: row.guard
-)
-def test_no_transition_happens_while_its_guard_does_not_hold(row):
-    for source in row.sources:
+def test_no_transition_happens_while_its_guard_does_not_hold():
+    for row, source in EVERY_WAY:
+        if row.guard not in WITHOUT:
+            continue
         machine = machine_in(source)
         for _ in range(20):
             machine.observe(WITHOUT[row.guard])
@@ -115,6 +94,18 @@ def test_no_transition_happens_while_its_guard_does_not_hold(row):
             assert row.guard in refusal_reason(source, row.request)
         taken |= {(change.source, change.reason) for change in machine.changes()}
         assert (source, row.reason) not in taken
+
+
+def test_every_request_that_the_table_lacks_is_refused_by_name_with_the_valid_ones():
+    for state, request in itertools.product(State, REQUESTS):
+        if request not in valid_requests(state):
+            machine = machine_in(state)
+            with pytest.raises(RequestRefused, match=request) as refusal:
+                machine.request(request)
+            assert all(valid in str(refusal.value) for valid in valid_requests(state))
+            assert machine.state[0] == state
+    with pytest.raises(ValueError, match="emergency_stop, passive, stand"):
+        BehaviourMachine(1).request("gallop")
 
 
 def test_batch_request_moves_those_that_may_and_gives_the_mask_of_those_that_refuse():
@@ -132,18 +123,6 @@ def test_request_of_all_is_refused_as_a_whole():
     with pytest.raises(RequestRefused, match="robot 1"):
         machine.request("run")
     assert machine.state.tolist() == [State.WALK, State.STAND]
-
-
-@pytest.mark.parametrize("name", ["gallop", "", "stand_up"])
-def test_request_that_does_not_exist_is_answered_with_those_that_do(name):
-    with pytest.raises(ValueError, match="emergency_stop, passive, stand"):
-        BehaviourMachine(1).request(name)
-
-
-@pytest.mark.parametrize("mask", [[True], [1, 0, 0], [[True, False, False]]])
-def test_wrong_mask_is_refused(mask):
-    with pytest.raises(ValueError, match="mask"):
-        BehaviourMachine(3).request("stand", np.array(mask))
 
 
 def test_every_state_leads_to_standing_and_every_state_but_a_stop_can_be_left_without_waiting_for_a_person():
@@ -171,8 +150,8 @@ events = st.one_of(
 )
 
 
-@settings(max_examples=80)
-@given(st.lists(events, max_size=25), st.sampled_from(State), st.integers(0, 3))
+@settings(max_examples=20)
+@given(st.lists(events, max_size=15), st.sampled_from(State), st.integers(0, 3))
 def test_random_commands_never_break_the_machine(script, start, robot):
     """Never in two states, never stuck, every change in the table, an emergency stop obeyed at once and kept."""
     machine = BehaviourMachine(4, start=start)
@@ -206,48 +185,12 @@ def test_random_commands_never_break_the_machine(script, start, robot):
         assert (patience := patience - 1) > 0
 
 
-def test_a_robot_that_never_gets_up_goes_on_trying():
-    machine = machine_in(State.FALL)
-    for _ in range(3000):
-        machine.observe(reading(up=-1.0))
-    counts = Counter(change.target for change in machine.changes())
-    assert counts[State.RECOVER] >= 3
-    assert counts[State.FALL] >= 2
-
-
 def test_the_log_is_bounded_and_keeps_the_latest():
-    machine = BehaviourMachine(2, start=State.STAND, capacity=10)
-    for _ in range(20):
-        machine.request("walk", np.ones(2, bool))
-        machine.request("jump", np.ones(2, bool))
-        machine.request("stand", np.ones(2, bool))
-    assert len(machine.changes()) == 10
-    assert machine.changes()[-1].target == State.STAND
-
-
-def test_a_log_holds_the_latest_of_more_robots_than_it_has_room_for():
     machine = BehaviourMachine(9, start=State.STAND, capacity=4)
     machine.request("walk")
     assert [change.robot for change in machine.changes()] == [5, 6, 7, 8]
     machine.restart(np.arange(9) < 2)
     assert [change.robot for change in machine.changes()] == [7, 8, 0, 1]
-
-
-def test_leg_height_of_the_home_pose_is_that_of_the_robot():
-    gravity = np.array([[0.0, 0.0, -1.0]])
-    np.testing.assert_allclose(
-        leg_height(SIMPLE_QUAD, gravity, SIMPLE_QUAD.home_pose[None]), SIMPLE_QUAD.home_height, atol=1e-9
-    )
-    # Upside down the lowest foot is that far above the trunk's centre, less the foot itself.
-    np.testing.assert_allclose(
-        leg_height(SIMPLE_QUAD, -gravity, SIMPLE_QUAD.home_pose[None]), -SIMPLE_QUAD.home_height + 0.04, atol=1e-9
-    )
-
-
-def test_every_guard_of_the_table_is_a_condition():
-    assert set(GUARDS) <= set(
-        conditions(SIMPLE_QUAD, CONTROL_PERIOD, reading(), np.zeros(1, np.int8), np.zeros(1, np.int64))
-    )
 
 
 def test_the_page_of_the_behaviours_has_every_transition_and_no_other():
@@ -262,33 +205,21 @@ def test_the_page_of_the_behaviours_has_every_transition_and_no_other():
     assert set(arrows) == {row.target.label for row in TRANSITIONS}
 
 
-def test_refusal_for_a_condition_names_it():
-    assert "in home pose" in refusal_reason(State.STAND, "jump")
-
-
-def test_policy_that_follows_walks_runs_and_stands_by_the_command():
+def test_policy_that_follows_walks_runs_and_stands_by_the_command_until_an_emergency_stop():
     policy = policies.make("behaviour")
     policy.reset(2)
     for command, expected in (((0.0, 0, 0), State.STAND), ((0.4, 0, 0), State.WALK), ((1.2, 0, 0), State.RUN)):
         for _ in range(30):
             policy.act(reading(2, command=command))
         assert policy.state.tolist() == [expected] * 2
+    policy.request("emergency_stop", np.array([True, False]))
+    joints = np.linspace(-0.3, 0.3, 12).astype(np.float32)
+    damped, running = policy.act(reading(2, joints=joints, command=(1.2, 0, 0)))
+    np.testing.assert_allclose(damped, np.clip(SIMPLE_QUAD.home_pose + joints, -2.5, 1.5), atol=1e-6)
+    assert np.abs(running - damped).max() > 0.1
     for _ in range(30):
         policy.act(reading(2))
-    assert policy.state.tolist() == [State.STAND] * 2
-
-
-def test_emergency_stop_leaves_only_damping_from_the_next_action_on():
-    policy = Behaviour()
-    policy.reset(2)
-    joints = np.linspace(-0.3, 0.3, 12).astype(np.float32)
-    for _ in range(40):
-        policy.act(reading(2, command=(1.0, 0, 0)))
-    policy.request("emergency_stop", np.array([True, False]))
-    action = policy.act(reading(2, joints=joints, command=(1.0, 0, 0)))
-    np.testing.assert_allclose(action[0], np.clip(SIMPLE_QUAD.home_pose + joints, -2.5, 1.5), atol=1e-6)
-    assert np.abs(action[1] - action[0]).max() > 0.1
-    assert policy.state.tolist() == [State.EMERGENCY_STOP, State.RUN]
+    assert policy.state.tolist() == [State.EMERGENCY_STOP, State.STAND]
 
 
 def test_changing_behaviour_makes_no_target_jump():

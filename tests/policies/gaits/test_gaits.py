@@ -1,4 +1,3 @@
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +13,11 @@ from policies.gaits.parameters import (
     GaitParameters,
     froude,
     row,
-    searched_parameters,
     slowed,
     stepping,
 )
 from policies.gaits.policy import TARGET_RATE_LIMIT, Gaits
 from policies.legs.kinematics import foot_positions
-from policies.parameters import limits_of
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -81,16 +78,15 @@ def test_feet_land_in_the_order_that_the_gait_is_named_for(gait, behind):
         assert min(abs(late - expected), 40 - abs(late - expected)) <= 1, leg
 
 
-@pytest.mark.parametrize("duty", [0.5, 0.6, 0.8])
+@pytest.mark.parametrize("duty", [0.5, 0.8])
 def test_feet_are_commanded_down_for_the_duty_factor(duty):
     policy = bare("walk", duty=duty)
     steps(policy, (0.3, 0.0, 0.0), 150)
     np.testing.assert_allclose(1.0 - steps(policy, (0.3, 0.0, 0.0), 400)[1].mean(axis=(0, 1)), duty, atol=0.026)
 
 
-@pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (0.0, -0.3, 0.0), (-0.3, 0.2, 0.6)])
-def test_standing_feet_move_against_the_commanded_velocity_at_their_place(command):
-    policy = bare("trot")
+def test_standing_feet_move_against_the_commanded_velocity_at_their_place():
+    policy, command = bare("trot"), (-0.3, 0.2, 0.6)
     steps(policy, command, 200)
     actions, swing = steps(policy, command, 80)
     where = feet(actions)
@@ -101,15 +97,6 @@ def test_standing_feet_move_against_the_commanded_velocity_at_their_place(comman
         [-(vx - yaw_rate * where[:-1, :, 1]), -(vy + yaw_rate * where[:-1, :, 0]), np.zeros((79, 4))], axis=-1
     )
     np.testing.assert_allclose(velocity[standing], expected[standing], atol=2e-3)
-
-
-def test_a_held_command_gives_strides_about_the_middle_of_speed_times_stance_time():
-    policy = bare("trot", stance_shift=-0.05)
-    steps(policy, (0.5, 0.0, 0.0), 200)
-    where = feet(steps(policy, (0.5, 0.0, 0.0), 80)[0])[:, :, 0] - SIMPLE_QUAD.hip_positions[:, 0]
-    # 0.5 m/s for 0.6 of 0.4 s; the cycloid overshoots both ends a little.
-    np.testing.assert_allclose(np.ptp(where, axis=0), 0.12, rtol=0.2)
-    np.testing.assert_allclose(where.max(axis=0) + where.min(axis=0), -0.1, atol=0.01)
 
 
 def test_froude_number_by_hand():
@@ -132,11 +119,11 @@ def test_frequency_rises_and_duty_falls_with_the_root_of_the_froude_number_up_to
 def test_no_target_jumps_in_a_change_of_gait_at_any_time_of_the_cycle(first):
     others = [gait for gait in GAITS if gait != first]
     policy = Gaits(first)
-    policy.reset(40 * len(others))
-    target = np.arange(policy.num_envs) // 40
-    begin = 200 + np.arange(policy.num_envs) % 40
+    policy.reset(10 * len(others))
+    target = np.arange(policy.num_envs) // 10
+    begin = 200 + 4 * (np.arange(policy.num_envs) % 10)
     actions = []
-    for step in range(500):
+    for step in range(400):
         for number, other in enumerate(others):
             if (asked := (begin == step) & (target == number)).any():
                 policy.request(other, asked)
@@ -146,7 +133,7 @@ def test_no_target_jumps_in_a_change_of_gait_at_any_time_of_the_cycle(first):
     assert policy.settled[[others[each] != "stand" for each in target]].all()
 
 
-@pytest.mark.parametrize("first", OFFSETS)
+@pytest.mark.parametrize("first", ["pronk", "walk"])
 def test_standing_comes_to_rest_in_the_home_pose_with_every_swing_finished(first):
     policy = Gaits(first)
     policy.reset(16)
@@ -199,23 +186,6 @@ def test_an_unknown_gait_is_answered_with_the_valid_ones(make):
         make()
 
 
-@pytest.mark.parametrize("content", [None, "{", "[]", '{"walk": {}}', '{"walk": {"gallop": 1}}'])
-def test_missing_or_damaged_parameter_file_names_the_search(tmp_path, monkeypatch, content):
-    file = tmp_path / "gaits.json"
-    if content is not None:
-        file.write_text(content, encoding="utf-8")
-    monkeypatch.setattr("policies.gaits.parameters.PARAMETERS_FILE", file)
-    with pytest.raises(policies.PolicyError, match=r"python -m train search gait"):
-        policies.make("walk")
-
-
-def test_the_file_holds_every_gait_within_the_limits_and_a_walk_of_at_least_three_quarters():
-    found = searched_parameters()
-    assert set(found) == set(OFFSETS)
-    assert found["walk"].duty - found["walk"].duty_fall >= 0.75
-    assert set(limits_of(GaitParameters)) == set(json.loads(json.dumps(vars(BARE))))
-
-
 def test_beyond_its_limits_a_gait_goes_the_same_way_on_the_ellipsoid():
     values = row(replace(BARE, forward_limit=0.8, backward_limit=0.2, lateral_limit=0.3, yaw_limit=0.6))
     command = np.array([[0.4, 0.1, 0.2], [1.6, 0.0, 0.0], [-0.4, 0.0, 0.0], [0.8, -0.3, 0.0], [0.0, 0.0, -1.2]])
@@ -224,12 +194,7 @@ def test_beyond_its_limits_a_gait_goes_the_same_way_on_the_ellipsoid():
     np.testing.assert_allclose(slowed(np.tile(values, (5, 1)), command), expected)
 
 
-def test_without_limits_every_command_is_followed_to_the_bit():
-    command = np.random.default_rng(0).uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (50, 3))
-    np.testing.assert_array_equal(slowed(np.tile(row(BARE), (50, 1)), command), command)
-
-
-ROBOTS = 32
+ROBOTS = 6
 SPEEDS = {"walk": 0.3}
 
 
@@ -252,6 +217,6 @@ def test_it_walks_as_commanded_on_flat_ground(gait):
 @pytest.mark.parametrize("gait", OFFSETS)
 def test_it_keeps_its_feet_whatever_it_is_commanded(gait):
     episodes = rollout.run(
-        policies.make("gaits" if gait == "trot" else gait), "flat", episode_seeds("search", 8, ROBOTS)
+        policies.make("gaits" if gait == "trot" else gait), "flat", episode_seeds("search", 8, ROBOTS), steps=600
     )
     assert (episodes.fall_step == episodes.steps).all()

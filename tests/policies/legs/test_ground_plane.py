@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from policies.base import CONTROL_PERIOD
-from policies.legs.ground import EVEN, LARGEST_ROUGHNESS, GroundSense
-from policies.legs.ground_plane import STEEPEST, above, at, carried, fitted, renewed
-from policies.legs.level_frame import level_frame
-from policies.legs.proprioception import Senses
+from policies.legs.ground_plane import STEEPEST, above, carried, fitted, renewed
+from policies.legs.level_frame import Senses, level_frame
+from policies.trot.perception import EVEN, LARGEST_ROUGHNESS, GroundSense
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.sensing.height_scan import HeightScan
 
 FEET_X, FEET_Y = np.array([[0.3, 0.2, -0.2, -0.3]]).T, np.array([[0.2, -0.3, 0.3, -0.2]]).T
 UNDISTURBED = np.ones(1, bool)
@@ -19,20 +17,11 @@ def number(value):
     return np.array([value])
 
 
-@pytest.mark.parametrize("plane", [(-0.3, 0.0, 0.0), (-0.25, 0.36, 0.0), (-0.3, -0.2, 0.5)])
-def test_footprints_on_a_plane_give_that_plane(plane):
-    height, forward, lateral = plane
+def test_footprints_on_a_plane_give_that_plane():
+    plane = height, forward, lateral = -0.3, -0.2, 0.5
     prints = (FEET_X, FEET_Y, height + forward * FEET_X + lateral * FEET_Y)
     np.testing.assert_allclose(np.ravel(fitted(prints)), plane, atol=1e-5)
     np.testing.assert_allclose(above(fitted(prints), prints), 0.0, atol=1e-5)
-
-
-def test_footholds_tell_what_a_height_scan_would_see_of_a_plane():
-    """Two robots with other planes under them; the scan's points along the first axis."""
-    x, y = HeightScan().points.T[..., None]
-    rise, drop = np.array([0.36, 0.0]), np.array([-0.3, -0.25])
-    prints = tuple(np.broadcast_to(each, (4, 2)) for each in (FEET_X, FEET_Y, drop + rise * FEET_X))
-    np.testing.assert_allclose(at(fitted(prints), x, y), drop + rise * x, atol=1e-5)
 
 
 def test_one_foot_on_a_stone_of_a_square_stance_lifts_and_tilts_the_plane_by_quarters():
@@ -122,11 +111,3 @@ def test_the_roughest_ground_is_remembered_longest():
         ground.update(feet_on(0.0, 0.0), np.ones((4, 1), bool), UNDISTURBED)
     assert ground.roughness.item() < 0.3 * learnt
     assert ground.worst_roughness.item() > 0.8 * learnt
-
-
-def test_rough_ground_is_learnt_sooner_than_forgotten():
-    ground = felt(feet_on(0.0, 0.0, twist=0.1), seconds=0.3)
-    learnt = ground.roughness.item()
-    for _ in range(30):
-        ground.update(feet_on(0.0, 0.0), np.ones((4, 1), bool), UNDISTURBED)
-    assert 0.8 * learnt < ground.roughness.item() < learnt

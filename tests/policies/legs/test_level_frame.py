@@ -25,7 +25,7 @@ def columns(vector):
     return tuple(np.array([value]) for value in vector)
 
 
-@pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.0), (0.3, 0.0), (0.0, -0.4), (-0.5, 0.7), (1.0, -1.0)])
+@pytest.mark.parametrize(("roll", "pitch"), [(0.3, 0.0), (-0.5, 0.7)])
 def test_level_vectors_are_world_vectors_but_for_the_yaw(roll, pitch):
     vector = RNG.normal(size=3)
     for yaw in (0.0, np.pi / 2, -2.0):

@@ -16,7 +16,7 @@ from policies.mpc.parameters import OTHER_GAITS, MpcParameters
 from policies.mpc.policy import Mpc, MpcWbc
 from quad_env.seeding import episode_seeds
 
-ROBOTS, STEPS, FROM = 2, 500, 100
+ROBOTS, STEPS, FROM = 2, 300, 100
 SPEED = 0.5
 
 
@@ -57,11 +57,8 @@ def test_it_walks_straight_and_its_feet_land_in_the_order_of_the_gait(gait: str)
     ahead = landing_offsets(landed, found.phase)
     np.testing.assert_allclose(wrapped(ahead - np.array(OFFSETS[gait]) / TURN), 0.0, atol=0.18)
     np.testing.assert_allclose(duty_factors(found.contacts), duty, atol=0.15)
-
-
-def test_all_feet_of_a_pronk_are_in_the_air_together_for_much_of_the_time() -> None:
-    """0.55 of it as commanded."""
-    assert (~walked(MpcWbc(gait="pronk")).contacts).all(axis=-1).mean() > 0.35
+    # All feet of a pronk are commanded to be in the air together for 0.55 of the time.
+    assert gait != "pronk" or (~found.contacts).all(axis=-1).mean() > 0.35
 
 
 @pytest.mark.parametrize(("gait", "bearing"), [("trot", 2), ("pronk", 0)])
@@ -75,9 +72,8 @@ def test_feet_that_are_late_all_together_bear_a_robot_unless_its_gait_flies(gait
     assert contacts.late.any()
 
 
-@pytest.mark.parametrize("policy", [Mpc, MpcWbc])
-def test_a_flight_longer_than_the_horizon_has_a_plan_without_forces(policy: type[Mpc]) -> None:
-    long = policy(MpcParameters(frequency=0.5, duty=0.1), gait="pronk")
+def test_a_flight_longer_than_the_horizon_has_a_plan_without_forces() -> None:
+    long = MpcWbc(MpcParameters(frequency=0.5, duty=0.1), gait="pronk")
     for _ in range(20):
         actions = long.act(np.r_[0.0, 0.0, -1.0, np.zeros(45)])
     assert np.isfinite(actions).all()

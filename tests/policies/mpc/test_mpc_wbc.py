@@ -10,8 +10,8 @@ from evaluate.measures.metrics import Measures, measure
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
 from policies.mpc.contact import ContactSense
-from policies.mpc.footing import footholds
-from policies.mpc.motion import motion
+from policies.mpc.footing import Ground, footholds
+from policies.mpc.motion import Motion, motion
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import PATIENCE, Mpc, MpcWbc
 from policies.mpc.quadratic_program import Programs, Solutions, solve
@@ -20,26 +20,35 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
 
-EPISODES = 4
 BOTH = pytest.mark.parametrize("policy", [Mpc, MpcWbc])
 
 
-def walked(scenario: str, policy: type[Mpc] = MpcWbc) -> Measures:
-    return measure(rollout.run(policy(), practice(scenario, "search"), episode_seeds("search", 9, EPISODES)))
+def walked(policy: Mpc, scenario: str = "flat", steps: int = 300) -> Measures:
+    """What two robots did, which look for 3 s at the commands of search episodes."""
+    return measure(rollout.run(policy, practice(scenario, "search"), episode_seeds("search", 9, 2), steps=steps))
 
 
 @BOTH
 def test_it_does_what_it_is_asked_to_do_on_flat_ground(policy: type[Mpc]) -> None:
-    found = walked("flat", policy)
+    heights: list[np.ndarray] = []
+
+    class Seen(policy):  # type: ignore[misc, valid-type]
+        def _ground(self, now: Motion, landed: np.ndarray) -> Ground:
+            ground = super()._ground(now, landed)
+            heights.append(-ground.height)
+            return ground
+
+    found = walked(Seen())
     assert not found.fell.any()
-    assert found.succeeded.mean() >= 0.75
+    assert found.succeeded.all()
     assert found.velocity_error.mean() < 0.25
+    assert np.min(heights) > 0.3  # legs 0.6 m long; the searched trot goes at 0.25 m
 
 
 def test_it_stays_up_on_slippery_ground_by_what_it_feels(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not walked("slippery=0.1").fell.any()
+    assert not walked(MpcWbc(), "slippery=0.1").fell.any()
     monkeypatch.setattr(ContactSense, "_estimate_friction", lambda *_: None)
-    assert walked("slippery=0.1").fell.any()
+    assert walked(MpcWbc(), "slippery=0.1").fell.any()
 
 
 def observations(count: int) -> np.ndarray:
@@ -52,11 +61,16 @@ def observations(count: int) -> np.ndarray:
 
 
 @BOTH
-def test_a_robot_s_actions_are_the_same_in_any_batch(policy: type[Mpc]) -> None:
-    together, alone, rows = policy(), policy(), observations(3)
+def test_a_robot_s_actions_are_the_same_in_any_batch_after_a_restart_and_in_another_process(policy: type[Mpc]) -> None:
+    together, rows = policy(), observations(3)
+    alone = pickle.loads(pickle.dumps(together))
+    assert policy_digest(alone) == policy_digest(together) != policy_digest(policy(MpcParameters(frequency=2.4)))
     together.reset(num_envs=3)
     alone.reset()
-    for _ in range(12):
+    for step in range(12):
+        if step == 6:
+            together.reset_where(np.array([False, True, False]))
+            alone.reset()
         np.testing.assert_array_equal(together.act(rows)[1], alone.act(rows[1]))
 
 
@@ -73,17 +87,6 @@ def test_robots_that_nobody_asks_for_cost_no_plans_and_change_none_of_the_others
     for _ in range(10):
         np.testing.assert_array_equal(some.act(rows)[some.needed], every.act(rows)[some.needed])
     assert sum(solved) == 10 * (2 + 3)  # plans of two robots, torques of three
-
-
-@BOTH
-def test_a_restarted_robot_begins_anew(policy: type[Mpc]) -> None:
-    one, other, rows = policy(), policy(), observations(2)
-    one.reset(num_envs=2)
-    for _ in range(10):
-        one.act(rows)
-    one.reset_where(np.array([False, True]))
-    other.reset(num_envs=2)
-    np.testing.assert_array_equal(one.act(rows)[1], other.act(rows)[1])
 
 
 def test_shifted_footholds_are_those_of_another_parameter_and_a_restarted_robot_has_its_own() -> None:
@@ -110,15 +113,6 @@ def test_shifted_footholds_are_ahead_and_to_the_left() -> None:
         for by in ((0.0, 0.0), (0.01, 0.02))
     )
     np.testing.assert_allclose(there - place, np.broadcast_to((0.01, 0.02), (1, 4, 2)), atol=1e-12)
-
-
-@BOTH
-def test_it_can_be_sent_to_another_process_and_named_by_its_digest(policy: type[Mpc]) -> None:
-    kept = policy()
-    sent = pickle.loads(pickle.dumps(kept))
-    assert policy_digest(sent) == policy_digest(kept)
-    assert policy_digest(kept) != policy_digest(policy(MpcParameters(frequency=2.4)))
-    np.testing.assert_array_equal(sent.act(observations(1)), kept.act(observations(1)))
 
 
 class Unreliable:
@@ -153,34 +147,21 @@ class Interrupted(MpcWbc):
 KINDS = pytest.mark.parametrize("kind", ["plans", "torques"])
 
 
-@KINDS
-def test_a_program_without_a_solution_leaves_targets_near_the_last_ones(kind: str) -> None:
-    solver = Unreliable(kind)
-    policy, rows = MpcWbc(solver=solver), observations(1)
-    policy.reset()
-    for _ in range(5):
-        before = policy.act(rows[0])
-    assert not policy.failures.any()
-    solver.out_of_order = True
-    after = policy.act(rows[0])
-    assert policy.failures[0] == 1
-    assert np.abs(after - before).max() < 0.2
+@pytest.mark.parametrize(("kind", "wrong", "of"), [("plans", 1, 4), ("plans", 6, 40), ("torques", 6, 40)])
+def test_late_solutions_do_not_fell_the_robot(kind: str, wrong: int, of: int) -> None:
+    policy = Interrupted(kind, wrong, of)
+    assert not walked(policy).fell.any()
+    assert policy.failures.min() > 30
     assert not policy.stopped.any()
 
 
-def test_legs_alone_ask_for_much_the_same_as_the_whole_body() -> None:
-    """A single time, in a walk; torques of none are off by twice as much."""
-    asked = []
-    for out_of_order in (False, True):
-        solver = Unreliable("torques")
-        policy, vec = MpcWbc(solver=solver), gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2)
-        rows, _ = vec.reset(seed=[3, 4], options={"command": (0.5, 0.0, 0.0)})
-        policy.reset(num_envs=2)
-        for _ in range(59):
-            rows, *_ = vec.step(policy.act(rows))
-        solver.out_of_order = out_of_order
-        asked.append(policy.act(rows))
-    assert 1e-3 < np.abs(asked[0] - asked[1]).mean() < 0.015
+def test_plans_may_be_older_than_a_control_step() -> None:
+    solver = Unreliable("plans")
+    policy = MpcWbc(MpcParameters(plan_period=0.03), solver=solver)
+    assert not walked(policy).fell.any()
+    assert not policy.failures.any()
+    # One in three steps, and those in which other feet come to stand: five times a second, sometimes twice.
+    assert 0.33 < solver.asked / (300 * 2) < 0.6
 
 
 def test_without_the_whole_body_s_program_each_leg_goes_by_itself() -> None:
@@ -197,23 +178,13 @@ def test_without_the_whole_body_s_program_each_leg_goes_by_itself() -> None:
 
 
 @KINDS
-@pytest.mark.parametrize("late", [(1, 4), (6, 40)], ids=["one in four", "six running"])
-def test_late_solutions_do_not_fell_the_robot(kind: str, late: tuple[int, int]) -> None:
-    policy = Interrupted(kind, *late)
-    found = measure(rollout.run(policy, practice("flat", "search"), episode_seeds("search", 9, EPISODES)))
-    assert policy.failures.min() > 100
-    assert not found.fell.any()
-    assert not policy.stopped.any()
-
-
-@KINDS
 def test_a_robot_without_solutions_is_stopped_on_its_feet(kind: str) -> None:
     """From 1 s on, while it walks."""
     solver = Unreliable(kind)
     policy, vec = MpcWbc(solver=solver), gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2, readings=True)
     rows, _ = vec.reset(seed=[3, 4], options={"command": (0.5, 0.0, 0.0)})
     policy.reset(num_envs=2)
-    for step in range(400):
+    for step in range(250):
         if step == 100:
             solver.out_of_order = True
         actions = policy.act(rows)
@@ -232,9 +203,9 @@ def test_a_robot_without_an_observation_goes_on_blindly_and_then_stops(steps: in
     rows, _ = vec.reset(seed=[3, 4], options={"command": (0.5, 0.0, 0.0)})
     policy.reset(num_envs=2)
     other.reset(num_envs=2)
-    for step in range(300):
+    for step in range(120):
         seen = rows.copy()
-        if 100 <= step < 100 + steps:
+        if 60 <= step < 60 + steps:
             seen[0, 5] = np.nan
         actions, others = policy.act(seen), other.act(rows)
         assert np.isfinite(actions).all()
@@ -242,34 +213,3 @@ def test_a_robot_without_an_observation_goes_on_blindly_and_then_stops(steps: in
         rows, _, terminated, *_ = vec.step(actions)
         assert not terminated.any()
     assert policy.stopped.tolist() == [steps > 10, False]
-
-
-def test_a_robot_that_never_saw_anything_has_targets() -> None:
-    policy = MpcWbc()
-    policy.reset()
-    for _ in range(30):
-        assert np.isfinite(policy.act(np.full(48, np.nan))).all()
-    assert policy.stopped.all()
-
-
-def test_plans_may_be_older_than_a_control_step() -> None:
-    solver = Unreliable("plans")
-    policy = MpcWbc(MpcParameters(plan_period=0.03), solver=solver)
-    found = measure(rollout.run(policy, practice("flat", "search"), episode_seeds("search", 9, EPISODES)))
-    assert not found.fell.any()
-    assert not policy.failures.any()
-    # One in three steps, and those in which other feet come to stand: five times a second, sometimes twice.
-    assert 0.33 < solver.asked / (1000 * EPISODES) < 0.6
-
-
-def test_its_trunk_is_as_high_as_an_animal_s() -> None:
-    """Legs 0.6 m long; the searched trot goes at 0.25 m."""
-    policy, vec = MpcWbc(), gym.make_vec("quad_env:SimpleQuad-v0", num_envs=2, readings=True)
-    rows, _ = vec.reset(seed=0, options={"command": (0.5, 0.0, 0.0)})
-    policy.reset(num_envs=2)
-    heights = []
-    for step in range(400):
-        rows, *_, infos = vec.step(policy.act(rows))
-        if step >= 100:
-            heights.append(infos["height"])
-    assert np.min(heights) > 0.34

@@ -1,13 +1,14 @@
 """Motion observed through noise and delays that nobody tells of."""
 
+from copy import deepcopy
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 import pytest
 
-from evaluate.measures.metrics import measure
-from evaluate.rollouts.observers import Step
-from evaluate.rollouts.rollout import roll_out, run
+from evaluate.rollouts.observers import Falls, Step
+from evaluate.rollouts.rollout import roll_out
 from policies.mpc.motion import Motion
 from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import GROUPS, QUIET, SENSED, ReadingNoise
@@ -15,7 +16,7 @@ from quad_env import OBSERVATION
 from quad_env.seeding import episode_seeds
 from train.scenarios import practice
 
-SEEDS = episode_seeds("search", 0, 2)
+SEEDS, STEPS = episode_seeds("search", 0, 2), 150
 NOISE = {"noise=0.2": (0.05, 0.2, 0.1, 0.01, 1.5), "noise=0.8": (0.2, 0.8, 0.4, 0.04, 6.0)}
 
 
@@ -38,9 +39,12 @@ class Watched(MpcWbc):
         return motion
 
 
-def walked(scenario: str, steps: int = 120) -> Watched:
-    policy = Watched()
-    roll_out(policy, practice(scenario, "search"), SEEDS, steps=steps)
+@cache
+def walked(scenario: str) -> Watched:
+    """The policy after a walk of 1.5 s, in which no robot falls."""
+    policy, falls = Watched(), Falls(len(SEEDS), STEPS)
+    roll_out(policy, practice(scenario, "search"), SEEDS, lambda step: step.number and falls(step), steps=STEPS)
+    assert not falls.fell.any()
     return policy
 
 
@@ -50,7 +54,7 @@ def error(ahead: list[Motion], read: list[Motion], late: int, part: str) -> floa
     return float(np.sqrt(np.mean((foreseen[50:-late] - there[50 + late :]) ** 2)))
 
 
-@pytest.mark.parametrize(("scenario", "delay"), [("flat", 0), ("rough", 0), ("latency=0.01", 2), ("latency=0.02", 4)])
+@pytest.mark.parametrize(("scenario", "delay"), [("flat", 0), ("latency=0.01", 2), ("latency=0.02", 4)])
 def test_delays_show(scenario: str, delay: int) -> None:
     """Of actions and of readings together, in control steps."""
     np.testing.assert_array_equal(walked(scenario).observer.delays, delay)
@@ -58,7 +62,7 @@ def test_delays_show(scenario: str, delay: int) -> None:
 
 def test_late_readings_are_carried_on_to_where_the_robot_is_by_then() -> None:
     """Four control steps ahead, better by far than taking them for the present."""
-    policy, late = walked("latency=0.02", 200), 4
+    policy, late = walked("latency=0.02"), 4
     for part, most in (("velocity", 0.1), ("turning", 0.5), ("angles", 0.02), ("tilt", 0.01)):
         assert error(policy.ahead, policy.read, late, part) < min(
             most, 0.5 * error(policy.read, policy.read, late, part)
@@ -92,20 +96,19 @@ def test_noise_shows(scenario: str) -> None:
 
 
 def test_motions_without_noise_seem_to_have_none() -> None:
-    policy = walked("flat", 200)
+    policy = walked("flat")
     variances = np.maximum(policy.observer._noise._seeming, 0.0)
     assert (np.sqrt(variances) < QUIET).all()
 
 
 @pytest.mark.parametrize("scenario", ["latency=0.02", "noise=0.8"])
 def test_robots_walk_on_late_and_on_noisy_readings(scenario: str) -> None:
-    found = measure(run(MpcWbc(), practice(scenario, "search"), SEEDS, steps=500))
-    assert not found.fell.any()
-    assert (found.velocity_error < 0.4).all()
+    missed = [motion.velocity - motion.command for motion in walked(scenario).read[100:]]
+    assert np.hypot(*np.mean(missed, axis=0)[:, :2].T).max() < 0.3
 
 
 def test_a_restart_forgets_one_robot_alone() -> None:
-    policy = walked("latency=0.02")
+    policy = deepcopy(walked("latency=0.02"))
     policy.observer.restart(np.array([True, False]))
     np.testing.assert_array_equal(policy.observer.delays, (0, 4))
     np.testing.assert_array_equal(policy.observer.looks > 0, (False, True))

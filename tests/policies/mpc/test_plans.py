@@ -21,7 +21,7 @@ def planned() -> tuple[Plans, np.ndarray]:
     return plans, forces[0]
 
 
-@pytest.mark.parametrize(("time", "step"), [(0.0, 0), (0.03, 0), (0.04, 1), (0.08, 2), (0.19, 4), (3.0, 4)])
+@pytest.mark.parametrize(("time", "step"), [(0.0, 0), (0.03, 0), (0.08, 2), (3.0, 4)])
 def test_a_plan_is_followed_at_its_age(time: float, step: int) -> None:
     plans, forces = planned()
     for _ in range(round(time / 0.01)):
@@ -30,7 +30,7 @@ def test_a_plan_is_followed_at_its_age(time: float, step: int) -> None:
     np.testing.assert_array_equal(plans.now(standing[None], FEET[None], FRICTION)[0], forces[step])
 
 
-@pytest.mark.parametrize(("period", "late"), [(0.0, 0), (0.01, 1), (0.03, 3)])
+@pytest.mark.parametrize(("period", "late"), [(0.0, 0), (0.03, 3)])
 def test_a_plan_is_due_after_its_time(period: float, late: int) -> None:
     plans, _ = planned()
     for step in range(5):
@@ -67,11 +67,3 @@ def test_shared_forces_stay_within_friction() -> None:
     assert found[:, 0].max() > 1.0
     heavy = np.array([[0.0, 0.0, 1000.0, 0.0, 0.0, 0.0]])
     np.testing.assert_allclose(shared(heavy, FIRST[None], FEET[None], FRICTION)[0, FIRST, 2], 170.0)
-
-
-def test_before_any_plan_the_feet_bear_the_weight() -> None:
-    plans = Plans(STEPS, PERIOD, WEIGHT)
-    assert plans.due(FIRST[None], 10.0)
-    found = plans.now(FIRST[None], FEET[None], FRICTION)[0]
-    np.testing.assert_allclose(found.sum(axis=0), [0.0, 0.0, WEIGHT], atol=0.05)
-    np.testing.assert_allclose(found[FIRST, 2], WEIGHT / 2.0, atol=0.05)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import policies.mpc.quadratic_program as quadratic_program
-from policies.mpc.quadratic_program import LARGEST_RESIDUAL, SOLVED, Programs, residuals, solve
+from policies.mpc.quadratic_program import SOLVED, Programs, solve
 
 
 def programs(count: int = 3, size: int = 8) -> Programs:
@@ -21,58 +21,29 @@ def programs(count: int = 3, size: int = 8) -> Programs:
     return Programs(hessian, 10.0 * random.normal(size=(count, size)), rows, lower, upper, equalities=2)
 
 
-def test_a_solution_meets_the_conditions_of_karush_kuhn_and_tucker() -> None:
-    found = solve(programs())
+def small(rows: list, lower: list, upper: list, equalities: int = 0) -> Programs:
+    """½ |x|² over two variables."""
+    parts = (np.eye(2), np.zeros(2), np.array(rows), np.array(lower), np.array(upper))
+    return Programs(*(part[None] for part in parts), equalities=equalities)
+
+
+def test_equalities_and_one_sided_bounds_hold() -> None:
+    found = solve(small([[1.0, 1.0], [1.0, 0.0]], [2.0, -np.inf], [2.0, 0.5], equalities=1))
     assert found.solved.all()
-    assert found.residuals.worst.max() < 1e-8
-    assert (np.abs(found.multipliers[:, 2:]) > 1e-3).sum(axis=1).min() >= 1  # bounds bind, else this tells little
+    np.testing.assert_allclose(found.value, [[0.5, 1.5]], atol=1e-9)
 
 
-def wrong(kind: str) -> tuple[Programs, np.ndarray, np.ndarray]:
-    """An answer that is wrong in one way: with its program, (1, k) and (1, m)."""
-    whole, found = programs(1), solve(programs(1))
-    value, multipliers = found.value.copy(), found.multipliers.copy()
-    if kind == "stationarity":  # a multiplier is missing
-        multipliers[0, np.argmax(np.abs(multipliers[0]))] = 0.0
-    elif kind == "violation":  # the minimum without bounds
-        free = np.linalg.solve(whole.hessian[0], -whole.gradient[0])
-        value, multipliers = free[None], np.zeros_like(multipliers)
-    elif kind == "sign":  # the minimum where a row that binds holds with equality, though it should let go
-        whole, value, multipliers = pulled(upper=1.0, lower=-np.inf, at=1.0)
-    elif kind == "slackness":  # the same between two bounds
-        whole, value, multipliers = pulled(upper=2.0, lower=-2.0, at=1.0)
-    return whole, value, multipliers
+def test_a_program_that_contradicts_itself_is_not_solved() -> None:
+    assert not solve(small([[1.0, 0.0], [1.0, 0.0]], [1.0, -np.inf], [np.inf, 0.0])).solved.any()
 
 
-def pulled(upper: float, lower: float, at: float) -> tuple[Programs, np.ndarray, np.ndarray]:
-    """½ (x + 1)² - ½, with x held at a place by a multiplier though its minimum is at -1."""
-    bounds = np.array([[lower]]), np.array([[upper]])
-    whole = Programs(np.ones((1, 1, 1)), np.ones((1, 1)), np.ones((1, 1, 1)), *bounds)
-    return whole, np.full((1, 1), at), np.full((1, 1), -at - 1.0)
-
-
-@pytest.mark.parametrize("kind", ["stationarity", "violation", "sign", "slackness"])
-def test_each_kind_of_wrong_answer_shows_in_its_residual(kind: str) -> None:
-    found = residuals(*wrong(kind))
-    assert getattr(found, kind)[0] > 100.0 * LARGEST_RESIDUAL
-    others = {name: each[0] for name, each in found._asdict().items() if name != kind}
-    assert max(others.values()) < 1e-8, others
-
-
-@pytest.mark.parametrize("kind", ["stationarity", "violation", "sign", "slackness"])
+@pytest.mark.parametrize("kind", ["nan", "beyond a bound"])
 def test_a_solver_that_is_content_with_a_wrong_answer_is_not_believed(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole, value, multipliers = wrong(kind)
-    monkeypatch.setattr(
-        quadratic_program.daqp, "solve", lambda *_, **__: (value[0], 0.0, SOLVED, {"lam": multipliers[0]})
-    )
-    assert not solve(whole).solved.any()
-
-
-def test_nan_is_no_solution(monkeypatch: pytest.MonkeyPatch) -> None:
-    def answer(hessian: Any, gradient: np.ndarray, rows: np.ndarray, *_: Any, **__: Any) -> Any:
-        return np.full(len(gradient), np.nan), 0.0, SOLVED, {"lam": np.zeros(len(rows))}
+    def answer(hessian: np.ndarray, gradient: np.ndarray, *_: Any, **__: Any) -> Any:
+        free = np.linalg.solve(hessian, -gradient)
+        return np.full_like(free, np.nan) if kind == "nan" else free, 0.0, SOLVED, {}
 
     monkeypatch.setattr(quadratic_program.daqp, "solve", answer)
     assert not solve(programs()).solved.any()

@@ -7,7 +7,6 @@ import numpy as np
 from policies.mpc.motion import motion
 from policies.mpc.policy import MpcWbc
 from policies.mpc.rigid_body import Body, Horizon, Weights
-from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.physics.dynamics import Dynamics
 from research.studies.prediction import WholeBody, turned_back, whole_body
@@ -15,19 +14,6 @@ from research.studies.prediction import WholeBody, turned_back, whole_body
 
 def now(env: SimpleQuadEnv) -> WholeBody:
     return whole_body(env.robot, env.simulation.model, env.simulation.snapshot(0))
-
-
-def test_a_standing_robot_s_feet_bear_its_weight() -> None:
-    env = gym.make("quad_env:SimpleQuad-v0", scenario="flat").unwrapped
-    env.reset(seed=0)
-    for _ in range(100):
-        env.step(env.robot.home_pose.astype(np.float32))
-    centre, velocity, rotation, turning, forces = now(env)
-    np.testing.assert_allclose(forces.sum(axis=0), (0.0, 0.0, env.robot.mass * GRAVITY), atol=1.0)
-    assert (forces[:, 2] > 10.0).all()
-    assert np.abs(np.concatenate((velocity, turning))).max() < 0.01
-    assert rotation[2, 2] > 0.99
-    assert 0.2 < centre[2] < env.robot.home_height
 
 
 def test_the_rigid_body_s_next_step_is_mujoco_s() -> None:

@@ -2,7 +2,6 @@ import functools
 import os
 import signal
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -22,13 +21,15 @@ from quad_env.columns import of_robots
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
+BROKEN, STEPS = 60, 300
+
 
 class Breaking(Policy):
     """The trot until a step, then something else."""
 
     name = "breaking"
 
-    def __init__(self, broken, after=100):
+    def __init__(self, broken, after=BROKEN):
         super().__init__()
         self._trot, self._broken, self._after = policies.make("trot"), broken, after
 
@@ -49,11 +50,7 @@ def raising(_):
     raise ZeroDivisionError("planted")
 
 
-def all_nan(action):
-    return np.full_like(action, np.nan)
-
-
-def nan_of_the_second(action):
+def not_finite_of_the_second(action):
     action[1, 3] = np.inf
     return action
 
@@ -62,7 +59,7 @@ def misshapen(action):
     return action[:, :6]
 
 
-def drive(policy, steps=350, count=3, before_step=None):
+def drive(policy, steps=STEPS, count=3, before_step=None):
     """Walk on flat ground; what the trunk and the joints did, and the largest torque."""
     env = SimpleQuadVectorEnv(count, nthread=1, autoreset_mode="DISABLED", terminate_on_fall=False)
     observation, _ = env.reset(seed=0, options={"command": (0.5, 0.0, 0.0)})
@@ -82,90 +79,66 @@ def drive(policy, steps=350, count=3, before_step=None):
 
 
 @pytest.mark.parametrize(
-    ("broken", "reason"),
+    ("broken", "reason", "robots"),
     [
-        (raising, "policy raised an exception"),
-        (all_nan, "policy returned non-finite targets"),
-        (misshapen, "policy returned targets of a wrong shape or type"),
+        (raising, "policy raised an exception", [0, 1, 2]),
+        (misshapen, "policy returned targets of a wrong shape or type", [0, 1, 2]),
+        (not_finite_of_the_second, "policy returned non-finite targets", [1]),
     ],
 )
-def test_failing_policy_ends_in_a_controlled_stop_with_its_reason_in_the_log(broken, reason):
+def test_failing_policy_ends_in_a_controlled_stop_of_its_robots_with_its_reason_in_the_log(broken, reason, robots):
     policy = Safe(Breaking(broken))
     trace, torque = drive(policy)
-    assert controlled_stops(trace, np.full(3, 350), 0.01).all()
+    assert controlled_stops(trace, np.full(3, STEPS), 0.01)[robots].all()
     assert torque <= SIMPLE_QUAD.rated_torque
-    assert policy.mode.tolist() == [Mode.STOP] * 3
-    events = policy.events()
-    assert [(event.step, event.robot, event.mode, event.reason) for event in events] == [
-        (100, robot, Mode.STOP, reason) for robot in range(3)
-    ]
+    assert np.flatnonzero(policy.mode == Mode.STOP).tolist() == robots
+    events = [(event.step, event.robot, event.mode, event.reason) for event in policy.events()]
+    assert events == [(BROKEN, robot, Mode.STOP, reason) for robot in robots]
     assert ("planted" in "".join(policy.failures())) == (broken is raising)
 
 
-def test_only_the_robot_whose_targets_are_not_finite_stops():
-    policy = Safe(Breaking(nan_of_the_second))
-    drive(policy, steps=130)
-    assert policy.mode.tolist() == [Mode.FOLLOW, Mode.STOP, Mode.FOLLOW]
+@pytest.fixture
+def watched():
+    """The trot in another process."""
+    policy = Watched(functools.partial(policies.make, "trot"), deadline=30.0)
+    yield policy
+    policy.close()
 
 
-def test_the_same_faults_without_the_layer_reach_the_robot():
-    with pytest.raises(ZeroDivisionError):
-        drive(Breaking(raising))
-    with pytest.raises(ValueError, match="finite"):
-        drive(Breaking(all_nan))
+def test_watched_policy_gives_the_bits_of_the_policy_and_its_exceptions_by_name_until_it_hangs(watched):
+    """Of 1024 robots, whose observations are more than a pipe holds."""
+    plain, robots = policies.make("trot"), 1024
+    watched.reset(robots), plain.reset(robots)
+    rows = np.random.default_rng(0).normal(size=(6, robots, OBSERVATION_SIZE)).astype(np.float32)
+    for number, row in enumerate(rows):
+        if number == 3:
+            watched.reset_where(np.arange(robots) < 9), plain.reset_where(np.arange(robots) < 9)
+        assert watched.act(row).tobytes() == plain.act(row).tobytes()
+    with pytest.raises(PolicyProcessError, match="ValueError: observation must"):
+        watched.ask(("act", np.zeros(3, np.float32)), 30.0)
+    os.kill(watched._process.pid, signal.SIGSTOP)
+    watched._deadline = 0.5
+    with pytest.raises(DeadlineMissed, match="500 ms"):
+        watched.act(row)
+    with pytest.raises(PolicyProcessError, match="reset"):
+        watched.act(row)
 
 
-def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped():
-    watched = Watched(functools.partial(policies.make, "trot"), deadline=5.0)
+def test_policy_that_hangs_is_answered_for_within_a_control_step_and_stopped_until_a_reset(watched):
     policy = Safe(watched)
 
     def hang(step):
-        if step == 100:
+        if step == BROKEN:
+            watched._deadline = 1.0
             os.kill(watched._process.pid, signal.SIGSTOP)
 
-    try:
-        trace, torque = drive(policy, before_step=hang)
-    finally:
-        watched.close()
-    assert policy.events()[0].step == 101
+    drive(policy, steps=BROKEN + 2, before_step=hang)
+    assert policy.events()[0].step == BROKEN + 1
     assert "DeadlineMissed" in policy.failures()[0]
-    assert controlled_stops(trace, np.full(3, 350), 0.01).all()
-    assert torque <= SIMPLE_QUAD.rated_torque
-
-
-@pytest.mark.parametrize("robots", [1, 1024])  # the second's observations are more than a pipe holds
-def test_deadline_is_kept_whatever_the_size_of_the_question(robots):
-    with_deadline = Watched(functools.partial(policies.make, "stand"), deadline=3.0)
-    with_deadline.reset(robots)
-    try:
-        observation = np.zeros((robots, OBSERVATION_SIZE), np.float32)
-        assert with_deadline.act(observation).shape == (robots, 12)
-        os.kill(with_deadline._process.pid, signal.SIGSTOP)
-        began = time.perf_counter()
-        with pytest.raises(DeadlineMissed, match="3000 ms"):
-            with_deadline.act(observation)
-        assert 3.0 <= time.perf_counter() - began < 30.0  # the upper bound is for a busy machine
-        with pytest.raises(PolicyProcessError, match="reset"):
-            with_deadline.act(observation)
-        with_deadline.reset(robots)
-        assert with_deadline.act(observation).shape == (robots, 12)
-    finally:
-        with_deadline.close()
-
-
-def test_watched_policy_gives_the_bits_of_the_policy_and_its_exceptions_by_name():
-    watched, plain = Watched(functools.partial(policies.make, "trot"), deadline=30.0), policies.make("trot")
-    watched.reset(2), plain.reset(2)
-    try:
-        rows = np.random.default_rng(0).normal(size=(30, 2, OBSERVATION_SIZE)).astype(np.float32)
-        for number, row in enumerate(rows):
-            if number == 10:
-                watched.reset_where(np.array([True, False])), plain.reset_where(np.array([True, False]))
-            assert watched.act(row).tobytes() == plain.act(row).tobytes()
-        with pytest.raises(PolicyProcessError, match="ValueError: observation must"):
-            watched.ask(("act", np.zeros(3, np.float32)), 30.0)
-    finally:
-        watched.close()
+    assert policy.stopped.all()
+    policy.reset(1)
+    policy.act(np.zeros((1, OBSERVATION_SIZE), np.float32))
+    assert not policy.stopped.any()
 
 
 def test_watched_process_that_dies_is_an_error_and_no_missed_deadline():
@@ -175,34 +148,23 @@ def test_watched_process_that_dies_is_an_error_and_no_missed_deadline():
     watched.close()
 
 
-def test_emergency_stop_is_obeyed_by_the_next_action_and_until_a_reset():
-    policy = Safe(policies.make("trot"))
-    policy.reset(2)
-    observation = np.zeros((2, OBSERVATION_SIZE), np.float32)
-    observation[:, OBSERVATION["projected_gravity"]] = (0, 0, -1)
-    for _ in range(20):
-        policy.act(observation)
-    policy.emergency_stop(np.array([True, False]), damp=True)
-    action = policy.act(observation)
-    np.testing.assert_allclose(action[0], SIMPLE_QUAD.home_pose, atol=1e-6)
-    assert np.abs(action[1] - SIMPLE_QUAD.home_pose).max() > 0.01
-    assert policy.events()[-1].reason == "emergency stop requested"
-    for _ in range(5):
-        policy.act(observation)
-    assert policy.mode.tolist() == [Mode.DAMP, Mode.FOLLOW]
-    policy.reset_where(np.array([True, False]))
-    assert policy.mode.tolist() == [Mode.FOLLOW, Mode.FOLLOW]
-
-
-def test_emergency_stop_of_a_walking_robot_is_a_controlled_stop():
+def test_emergency_stop_of_a_walking_robot_is_a_controlled_stop_until_a_reset_or_damps_its_joints():
     policy = Safe(policies.make("trot"))
 
     def stop(step):
-        if step == 150:
+        if step == BROKEN:
             policy.emergency_stop()
 
     trace, _ = drive(policy, before_step=stop)
-    assert controlled_stops(trace, np.full(3, 350), 0.01).all()
+    assert controlled_stops(trace, np.full(3, STEPS), 0.01).all()
+    assert policy.events()[-1].reason == "emergency stop requested"
+    policy.reset_where(np.array([True, False, False]))
+    assert policy.mode.tolist() == [Mode.FOLLOW, Mode.STOP, Mode.STOP]
+    policy.emergency_stop(np.array([True, False, False]), damp=True)
+    at_home = np.zeros((3, OBSERVATION_SIZE), np.float32)
+    at_home[:, OBSERVATION["projected_gravity"]] = (0, 0, -1)
+    np.testing.assert_allclose(policy.act(at_home)[0], SIMPLE_QUAD.home_pose, atol=1e-6)
+    assert policy.mode[0] == Mode.DAMP
 
 
 joint_rows = st.lists(st.floats(-3.0, 3.0), min_size=12, max_size=12)
@@ -267,7 +229,7 @@ def test_undisturbed_trot_passes_the_layer_unchanged():
     env = SimpleQuadVectorEnv(4, nthread=1)
     observation, _ = env.reset(seed=3)
     plain.reset(4), safe.reset(4)
-    for _ in range(300):
+    for _ in range(150):
         action = safe.act(observation)
         np.testing.assert_allclose(action, plain.act(observation), atol=1e-6)
         observation, *_ = env.step(action)

@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 import policies
 from policies.trot.integral import TrotIntegral, integral_parameters
@@ -62,22 +61,10 @@ def test_velocity_is_judged_in_the_heading_frame_not_the_body_frame(monkeypatch)
     np.testing.assert_allclose(seen[-1][0, 0], -PERIOD * integral_parameters().integral_gain * 0.4 * np.sqrt(0.75))
 
 
-def test_a_restarted_robot_has_forgotten(monkeypatch):
-    policy = policies.make("trot_integral")
-    policy.reset(2)
-    seen = told(policy, monkeypatch)
-    for _ in range(50):
-        policy.act(np.repeat(felt(forward=-0.3), 2, axis=0))
-    policy.reset_where(np.array([True, False]))
-    policy.act(np.repeat(felt(), 2, axis=0))
-    assert seen[-1][0, 0] == 0.0 < 0.1 < seen[-1][1, 0]
-
-
-@pytest.mark.parametrize("scenario", ["force", "slope"])
-def test_what_lasts_does_not_carry_it_off(scenario):
+def test_what_lasts_does_not_carry_it_off():
     errors = {}
     for name in ("trot", "trot_integral"):
-        env = SimpleQuadVectorEnv(4, scenario=scenario, nthread=1)
+        env = SimpleQuadVectorEnv(4, scenario="force", nthread=1)
         observation, _ = env.reset(seed=3, options={"command": np.tile([0.4, 0.0, 0.0], (4, 1))})
         policy = policies.make(name)
         policy.reset(4)

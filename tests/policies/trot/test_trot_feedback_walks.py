@@ -15,9 +15,9 @@ from quad_env.seeding import episode_seeds
 from train.scenarios import practice
 
 
-def walk(axis, severity, count, policy):
+def walk(axis, severity, count, policy, steps=400):
     scenario = practice(AXES[axis].scenario(severity, axis), "search")
-    return measure(rollout.run(policy, scenario, episode_seeds("search", 3, count)))
+    return measure(rollout.run(policy, scenario, episode_seeds("search", 3, count), steps=steps))
 
 
 def test_a_reversal_of_its_command_neither_throws_it_off_flat_ground_nor_stops_it():
@@ -29,17 +29,17 @@ def test_a_reversal_of_its_command_neither_throws_it_off_flat_ground_nor_stops_i
 
 
 def test_on_flat_ground_it_follows_commands_without_falling_and_without_a_steady_error():
-    measures = walk("flat", 1.5, 24, policies.make("trot_feedback"))
+    measures = walk("flat", 1.5, 6, policies.make("trot_feedback"))
     assert not measures.fell.any()
     assert measures.velocity_error.mean() <= 0.08
     assert measures.mean_velocity_error.mean() <= 0.03
     assert measures.yaw_rate_error.mean() <= 0.15
 
 
-@pytest.mark.parametrize(("axis", "severity"), [("rough", 0.12), ("slippery", 0.1), ("force", 60.0)])
+@pytest.mark.parametrize(("axis", "severity"), [("rough", 0.12), ("slippery", 0.1)])
 def test_it_mostly_does_what_it_is_asked_where_the_trot_mostly_does_not(axis, severity):
     feedback, trot = (
-        walk(axis, severity, 16, policies.make(name)).succeeded.mean() for name in ("trot_feedback", "trot")
+        walk(axis, severity, 8, policies.make(name)).succeeded.mean() for name in ("trot_feedback", "trot")
     )
     assert feedback >= 0.5
     assert feedback >= trot + 0.3
@@ -51,7 +51,7 @@ def test_it_mostly_does_what_it_is_asked_where_the_trot_mostly_does_not(axis, se
 )
 def test_the_filter_and_the_slower_gait_are_what_noisy_sensors_and_slow_motors_need(axis, severity, off):
     with_it, without = (
-        walk(axis, severity, 16, TrotFeedback(parameters)).succeeded.mean()
+        walk(axis, severity, 8, TrotFeedback(parameters)).succeeded.mean()
         for parameters in (searched_parameters(), dataclasses.replace(searched_parameters(), **off))
     )
     assert with_it >= 0.6
