@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from evaluate.rollouts.observers import Step
-from live.recording.ring import Floats, Ring, memory
+from live.recording.rows import Floats, Ring, Source, memory
 from live.recording.skeleton import links_of
-from live.recording.source import Source
 from live.recording.writer import write
 from policies.base import Policy
 from quad_env.cli.child_process import without_ctrl_c
@@ -112,13 +111,13 @@ class Recorder:
             widths=widths | dict.fromkeys((*self._scalars, "start"), 1),
             joints=robot.joint_names,
             legs=robot.leg_names,
-            links=links_of(env.simulation.model, robot),
+            links=links_of(env.simulation.model, env.simulation.snapshot(0), robot),
             description="" if robot.urdf is None else robot.urdf.read_text(encoding="utf-8"),
             dt=env.dt,
             command_steps=env.scenario.commands.steps(env.dt),
         )
         context = multiprocessing.get_context("spawn")
-        shared = memory(context, source.width)
+        shared = memory(context, sum(source.widths.values()))
         self._ring = Ring(shared)
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=write, args=(theirs, shared, self._path, source))

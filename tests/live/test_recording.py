@@ -22,9 +22,9 @@ import quad_env
 from evaluate.measures.metrics import outcome
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out, run
+from live.recording.messages import STANDARD, topic_name
 from live.recording.recorder import recorder_for
-from live.recording.ring import LENGTH
-from live.recording.standard import STANDARD, rewards
+from live.recording.rows import LENGTH
 from quad_env.__main__ import main
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -253,7 +253,7 @@ def test_a_recording_has_one_encoding(tmp_path: Path) -> None:
 
 
 def test_topics_are_named_as_ros_allows() -> None:
-    assert rewards(["two feet!", "3rd"]) == ["/rewards/total", "/rewards/two_feet_", "/rewards/_3rd"]
+    assert [topic_name("rewards", name) for name in ("two feet!", "3rd")] == ["/rewards/two_feet_", "/rewards/_3rd"]
 
 
 def test_a_bag_keeps_topics_of_one_message_for_nodes_that_start_later(tmp_path: Path) -> None:
