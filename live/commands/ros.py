@@ -11,16 +11,13 @@ from live.commands.episode import EpisodeOptions
 from live.pace import Pace
 from live.recording.recorder import check, recorder_for
 from live.ros import interpreter
-from live.ros.bridge import Bridge
-from live.ros.driven import Driven
+from live.ros.bridge import Bridge, Driven
 from live.ros.link import Link
 from live.session import Session
 from policies.base import Policy
-from quad_env.cli.command_line import check_numbers
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.launcher import raise_on_interrupt
 
-LIMITS = {"seed": (0, 2**63 - 1), "real_time_factor": (0.01, 100.0)}
 SLOW = 0.9
 """Share of the wanted speed below which the simulation counts as too slow."""
 
@@ -45,7 +42,7 @@ class Options(EpisodeOptions):
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    check_numbers(options, LIMITS)
+    options.check(real_time_factor=(0.01, 100.0))
     if options.record is not None:
         check(options.record)
     version, python = interpreter.find(options.version)
@@ -93,5 +90,5 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
         kept = "" if record is None else f", all of it in {record}"
         raise KeyboardInterrupt(f"{bridge.time:.1f} s simulated{kept}") from None
     finally:
-        for line in bridge.refusals.words():
+        for line in bridge.refusals:
             say(line)

@@ -52,12 +52,13 @@ class Messages:
     """Makes the messages of rows that follow each other."""
 
     def __init__(self, source: Source) -> None:
-        self._source, self._time, self._period = source, 0, round(source.dt * 1e9)
+        self._source, self._slices = source, source.slices
+        self._period = round(source.dt * 1e9)
+        self._time = -self._period
         self._moving = [link for link in source.links if link.joint is not None]
         self._imu, self._events = Imu(source.dt), Events(source)
         self._contacts = [topic_name("contacts", name) for name in (*source.legs, "legs", "trunk")]
         self._rewards = {name: topic_name("rewards", name.removeprefix(REWARD)) for name in source.rewards}
-        self._first = True
 
     @property
     def topics(self) -> dict[str, str]:
@@ -74,14 +75,12 @@ class Messages:
 
     def of_row(self, row: Floats) -> Iterator[Message]:
         """The command and targets at the beginning of its step, then the state at its end."""
-        readings = {name: row[columns] for name, columns in self._source.slices.items()}
+        readings = {name: row[columns] for name, columns in self._slices.items()}
         yield from map(self.of_event, self._events.before(readings))
         if not readings["start"][0]:
             yield Message("/cmd_vel", self._time, _twist(readings["command"]))
             yield Message("/position_controller/command", self._time, _numbers(readings["action"]))
-        if not self._first:
-            self._time += self._period
-        self._first = False
+        self._time += self._period
         yield from map(self.of_event, self._events.after(readings))
         yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 

@@ -4,7 +4,6 @@ What the one process has put there outlives it, however it ends.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from multiprocessing.context import SpawnContext
 from typing import Any, NamedTuple
 
@@ -41,7 +40,7 @@ class Source:
         """Readings that are terms of the reward."""
         return [name for name in self.widths if name.startswith(REWARD)]
 
-    @cached_property
+    @property
     def slices(self) -> dict[str, slice]:
         """Reading -> its columns."""
         ends = np.cumsum(list(self.widths.values())).tolist()
@@ -54,18 +53,20 @@ class Memory(NamedTuple):
     rows: Any
     counts: Any
     """Rows that were ever put, and rows that were ever taken."""
+    width: int
+    """Columns of a row."""
 
 
 def memory(context: SpawnContext, width: int) -> Memory:
     """Memory of a new ring; it vanishes with the last process that has it."""
-    return Memory(context.RawArray("d", LENGTH * width), context.RawArray("q", 2))
+    return Memory(context.RawArray("d", LENGTH * width), context.RawArray("q", 2), width)
 
 
 class Ring:
     """The rows, in the order in which they are put, seen from either process."""
 
     def __init__(self, shared: Memory) -> None:
-        self._rows = np.frombuffer(shared.rows, np.float64).reshape(LENGTH, -1)
+        self._rows = np.frombuffer(shared.rows, np.float64).reshape(-1, shared.width)
         self._counts = shared.counts
 
     @property
@@ -76,7 +77,7 @@ class Ring:
     def free_row(self) -> Floats | None:
         """The row to fill next; None while all are waiting to be taken."""
         put, taken = self._counts
-        return None if put - taken >= LENGTH else self._rows[put % LENGTH]
+        return None if put - taken >= len(self._rows) else self._rows[put % len(self._rows)]
 
     def put_row(self) -> None:
         """The free row is filled."""
@@ -85,6 +86,6 @@ class Ring:
     def take(self) -> Floats:
         """Copy of the oldest row that was put and not yet taken."""
         taken = self._counts[1]
-        row = self._rows[taken % LENGTH].copy()
+        row = self._rows[taken % len(self._rows)].copy()
         self._counts[1] = taken + 1
         return row

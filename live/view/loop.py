@@ -9,7 +9,6 @@ from typing import Any
 
 from live.view.driver import Driver
 from live.view.painter import Painter
-from live.view.quality import Quality
 from live.view.requests import Request, RequestError, parse
 from live.view.server import Receive, Server
 from quad_env.cli.command_line import UsageError
@@ -32,7 +31,7 @@ Serve = Callable[[Receive], Server]
 class LiveView:
     """Robots that walk where pages steer them, until Ctrl-C."""
 
-    def __init__(self, driver: Driver, serve: Serve, quality: Quality) -> None:
+    def __init__(self, driver: Driver, serve: Serve, quality: str) -> None:
         self._driver, self._offer = driver, json.dumps({"kind": "offer", **driver.offer()})
         self._todo: queue.Queue[Request] = queue.Queue(WAITING)
         self._frame_due = self._telling_due = 0.0

