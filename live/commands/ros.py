@@ -18,9 +18,6 @@ from policies.base import Policy
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.launcher import raise_on_interrupt
 
-SLOW = 0.9
-"""Share of the wanted speed below which the simulation counts as too slow."""
-
 
 @dataclass(frozen=True)
 class Options(EpisodeOptions):
@@ -74,7 +71,6 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
     pace = Pace(session.env.dt, speed)
     bridge = Bridge(session, say)
     session.listeners.append(say)
-    slow = False
     try:
         with Interrupt() as interrupt:
             while True:
@@ -82,9 +78,6 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
                 for packet in link.received():
                     bridge.take(packet["topic"], packet["values"], packet["size"])
                 link.send(bridge.step())
-                if not slow and 0.0 < pace.measured < SLOW * speed:
-                    slow = True
-                    say(f"slower than wanted: {pace.measured:.2f} simulated s a second")
                 pace.wait()
     except KeyboardInterrupt:
         kept = "" if record is None else f", all of it in {record}"

@@ -43,7 +43,15 @@ class Options(EpisodeOptions):
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    _check(options)
+    options.check(seed=(0, LARGEST_SEED))
+    if not 1 <= len(options.policy) <= MOST_ROBOTS:
+        raise UsageError(f"--policy takes 1 to {MOST_ROBOTS} policies, not {len(options.policy)}")
+    if options.port is not None and not 0 <= options.port < 65_536:
+        raise UsageError(f"--port must be from 0 to 65535, not {options.port}")
+    try:
+        is_loopback(options.host)
+    except ValueError:
+        raise UsageError(f"--host must be an IP address such as 127.0.0.1, not {options.host!r}") from None
     hardware, _ = options.resolve()
     raise_on_interrupt()
     with ExitStack() as stack:
@@ -64,18 +72,6 @@ def main(options: Options) -> int:
         except KeyboardInterrupt:
             raise KeyboardInterrupt("the view has ended") from None
     return 0
-
-
-def _check(options: Options) -> None:
-    options.check(seed=(0, LARGEST_SEED))
-    if not 1 <= len(options.policy) <= MOST_ROBOTS:
-        raise UsageError(f"--policy takes 1 to {MOST_ROBOTS} policies, not {len(options.policy)}")
-    if options.port is not None and not 0 <= options.port < 65_536:
-        raise UsageError(f"--port must be from 0 to 65535, not {options.port}")
-    try:
-        is_loopback(options.host)
-    except ValueError:
-        raise UsageError(f"--host must be an IP address such as 127.0.0.1, not {options.host!r}") from None
 
 
 def _server(options: Options, receive: Receive) -> Server:

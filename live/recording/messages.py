@@ -8,9 +8,9 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from live.imu import Imu
-from live.recording.events import Events
 from live.recording.rows import Floats, Source
 from live.recording.skeleton import IMU_LINK, TRUNK, Link, rotations
+from quad_env.config import FALL_REASONS
 from quad_env.task.rewards import REWARD
 
 STANDARD = {
@@ -30,6 +30,8 @@ LATCHED = ("/robot_description", "/tf_static")
 """Topics of one message, at the beginning, which ROS keeps for those who listen later."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T: Any = TYPES.types
+_OVER = "over"
+"""Event at the end of a push or fall."""
 _NOT_KNOWN = np.zeros(9)
 """A covariance that says nothing."""
 
@@ -56,7 +58,8 @@ class Messages:
         self._period = round(source.dt * 1e9)
         self._time = -self._period
         self._moving = [link for link in source.links if link.joint is not None]
-        self._imu, self._events = Imu(source.dt), Events(source)
+        self._imu = Imu(source.dt)
+        self._command: Floats | None = None
         self._contacts = [topic_name("contacts", name) for name in (*source.legs, "legs", "trunk")]
         self._rewards = {name: topic_name("rewards", name.removeprefix(REWARD)) for name in source.rewards}
 
@@ -74,14 +77,21 @@ class Messages:
             yield Message("/robot_description", 0, _T["std_msgs/msg/String"](data=self._source.description))
 
     def of_row(self, row: Floats) -> Iterator[Message]:
-        """The command and targets at the beginning of its step, then the state at its end."""
+        """The command and targets at the beginning of its step, then the state at its end, and what is new of it."""
         readings = {name: row[columns] for name, columns in self._slices.items()}
-        yield from map(self.of_event, self._events.before(readings))
-        if not readings["start"][0]:
-            yield Message("/cmd_vel", self._time, _twist(readings["command"]))
+        starts, command, event = readings["start"][0] > 0.0, readings["command"], _event(readings)
+        if not starts:
+            if not np.array_equal(command, self._command):
+                forward, left, turning = command
+                yield self.of_event(f"command {forward:.2f} m/s forward, {left:.2f} m/s left, {turning:.2f} rad/s")
+            yield Message("/cmd_vel", self._time, _twist(command))
             yield Message("/position_controller/command", self._time, _numbers(readings["action"]))
         self._time += self._period
-        yield from map(self.of_event, self._events.after(readings))
+        if starts and self._time > 0:
+            yield self.of_event("reset")
+        elif not starts and event != self._latest:
+            yield self.of_event(event)
+        self._command, self._latest = (None, _OVER) if starts else (command, event)
         yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 
     def of_event(self, text: str) -> Message:
@@ -91,10 +101,6 @@ class Messages:
         stamp = _stamp(self._time)
         line = kind(stamp=stamp, level=level, name="simple_quad", msg=text, file="", function="", line=0)
         return Message("/events", self._time, line)
-
-    def of_end(self) -> Iterator[Message]:
-        """Outcome of the last episode."""
-        yield from map(self.of_event, self._events.of_end())
 
     def _state(self, readings: dict[str, Floats]) -> Iterator[tuple[str, Any]]:
         """Topic and content of the messages at the end of a step."""
@@ -122,6 +128,15 @@ class Messages:
         yield from ((topic, _number(readings[name][0])) for name, topic in self._rewards.items())
         if not np.isnan(readings["correction"][0]):
             yield "/correction", _numbers(readings["correction"])
+
+
+def _event(readings: dict[str, Floats]) -> str:
+    """What happens to the robot."""
+    if readings["diverged"][0]:
+        return "diverged"
+    if fall := int(readings["fall"][0]):
+        return f"fell: {FALL_REASONS[fall]}"
+    return "pushed" if readings["push"].any() else _OVER
 
 
 def topic_name(family: str, name: str) -> str:

@@ -110,7 +110,6 @@ class Recorder:
             links=links_of(env.simulation.model, env.simulation.snapshot(0), robot),
             description="" if robot.urdf is None else robot.urdf.read_text(encoding="utf-8"),
             dt=env.dt,
-            command_steps=env.scenario.commands.steps(env.dt),
         )
         self._slices = source.slices
         context = multiprocessing.get_context("spawn")

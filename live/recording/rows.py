@@ -32,8 +32,6 @@ class Source:
     """URDF of the robot; empty where there is none."""
     dt: float
     """Control period, s."""
-    command_steps: int
-    """Control steps that a drawn command lasts."""
 
     @property
     def rewards(self) -> list[str]:

@@ -48,8 +48,6 @@ def _write(pipe: Connection, ring: Ring, path: Path, source: Source) -> None:
                 break
             if event:
                 file.write(messages.of_event(event))
-        for message in messages.of_end():
-            file.write(message)
 
 
 def _next(pipe: Connection) -> tuple[int, str] | None:

@@ -46,10 +46,6 @@ class Orbit(Viewpoint):
         x, y, z = robot
         return replace(self, target=(float(x), float(y), self.target[2] + FOLLOWING * (float(z) - self.target[2])))
 
-    def placed(self, robot: NDArray[np.float64]) -> "Orbit":
-        """At once there."""
-        return replace(self, target=(float(robot[0]), float(robot[1]), float(robot[2])))
-
 
 @dataclass(frozen=True)
 class Picture:
@@ -83,7 +79,7 @@ class ViewCamera:
         """Take note of a control step, or of the start of an episode."""
         command = step.infos["command"][0]
         if step.number == 0:
-            self.orbit = self.orbit.placed(step.infos["position"][0])
+            self.orbit = replace(self.orbit, target=tuple(step.infos["position"][0].tolist()))
         if step.number == 0 or not np.array_equal(command, self._command):
             self._scene = Scene(step)
         else:
@@ -107,7 +103,3 @@ class ViewCamera:
             marks=marks,
             forces=self.forces,
         )
-
-    def follow(self, on: bool) -> None:
-        """Have the camera go along with the robots, or stay."""
-        self.orbit = replace(self.orbit, follow=on)

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,12 @@ import policies
 from evaluate.film.commanded_path import heading
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import IDEAL, Hardware
-from evaluate.rollouts.observers import Observer
 from live.pace import Pace
 from live.recording.recorder import Recorder, recorder_for
 from live.session import Session
-from live.view.camera import Picture, ViewCamera
+from live.view.camera import Orbit, ViewCamera
 from live.view.requests import Request
-from live.view.telemetry import COLUMNS, Telemetry
+from live.view.telemetry import COLUMNS, Telemetry, rounded
 from policies.base import Policy, PolicyError
 from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
@@ -78,9 +78,9 @@ class Driver:
             "pause": self._pause,
             "step": self._step_once,
             "speed": lambda factor: setattr(self._pace, "speed", factor),
-            "drag": lambda right, down: setattr(self.camera, "orbit", self.camera.orbit.dragged(right, down)),
-            "zoom": lambda wheel: setattr(self.camera, "orbit", self.camera.orbit.zoomed(wheel)),
-            "follow": self.camera.follow,
+            "drag": lambda right, down: self._look(self.camera.orbit.dragged(right, down)),
+            "zoom": lambda wheel: self._look(self.camera.orbit.zoomed(wheel)),
+            "follow": lambda on: self._look(replace(self.camera.orbit, follow=on)),
             "forces": lambda on: setattr(self.camera, "forces", on),
             "ghost": lambda on: setattr(self.camera, "ghost", on),
         }
@@ -98,12 +98,9 @@ class Driver:
         if not self._once:
             self._pace.wait()
         self._once = False
-        self._telemetry.note(self.session.step(), self.session.policies[0])
+        self.session.step()
+        self._telemetry.note(self.session)
         return True
-
-    def picture(self) -> Picture:
-        """What there is to be seen now."""
-        return self.camera.picture(self.session)
 
     def offer(self) -> dict[str, Any]:
         """Choices of a page: names of policies and axes of scenarios; the robot, and the columns of rows."""
@@ -121,7 +118,6 @@ class Driver:
         """Present state, with rows and events since the last call."""
         session, camera, events = self.session, self.camera, list(self._events)
         self._events.clear()
-        held = session.command
         return {
             "time": round(session.latest.number * session.env.dt, 3),
             "scenario": self._scenario.name,
@@ -129,14 +125,12 @@ class Driver:
             "paused": self.paused,
             "speed": self._pace.speed,
             "measured": round(self._pace.measured, 3),
-            "by_hand": held is not None,
-            "command": [
-                round(float(value), 3) for value in (session.latest.infos["command"][0] if held is None else held)
-            ],
+            "by_hand": session.command is not None,
+            "command": rounded(session.latest.infos["command"][0] if session.command is None else session.command),
             "forces": camera.forces,
             "ghost": camera.ghost,
             "follow": camera.orbit.follow,
-            "robots": self._telemetry.robots(session.policies),
+            "robots": self._telemetry.robots(session),
             "rows": self._telemetry.rows(),
             "events": events,
         }
@@ -155,8 +149,8 @@ class Driver:
 
     def _begun(self, scenario: Scenario, walkers: Sequence[Policy], seed: int, command: ArrayLike | None) -> Session:
         """A session with its observers."""
-        watching: list[Observer] = [self.camera, self._telemetry]
-        session = Session(walkers, scenario, seed=seed, command=command, hardware=self._hardware, observers=watching)
+        hardware = self._hardware
+        session = Session(walkers, scenario, seed=seed, command=command, hardware=hardware, observers=[self.camera])
         session.listeners.append(self._note)
         return session
 
@@ -206,6 +200,9 @@ class Driver:
         """Directions are degrees from straight ahead of the first robot to its left."""
         towards = heading(self.session.latest) + np.radians(direction)
         self.session.push(impulse / PUSH_TIME * np.array([np.cos(towards), np.sin(towards)]), PUSH_TIME)
+
+    def _look(self, orbit: Orbit) -> None:
+        self.camera.orbit = orbit
 
     def _pause(self, on: bool) -> None:
         self.paused = on

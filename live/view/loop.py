@@ -69,7 +69,7 @@ class LiveView:
     def _show(self, now: float) -> None:
         """Draw and report what is due."""
         if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
-            self._painter.hand(self._driver.picture())
+            self._painter.hand(self._driver.camera.picture(self._driver.session))
             self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
         if now >= self._telling_due and self.server.watched:
             self.server.tell(json.dumps(self._state(now)))

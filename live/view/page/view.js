@@ -134,14 +134,14 @@ function name_policy(select, name) {
   select.value = name;
 }
 
-const HEADS = ["robot", "outcome so far", "forward", "left", "turning", "x, m", "y, m", "heading", "height", "tilt", "torque", "correction"];
+const HEADS = ["robot", "state", "forward", "left", "turning", "x, m", "y, m", "heading", "height", "tilt", "torque", "correction"];
 
 function table({ robots }) {
   const rows = robots.map((robot, number) => {
     const share = (value) => (value === null ? "–" : `${Math.round(100 * value)} %`);
     const cells = [
       robot.policy,
-      [robot.outcome, robot.fall, robot.failure && `the policy has failed: ${robot.failure}`].filter(Boolean).join(": "),
+      robot.failure ? `${robot.state}; the policy has failed: ${robot.failure}` : robot.state,
       ...robot.velocity.map((value) => value.toFixed(2)),
       robot.position[0].toFixed(2),
       robot.position[1].toFixed(2),
@@ -158,7 +158,7 @@ function table({ robots }) {
         const cell = document.createElement("td");
         cell.textContent = text;
         cell.dataset.name = HEADS[column];
-        if (column === 1 && (robot.failure || ["fell", "diverged"].includes(robot.outcome))) cell.className = "bad";
+        if (column === 1 && (robot.failure || robot.state !== "upright")) cell.className = "bad";
         return cell;
       }),
     );

@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,12 +78,11 @@ class Robot:
             assert self.process.poll() is None, f"it ended: {self.said}"
             time.sleep(0.02)
 
-    def node(self, name: str, *arguments: str, before: Sequence[str] = (), **variables: str) -> Node:
-        """A node of `nodes`, run by the Python that has ROS, as its user would on the same machine; by a command that
-        stands before it."""
-        command = [*before, self.python, str(NODES / f"{name}.py"), *arguments]
+    def node(self, name: str, *arguments: str) -> Node:
+        """A node of `nodes`, run by the Python that has ROS, as its user would on the same machine."""
+        command = [self.python, str(NODES / f"{name}.py"), *arguments]
         here = {"ROS_IP": "127.0.0.1", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        return subprocess.Popen(command, env=self.environment | here | variables, stderr=subprocess.DEVNULL)
+        return subprocess.Popen(command, env=self.environment | here, stderr=subprocess.DEVNULL)
 
     def ports(self) -> list[int]:
         """Ports that the process which speaks ROS listens on."""

@@ -4,6 +4,7 @@ import io
 import queue
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -60,7 +61,7 @@ def test_each_picture_looks_at_its_own_robot_while_it_follows(camera: ViewCamera
         places = np.array(camera.picture(session).places)
         np.testing.assert_allclose(places[:, :2], session.latest.infos["position"][:, :2])
         assert places[0, 0] > places[1, 0] + 0.1
-        camera.follow(False)
+        camera.orbit = replace(camera.orbit, follow=False)
         stays = camera.picture(session).orbit.target
         session.step()
         assert camera.picture(session).orbit.target == stays

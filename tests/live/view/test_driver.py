@@ -123,9 +123,10 @@ def test_rows_are_of_the_present_episode_name_the_feet_in_their_order_and_are_no
     driver.do(Request("next", {}))
     assert len(walk(driver, 2)["rows"]) == 2
     telemetry, step = Telemetry(100.0), driver.session.latest
-    lifted = replace(step, infos={**step.infos, "foot_contact": np.array([[True, False, False, False]])})
+    lifted = {**step.infos, "foot_contact": np.array([[True, False, False, False]])}
+    driver.session.latest = replace(step, infos=lifted)
     for _ in range(KEPT_ROWS + 20):
-        telemetry.note(lifted, driver.session.policies[0])
+        telemetry.note(driver.session)
     rows = telemetry.rows()
     assert rows[0][3] == [1, 0, 0, 0]
     assert len(rows) == KEPT_ROWS
