@@ -124,8 +124,9 @@ class Messages:
         touching = np.concatenate([readings[name] for name in ("foot_contact", "leg_contact", "trunk_contact")]) > 0.0
         for topic, touches in zip(self._contacts, touching.tolist(), strict=True):
             yield topic, _T["std_msgs/msg/Bool"](data=touches)
-        yield "/rewards/total", _number(np.sum([readings[name] for name in self._rewards]))
-        yield from ((topic, _number(readings[name][0])) for name, topic in self._rewards.items())
+        rewards = {topic: float(readings[name][0]) for name, topic in self._rewards.items()}
+        for topic, value in {"/rewards/total": sum(rewards.values()), **rewards}.items():
+            yield topic, _T["std_msgs/msg/Float64"](data=value)
         if not np.isnan(readings["correction"][0]):
             yield "/correction", _numbers(readings["correction"])
 
@@ -151,10 +152,6 @@ def _stamp(time: int) -> Any:
 
 def _header(stamp: Any, frame: str) -> Any:
     return _T["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
-
-
-def _number(value: float) -> Any:
-    return _T["std_msgs/msg/Float64"](data=float(value))
 
 
 def _numbers(values: Floats) -> Any:

@@ -49,10 +49,12 @@ def main(version: str, joints: list[str]) -> None:
 
 def _transport(version: str) -> Any:
     if version == "1":
-        from live.ros.ros1 import Ros1 as Transport
-    else:
-        from live.ros.ros2 import Ros2 as Transport
-    return Transport
+        from live.ros.ros1 import Ros1
+
+        return Ros1
+    from live.ros.ros2 import Ros2
+
+    return Ros2
 
 
 class Node:

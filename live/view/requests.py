@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import UnionType
 from typing import Any
 
 FASTEST = 3.0
@@ -51,7 +50,7 @@ def _no_constant(name: str) -> float:
     raise ValueError(name)
 
 
-def _number(low: float, high: float, kinds: type | UnionType = int | float) -> Callable[[str, Any], Any]:
+def _number(low: float, high: float, kinds: Any = int | float) -> Callable[[str, Any], Any]:
     what = "whole number" if kinds is int else "number"
 
     def check(name: str, value: Any) -> Any:

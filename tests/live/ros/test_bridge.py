@@ -85,6 +85,9 @@ def test_targets_are_joined_without_a_jump_and_then_followed_to_the_bit(driven: 
 
 def test_after_a_fifth_of_a_second_of_silence_the_robot_goes_home_until_messages_come_again(driven: Scene) -> None:
     drive(driven, CROUCHED, 40)
+    for _ in range(2):  # a gap shorter than that is no silence
+        driven.step(20)
+        driven.send(CROUCHED)
     driven.step(20)
     np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
     assert not any("nothing good" in line for line in driven.said)
@@ -99,13 +102,6 @@ def test_after_a_fifth_of_a_second_of_silence_the_robot_goes_home_until_messages
     drive(driven, CROUCHED, 40)
     np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
     assert [line for line in driven.said if line.endswith("is followed")] == 2 * [f"{JOINT_TARGETS} is followed"]
-
-
-def test_a_gap_shorter_than_the_patience_is_no_silence(driven: Scene) -> None:
-    for _ in range(10):
-        driven.send(CROUCHED)
-        driven.step(20)
-    assert driven.said == [f"{JOINT_TARGETS} is followed"]
 
 
 def test_bad_messages_are_refused_and_count_as_silence_whose_reason_counts_them(driven: Scene) -> None:
