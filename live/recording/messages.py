@@ -32,6 +32,7 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T: Any = TYPES.types
 _OVER = "over"
 """Event at the end of a push or fall."""
+_NO_COMMAND = np.full(3, np.nan)
 _NOT_KNOWN = np.zeros(9)
 """A covariance that says nothing."""
 
@@ -59,7 +60,7 @@ class Messages:
         self._time = -self._period
         self._moving = [link for link in source.links if link.joint is not None]
         self._imu = Imu(source.dt)
-        self._command: Floats | None = None
+        self._command, self._latest = _NO_COMMAND, _OVER
         self._contacts = [topic_name("contacts", name) for name in (*source.legs, "legs", "trunk")]
         self._rewards = {name: topic_name("rewards", name.removeprefix(REWARD)) for name in source.rewards}
 
@@ -91,7 +92,7 @@ class Messages:
             yield self.of_event("reset")
         elif not starts and event != self._latest:
             yield self.of_event(event)
-        self._command, self._latest = (None, _OVER) if starts else (command, event)
+        self._command, self._latest = (_NO_COMMAND, _OVER) if starts else (command, event)
         yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 
     def of_event(self, text: str) -> Message:

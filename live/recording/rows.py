@@ -84,6 +84,6 @@ class Ring:
     def take(self) -> Floats:
         """Copy of the oldest row that was put and not yet taken."""
         taken = self._counts[1]
-        row = self._rows[taken % len(self._rows)].copy()
+        row: Floats = self._rows[taken % len(self._rows)].copy()
         self._counts[1] = taken + 1
         return row

@@ -100,9 +100,6 @@ def test_a_policy_of_another_robot_is_refused_and_nothing_has_changed() -> None:
     live.close()
     with pytest.raises(ValueError, match="at least one"):
         Session([])
-
-
-def test_policies_with_different_observations_are_refused() -> None:
     sighted = policies.make("stand")
     sighted.height_scan = quad_env.HeightScan()
     with pytest.raises(PolicyError, match="other ground heights"):

@@ -15,6 +15,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+import policies
 from live.ros import interpreter
 from quad_env.cli.command_line import UsageError
 from quad_env.physics.state import rotation_matrix
@@ -39,6 +40,15 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def march(path: Path) -> np.ndarray:
+    """Write joint targets of `document_repaired`, which is blind, into a file for nodes; the same, (n, 12), rad."""
+    policy, shown = policies.make("document_repaired"), np.zeros(48, np.float32)
+    policy.reset()
+    targets = np.array([policy.act(shown) for _ in range(1000)])
+    path.write_text(json.dumps(targets.tolist()), encoding="utf-8")
+    return targets
 
 
 class Robot:

@@ -2,7 +2,6 @@
 
 import contextlib
 import http.client
-import json
 import os
 import socket
 import xmlrpc.client
@@ -13,17 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import policies
-from evaluate.rollouts.observers import Step
-from evaluate.rollouts.rollout import roll_out
 from live.ros import interpreter
 from live.ros.link import Link, LinkLost
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.live.ros.robot import Robot, Walk, free_port, heard, python_with_ros, recorded
+from tests.live.ros.robot import Robot, Walk, free_port, heard, march, python_with_ros, recorded
 
 CYCLE = 50
 """Control steps of a gait cycle of the article's controller."""
-MARCH = 8 * CYCLE
 FOLLOWED, SILENT = "/position_controller/command is followed", "nothing good on /position_controller/command"
 
 
@@ -37,28 +32,12 @@ class Story:
     table: np.ndarray
     """Targets of `document_repaired` that the node published."""
     heard: Path
-    own: Walk
-    """The same policy in our own loop."""
-
-
-def in_our_own_loop(steps: int) -> Walk:
-    rows: list[tuple[np.ndarray, ...]] = []
-
-    def watch(step: Step) -> None:
-        told = step.infos
-        feet = told["foot_position"][0][:, 2].copy()
-        turn = np.roll(told["quaternion"][0], -1)
-        rows.append((step.action[0], told["joint_position"][0], feet, told["position"][0, 2], told["command"][0], turn))
-
-    roll_out(policies.make("document_repaired"), "flat", np.array([0]), watch, steps=steps, terminate_on_fall=False)
-    return Walk(*(np.array(column) for column in zip(*rows[1:], strict=True)))
 
 
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     folder = tmp_path_factory.mktemp("story")
-    own = in_our_own_loop(2 * MARCH)
-    (folder / "table").write_text(json.dumps(own.targets.tolist()), encoding="utf-8")
+    table = march(folder / "table")
     # Slower than the wall's clock, for machines whose cores have others to serve: 0.2 s of silence are 0.33 s there.
     robot = Robot(folder, "--record", str(folder / "walk.mcap"), "--real-time-factor", "0.6")
     try:
@@ -77,7 +56,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     finally:
         robot.process.kill()
         robot.process.wait()
-    return Story(recorded(folder / "walk.mcap"), robot.said, code, own.targets, folder / "heard", own)
+    return Story(recorded(folder / "walk.mcap"), robot.said, code, table, folder / "heard")
 
 
 def first(walk: Walk) -> int:
@@ -85,19 +64,13 @@ def first(walk: Walk) -> int:
     return int(np.flatnonzero(np.any(walk.targets != walk.targets[0], axis=1))[0])
 
 
-def test_the_robot_marches_as_the_policy_does(story: Story) -> None:
+def test_the_robot_marches_as_the_node_has_it(story: Story) -> None:
     begin = first(story.walk) + CYCLE
-    there, here = story.walk.between(begin, begin + MARCH // 2), story.own.between(CYCLE, CYCLE + MARCH // 2)
-
-    def lifts(walk: Walk) -> np.ndarray:
-        """Of each foot in a cycle, m."""
-        return np.asarray(walk.feet.reshape(-1, CYCLE, 4).max(axis=1).mean(axis=0)) - SIMPLE_QUAD.foot_radius
-
-    assert (lifts(here)[:2] > 0.1).all()
-    np.testing.assert_allclose(lifts(there), lifts(here), atol=0.02)
-    np.testing.assert_allclose(there.joints.min(axis=0), here.joints.min(axis=0), atol=0.08)
-    np.testing.assert_allclose(there.joints.max(axis=0), here.joints.max(axis=0), atol=0.08)
-    assert there.trunk.mean() == pytest.approx(here.trunk.mean(), abs=0.01)
+    there = story.walk.between(begin, begin + 4 * CYCLE)
+    published = np.clip(story.table, SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper).astype(np.float32)
+    assert {tuple(row) for row in there.targets.tolist()} <= {tuple(row) for row in published.tolist()}
+    lifts = there.feet.reshape(-1, CYCLE, 4).max(axis=1).mean(axis=0) - SIMPLE_QUAD.foot_radius  # of each foot, m
+    assert (lifts[:2] > 0.1).all()
     # Diagonal pairs move together, the two pairs apart.
     calves = there.joints[:, 2::3] - there.joints[:, 2::3].mean(axis=0)
     alike = np.corrcoef(calves.T)

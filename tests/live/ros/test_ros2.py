@@ -1,24 +1,19 @@
 """The same robot behind ROS 2, which shares all but its connection with ROS 1."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 
-import policies
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.live.ros.robot import Robot, heard, recorded
+from tests.live.ros.robot import Robot, heard, march, recorded
 
 
 def test_a_node_of_ros_2_marches_and_receives_what_the_robot_does(tmp_path: Path) -> None:
-    policy, table = policies.make("document_repaired"), tmp_path / "table"
-    policy.reset()
-    targets = [policy.act(np.zeros(48, np.float32)).tolist() for _ in range(1000)]
-    table.write_text(json.dumps(targets), encoding="utf-8")
+    march(tmp_path / "table")
     robot = Robot(tmp_path, "--record", str(tmp_path / "walk.mcap"), version="2")
     try:
         robot.wait_for("Ctrl-C ends it")
-        assert robot.node("march_ros2", str(table), "2", str(tmp_path / "heard")).wait(30) == 0
+        assert robot.node("march_ros2", str(tmp_path / "table"), "2", str(tmp_path / "heard")).wait(30) == 0
         robot.wait_for("nothing good on /position_controller/command")
         robot.wait_for("reset, seed 1")
         assert robot.end() == 130
