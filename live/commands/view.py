@@ -56,10 +56,17 @@ def main(options: Options) -> int:
     raise_on_interrupt()
     with ExitStack() as stack:
         try:
-            given = {"seed": options.seed, "command": options.command, "trust": options.trust}
-            driver = stack.enter_context(closing(Driver(options.policy, options.scenario, hardware, **given)))
+            driver = Driver(
+                options.policy,
+                options.scenario,
+                hardware,
+                seed=options.seed,
+                command=options.command,
+                trust=options.trust,
+            )
         except ValueError as error:
             raise UsageError(f"--policy: {error}") from error
+        stack.enter_context(closing(driver))
         if options.record is not None:
             driver.record(options.record)
         view = LiveView(driver, lambda receive: _server(options, receive), options.quality)

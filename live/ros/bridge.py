@@ -28,6 +28,7 @@ class Driven(Policy):
 
     def __init__(self, *, robot: Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         super().__init__(robot=robot, control_period=control_period)
+        self._following = False
         self._allocate(1)
 
     def follow(self, targets: Floats) -> None:

@@ -66,7 +66,7 @@ class Driver:
         self._companion = names[1] if len(names) > 1 else COMPANION
         self.session = self._begun(self._scenario, [self._policy(name) for name in names], seed, command)
         self._pace = Pace(self.session.env.dt)
-        self._does: dict[str, Callable[..., None]] = {
+        self._does: dict[str, Callable[..., object]] = {
             "steer": lambda forward, left, turn: self.session.steer((forward, left, turn)),
             "let_go": lambda: self.session.steer(None),
             "push": self._push,

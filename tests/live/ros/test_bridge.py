@@ -87,7 +87,7 @@ def test_after_a_fifth_of_a_second_of_silence_the_robot_goes_home_until_messages
     drive(driven, CROUCHED, 40)
     for _ in range(2):  # a gap shorter than that is no silence
         driven.step(20)
-        driven.send(CROUCHED)
+        drive(driven, CROUCHED, 1)
     driven.step(20)
     np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
     assert not any("nothing good" in line for line in driven.said)
