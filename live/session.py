@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from evaluate.rollouts.hardware import IDEAL, Hardware
 from evaluate.rollouts.observers import Observer, Step
 from evaluate.rollouts.rollout import advance, batch_of, begin
-from live.outcome import POLICY_FAILED
 from policies.base import Actions, Policy, PolicyError
 from policies.gait_cycle import smoothstep
 from quad_env.scenarios.scenario import Scenario
@@ -68,7 +67,7 @@ class Session:
         try:
             for policy in policies:
                 self._check(policy)
-            self.latest = self._begin()
+            self._begin()
         except BaseException:
             self.close()
             raise
@@ -77,17 +76,13 @@ class Session:
         """Start an episode, by default that of the next seed; a command that was given stays."""
         self.seed = self.seed + 1 if seed is None else seed
         self.tell(f"reset, seed {self.seed}")
-        self.latest = self._begin()
-        return self.latest
+        return self._begin()
 
     def step(self) -> Step:
         """Move all robots on by a control step."""
         observation = self.latest.observation
         action = np.concatenate([self._action(robot, observation[[robot]]) for robot in range(len(self.policies))])
-        self.latest, _ = advance(self.latest, action)
-        self.latest.infos[POLICY_FAILED] = np.array([bool(failure_of(policy)) for policy in self.policies])
-        self._observed()
-        return self.latest
+        return self._show(advance(self.latest, action)[0])
 
     def steer(self, command: ArrayLike | None) -> None:
         """Have all robots follow this command, (3,): forward and left m/s, heading frame, yaw rate rad/s.
@@ -132,9 +127,13 @@ class Session:
         self._offset.clear()
         for policy in self.policies:
             policy.reset(num_envs=1, seed=0)
-        self.latest = begin(self.env, np.full(len(self.policies), self.seed), self.command)
-        self._observed()
-        return self.latest
+        return self._show(begin(self.env, np.full(len(self.policies), self.seed), self.command))
+
+    def _show(self, step: Step) -> Step:
+        self.latest = step
+        for observer in self.observers:
+            observer(step)
+        return step
 
     def _action(self, robot: int, observation: NDArray[np.float32]) -> Actions:
         action = self.policies[robot].act(observation)
@@ -146,13 +145,3 @@ class Session:
             return action
         offset = self._offset.setdefault(robot, self.latest.action[[robot]] - action)
         return action + np.float32(1.0 - smoothstep(np.array(passed))) * offset
-
-    def _observed(self) -> None:
-        for observer in self.observers:
-            observer(self.latest)
-
-
-def failure_of(policy: Policy) -> str:
-    """Error that stopped a user's policy of one robot; empty without one."""
-    failure = getattr(policy, "failure", None)
-    return "" if failure is None else failure[0] or ""

@@ -1,7 +1,5 @@
 """Checks of `python -m quad_env doctor` that need policies: does the robot follow commands, does a policy work."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,47 +27,14 @@ REMEDIES = ("train it again", "train it anew", "take another", "make one", "name
 SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
 
-@dataclass(frozen=True)
-class Walk:
-    """Result of a command."""
-
-    way: str
-    command: NDArray[np.float64]
-    """Forward and lateral m/s, yaw rate rad/s, (3,)."""
-    velocity: NDArray[np.float64]
-    """The same, mean after it has settled."""
-    tolerance: NDArray[np.float64]
-    """Largest allowed difference of the two, (3,)."""
-    fell: str
-    """Reason, or nothing."""
-
-    @property
-    def good(self) -> bool:
-        """Whether it followed the command."""
-        return not self.fell and bool((np.abs(self.velocity - self.command) <= self.tolerance).all())
-
-    @property
-    def words(self) -> str:
-        """`forward 0.49 of 0.50 m/s`, and the axis that is off if it is another one."""
-        if self.fell:
-            return f"commanded {self.way} it falls ({self.fell})"
-        errors = np.abs(self.velocity - self.command) / self.tolerance
-        axis, worst = int(np.abs(self.command).argmax()), int(errors.argmax())
-        text = f"{self.way} {_rounded(self.velocity[axis])} of {self.command[axis]:.2f} {UNITS[axis]}"
-        if self.good or worst == axis:
-            return text
-        return f"{text}, with {_rounded(self.velocity[worst])} {UNITS[worst]} {AXES[worst]}"
-
-
 def walks(subject: Subject) -> Finding:
     """Whether the robot walks with a policy that works on others."""
     robot = subject.robot
-    found = walk(policies.make(WALKER, robot=robot), subject)
-    if all(each.good for each in found):
-        return ok(f"{WALKER}: {'; '.join(each.words for each in found)}")
-    bad = "; ".join(each.words for each in found if not each.good)
+    good, bad = walk(policies.make(WALKER, robot=robot), subject)
+    if not bad:
+        return ok(f"{WALKER}: {'; '.join(good)}")
     return problem(
-        f"{WALKER} {bad}",
+        f"{WALKER} {'; '.join(bad)}",
         f"it stands, so masses, inertias or limits are unlike those that {WALKER} was made for",
         f"correct masses and inertias in {robot.mjcf}, or search its trot: python -m train robot "
         f"{robot.source or robot.name}",
@@ -89,20 +54,19 @@ def policy(subject: Subject) -> Finding:
             cause = "a policy is of one robot and one control period"
             return problem(seen, cause, f"{remedy}, or name its robot with --robot")
         return problem(seen, "it is not the file that was saved, or was made for something else", remedy)
-    found = walk(chosen, subject)
+    good, bad = walk(chosen, subject)
     failure = getattr(chosen, "failure", None)
     if failure is not None and (failures := [each for each in failure if each]):
         return _failing(f"{subject.policy} fails: {failures[0]}")
-    if all(each.good for each in found):
-        return ok(f"{subject.policy}: {'; '.join(each.words for each in found)}")
-    bad = "; ".join(each.words for each in found if not each.good)
+    if not bad:
+        return ok(f"{subject.policy}: {'; '.join(good)}")
     cause = "it was trained for something else, or reads observations or gives targets in another order"
     remedy = "compare its joints' order and signs with python -m quad_env info, or train it longer: docs/training.md"
-    return problem(f"{subject.policy}: {bad}", cause, remedy)
+    return problem(f"{subject.policy}: {'; '.join(bad)}", cause, remedy)
 
 
-def walk(policy: Policy, subject: Subject) -> list[Walk]:
-    """A walk for each of COMMANDS."""
+def walk(policy: Policy, subject: Subject) -> tuple[list[str], list[str]]:
+    """Words about each of COMMANDS that it follows, such as `forward 0.49 of 0.50 m/s`, and about each other one."""
     robot = subject.robot
     commands, fall = _scale(robot) * np.array(list(COMMANDS.values())), np.zeros(len(COMMANDS), int)
     velocities: list[NDArray[np.float64]] = []
@@ -125,9 +89,21 @@ def walk(policy: Policy, subject: Subject) -> list[Walk]:
     planar = np.linalg.norm(commands[:, :2], axis=1, keepdims=True)
     rule = RULES[SUCCESS_RULE]
     tolerances = rule.linear * _scale(robot) + rule.share * np.hstack((planar, planar, np.abs(commands[:, 2:])))
-    fell = [FALL_REASONS[code].replace("_", " ") if code else "" for code in fall]
-    each = zip(COMMANDS, commands, np.mean(velocities, axis=0), tolerances, fell, strict=True)
-    return [Walk(*values) for values in each]
+    means = np.mean(velocities, axis=0)
+    errors = np.abs(means - commands) / tolerances
+    good, bad = [], []
+    for way, command, mean, error, code in zip(COMMANDS, commands, means, errors, fall, strict=True):
+        axis, worst = int(np.abs(command).argmax()), int(error.argmax())
+        words = f"{way} {_rounded(mean[axis])} of {command[axis]:.2f} {UNITS[axis]}"
+        if code:
+            bad.append(f"commanded {way} it falls ({FALL_REASONS[code].replace('_', ' ')})")
+        elif error[worst] <= 1.0:
+            good.append(words)
+        elif worst == axis:
+            bad.append(words)
+        else:
+            bad.append(f"{words}, with {_rounded(mean[worst])} {UNITS[worst]} {AXES[worst]}")
+    return good, bad
 
 
 def _scale(robot: Robot) -> NDArray[np.float64]:

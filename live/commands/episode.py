@@ -2,12 +2,10 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from evaluate.commands.options import Flag
 from evaluate.rollouts import battery
 from evaluate.rollouts.hardware import Hardware, hardware_of
-from quad_env.cli.command_line import UsageError
+from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.config import COMMAND_BOUND
 from quad_env.scenarios.scenario import Scenario
 
@@ -36,8 +34,8 @@ class EpisodeOptions:
         except ValueError as error:
             raise UsageError(f"--scenario: {error}") from error
 
-
-def check_command(command: Command | None) -> None:
-    """Raise UsageError for a command that is out of range."""
-    if command is not None and not (np.abs(command) <= COMMAND_BOUND).all():
-        raise UsageError(f"--command must be three numbers within ±{COMMAND_BOUND:g}, not {command}")
+    def check(self, **limits: tuple[float, float]) -> None:
+        """Raise UsageError for a number beyond its limits: these, or those of the seed and of a command."""
+        if getattr(self, "command", None) is not None:
+            limits["command"] = (-COMMAND_BOUND, COMMAND_BOUND)
+        check_numbers(self, {"seed": (0, 2**63 - 1)} | limits)

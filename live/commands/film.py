@@ -14,20 +14,14 @@ from evaluate.film import files
 from evaluate.film.shooting import Look, Take, film
 from evaluate.rollouts.experiment import LabelledPolicy
 from evaluate.rollouts.hardware import IDEAL
-from live.commands.episode import Command, EpisodeOptions, check_command
+from live.commands.episode import Command, EpisodeOptions
 from policies.base import CONTROL_PERIOD
-from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.cli.progress import bar
 
 MOST_POLICIES = 9
-LIMITS = {
-    "seconds": (CONTROL_PERIOD, 86_400.0),
-    "seed": (0, 2**63 - 1),
-    "speed": (0.01, 100.0),
-    "fps": (1.0, 100.0),
-    "size": (64, 4096),
-}
+LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "speed": (0.01, 100.0), "fps": (1.0, 100.0), "size": (64, 4096)}
 
 
 @dataclass(frozen=True)
@@ -56,8 +50,7 @@ class Options(EpisodeOptions):
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    check_numbers(options, LIMITS)
-    check_command(options.command)
+    options.check(**LIMITS)
     if not 1 <= len(options.policies) <= MOST_POLICIES:
         raise UsageError(f"--policies must name 1 to {MOST_POLICIES}, not {len(options.policies)}")
     hardware, scenario = options.resolve()

@@ -9,14 +9,11 @@ import tyro
 
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
-from live.commands.episode import Command, EpisodeOptions, check_command
+from live.commands.episode import Command, EpisodeOptions
 from live.recording.recorder import check, recorder_for
 from policies.base import CONTROL_PERIOD
-from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.cli.progress import bar
-
-LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "seed": (0, 2**63 - 1)}
 
 
 @dataclass(frozen=True)
@@ -35,8 +32,7 @@ class Options(EpisodeOptions):
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    check_numbers(options, LIMITS)
-    check_command(options.command)
+    options.check(seconds=(CONTROL_PERIOD, 86_400.0))
     check(options.out)
     hardware, scenario = options.resolve()
     policy = hardware.policy(options.policy, options.trust)

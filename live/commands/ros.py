@@ -11,18 +11,12 @@ from live.commands.episode import EpisodeOptions
 from live.pace import Pace
 from live.recording.recorder import check, recorder_for
 from live.ros import interpreter
-from live.ros.bridge import Bridge
-from live.ros.driven import Driven
+from live.ros.bridge import Bridge, Driven
 from live.ros.link import Link
 from live.session import Session
 from policies.base import Policy
-from quad_env.cli.command_line import check_numbers
 from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.launcher import raise_on_interrupt
-
-LIMITS = {"seed": (0, 2**63 - 1), "real_time_factor": (0.01, 100.0)}
-SLOW = 0.9
-"""Share of the wanted speed below which the simulation counts as too slow."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +39,7 @@ class Options(EpisodeOptions):
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    check_numbers(options, LIMITS)
+    options.check(real_time_factor=(0.01, 100.0))
     if options.record is not None:
         check(options.record)
     version, python = interpreter.find(options.version)
@@ -77,7 +71,6 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
     pace = Pace(session.env.dt, speed)
     bridge = Bridge(session, say)
     session.listeners.append(say)
-    slow = False
     try:
         with Interrupt() as interrupt:
             while True:
@@ -85,13 +78,10 @@ def _run(session: Session, link: Link, speed: float, record: Path | None) -> Non
                 for packet in link.received():
                     bridge.take(packet["topic"], packet["values"], packet["size"])
                 link.send(bridge.step())
-                if not slow and 0.0 < pace.measured < SLOW * speed:
-                    slow = True
-                    say(f"slower than wanted: {pace.measured:.2f} simulated s a second")
                 pace.wait()
     except KeyboardInterrupt:
         kept = "" if record is None else f", all of it in {record}"
         raise KeyboardInterrupt(f"{bridge.time:.1f} s simulated{kept}") from None
     finally:
-        for line in bridge.refusals.words():
+        for line in bridge.refusals:
             say(line)

@@ -1,6 +1,5 @@
 """Watch and steer robots in the browser: `python -m quad_env view`, on this machine alone unless --host is given."""
 
-import math
 import threading
 import webbrowser
 from contextlib import ExitStack, closing
@@ -8,18 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from live.commands.episode import Command, EpisodeOptions, check_command
-from live.view.driver import Driver, Start
+from live.commands.episode import Command, EpisodeOptions
+from live.view.driver import Driver
 from live.view.loop import LiveView
-from live.view.quality import Quality
 from live.view.requests import LARGEST_SEED, MOST_ROBOTS
 from live.view.server import Receive, Server, is_loopback
-from quad_env.cli.command_line import UsageError, check_numbers
+from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.physics.rendering import shows_windows
 
-FIRST_PORT, PORTS = 8080, 20
-LIMITS = {"seed": (0, LARGEST_SEED), "seconds": (0.1, 1e9)}
+PORT = 8080
 
 
 @dataclass(frozen=True)
@@ -31,58 +28,22 @@ class Options(EpisodeOptions):
     command: Command | None = (0.0, 0.0, 0.0)
     """Command at first: forward m/s, left m/s, yaw rate rad/s; None leaves commands to the scenario."""
     port: int | None = None
-    """Port to listen on, 0 for any that is free; by default the first free one from 8080."""
+    """Port to listen on, 0 for any that is free; by default 8080, or another where that is taken."""
     host: str = "127.0.0.1"
     """Address to listen on, an IP address. Beyond this machine pages need the token of the printed address; anyone who
     reads the network sees it."""
-    quality: Literal["auto", "low", "middle", "high"] = "auto"
-    """Of the pictures: 640 x 400 plainly, 960 x 600 plainly, 960 x 600 with shadows and smooth edges."""
+    quality: Literal["low", "middle", "high"] = "low"
+    """Of the pictures: 640 x 400 plainly, 960 x 600 plainly, 960 x 600 with shadows and smooth edges, for graphics
+    hardware."""
     record: Path | None = None
     """Recording from the start on, an .mcap or the folder of a ROS 2 bag; as `python -m quad_env record` makes."""
-    recordings: Path = Path("results/recordings")
-    """Folder of the recordings that the page begins."""
     browser: bool = True
     """Open the page in a browser, where there is a display."""
-    seconds: float | None = None
-    """Wall time after which the view ends by itself, s; by default never."""
 
 
 def main(options: Options) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    _check(options)
-    hardware, _ = options.resolve()
-    start = Start(
-        policies=options.policy,
-        scenario=options.scenario,
-        hardware=hardware,
-        recordings=options.recordings,
-        seed=options.seed,
-        command=options.command,
-        trust=options.trust,
-    )
-    raise_on_interrupt()
-    with ExitStack() as stack:
-        try:
-            driver = stack.enter_context(closing(Driver(start)))
-        except ValueError as error:
-            raise UsageError(f"--policy: {error}") from error
-        if options.record is not None:
-            driver.record(options.record)
-        view = LiveView(driver, lambda receive: _server(options, receive), Quality(options.quality))
-        stack.enter_context(closing(view))
-        print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
-        if options.browser and shows_windows():
-            threading.Thread(target=webbrowser.open, args=(view.server.url,), daemon=True).start()
-        try:
-            view.run(math.inf if options.seconds is None else options.seconds)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt("the view has ended") from None
-    return 0
-
-
-def _check(options: Options) -> None:
-    check_numbers(options, LIMITS if options.seconds is not None else {"seed": LIMITS["seed"]})
-    check_command(options.command)
+    options.check(seed=(0, LARGEST_SEED))
     if not 1 <= len(options.policy) <= MOST_ROBOTS:
         raise UsageError(f"--policy takes 1 to {MOST_ROBOTS} policies, not {len(options.policy)}")
     if options.port is not None and not 0 <= options.port < 65_536:
@@ -91,15 +52,40 @@ def _check(options: Options) -> None:
         is_loopback(options.host)
     except ValueError:
         raise UsageError(f"--host must be an IP address such as 127.0.0.1, not {options.host!r}") from None
+    hardware, _ = options.resolve()
+    raise_on_interrupt()
+    with ExitStack() as stack:
+        try:
+            driver = Driver(
+                options.policy,
+                options.scenario,
+                hardware,
+                seed=options.seed,
+                command=options.command,
+                trust=options.trust,
+            )
+        except ValueError as error:
+            raise UsageError(f"--policy: {error}") from error
+        stack.enter_context(closing(driver))
+        if options.record is not None:
+            driver.record(options.record)
+        view = LiveView(driver, lambda receive: _server(options, receive), options.quality)
+        stack.enter_context(closing(view))
+        print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
+        if options.browser and shows_windows():
+            threading.Thread(target=webbrowser.open, args=(view.server.url,), daemon=True).start()
+        try:
+            view.run()
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("the view has ended") from None
+    return 0
 
 
 def _server(options: Options, receive: Receive) -> Server:
-    """At the port of --port, else the first free one."""
+    """At the port of --port, else the usual one, else a free one."""
     if options.port is not None:
         return Server(options.host, options.port, receive)
-    for port in range(FIRST_PORT, FIRST_PORT + PORTS):
-        try:
-            return Server(options.host, port, receive)
-        except UsageError:
-            continue
-    return Server(options.host, 0, receive)
+    try:
+        return Server(options.host, PORT, receive)
+    except UsageError:
+        return Server(options.host, 0, receive)

@@ -9,9 +9,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 
-from live.recording.cdr import TYPES
-from live.recording.messages import Message
-from live.recording.standard import LATCHED
+from live.recording.messages import LATCHED, TYPES, Message
 
 _NEVER = QosTime(9223372036, 854775807)
 """No deadline, no lifespan, no lease: how ROS 2 writes infinity."""

@@ -1,115 +1,200 @@
-"""Messages of control steps: standard ones of ROS 2, in CDR."""
+"""Messages of control steps: standard ones of ROS 2."""
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
 
 from live.imu import Imu
-from live.recording import standard
-from live.recording.events import Events
-from live.recording.skeleton import rotations
-from live.recording.source import Rows, Source
+from live.recording.rows import Floats, Source
+from live.recording.skeleton import IMU_LINK, TRUNK, Link, rotations
+from quad_env.config import FALL_REASONS
 from quad_env.task.rewards import REWARD
+
+STANDARD = {
+    "/robot_description": "std_msgs/msg/String",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
+    "/clock": "rosgraph_msgs/msg/Clock",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/imu": "sensor_msgs/msg/Imu",
+    "/cmd_vel": "geometry_msgs/msg/Twist",
+    "/position_controller/command": "std_msgs/msg/Float64MultiArray",
+    "/correction": "std_msgs/msg/Float64MultiArray",
+    "/events": "rcl_interfaces/msg/Log",
+}
+"""Type of each topic that every robot has; `topics` has those that are named after its legs and rewards too."""
+LATCHED = ("/robot_description", "/tf_static")
+"""Topics of one message, at the beginning, which ROS keeps for those who listen later."""
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+_T: Any = TYPES.types
+_OVER = "over"
+"""Event at the end of a push or fall."""
+_NO_COMMAND = np.full(3, np.nan)
+_NOT_KNOWN = np.zeros(9)
+"""A covariance that says nothing."""
 
 
 class Message(NamedTuple):
-    """One message, serialised."""
+    """One message."""
 
     topic: str
     time: int
     """Simulated, since the start of the recording, ns."""
-    data: bytes
+    content: Any
+
+    @property
+    def data(self) -> bytes:
+        """The content in CDR."""
+        return bytes(TYPES.serialize_cdr(self.content, self.content.__msgtype__))
 
 
 class Messages:
     """Makes the messages of rows that follow each other."""
 
     def __init__(self, source: Source) -> None:
-        self._source, self._done = source, 0
-        self._moving = [link for link in source.links if link.joint is not None]
-        self._templates = standard.templates(source.joints, self._moving)
+        self._source, self._slices = source, source.slices
         self._period = round(source.dt * 1e9)
-        self._imu, self._events = Imu(source.dt), Events(source)
-        self._number, self._flags = standard.number(), standard.flags()
-        self._contacts, self._rewards = standard.contacts(source.legs), standard.rewards(source.rewards)
+        self._time = -self._period
+        self._moving = [link for link in source.links if link.joint is not None]
+        self._imu = Imu(source.dt)
+        self._command, self._latest = _NO_COMMAND, _OVER
+        self._contacts = [topic_name("contacts", name) for name in (*source.legs, "legs", "trunk")]
+        self._rewards = {name: topic_name("rewards", name.removeprefix(REWARD)) for name in source.rewards}
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Type of each topic."""
+        rewards = dict.fromkeys(("/rewards/total", *self._rewards.values()), "std_msgs/msg/Float64")
+        return STANDARD | dict.fromkeys(self._contacts, "std_msgs/msg/Bool") | rewards
 
     def of_beginning(self) -> Iterator[Message]:
         """Messages for late subscribers too."""
-        fixed = [link for link in self._source.links if link.joint is None]
-        yield Message("/tf_static", 0, standard.fixed_frames(fixed))
+        fixed = [_of_link(_stamp(0), link, link.rotation) for link in self._source.links if link.joint is None]
+        yield Message("/tf_static", 0, _T["tf2_msgs/msg/TFMessage"](transforms=fixed))
         if self._source.description:
-            yield Message("/robot_description", 0, standard.description(self._source.description))
+            yield Message("/robot_description", 0, _T["std_msgs/msg/String"](data=self._source.description))
 
-    def of_rows(self, rows: Rows) -> Iterator[Message]:
-        """For each row the command and targets at the beginning of its step, then the state at its end."""
-        readings = self._source.columns(rows)
-        ends = self._period * np.arange(self._done, self._done + len(rows))
-        starts = readings["start"][:, 0] > 0.0
-        events = self._events.of_rows(readings, starts)
-        begun, ended = self._begun(ends - self._period, readings), self._ended(ends, readings, starts)
-        corrected = ~np.isnan(readings["correction"][:, 0])
-        corrections = self._filled("/correction", ends, readings["correction"])
-        for row in range(len(rows)):
-            yield from (self._event(event.text) for event in events[row] if event.early)
-            if not starts[row]:
-                yield from (stream[row] for stream in begun)
-            self._done += 1
-            yield from (self._event(event.text) for event in events[row] if not event.early)
-            yield from (stream[row] for stream in ended)
-            if corrected[row]:
-                yield corrections[row]
+    def of_row(self, row: Floats) -> Iterator[Message]:
+        """The command and targets at the beginning of its step, then the state at its end, and what is new of it."""
+        readings = {name: row[columns] for name, columns in self._slices.items()}
+        starts, command, event = readings["start"][0] > 0.0, readings["command"], _event(readings)
+        if not starts:
+            if not np.array_equal(command, self._command):
+                forward, left, turning = command
+                yield self.of_event(f"command {forward:.2f} m/s forward, {left:.2f} m/s left, {turning:.2f} rad/s")
+            yield Message("/cmd_vel", self._time, _twist(command))
+            yield Message("/position_controller/command", self._time, _numbers(readings["action"]))
+        self._time += self._period
+        if starts and self._time > 0:
+            yield self.of_event("reset")
+        elif not starts and event != self._latest:
+            yield self.of_event(event)
+        self._command, self._latest = (_NO_COMMAND, _OVER) if starts else (command, event)
+        yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 
     def of_event(self, text: str) -> Message:
-        """An event that happened just now, after the last row."""
-        return self._event(text)
+        """An event that happened just now, as a line of a log; falls are errors."""
+        kind = _T["rcl_interfaces/msg/Log"]
+        level = kind.ERROR if text.startswith(("fell", "diverged")) else kind.INFO
+        stamp = _stamp(self._time)
+        line = kind(stamp=stamp, level=level, name="simple_quad", msg=text, file="", function="", line=0)
+        return Message("/events", self._time, line)
 
-    def of_end(self) -> Iterator[Message]:
-        """Outcome of the last episode."""
-        yield from (self._event(event.text) for event in self._events.of_end())
-
-    def _begun(self, times: NDArray[np.int64], readings: dict[str, Rows]) -> list[list[Message]]:
-        topics = {"/cmd_vel": readings["command"], "/position_controller/command": readings["action"]}
-        return [self._filled(topic, times, numbers) for topic, numbers in topics.items()]
-
-    def _ended(
-        self, times: NDArray[np.int64], readings: dict[str, Rows], starts: NDArray[np.bool_]
-    ) -> list[list[Message]]:
-        joints = readings["joint_position"], readings["joint_velocity"], readings["joint_torque"]
-        turns = rotations(self._moving, readings["joint_position"]).reshape(len(times), -1)
-        topics = {
-            "/clock": np.zeros((len(times), 0)),
-            "/tf": np.column_stack((readings["position"], readings["quaternion"], turns)),
-            "/joint_states": np.column_stack(joints),
-            "/imu": self._imu.measure(readings, starts),
+    def _state(self, readings: dict[str, Floats]) -> Iterator[tuple[str, Any]]:
+        """Topic and content of the messages at the end of a step."""
+        stamp = _stamp(self._time)
+        yield "/clock", _T["rosgraph_msgs/msg/Clock"](clock=stamp)
+        turns = rotations(self._moving, readings["joint_position"])
+        frames = [
+            _transform(stamp, "world", TRUNK, readings["position"], readings["quaternion"]),
+            *(_of_link(stamp, link, turn) for link, turn in zip(self._moving, turns, strict=True)),
+        ]
+        yield "/tf", _T["tf2_msgs/msg/TFMessage"](transforms=frames)
+        joints = {
+            "position": readings["joint_position"],
+            "velocity": readings["joint_velocity"],
+            "effort": readings["joint_torque"],
         }
-        return [
-            *(self._filled(topic, times, numbers) for topic, numbers in topics.items()),
-            *self._contact(times, readings),
-            *self._reward(times, readings),
-        ]
-
-    def _contact(self, times: NDArray[np.int64], readings: dict[str, Rows]) -> list[list[Message]]:
-        touching = np.column_stack((readings["foot_contact"], readings["leg_contact"], readings["trunk_contact"])) > 0.0
-        return [
-            [Message(topic, time, self._flags[touches]) for time, touches in zip(times.tolist(), column, strict=True)]
-            for topic, column in zip(self._contacts, touching.T.tolist(), strict=True)
-        ]
-
-    def _reward(self, times: NDArray[np.int64], readings: dict[str, Rows]) -> list[list[Message]]:
-        terms = np.column_stack([values for name, values in readings.items() if name.startswith(REWARD)])
-        columns = np.column_stack((terms.sum(axis=1), terms)).T[:, :, None]
-        numbers = (self._number.filled(times, column) for column in columns)
-        return [_messages(topic, times, data) for topic, data in zip(self._rewards, numbers, strict=True)]
-
-    def _filled(self, topic: str, times: NDArray[np.int64], numbers: Rows) -> list[Message]:
-        return _messages(topic, times, self._templates[topic].filled(times, numbers))
-
-    def _event(self, text: str) -> Message:
-        time = (self._done - 1) * self._period
-        return Message("/events", time, standard.event(time, text, text.startswith(("fell", "diverged"))))
+        joint_state = _T["sensor_msgs/msg/JointState"]
+        yield "/joint_states", joint_state(header=_header(stamp, TRUNK), name=list(self._source.joints), **joints)
+        force = self._imu.specific_force(readings, starts=readings["start"][0] > 0.0)
+        yield "/imu", _imu(stamp, readings["quaternion"], readings["angular_velocity"], force)
+        touching = np.concatenate([readings[name] for name in ("foot_contact", "leg_contact", "trunk_contact")]) > 0.0
+        for topic, touches in zip(self._contacts, touching.tolist(), strict=True):
+            yield topic, _T["std_msgs/msg/Bool"](data=touches)
+        rewards = {topic: float(readings[name][0]) for name, topic in self._rewards.items()}
+        for topic, value in {"/rewards/total": sum(rewards.values()), **rewards}.items():
+            yield topic, _T["std_msgs/msg/Float64"](data=value)
+        if not np.isnan(readings["correction"][0]):
+            yield "/correction", _numbers(readings["correction"])
 
 
-def _messages(topic: str, times: NDArray[np.int64], data: Sequence[bytes]) -> list[Message]:
-    return [Message(topic, time, each) for time, each in zip(times.tolist(), data, strict=True)]
+def _event(readings: dict[str, Floats]) -> str:
+    """What happens to the robot."""
+    if readings["diverged"][0]:
+        return "diverged"
+    if fall := int(readings["fall"][0]):
+        return f"fell: {FALL_REASONS[fall]}"
+    return "pushed" if readings["push"].any() else _OVER
+
+
+def topic_name(family: str, name: str) -> str:
+    """A topic as ROS may name it: letters, digits and underscores, and no digit first."""
+    part = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"/{family}/{'_' * part[:1].isdigit()}{part}"
+
+
+def _stamp(time: int) -> Any:
+    return _T["builtin_interfaces/msg/Time"](sec=time // 10**9, nanosec=time % 10**9)
+
+
+def _header(stamp: Any, frame: str) -> Any:
+    return _T["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
+
+
+def _numbers(values: Floats) -> Any:
+    layout = _T["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    return _T["std_msgs/msg/Float64MultiArray"](layout=layout, data=values)
+
+
+def _vector(values: Iterable[float]) -> Any:
+    x, y, z = map(float, values)
+    return _T["geometry_msgs/msg/Vector3"](x=x, y=y, z=z)
+
+
+def _quaternion(values: Floats) -> Any:
+    """ROS writes x y z w; MuJoCo and we w x y z."""
+    w, x, y, z = map(float, values)
+    return _T["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w)
+
+
+def _twist(command: Floats) -> Any:
+    forward, left, turning = command
+    return _T["geometry_msgs/msg/Twist"](linear=_vector((forward, left, 0.0)), angular=_vector((0.0, 0.0, turning)))
+
+
+def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_force: Floats) -> Any:
+    return _T["sensor_msgs/msg/Imu"](
+        header=_header(stamp, IMU_LINK),
+        orientation=_quaternion(quaternion),
+        orientation_covariance=_NOT_KNOWN,
+        angular_velocity=_vector(angular_velocity),
+        angular_velocity_covariance=_NOT_KNOWN,
+        linear_acceleration=_vector(specific_force),
+        linear_acceleration_covariance=_NOT_KNOWN,
+    )
+
+
+def _of_link(stamp: Any, link: Link, turned: Floats) -> Any:
+    return _transform(stamp, link.parent, link.name, link.translation, turned)
+
+
+def _transform(stamp: Any, parent: str, name: str, place: Floats, turned: Floats) -> Any:
+    return _T["geometry_msgs/msg/TransformStamped"](
+        header=_header(stamp, parent),
+        child_frame_id=name,
+        transform=_T["geometry_msgs/msg/Transform"](translation=_vector(place), rotation=_quaternion(turned)),
+    )

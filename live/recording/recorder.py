@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from evaluate.rollouts.observers import Step
-from live.recording.ring import Floats, Ring, memory
+from live.recording.rows import Floats, Ring, Source, memory
 from live.recording.skeleton import links_of
-from live.recording.source import Source
 from live.recording.writer import write
 from policies.base import Policy
 from quad_env.cli.child_process import without_ctrl_c
@@ -81,11 +80,12 @@ class Recorder:
         if (row := self._free_row()) is None:
             return
         correction = getattr(self.policy, "correction", None)
-        share = self._no_correction if correction is None else correction[0]
-        # Wide ones and scalars apart: half the time of all at once, and it is spent at every step.
-        np.concatenate([share, *(step.infos[name][0] for name in self._wide)], out=row[: self._width])
-        row[self._width : -1] = [step.infos[name][0] for name in self._scalars]
-        row[-1] = step.number == 0 or self._ring.put == 0
+        own = {
+            "correction": np.nan if correction is None else correction[0],
+            "start": step.number == 0 or self._ring.put == 0,
+        }
+        for name, columns in self._slices.items():
+            row[columns] = own[name] if name in own else step.infos[name][0]
         self._ring.put_row()
         for event in self._events:
             self._announce(event)
@@ -103,22 +103,17 @@ class Recorder:
     def _begin(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
         names = (*SIGNALS, *(name for name in step.infos if name.startswith(REWARD)))
-        self._wide = [name for name in names if step.infos[name].ndim > 1]
-        self._scalars = [name for name in names if step.infos[name].ndim == 1]
-        self._no_correction = np.full(robot.num_joints, np.nan)
-        widths = {"correction": robot.num_joints} | {name: step.infos[name][0].size for name in self._wide}
-        self._width = sum(widths.values())
         source = Source(
-            widths=widths | dict.fromkeys((*self._scalars, "start"), 1),
+            widths={name: step.infos[name][0].size for name in names} | {"correction": robot.num_joints, "start": 1},
             joints=robot.joint_names,
             legs=robot.leg_names,
-            links=links_of(env.simulation.model, robot),
+            links=links_of(env.simulation.model, env.simulation.snapshot(0), robot),
             description="" if robot.urdf is None else robot.urdf.read_text(encoding="utf-8"),
             dt=env.dt,
-            command_steps=env.scenario.commands.steps(env.dt),
         )
+        self._slices = source.slices
         context = multiprocessing.get_context("spawn")
-        shared = memory(context, source.width)
+        shared = memory(context, sum(source.widths.values()))
         self._ring = Ring(shared)
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=write, args=(theirs, shared, self._path, source))
@@ -146,7 +141,7 @@ class Recorder:
 
     def close(self) -> None:
         """Wait until all of it is written. Raises OSError where it could not be."""
-        if self._pipe is None or self._process is None or self._pipe.closed:
+        if self._process is None or self._pipe is None or self._pipe.closed:
             return
         with contextlib.suppress(OSError):
             self._pipe.send(None)

@@ -1,22 +1,18 @@
 """Frames of a robot's links, each in that of its parent, as a URDF has them: at the joint that moves the link."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from quad_env.physics.rotations import product
-from quad_env.physics.state import rotation_matrix
 from quad_env.robots.robot import Robot
 
 Floats = NDArray[np.float64]
-Rotation = tuple[float, float, float, float]
-"""w x y z"""
-Place = tuple[str, Floats, Rotation]
-"""Link, and what is fixed to it: where, m, and turned how, in the link's frame."""
-TRUNK = "base_link"
+TRUNK, IMU_LINK = "base_link", "imu_link"
 
 
 @dataclass(frozen=True)
@@ -27,68 +23,50 @@ class Link:
     parent: str
     translation: Floats
     """In the parent's frame, m, (3,)."""
-    rotation: Rotation
-    """Against the parent's frame where the joint is at its reference, w x y z."""
+    rotation: Floats
+    """Against the parent's frame where the joint is at its reference, w x y z, (4,)."""
     joint: int | None = None
     """Which of the robot's joints moves it; None of one that is fixed."""
-    axis: tuple[float, ...] = ()
-    """Of the joint, in the link's frame; a unit vector."""
+    axis: Floats | None = None
+    """Of the joint, in the link's frame; a unit vector, (3,)."""
     reference: float = 0.0
     """Angle of the joint where the model draws it at rest, rad."""
 
 
-def links_of(model: Any, robot: Robot) -> tuple[Link, ...]:
-    """Every link that a joint moves, the feet and the IMU, of the robot's compiled model."""
-    sites = {f"{leg}_foot": f"{leg}_foot_link" for leg in robot.leg_names} | {"imu": "imu_link"}
-    return (*_moving(model), *_fixed(model, sites))
+def links_of(model: Any, data: Any, robot: Robot) -> tuple[Link, ...]:
+    """Every link that a joint moves, the feet and the IMU, of the robot's compiled model in any state, which does not
+    matter."""
+
+    def frame(body: int) -> tuple[Floats, Rotation]:
+        return data.xanchor[model.body_jntadr[body]], Rotation.from_matrix(data.xmat[body].reshape(3, 3))
+
+    def link(name: str, body: int, place: Floats, turned: Rotation, **joint: Any) -> Link:
+        """One that is fixed to the body, or jointed to it; place and rotation in the world."""
+        parent = model.body_weldid[body]
+        origin, orientation = frame(parent)
+        back = orientation.inv()
+        rotation = (back * turned).as_quat(scalar_first=True)
+        return Link(name, model.body(parent).name, back.apply(place - origin), rotation, **joint)
+
+    links = []
+    for hinge in range(1, model.njnt):  # the first is that of the trunk
+        body, address = model.jnt_bodyid[hinge], model.jnt_qposadr[hinge]
+        axis, reference = model.jnt_axis[hinge].copy(), float(model.qpos0[address])
+        place, turned = frame(body)
+        rest = turned * Rotation.from_rotvec((reference - data.qpos[address]) * axis)
+        moved = {"joint": int(address - 7), "axis": axis, "reference": reference}
+        links.append(link(model.body(body).name, model.body_parentid[body], place, rest, **moved))
+    sites = {f"{leg}_foot": f"{leg}_foot_link" for leg in robot.leg_names} | {"imu": IMU_LINK}
+    for site, name in sites.items():
+        number = model.site(site).id
+        turned = Rotation.from_matrix(data.site_xmat[number].reshape(3, 3))
+        links.append(link(name, model.site_bodyid[number], data.site_xpos[number], turned))
+    return tuple(links)
 
 
 def rotations(links: Sequence[Link], angles: Floats) -> Floats:
-    """Orientation of each moving link in its parent's frame, w x y z, (n, links, 4); angles of the joints (n, 12)."""
-    turned = []
-    for link in links:
-        half = 0.5 * (angles[:, link.joint] - link.reference)
-        about = np.column_stack((np.cos(half), np.sin(half)[:, None] * link.axis))
-        turned.append(product(link.rotation, about))
-    return np.stack(turned, axis=1)
-
-
-def _moving(model: Any) -> Iterator[Link]:
-    for body in range(model.nbody):
-        hinge = model.body_jntadr[body]
-        if hinge < 0 or model.body(body).name == TRUNK:
-            continue
-        at, turned = model.body_pos[body], model.body_quat[body]
-        parent, place, rotation = _place(model, model.body_parentid[body], _moved(at, turned, model.jnt_pos[hinge]))
-        address = model.jnt_qposadr[hinge]
-        axis = tuple(model.jnt_axis[hinge].tolist())
-        rest, reference = _turned(rotation, turned), float(model.qpos0[address])
-        yield Link(model.body(body).name, parent, place, rest, int(address - 7), axis, reference)
-
-
-def _fixed(model: Any, sites: dict[str, str]) -> Iterator[Link]:
-    for site, name in sites.items():
-        number = model.site(site).id
-        parent, place, turned = _place(model, model.site_bodyid[number], model.site_pos[number])
-        yield Link(name, parent, place, _turned(turned, model.site_quat[number]))
-
-
-def _place(model: Any, body: int, at: Floats) -> Place:
-    """The link that carries that body, and a point of the body, and the body's turn, in the link's frame."""
-    turned: Rotation = (1.0, 0.0, 0.0, 0.0)
-    while (hinge := model.body_jntadr[body]) < 0:
-        at, turned = _moved(model.body_pos[body], model.body_quat[body], at), _turned(model.body_quat[body], turned)
-        body = model.body_parentid[body]
-    name = model.body(body).name
-    return name, at if name == TRUNK else at - model.jnt_pos[hinge], turned
-
-
-def _moved(at: Floats, turned: Rotation, point: Floats) -> Floats:
-    """A point of a frame that is there and turned so."""
-    return np.asarray(at + np.array(rotation_matrix(turned)) @ point)
-
-
-def _turned(first: Rotation, then: Rotation) -> Rotation:
-    """The rotation `then`, turned by `first`."""
-    w, x, y, z = product(first, np.array([then]))[0].tolist()
-    return w, x, y, z
+    """Orientation of each moving link in its parent's frame, w x y z, (links, 4); angles of the joints, rad, (12,)."""
+    half = 0.5 * np.array([angles[link.joint] - link.reference for link in links])
+    turns = np.column_stack((np.cos(half), np.sin(half)[:, None] * np.array([link.axis for link in links])))
+    w, x, y, z = np.array([link.rotation for link in links]).T
+    return product((w, x, y, z), turns)

@@ -6,13 +6,10 @@ from contextlib import closing
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from live.recording.ring import Memory, Ring
-from live.recording.source import Source
+from live.recording.rows import Memory, Ring, Source
 
 NICE = 5
 """How far the simulation, and whatever else runs, goes first where cores are few."""
-MOST = 200
-"""Rows that become messages at a time."""
 
 
 def write(pipe: Connection, shared: Memory, path: Path, source: Source) -> None:
@@ -34,27 +31,23 @@ def write(pipe: Connection, shared: Memory, path: Path, source: Source) -> None:
 def _write(pipe: Connection, ring: Ring, path: Path, source: Source) -> None:
     from live.recording.files import BagFolder, McapFile  # here: the process that simulates needs none of it
     from live.recording.messages import Messages
-    from live.recording.standard import topics
 
     kind = McapFile if path.suffix == ".mcap" else BagFolder
     messages, written = Messages(source), 0
-    with closing(kind(path, topics(source))) as file:
+    with closing(kind(path, messages.topics)) as file:
         for message in messages.of_beginning():
             file.write(message)
         while True:
             news = _next(pipe)
             until, event = (ring.put, "") if news is None else news
-            while written < until:
-                end = min(written + MOST, until)
-                for message in messages.of_rows(ring.take(end)):
+            for _ in range(until - written):
+                for message in messages.of_row(ring.take()):
                     file.write(message)
-                written = end
+            written = until
             if news is None:
                 break
             if event:
                 file.write(messages.of_event(event))
-        for message in messages.of_end():
-            file.write(message)
 
 
 def _next(pipe: Connection) -> tuple[int, str] | None:

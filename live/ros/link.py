@@ -8,12 +8,11 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from live.ros.node import LARGEST_PACKET
 from quad_env.cli.command_line import UsageError
 
 START_TIMEOUT = 30.0
 """For the process to be a node, s."""
-LARGEST_PACKET = 65_536
-"""Bytes."""
 PACKETS_A_STEP = 500
 """Packets that are read in one go; a faster sender waits."""
 ENDING_TIME = 2.0

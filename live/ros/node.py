@@ -12,14 +12,33 @@ import socket
 import sys
 from typing import Any
 
-from live.ros.topics import CLOCK, IMU, JOINT_STATES, JOINT_TARGETS, LARGEST, NODE, RESET, VELOCITY
+JOINT_TARGETS = "/position_controller/command"
+"""Taken, std_msgs/Float64MultiArray: joint targets, rad, in the robot's joint order."""
+VELOCITY = "/cmd_vel"
+"""Taken, geometry_msgs/Twist: linear.x and linear.y, m/s, and angular.z, rad/s, are the command of a policy."""
+RESET = "/reset"
+"""Taken, std_msgs/Empty: a new episode from the home pose."""
+JOINT_STATES = "/joint_states"
+"""Given, sensor_msgs/JointState: rad, rad/s and N·m."""
+IMU = "/imu"
+"""Given, sensor_msgs/Imu: orientation, angular velocity and specific force of the trunk."""
+CLOCK = "/clock"
+"""Given, rosgraph_msgs/Clock: simulated time."""
+JOINT_STATE_PERIOD = 0.02
+"""s between two messages of `JOINT_STATES`; the others are given at every control step."""
+NODE = "simple_quad"
+"""Name of the node."""
+LARGEST = 256
+"""Numbers of a message that are handed on; of a longer one, which no robot wants, its size alone."""
+LARGEST_PACKET = 65_536
+"""Bytes."""
 
 
 def main(version: str, joints: list[str]) -> None:
     """Be a node until the simulation closes the socket."""
     link = socket.socket(fileno=os.dup(0))
     try:
-        transport = _transport(version, lambda why: _tell(link, {"ended": why}))
+        transport = _transport(version)(NODE, lambda why: _tell(link, {"ended": why}))
     except OSError as error:
         _tell(link, {"ended": str(error)})
         return
@@ -28,14 +47,14 @@ def main(version: str, joints: list[str]) -> None:
     os._exit(0)  # whatever threads ROS still has
 
 
-def _transport(version: str, ended: Any) -> Any:
+def _transport(version: str) -> Any:
     if version == "1":
         from live.ros.ros1 import Ros1
 
-        return Ros1(NODE, ended)
+        return Ros1
     from live.ros.ros2 import Ros2
 
-    return Ros2(NODE, ended)
+    return Ros2
 
 
 class Node:
@@ -59,7 +78,7 @@ class Node:
         """Publish what comes, until the simulation closes the socket."""
         while True:
             try:
-                data = self._link.recv(65_536)
+                data = self._link.recv(LARGEST_PACKET)
             except ConnectionResetError:
                 return
             if not data:

@@ -1,6 +1,5 @@
-"""Pictures of a session: the robots, the ghost of the command, arrows, footholds, and the place of the camera."""
+"""Pictures of a session: the robots, the ghost of the command, arrows, and the place of the camera."""
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,9 +10,8 @@ from numpy.typing import NDArray
 from evaluate.film.scene import Scene
 from evaluate.rollouts.observers import Step
 from live.session import Session
-from quad_env.physics.marks import Ball, Colour, Ghost, Mark
+from quad_env.physics.marks import Ghost, Mark
 from quad_env.physics.rendering import Viewpoint
-from quad_env.robots.similarity import scaled
 
 TURN, ZOOM = 0.4, 0.0015
 """Degrees a pixel that the mouse is dragged, and share of the distance a unit that its wheel is turned."""
@@ -22,11 +20,6 @@ DISTANCES = (0.4, 30.0)
 """m"""
 FOLLOWING = 0.15
 """Share of its way to the robot that the camera goes a frame up and down, so that it does not shake with the trunk."""
-FOOTHOLDS = 24
-"""Footholds of the first robot that stay to be seen."""
-_FOOTHOLD: Colour = (0.2, 0.45, 0.95, 0.8)
-_FOOTHOLD_RADIUS = 0.022
-"""m, of SimpleQuad."""
 _THREAD = 2
 """Marks of the ghost, which come first: itself and the thread to it."""
 
@@ -53,10 +46,6 @@ class Orbit(Viewpoint):
         x, y, z = robot
         return replace(self, target=(float(x), float(y), self.target[2] + FOLLOWING * (float(z) - self.target[2])))
 
-    def placed(self, robot: NDArray[np.float64]) -> "Orbit":
-        """At once there."""
-        return replace(self, target=(float(robot[0]), float(robot[1]), float(robot[2])))
-
 
 @dataclass(frozen=True)
 class Picture:
@@ -72,8 +61,6 @@ class Picture:
     orbit: Orbit
     marks: Sequence[Mark]
     """About the first robot."""
-    together: bool
-    """All robots in one picture, in colours of their own, instead of a picture each."""
     forces: bool
 
 
@@ -82,31 +69,22 @@ class ViewCamera:
 
     def __init__(self) -> None:
         self.orbit = Orbit()
-        self.together = False
-        """All robots in one picture."""
         self.forces = False
         """Forces of the first robot's contacts."""
         self.ghost = True
         """Where the first robot would be had it followed the command exactly since that was given."""
-        self._footholds: deque[Ball] = deque(maxlen=FOOTHOLDS)
-        self._command, self._touching = np.zeros(3), np.zeros(0, bool)
+        self._command = np.zeros(3)
 
     def __call__(self, step: Step) -> None:
         """Take note of a control step, or of the start of an episode."""
-        command, touching = step.infos["command"][0], step.infos["foot_contact"][0]
+        command = step.infos["command"][0]
         if step.number == 0:
-            self._footholds.clear()
-            self._scene = Scene(step)
-            self.orbit = self.orbit.placed(step.infos["position"][0])
-        elif not np.array_equal(command, self._command):
+            self.orbit = replace(self.orbit, target=tuple(step.infos["position"][0].tolist()))
+        if step.number == 0 or not np.array_equal(command, self._command):
             self._scene = Scene(step)
         else:
             self._scene.advance(step)
-        if step.number:
-            radius = scaled(step.env.robot, _FOOTHOLD_RADIUS, "m")
-            for place in step.infos["foot_position"][0][touching & ~self._touching]:
-                self._footholds.append(Ball(tuple(place.tolist()), radius, _FOOTHOLD))
-        self._command, self._touching = command.copy(), touching.copy()
+        self._command = command.copy()
 
     def picture(self, session: Session) -> Picture:
         """Of now."""
@@ -122,11 +100,6 @@ class ViewCamera:
             places=[self.orbit.target, *((float(x), float(y), height) for x, y, _ in positions[1:])],
             names=[policy.name for policy in session.policies],
             orbit=self.orbit,
-            marks=[*self._footholds, *marks],
-            together=self.together,
+            marks=marks,
             forces=self.forces,
         )
-
-    def follow(self, on: bool) -> None:
-        """Have the camera go along with the robots, or stay."""
-        self.orbit = replace(self.orbit, follow=on)

@@ -3,8 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
-from itertools import count
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +13,13 @@ from numpy.typing import ArrayLike
 import policies
 from evaluate.film.scene import heading
 from evaluate.rollouts import battery
-from evaluate.rollouts.hardware import Hardware
-from evaluate.rollouts.observers import Observer
+from evaluate.rollouts.hardware import IDEAL, Hardware
 from live.pace import Pace
 from live.recording.recorder import Recorder, recorder_for
 from live.session import Session
-from live.view.camera import Picture, ViewCamera
+from live.view.camera import Orbit, ViewCamera
 from live.view.requests import Request
-from live.view.telemetry import COLUMNS, Telemetry
+from live.view.telemetry import COLUMNS, Telemetry, rounded
 from policies.base import Policy, PolicyError
 from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
@@ -34,61 +32,57 @@ COMPANION = "trot"
 """Policy of the second robot, until it is given another."""
 
 
-@dataclass(frozen=True)
-class Start:
-    """What the view begins with."""
-
-    policies: Sequence[str]
-    """Names or paths, one a robot."""
-    scenario: str
-    hardware: Hardware
-    recordings: Path
-    """Folder of the recordings that are begun under way."""
-    seed: int = 0
-    command: Sequence[float] | None = None
-    """Held by hand, forward and left m/s, yaw rate rad/s; None leaves commands to the scenario."""
-    trust: bool = False
-
-
 class Driver:
     """Moves robots on in real time, and does what pages ask for.
+
+    Args:
+        names: names or paths of policies, one a robot.
+        scenario: name of the first.
+        command: held by hand, forward and left m/s, yaw rate rad/s; None leaves commands to the scenario.
+        trust: as `Hardware.policy` takes it.
 
     Raises:
         ValueError: there is no such scenario or policy, or policies that do not walk together.
     """
 
-    def __init__(self, start: Start) -> None:
-        self._start = start
+    def __init__(
+        self,
+        names: Sequence[str],
+        scenario: str = "flat",
+        hardware: Hardware = IDEAL,
+        *,
+        seed: int = 0,
+        command: Sequence[float] | None = None,
+        trust: bool = False,
+    ) -> None:
+        self._hardware, self._trust, self._first_scenario = hardware, trust, scenario
         self.paused = self._once = False
         self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
-        self._recording, self._path, self._required = ExitStack(), "", False
+        self._recording = ExitStack()
         self._recorder: Recorder | None = None
-        self.camera, self._telemetry = ViewCamera(), Telemetry(start.hardware.quadruped.rated_torque)
-        self._scenario = self._found(start.scenario)
-        self._offered = tuple(dict.fromkeys((*start.policies, *policies.names())))
-        self._companion = start.policies[1] if len(start.policies) > 1 else COMPANION
-        walkers = [self._policy(name) for name in start.policies]
-        self.session = self._begun(self._scenario, walkers, start.seed, start.command)
+        self.camera, self._telemetry = ViewCamera(), Telemetry(hardware.quadruped.rated_torque)
+        self._scenario = self._found(scenario)
+        self._offered = tuple(dict.fromkeys((*names, *policies.names())))
+        self._companion = names[1] if len(names) > 1 else COMPANION
+        self.session = self._begun(self._scenario, [self._policy(name) for name in names], seed, command)
         self._pace = Pace(self.session.env.dt)
-        self._does: dict[str, Callable[..., None]] = {
+        self._does: dict[str, Callable[..., object]] = {
             "steer": lambda forward, left, turn: self.session.steer((forward, left, turn)),
             "let_go": lambda: self.session.steer(None),
             "push": self._push,
             "policy": self._choose,
             "compare": self._compare,
             "scenario": lambda name: self._begin_with(self._found(name), self.session.policies),
-            "reset": self._reset,
-            "next": lambda: self._reset(self.session.seed + 1),
+            "reset": lambda seed: self.session.reset(seed),
+            "next": lambda: self.session.reset(),
             "pause": self._pause,
             "step": self._step_once,
             "speed": lambda factor: setattr(self._pace, "speed", factor),
-            "drag": lambda right, down: setattr(self.camera, "orbit", self.camera.orbit.dragged(right, down)),
-            "zoom": lambda wheel: setattr(self.camera, "orbit", self.camera.orbit.zoomed(wheel)),
-            "follow": self.camera.follow,
-            "together": lambda on: setattr(self.camera, "together", on),
+            "drag": lambda right, down: self._look(self.camera.orbit.dragged(right, down)),
+            "zoom": lambda wheel: self._look(self.camera.orbit.zoomed(wheel)),
+            "follow": lambda on: self._look(replace(self.camera.orbit, follow=on)),
             "forces": lambda on: setattr(self.camera, "forces", on),
             "ghost": lambda on: setattr(self.camera, "ghost", on),
-            "record": lambda on: self._record(self._free_path()) if on else self._stop_recording(),
         }
 
     def do(self, request: Request) -> None:
@@ -98,26 +92,15 @@ class Driver:
 
     def move(self) -> bool:
         """Move the robots on by a control step, once it is due; False while paused. OSError where the path of
-        `record` cannot be written; a recording that a page began ends then, and the robots walk on."""
+        `record` cannot be written."""
         if self.paused and not self._once:
             return False
-        if self._once:
-            self._once = False
-        else:
+        if not self._once:
             self._pace.wait()
-        try:
-            self.session.step()
-        except OSError as error:
-            if self._required:
-                raise
-            self._stop_recording()
-            self._events.append(f"the recording has ended: {error}")
-        self._telemetry.note(self.session.latest, self.session.policies[0])
+        self._once = False
+        self.session.step()
+        self._telemetry.note(self.session)
         return True
-
-    def picture(self) -> Picture:
-        """What there is to be seen now."""
-        return self.camera.picture(self.session)
 
     def offer(self) -> dict[str, Any]:
         """Choices of a page: names of policies and axes of scenarios; the robot, and the columns of rows."""
@@ -135,7 +118,6 @@ class Driver:
         """Present state, with rows and events since the last call."""
         session, camera, events = self.session, self.camera, list(self._events)
         self._events.clear()
-        held = session.command
         return {
             "time": round(session.latest.number * session.env.dt, 3),
             "scenario": self._scenario.name,
@@ -143,53 +125,32 @@ class Driver:
             "paused": self.paused,
             "speed": self._pace.speed,
             "measured": round(self._pace.measured, 3),
-            "recording": self._path,
-            "by_hand": held is not None,
-            "command": [
-                round(float(value), 3) for value in (session.latest.infos["command"][0] if held is None else held)
-            ],
-            "together": camera.together,
+            "by_hand": session.command is not None,
+            "command": rounded(session.latest.infos["command"][0] if session.command is None else session.command),
             "forces": camera.forces,
             "ghost": camera.ghost,
             "follow": camera.orbit.follow,
-            "robots": self._telemetry.robots(session.policies),
+            "robots": self._telemetry.robots(session),
             "rows": self._telemetry.rows(),
             "events": events,
         }
 
     def record(self, path: Path) -> None:
         """Record into that path from now on. Raises as `recorder_for`."""
-        self._record(path)
-        self._required = True
+        self._recorder = self._recording.enter_context(recorder_for(path, self.session.policies[0]))
+        self.session.observers.append(self._recorder)
 
     def close(self) -> None:
         """Finish the recording and free the simulation. OSError where the recording cannot be finished."""
         try:
-            self._stop_recording()
+            self._recording.close()
         finally:
             self.session.close()
 
-    def _record(self, path: Path) -> None:
-        self._stop_recording()
-        with ExitStack() as stack:
-            recorder = stack.enter_context(recorder_for(path, self.session.policies[0]))
-            stack.callback(lambda: self.session.observers.remove(recorder))
-            self.session.observers.append(recorder)
-            self._recording, self._recorder = stack.pop_all(), recorder
-        self._path, self._required = str(path), False
-        self._events.append(f"recording into {path}")
-
-    def _stop_recording(self) -> None:
-        path, self._path, self._recorder = self._path, "", None
-        self._recording.close()
-        if path and Path(path).exists():  # which it does not before the first step
-            self._events.append(f"recorded {path}")
-
     def _begun(self, scenario: Scenario, walkers: Sequence[Policy], seed: int, command: ArrayLike | None) -> Session:
         """A session with its observers."""
-        watching: list[Observer] = [self.camera, self._telemetry]
-        hardware = self._start.hardware
-        session = Session(walkers, scenario, seed=seed, command=command, hardware=hardware, observers=watching)
+        hardware = self._hardware
+        session = Session(walkers, scenario, seed=seed, command=command, hardware=hardware, observers=[self.camera])
         session.listeners.append(self._note)
         return session
 
@@ -197,13 +158,12 @@ class Driver:
         """The same seed and command on another scenario, or with other robots."""
         before = self.session
         session = self._begun(scenario, walkers, before.seed, before.command)
-        others = [observer for observer in before.observers if observer not in session.observers]
-        session.observers.extend(others)
         self.session, self._scenario = session, scenario
         before.close()
         session.tell(f"{scenario.name}, {' and '.join(policy.name for policy in walkers)}")
-        for observer in others:
-            observer(session.latest)
+        if self._recorder is not None:
+            session.observers.append(self._recorder)
+            self._recorder(session.latest)
 
     def _note(self, event: str) -> None:
         """Report an intervention to the page and the recording, such as another first policy."""
@@ -213,12 +173,12 @@ class Driver:
             self._recorder.event(event)
 
     def _found(self, name: str) -> Scenario:
-        if battery.of_file(name) and name != self._start.scenario:
+        if battery.of_file(name) and name != self._first_scenario:
             raise ValueError(f"{name}: a scenario in a file is named when the view is started, with --scenario")
-        return battery.one(name, self._start.hardware.quadruped)
+        return battery.one(name, self._hardware.quadruped)
 
     def _policy(self, name: str) -> Policy:
-        return self._start.hardware.policy(name, self._start.trust)
+        return self._hardware.policy(name, self._trust)
 
     def _choose(self, robot: int, name: str) -> None:
         if robot >= len(self.session.policies):
@@ -241,8 +201,8 @@ class Driver:
         towards = heading(self.session.latest) + np.radians(direction)
         self.session.push(impulse / PUSH_TIME * np.array([np.cos(towards), np.sin(towards)]), PUSH_TIME)
 
-    def _reset(self, seed: int) -> None:
-        self.session.reset(seed)
+    def _look(self, orbit: Orbit) -> None:
+        self.camera.orbit = orbit
 
     def _pause(self, on: bool) -> None:
         self.paused = on
@@ -250,9 +210,3 @@ class Driver:
 
     def _step_once(self) -> None:
         self.paused = self._once = True
-
-    def _free_path(self) -> Path:
-        """A file that is not there yet."""
-        called = f"{self._scenario.name}-{self.session.policies[0].name}".replace("/", "_").replace(":", "_")
-        paths = (self._start.recordings / f"{called}-{number}.mcap" for number in count(1))
-        return next(path for path in paths if not path.exists())

@@ -9,7 +9,6 @@ from typing import Any
 
 from live.view.driver import Driver
 from live.view.painter import Painter
-from live.view.quality import Quality
 from live.view.requests import Request, RequestError, parse
 from live.view.server import Receive, Server
 from quad_env.cli.command_line import UsageError
@@ -32,7 +31,7 @@ Serve = Callable[[Receive], Server]
 class LiveView:
     """Robots that walk where pages steer them, until Ctrl-C."""
 
-    def __init__(self, driver: Driver, serve: Serve, quality: Quality) -> None:
+    def __init__(self, driver: Driver, serve: Serve, quality: str) -> None:
         self._driver, self._offer = driver, json.dumps({"kind": "offer", **driver.offer()})
         self._todo: queue.Queue[Request] = queue.Queue(WAITING)
         self._frame_due = self._telling_due = 0.0
@@ -70,7 +69,7 @@ class LiveView:
     def _show(self, now: float) -> None:
         """Draw and report what is due."""
         if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
-            self._painter.hand(self._driver.picture())
+            self._painter.hand(self._driver.camera.picture(self._driver.session))
             self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
         if now >= self._telling_due and self.server.watched:
             self.server.tell(json.dumps(self._state(now)))

@@ -1,22 +1,32 @@
-"""Painter: a thread that draws the newest picture it was handed, while the simulation goes on."""
+"""Painter: a thread that draws the picture it was handed, while the simulation goes on."""
 
 import io
-import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
 
 from live.view.camera import Picture
-from live.view.last_value import LastValue
-from live.view.quality import Level, Quality
-from quad_env.physics.marks import COMPANIONS, Colour
 from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80
 _INK, _EDGE = (255, 255, 255), (30, 34, 38)
+
+
+@dataclass(frozen=True)
+class Quality:
+    """A size and whether frames have shadows and smooth edges."""
+
+    width: int
+    height: int
+    fine: bool
+
+
+QUALITIES = {"low": Quality(640, 400, False), "middle": Quality(960, 600, False), "high": Quality(960, 600, True)}
+"""From what a processor draws to what only graphics hardware does fast enough."""
 
 
 class Painter:
@@ -24,78 +34,74 @@ class Painter:
 
     Args:
         show: given each file, in that thread.
-        quality: how finely it draws.
+        quality: how finely it draws, a name of `QUALITIES`.
     """
 
-    def __init__(self, show: Callable[[bytes], None], quality: Quality) -> None:
-        self._show, self._quality = show, quality
-        self._cameras: dict[tuple[int, Level], Camera] = {}
+    def __init__(self, show: Callable[[bytes], None], quality: str) -> None:
+        self._show, self._quality = show, QUALITIES[quality]
+        self._cameras: dict[tuple[int, int], Camera] = {}
         self._model: Any = None
         self.failure: str | None = None
         """Why nothing can be drawn, once that is known."""
         self.drawn = 0
         """Frames so far."""
-        self._thread: LastValue[Picture] = LastValue("painter", self._take, self._forget)
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="painter")
+        self._work: Future[None] | None = None
 
     @property
     def idle(self) -> bool:
-        """Whether it has drawn all that it was handed."""
-        return self._thread.idle
+        """Whether it can draw and has drawn what it was handed."""
+        return self.failure is None and (self._work is None or self._work.done())
 
     def hand(self, picture: Picture) -> None:
-        """Have that drawn next, instead of what was not begun yet."""
-        self._thread.hand(picture)
+        """Have that drawn."""
+        self._work = self._thread.submit(self._take, picture)
 
     def close(self) -> None:
         """End the thread and free what it draws with."""
-        self._thread.close()
+        self._thread.submit(self._forget)
+        self._thread.shutdown()
 
-    def _take(self, picture: Picture) -> bool:
+    def _take(self, picture: Picture) -> None:
         try:
-            start = time.perf_counter()
             file = self._paint(picture)
-            self._quality.took(time.perf_counter() - start)
         except Exception as error:  # whatever the graphics driver fails with
             self.failure = f"nothing can be drawn here ({type(error).__name__}: {error})"
-            return False
+            return
         self.drawn += 1
         self._show(file)
-        return True
 
     def _paint(self, picture: Picture) -> bytes:
         if picture.model is not self._model:
             self._forget()
             self._model = picture.model
-        shown = [picture.robots] if picture.together else [[robot] for robot in picture.robots]
-        level = self._quality.level
-        part = Level(level.width // len(shown), level.height, level.fine)
+        count, orbit = len(picture.robots), picture.orbit
         frames = []
-        for number, robots in enumerate(shown):
-            marks = picture.marks if number == 0 else ()
-            orbit = picture.orbit
+        for number, robot in enumerate(picture.robots):
             target = picture.places[number] if orbit.follow else orbit.target
-            distance = orbit.distance * len(shown) ** 0.5  # narrower pictures show as much
-            frame = self._camera(number, part).draw(
-                robots[0],
-                marks=marks,
-                others=robots[1:],
+            distance = orbit.distance * count**0.5  # narrower pictures show as much
+            frame = self._camera(number, count).draw(
+                robot,
+                marks=picture.marks if number == 0 else (),
                 viewpoint=replace(orbit, target=target, distance=distance),
                 forces=picture.forces,
             )
             frames.append(frame)
         image = Image.fromarray(np.concatenate(frames, axis=1))
-        if len(picture.robots) > 1:
-            _label(image, picture)
+        if count > 1:
+            _label(image, picture.names)
         buffer = io.BytesIO()
         image.save(buffer, "jpeg", quality=JPEG_QUALITY)
         return buffer.getvalue()
 
-    def _camera(self, number: int, level: Level) -> Camera:
-        if (number, level) not in self._cameras:
-            if any(known != level for _, known in self._cameras):
+    def _camera(self, number: int, count: int) -> Camera:
+        """That of one of so many pictures side by side."""
+        if (number, count) not in self._cameras:
+            if any(known != count for _, known in self._cameras):
                 self._forget()
-            self._cameras[number, level] = Camera(self._model, level.width, level.height, None, fine=level.fine)
-        return self._cameras[number, level]
+            width, height, fine = self._quality.width // count, self._quality.height, self._quality.fine
+            self._cameras[number, count] = Camera(self._model, width, height, None, fine=fine)
+        return self._cameras[number, count]
 
     def _forget(self) -> None:
         for camera in self._cameras.values():
@@ -103,16 +109,9 @@ class Painter:
         self._cameras.clear()
 
 
-def _label(image: Image.Image, picture: Picture) -> None:
+def _label(image: Image.Image, names: Sequence[str]) -> None:
     """Name the robots where they are."""
     draw, size = ImageDraw.Draw(image), image.height // 25
-    width = 0 if picture.together else image.width // len(picture.names)
-    for number, name in enumerate(picture.names):
-        place = (size / 2, size * (0.5 + 1.3 * number)) if picture.together else (number * width + size / 2, size / 2)
-        fill = _rgb(COMPANIONS[number - 1]) if picture.together and number else _INK
-        draw.text(place, name, fill=fill, font_size=size, stroke_width=2, stroke_fill=_EDGE)
-
-
-def _rgb(colour: Colour) -> tuple[int, int, int]:
-    red, green, blue, _ = (round(255 * part) for part in colour)
-    return red, green, blue
+    for number, name in enumerate(names):
+        place = number * image.width // len(names) + size / 2, size / 2
+        draw.text(place, name, fill=_INK, font_size=size, stroke_width=2, stroke_fill=_EDGE)

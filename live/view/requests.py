@@ -41,10 +41,8 @@ def parse(text: str) -> Request:
     if given["do"] not in REQUESTS:
         raise RequestError(f"nothing is called {given['do'][:40]!r}; there are {', '.join(REQUESTS)}")
     wanted = REQUESTS[given["do"]]
-    if unknown := sorted(set(given) - set(wanted) - {"do"}):
-        raise RequestError(f"{given['do']} takes {', '.join(wanted) or 'nothing'}, not {unknown[0][:40]!r}")
-    if missing := [name for name in wanted if name not in given]:
-        raise RequestError(f"{given['do']} lacks {missing[0]}")
+    if set(given) - {"do"} != set(wanted):
+        raise RequestError(f"{given['do']} takes {', '.join(wanted) or 'nothing else'}")
     return Request(given["do"], {name: check(name, given[name]) for name, check in wanted.items()})
 
 
@@ -52,22 +50,13 @@ def _no_constant(name: str) -> float:
     raise ValueError(name)
 
 
-def _number(low: float, high: float) -> Callable[[str, Any], float]:
-    def check(name: str, value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise RequestError(f"{name} is a number")
-        if not low <= value <= high:
-            raise RequestError(f"{name} lies between {low:g} and {high:g}")
-        return float(value)
+def _number(low: float, high: float, kinds: Any = int | float) -> Callable[[str, Any], Any]:
+    what = "whole number" if kinds is int else "number"
 
-    return check
-
-
-def _whole(low: int, high: int) -> Callable[[str, Any], int]:
-    def check(name: str, value: Any) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise RequestError(f"{name} is a whole number between {low} and {high}")
-        return value
+    def check(name: str, value: Any) -> Any:
+        if isinstance(value, bool) or not isinstance(value, kinds) or not low <= value <= high:
+            raise RequestError(f"{name} is a {what} between {low:g} and {high:g}")
+        return value if kinds is int else float(value)
 
     return check
 
@@ -89,10 +78,10 @@ REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "steer": {"forward": _SPEED, "left": _SPEED, "turn": _SPEED},
     "let_go": {},
     "push": {"direction": _number(-360.0, 360.0), "impulse": _number(0.0, LARGEST_IMPULSE)},
-    "policy": {"robot": _whole(0, MOST_ROBOTS - 1), "name": _name},
+    "policy": {"robot": _number(0, MOST_ROBOTS - 1, int), "name": _name},
     "compare": {"on": _flag},
     "scenario": {"name": _name},
-    "reset": {"seed": _whole(0, LARGEST_SEED)},
+    "reset": {"seed": _number(0, LARGEST_SEED, int)},
     "next": {},
     "pause": {"on": _flag},
     "step": {},
@@ -100,10 +89,8 @@ REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "drag": {"right": _PIXELS, "down": _PIXELS},
     "zoom": {"wheel": _PIXELS},
     "follow": {"on": _flag},
-    "together": {"on": _flag},
     "forces": {"on": _flag},
     "ghost": {"on": _flag},
-    "record": {"on": _flag},
 }
 """Arguments of each request, with what checks them: m/s and rad/s, degrees from straight ahead to the left, N·s,
 pixels."""

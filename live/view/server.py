@@ -12,7 +12,7 @@ import urllib.parse
 from collections.abc import Callable
 from pathlib import Path
 
-from websockets.asyncio.server import ServerConnection, serve
+from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
@@ -26,8 +26,6 @@ _QUIET.setLevel(logging.CRITICAL)  # invalid connections print nothing in the te
 LARGEST_MESSAGE = 4096
 """Bytes; a page that sends more is disconnected."""
 MOST_PAGES = 8
-KEPT_TELLINGS = 40
-"""Tellings that a slow page may be behind before the oldest are left out."""
 DRAWN = "drawn"
 """What a page says when it has shown a frame and can take the next."""
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in KINDS} | {"/": PAGE / "index.html"}
@@ -70,7 +68,8 @@ class Server:
         self.host, self.port = self._socket.getsockname()[:2]
         """Where it listens."""
         self.token = "" if is_loopback(self.host) else secrets.token_urlsafe(16)
-        self._pages: dict[ServerConnection, _Page] = {}
+        self._pages: dict[ServerConnection, bool] = {}
+        """Whether each page waits for a frame."""
         self._stop: asyncio.Event | None = None
         self._ready = threading.Event()
         self.wanted = threading.Event()
@@ -96,21 +95,22 @@ class Server:
 
     def tell(self, text: str) -> None:
         """Send a text to every page."""
-        self._in_its_thread(lambda: self._each(lambda page: page.tell(text)))
+        self._in_its_thread(lambda: broadcast(self._pages, text))
 
     def show(self, frame: bytes) -> None:
         """Send a frame to every page that waits for one."""
         self.wanted.clear()
-        self._in_its_thread(lambda: self._each(lambda page: page.show(frame)))
+        self._in_its_thread(lambda: self._show(frame))
 
     def close(self) -> None:
         """Take leave of the pages and free the port."""
         self._in_its_thread(lambda: self._stop.set() if self._stop else None)
         self._thread.join(timeout=5.0)
 
-    def _each(self, call: Callable[["_Page"], None]) -> None:
-        for page in self._pages.values():
-            call(page)
+    def _show(self, frame: bytes) -> None:
+        waiting = [page for page, waits in self._pages.items() if waits]
+        self._pages |= dict.fromkeys(waiting, False)
+        broadcast(waiting, frame)
 
     def _in_its_thread(self, call: Callable[[], object]) -> None:
         with contextlib.suppress(RuntimeError):  # it has ended
@@ -173,56 +173,21 @@ class Server:
         if len(self._pages) >= MOST_PAGES:
             await connection.close(1013, "too many pages")
             return
-        page = self._pages[connection] = _Page(connection, self.wanted)
-        sender = asyncio.create_task(page.send())
-        self.wanted.set()
+        self._waits(connection)
         try:
             async for message in connection:
                 if message == DRAWN:
-                    page.drawn()
-                elif (answer := self._receive(message) if isinstance(message, str) else None) is not None:
-                    page.tell(answer)
+                    self._waits(connection)
+                elif isinstance(message, str) and (answer := self._receive(message)) is not None:
+                    await connection.send(answer)
         except ConnectionClosed:
             pass
         finally:
-            sender.cancel()
             del self._pages[connection]
 
-
-class _Page:
-    """What one page is still to be sent: tellings in order, and the newest frame."""
-
-    def __init__(self, connection: ServerConnection, wanted: threading.Event) -> None:
-        self._connection, self._wanted = connection, wanted
-        self._tellings: list[str] = []
-        self._frame: bytes | None = None
-        self._waits = True
-        self._news = asyncio.Event()
-
-    def tell(self, text: str) -> None:
-        self._tellings = [*self._tellings[-KEPT_TELLINGS + 1 :], text]
-        self._news.set()
-
-    def show(self, frame: bytes) -> None:
-        if self._waits:
-            self._frame, self._waits = frame, False
-            self._news.set()
-
-    def drawn(self) -> None:
-        self._waits = True
-        self._wanted.set()
-
-    async def send(self) -> None:
-        """Send what there is, as it comes, until the page is gone."""
-        with contextlib.suppress(ConnectionClosed):
-            while await self._news.wait():
-                self._news.clear()
-                tellings, self._tellings = self._tellings, []
-                for text in tellings:
-                    await self._connection.send(text)
-                if self._frame is not None:
-                    frame, self._frame = self._frame, None
-                    await self._connection.send(frame)
+    def _waits(self, page: ServerConnection) -> None:
+        self._pages[page] = True
+        self.wanted.set()
 
 
 def is_loopback(host: str) -> bool:

@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 
 from evaluate.film.scene import headings
-from evaluate.rollouts.observers import Step
-from live.outcome import OutcomeSoFar
-from live.session import failure_of
+from live.session import Session
 from policies.base import Policy
 from quad_env.config import FALL_REASONS
 from quad_env.task.rewards import REWARD
@@ -22,31 +20,25 @@ KEPT_ROWS = 600
 
 
 class Telemetry:
-    """Observer that keeps the rows of the first robot until they are sent."""
+    """Keeps the rows of the first robot until they are sent."""
 
     def __init__(self, torque_limit: float) -> None:
         self._torque_limit = torque_limit
         self._rows: deque[list[Any]] = deque(maxlen=KEPT_ROWS)
-        self._outcome = OutcomeSoFar()
 
-    def __call__(self, step: Step) -> None:
-        """Take note of a control step, or of the start of an episode."""
-        self._outcome(step)
-        self._step = step
-        if step.number == 0:
+    def note(self, session: Session) -> None:
+        """Keep the row of the control step just taken; only those of one episode are kept."""
+        step, infos = session.latest, session.latest.infos
+        if step.number == 1:
             self._rows.clear()
-
-    def note(self, step: Step, policy: Policy) -> None:
-        """Keep the row of a control step."""
-        infos = step.infos
         row = [
             round(step.number * step.env.dt, 4),
-            _rounded(infos["command"][0]),
-            _rounded(infos["heading_velocity"][0]),
+            rounded(infos["command"][0]),
+            rounded(infos["heading_velocity"][0]),
             [int(contact) for contact in infos["foot_contact"][0]],
             round(float(np.abs(infos["joint_torque"][0]).max()) / self._torque_limit, 3),
             round(sum(float(values[0]) for name, values in infos.items() if name.startswith(REWARD)), 4),
-            _correction(policy),
+            _correction(session.policies[0]),
         ]
         self._rows.append(row)
 
@@ -56,34 +48,39 @@ class Telemetry:
         self._rows.clear()
         return rows
 
-    def robots(self, policies: list[Policy]) -> list[dict[str, Any]]:
+    def robots(self, session: Session) -> list[dict[str, Any]]:
         """Present state of each robot."""
-        infos, outcomes = self._step.infos, self._outcome.words()
-        heading = np.degrees(headings(self._step))
+        infos, heading = session.latest.infos, np.degrees(headings(session.latest))
         return [
             {
                 "policy": policy.name,
-                "outcome": outcomes[number],
-                "fall": FALL_REASONS[infos["fall"][number]] if infos["fall"][number] else "",
-                "position": _rounded(infos["position"][number]),
+                "state": _state(infos["fall"][number], infos["diverged"][number]),
+                "position": rounded(infos["position"][number]),
                 "heading": round(float(heading[number]), 1),
                 "height": round(float(infos["height"][number]), 3),
                 "tilt": round(float(np.degrees(infos["tilt"][number])), 1),
-                "velocity": _rounded(infos["heading_velocity"][number]),
+                "velocity": rounded(infos["heading_velocity"][number]),
                 "torque": round(float(np.abs(infos["joint_torque"][number]).max()) / self._torque_limit, 3),
                 "correction": _correction(policy),
-                "failure": failure_of(policy),
+                "failure": (getattr(policy, "failure", None) or [None])[0] or "",
                 "rewards": {
                     name.removeprefix(REWARD): round(float(values[number]), 4)
                     for name, values in infos.items()
                     if name.startswith(REWARD)
                 },
             }
-            for number, policy in enumerate(policies)
+            for number, policy in enumerate(session.policies)
         ]
 
 
-def _rounded(values: Any) -> list[float]:
+def _state(fall: int, diverged: bool) -> str:
+    if diverged:
+        return "diverged"
+    return f"fell: {FALL_REASONS[fall]}" if fall else "upright"
+
+
+def rounded(values: Any) -> list[float]:
+    """Numbers as a page needs them."""
     return [round(float(value), 3) for value in values]
 
 

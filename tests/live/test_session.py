@@ -9,19 +9,20 @@ from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from live.session import CHANGE, Session
 from policies.base import PolicyError
+from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def session(*names: str, scenario: str = "flat", seed: int = 3) -> Session:
     return Session([policies.make(name) for name in names], scenario, seed=seed)
 
 
-@pytest.mark.parametrize("scenario", ["push", "rough"])
-def test_left_alone_it_is_the_episode_of_the_rollout_to_the_bit(scenario: str) -> None:
+def test_left_alone_it_is_the_episode_of_the_rollout_to_the_bit() -> None:
+    scenario = "push=42+rough=0.1"
     told: list[Step] = []
-    roll_out(policies.make("trot"), scenario, np.array([3]), told.append, steps=150, terminate_on_fall=False)
+    roll_out(policies.make("trot"), scenario, np.array([3]), told.append, steps=80, terminate_on_fall=False)
     steps: list[Step] = []
     live = Session([policies.make("trot")], scenario, seed=3, observers=[steps.append])
-    for _ in range(150):
+    for _ in range(80):
         live.step()
     live.close()
     assert [step.number for step in steps] == [step.number for step in told]
@@ -32,7 +33,7 @@ def test_left_alone_it_is_the_episode_of_the_rollout_to_the_bit(scenario: str) -
 
 def test_robots_side_by_side_have_the_same_episode() -> None:
     live = session("trot", "trot", "stand", scenario="push")
-    for _ in range(120):
+    for _ in range(60):
         live.step()
     position = live.latest.infos["position"]
     assert np.array_equal(position[0], position[1])
@@ -73,7 +74,7 @@ def test_a_command_by_hand_outlives_a_reset_until_it_is_given_back() -> None:
 def test_a_policy_chosen_under_way_takes_over_without_a_jump() -> None:
     live = session("trot", "trot")
     live.steer((0.6, 0.0, 0.0))
-    for _ in range(137):
+    for _ in range(67):
         live.step()
     live.choose(1, policies.make("residual"))
     actions = [live.latest.action, *(live.step().action for _ in range(12))]
@@ -83,20 +84,11 @@ def test_a_policy_chosen_under_way_takes_over_without_a_jump() -> None:
     assert change[[0, 12]] == pytest.approx(0.0, abs=1e-6)  # rad, of the first targets of each
     assert change.max() < 0.25  # walking changes targets by up to 0.18 rad a step
     assert live.policies[1].name == "trot_integral"
-    for _ in range(200):
-        live.step()
-    assert not live.latest.infos["fall"].any()
-    live.close()
-
-
-def test_once_it_has_taken_over_its_targets_are_its_own() -> None:
-    live = session("trot")
-    for _ in range(50):
-        live.step()
-    live.choose(0, policies.make("stand"))
+    live.choose(1, policies.make("stand"))
     for _ in range(round(CHANGE / live.env.dt) + 1):
         live.step()
-    assert np.array_equal(live.latest.action, policies.make("stand").act(live.latest.observation))
+    assert np.array_equal(live.latest.action[1], np.float32(SIMPLE_QUAD.home_pose))  # its own, once it has taken over
+    assert not live.latest.infos["fall"].any()
     live.close()
 
 
@@ -108,9 +100,6 @@ def test_a_policy_of_another_robot_is_refused_and_nothing_has_changed() -> None:
     live.close()
     with pytest.raises(ValueError, match="at least one"):
         Session([])
-
-
-def test_policies_with_different_observations_are_refused() -> None:
     sighted = policies.make("stand")
     sighted.height_scan = quad_env.HeightScan()
     with pytest.raises(PolicyError, match="other ground heights"):

@@ -24,10 +24,10 @@ def test_links_are_where_mujoco_has_their_joints_and_sites(distorted: bool) -> N
     data = mujoco.MjData(model)
     data.qpos[7:] = rng.normal(size=12)
     mujoco.mj_kinematics(model, data)
-    links = links_of(model, SIMPLE_QUAD)
+    links = links_of(model, data, SIMPLE_QUAD)
     moving = [link for link in links if link.joint is not None]
     turns = {link.name: link.rotation for link in links}
-    turns |= dict(zip((link.name for link in moving), rotations(moving, data.qpos[None, 7:])[0], strict=True))
+    turns |= dict(zip((link.name for link in moving), rotations(moving, data.qpos[7:]), strict=True))
     tree = {link.name: link for link in links}
     assert [link.joint for link in moving] == list(range(12))
 

@@ -112,15 +112,13 @@ function stated(state) {
   if (here || first) {
     [command.forward, command.left, command.turn] = state.command;
     sliders();
-    for (const id of ["together", "forces", "ghost", "follow"]) at(id).checked = state[id];
+    for (const id of ["forces", "ghost", "follow"]) at(id).checked = state[id];
     at("compare").checked = state.robots.length > 1;
     at("speed").value = Math.round(Math.log2(state.speed));
     state.robots.forEach(({ policy }, number) => name_policy(at(`policy-${number}`), policy));
   }
   at("second").hidden = state.robots.length < 2;
   at("pause").textContent = state.paused ? "go on" : "pause";
-  at("record").textContent = state.recording ? "stop recording" : "record";
-  at("recording").textContent = state.recording;
   at("speed-value").textContent = `${state.speed} ×`;
   at("clock").textContent = `${state.time.toFixed(2)} s, ${state.scenario}, seed ${state.seed}${state.paused ? ", paused" : ""}`;
   at("rate").textContent = `${state.measured.toFixed(2)} × real time, ${state.frames} frames/s`;
@@ -136,14 +134,14 @@ function name_policy(select, name) {
   select.value = name;
 }
 
-const HEADS = ["robot", "outcome so far", "forward", "left", "turning", "x, m", "y, m", "heading", "height", "tilt", "torque", "correction"];
+const HEADS = ["robot", "state", "forward", "left", "turning", "x, m", "y, m", "heading", "height", "tilt", "torque", "correction"];
 
 function table({ robots }) {
   const rows = robots.map((robot, number) => {
     const share = (value) => (value === null ? "–" : `${Math.round(100 * value)} %`);
     const cells = [
       robot.policy,
-      [robot.outcome, robot.fall, robot.failure && `the policy has failed: ${robot.failure}`].filter(Boolean).join(": "),
+      robot.failure ? `${robot.state}; the policy has failed: ${robot.failure}` : robot.state,
       ...robot.velocity.map((value) => value.toFixed(2)),
       robot.position[0].toFixed(2),
       robot.position[1].toFixed(2),
@@ -160,7 +158,7 @@ function table({ robots }) {
         const cell = document.createElement("td");
         cell.textContent = text;
         cell.dataset.name = HEADS[column];
-        if (column === 1 && (robot.failure || ["fell", "diverged"].includes(robot.outcome))) cell.className = "bad";
+        if (column === 1 && (robot.failure || robot.state !== "upright")) cell.className = "bad";
         return cell;
       }),
     );
@@ -253,7 +251,7 @@ for (const [id, unit] of [["direction", "°"], ["impulse", " N·s"]]) {
   tell();
 }
 for (const number of [0, 1]) at(`policy-${number}`).onchange = ({ target }) => send("policy", { robot: number, name: target.value });
-for (const id of ["together", "forces", "ghost", "follow", "compare"]) {
+for (const id of ["forces", "ghost", "follow", "compare"]) {
   at(id).onchange = ({ target }) => {
     set = performance.now();
     send(id, { on: target.checked });
@@ -278,7 +276,6 @@ at("speed").oninput = ({ target }) => {
   set = performance.now();
   send("speed", { factor: 2 ** Number(target.value) });
 };
-at("record").onclick = () => send("record", { on: !told?.recording });
 
 const frame = at("frame");
 frame.onpointerdown = (event) => {

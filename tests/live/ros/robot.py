@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+import policies
 from live.ros import interpreter
 from quad_env.cli.command_line import UsageError
 from quad_env.physics.state import rotation_matrix
@@ -40,6 +40,15 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def march(path: Path) -> np.ndarray:
+    """Write joint targets of `document_repaired`, which is blind, into a file for nodes; the same, (n, 12), rad."""
+    policy, shown = policies.make("document_repaired"), np.zeros(48, np.float32)
+    policy.reset()
+    targets = np.array([policy.act(shown) for _ in range(1000)])
+    path.write_text(json.dumps(targets.tolist()), encoding="utf-8")
+    return targets
 
 
 class Robot:
@@ -79,12 +88,11 @@ class Robot:
             assert self.process.poll() is None, f"it ended: {self.said}"
             time.sleep(0.02)
 
-    def node(self, name: str, *arguments: str, before: Sequence[str] = (), **variables: str) -> Node:
-        """A node of `nodes`, run by the Python that has ROS, as its user would on the same machine; by a command that
-        stands before it."""
-        command = [*before, self.python, str(NODES / f"{name}.py"), *arguments]
+    def node(self, name: str, *arguments: str) -> Node:
+        """A node of `nodes`, run by the Python that has ROS, as its user would on the same machine."""
+        command = [self.python, str(NODES / f"{name}.py"), *arguments]
         here = {"ROS_IP": "127.0.0.1", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        return subprocess.Popen(command, env=self.environment | here | variables, stderr=subprocess.DEVNULL)
+        return subprocess.Popen(command, env=self.environment | here, stderr=subprocess.DEVNULL)
 
     def ports(self) -> list[int]:
         """Ports that the process which speaks ROS listens on."""

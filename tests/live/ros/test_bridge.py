@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 import policies
-from live.ros.bridge import Bridge
-from live.ros.driven import JOIN_TIME, Driven
-from live.ros.topics import IMU, JOINT_STATES, JOINT_TARGETS, RESET, VELOCITY
+from live.ros.bridge import HOME_TIME, JOIN_TIME, Bridge, Driven
+from live.ros.node import IMU, JOINT_STATES, JOINT_TARGETS, RESET, VELOCITY
 from live.session import Session
 from policies.base import Policy
-from policies.behaviour.motion import HOLD_TIME
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 HOME = SIMPLE_QUAD.home_pose
@@ -85,59 +83,39 @@ def test_targets_are_joined_without_a_jump_and_then_followed_to_the_bit(driven: 
     np.testing.assert_array_equal(driven.targets, np.float32(other))
 
 
-def test_after_a_fifth_of_a_second_of_silence_the_robot_goes_home_and_says_so(driven: Scene) -> None:
+def test_after_a_fifth_of_a_second_of_silence_the_robot_goes_home_until_messages_come_again(driven: Scene) -> None:
     drive(driven, CROUCHED, 40)
+    for _ in range(2):  # a gap shorter than that is no silence
+        driven.step(20)
+        drive(driven, CROUCHED, 1)
     driven.step(20)
     np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
     assert not any("nothing good" in line for line in driven.said)
     driven.step()
     assert driven.said[-1].startswith(f"nothing good on {JOINT_TARGETS} for 0.2 s: the robot returns to its standing")
     assert (driven.targets != np.float32(CROUCHED)).any()
-    driven.step(round(HOLD_TIME / 0.01))
+    driven.step(round(HOME_TIME / 0.01))
     np.testing.assert_allclose(driven.targets, HOME, atol=1e-6)
-    driven.step(100)
+    driven.step(40)
     np.testing.assert_allclose(driven.session.latest.infos["joint_position"][0], HOME, atol=0.05)
     assert sum("nothing good" in line for line in driven.said) == 1
-
-
-def test_when_messages_come_again_the_robot_goes_on(driven: Scene) -> None:
-    drive(driven, CROUCHED, 40)
-    driven.step(100)
     drive(driven, CROUCHED, 40)
     np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
     assert [line for line in driven.said if line.endswith("is followed")] == 2 * [f"{JOINT_TARGETS} is followed"]
 
 
-def test_a_gap_shorter_than_the_patience_is_no_silence(driven: Scene) -> None:
-    for _ in range(10):
-        driven.send(CROUCHED)
-        driven.step(20)
-    assert driven.said == [f"{JOINT_TARGETS} is followed"]
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        np.zeros(11),
-        np.zeros(13),
-        np.zeros(0),
-        np.append(HOME[:11], np.nan),
-        np.append(HOME[:11], np.inf),
-    ],
-)
-def test_a_bad_message_is_refused_and_changes_nothing(driven: Scene, bad: np.ndarray) -> None:
+def test_bad_messages_are_refused_and_count_as_silence_whose_reason_counts_them(driven: Scene) -> None:
     drive(driven, CROUCHED, 40)
-    driven.send(bad)
-    driven.send(bad)
-    driven.step()
-    np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
-    assert driven.bridge.refusals.count(JOINT_TARGETS) == 2
-    assert sum("refused" in line for line in driven.said) == 1
-
-
-def test_bad_messages_are_silence_and_the_reason_counts_them(driven: Scene) -> None:
-    drive(driven, CROUCHED, 40)
-    drive(driven, np.full(12, np.nan), 70)
+    for bad in (np.zeros(11), np.zeros(13), np.append(HOME[:11], np.nan), np.append(HOME[:11], np.inf)):
+        driven.send(bad)
+        driven.step()
+        np.testing.assert_array_equal(driven.targets, np.float32(CROUCHED))
+    assert sum("refused, not 12 numbers" in line for line in driven.said) == 1
+    assert [line.partition(": ")[2] for line in driven.bridge.refusals] == [
+        "2 messages refused, not 12 numbers",
+        "2 messages refused, not finite",
+    ]
+    drive(driven, np.full(12, np.nan), 66)
     (why,) = [line for line in driven.said if "nothing good" in line]
     assert "(21 refused meanwhile)" in why
     np.testing.assert_allclose(driven.targets, HOME, atol=1e-6)
@@ -153,10 +131,10 @@ def test_targets_past_the_joints_stops_stop_there(driven: Scene) -> None:
 
 def test_velocities_move_a_robot_that_has_a_policy(steered: Scene) -> None:
     assert steered.command == [0.0, 0.0, 0.0]
-    for _ in range(300):
+    for _ in range(150):
         steered.steer(0.4, 0.0, 0.0)
         steered.step()
-    assert steered.session.latest.infos["position"][0, 0] > 0.6
+    assert steered.session.latest.infos["position"][0, 0] > 0.25
     steered.step(51)
     assert steered.said[-1] == f"nothing good on {VELOCITY} for 0.5 s: the command is zero until the next"
     assert steered.command == [0.0, 0.0, 0.0]
@@ -164,14 +142,13 @@ def test_velocities_move_a_robot_that_has_a_policy(steered: Scene) -> None:
     assert steered.command == [0.0, 0.1, -0.2]
 
 
-@pytest.mark.parametrize("bad", [(np.nan, 0.0, 0.0), (0.0, -np.inf, 0.0), (0.0, 0.0, 1e6)])
-def test_a_velocity_that_is_none_is_refused(steered: Scene, bad: tuple[float, float, float]) -> None:
+def test_a_velocity_that_is_none_is_refused(steered: Scene) -> None:
     steered.steer(0.4, 0.0, 0.0)
-    steered.steer(*bad)
+    for bad in ((np.nan, 0.0, 0.0), (0.0, -np.inf, 0.0), (0.0, 0.0, 1e6)):
+        steered.steer(*bad)
     assert steered.command == [0.4, 0.0, 0.0]
-    assert steered.bridge.refusals.words() == [
-        f"{VELOCITY}: 1 message refused, {'beyond ±100 m/s or rad/s' if bad[2] else 'not finite'}"
-    ]
+    refused = "2 messages refused, not finite", "1 message refused, beyond ±100 m/s or rad/s"
+    assert steered.bridge.refusals == [f"{VELOCITY}: {each}" for each in refused]
 
 
 def test_one_topic_moves_a_robot_and_the_other_is_refused(driven: Scene, steered: Scene) -> None:
@@ -184,7 +161,7 @@ def test_one_topic_moves_a_robot_and_the_other_is_refused(driven: Scene, steered
 
 def test_a_fallen_robot_says_so_once_and_a_reset_stands_it_up_with_time_running_on(driven: Scene) -> None:
     lying = np.tile([0.0, 1.5, -0.5], 4)
-    drive(driven, lying, 200)
+    drive(driven, lying, 120)
     told = [line for line in driven.said if "fallen" in line]
     assert len(told) == 1
     assert RESET in told[0]
@@ -207,12 +184,10 @@ def test_readings_come_at_their_rates_with_stamps_of_simulated_time(driven: Scen
     np.testing.assert_allclose(packets[-1][IMU]["specific_force"], [0.0, 0.0, 9.81], atol=1.5)
 
 
-def test_a_reset_is_no_jolt_to_the_imu() -> None:
-    scene = Scene(policies.make("trot"))
-    for _ in range(200):
-        scene.steer(1.0, 0.0, 0.0)
-        scene.step()
-    scene.bridge.take(RESET, [], 0)
-    packet = scene.bridge.step()
+def test_a_reset_is_no_jolt_to_the_imu(steered: Scene) -> None:
+    for _ in range(100):
+        steered.steer(1.0, 0.0, 0.0)
+        steered.step()
+    steered.bridge.take(RESET, [], 0)
+    packet = steered.bridge.step()
     assert np.linalg.norm(packet[IMU]["specific_force"]) < 15.0
-    scene.session.close()
