@@ -29,7 +29,8 @@ from quad_env.cli.cores import available_cores
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.robots.robot import Robot
-from train.config import BaseName, Count
+from train.config import BaseName
+from train.option_types import Count
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import command as search_command
 from train.search.subject import Options as Search

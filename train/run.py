@@ -1,12 +1,8 @@
-"""Training runs, of one seed or several: one after the other here, or at the same time as tasks of a Ray cluster."""
+"""Training runs, of one seed or of several, one after the other."""
 
 import contextlib
-import io
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -14,13 +10,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 import policies
-from evaluate.records.provenance import REPOSITORY, REVISION, git_revision
-from evaluate.rollouts.cluster import Report, cluster
 from policies.residual import NO_SHIFT, authority_of
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.cores import available_cores
 from quad_env.cli.interrupt import Interrupt
-from quad_env.files.writing import sole_use, write_atomically
+from quad_env.files.writing import sole_use
 from train.config import TrainConfig
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.reward_term import reported
@@ -33,9 +26,6 @@ from train.sb3.log import run_logger
 from train.sb3.ppo import REWARD_SCALE, build
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import TrainingRobots, make_robots, training_seeds
-
-Files = dict[str, bytes]
-"""Files of a run's folder: path in it -> contents."""
 
 
 def train(config: TrainConfig) -> None:
@@ -128,72 +118,7 @@ def train_seeds(config: TrainConfig) -> None:
     for run in runs:
         if not run.resume:
             refuse_folder_in_use(run.folder)
-    if config.engine == "ray":
-        _train_on_cluster(runs, config)
-        return
     for run in runs:
         if config.seeds > 1:
             print(f"seed {run.seed}", flush=True)
         train(run)
-
-
-def _train_on_cluster(runs: Sequence[TrainConfig], config: TrainConfig) -> None:
-    """A task for each run; the folder here holds the task's last report."""
-
-    def received(place: int, news: str | Files) -> None:
-        if isinstance(news, str):
-            print(f"seed {runs[place].seed}: {news}", flush=True)
-        else:
-            _write(runs[place].folder, news)
-
-    revision = git_revision(REPOSITORY) or ""
-    with contextlib.ExitStack() as stack:
-        for run in runs:
-            stack.enter_context(sole_use(run.folder) if run.resume else new_run(run.folder))
-        tasks = [(run, _read(run.folder), revision) for run in runs]
-        spread = stack.enter_context(cluster(max(config.threads, available_cores()), config.address))
-        for place, files in spread(_train_apart, tasks, received, config.threads):
-            with writing(runs[place].folder):
-                _write(runs[place].folder, files)
-
-
-def _train_apart(task: tuple[TrainConfig, Files, str], report: Report) -> Files:
-    """A run in a temporary folder; its files."""
-    run, files, revision = task
-    os.environ[REVISION] = revision
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "run"
-        _write(folder, files)
-        with contextlib.redirect_stdout(_Lines(report, folder)):
-            train(replace(run, out=folder))
-        return _read(folder)
-
-
-class _Lines(io.TextIOBase):
-    """Standard output that reports lines, and the files of the run after each new checkpoint."""
-
-    def __init__(self, report: Report, folder: Path) -> None:
-        self._report, self._folder, self._sent = report, folder, steps_done(folder)
-
-    def write(self, text: str) -> int:
-        """Report."""
-        if line := text.strip():
-            self._report(line)
-        if (done := steps_done(self._folder)) > self._sent:
-            self._report(_read(self._folder))
-            self._sent = done
-        return len(text)
-
-
-def _read(folder: Path) -> Files:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
-def _write(folder: Path, files: Files) -> None:
-    """Write these files into the folder of a run and remove other checkpoints."""
-    for name in sorted(files, key=lambda name: name.endswith(".json")):  # a checkpoint counts once its JSON is there
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(folder / name, files[name])
-    for path in (folder / CHECKPOINTS).glob("*"):
-        if f"{CHECKPOINTS}/{path.name}" not in files:
-            path.unlink()

@@ -154,8 +154,8 @@ NAMES = SIMPLE_QUAD.joint_names
 @pytest.mark.parametrize(
     ("changes", "seen", "remedy"),
     [
-        ({"robot": "mine"}, "it is for a robot 'mine'", "train it anew"),
-        ({"joints": [NAMES[1], NAMES[0], *NAMES[2:]]}, "in another order", "train it anew"),
+        ({"robot": "mine"}, "it is for a robot 'mine'", "train it again"),
+        ({"joints": [NAMES[1], NAMES[0], *NAMES[2:]]}, "in another order", "train it again"),
         ({"control_period": 0.02}, "a control period of 0.02 s", "take another policy, or name its robot"),
     ],
 )

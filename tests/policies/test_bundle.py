@@ -393,7 +393,7 @@ def test_a_training_run_is_found_as_its_best_bundle(folder, tmp_path):
     assert trajectory(policies.resolve(str(run))) == trajectory(load(run / "best")) == trajectory(load(folder))
 
 
-NO_JSON = "policy.json is not JSON (Expecting value: line 1 column 1 (char 0)); train it anew"
+NO_JSON = "policy.json is not JSON (Expecting value: line 1 column 1 (char 0)); train it again"
 
 
 @pytest.mark.parametrize(
@@ -412,7 +412,7 @@ def test_a_folder_without_a_bundle_says_what_to_do(tmp_path, files, remedy):
     with pytest.raises(policies.PolicyError) as refused:
         policies.load(tmp_path)
     assert remedy in str(refused.value)
-    assert ("anew" in remedy) == ("anew" in str(refused.value))
+    assert ("again" in remedy) == ("again" in str(refused.value))
 
 
 def test_a_bundle_of_a_users_robot_is_for_that_model_alone(tmp_path):

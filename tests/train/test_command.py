@@ -22,7 +22,7 @@ from quad_env.physics import simulation
 from quad_env.seeding import episode_seeds
 from train.__main__ import main
 from train.command import COMMANDS, parse
-from train.config import load_config, to_dict
+from train.config_file import load_config, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.sb3 import checkpoint
 from train.sb3.callbacks import RolloutFigures

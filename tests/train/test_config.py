@@ -11,20 +11,11 @@ from policies.parameters import limits_of
 from policies.residual_bases import BASES
 from quad_env.cli.command_line import UsageError
 from train.command import parse
-from train.config import (
-    DEFAULTS,
-    MIXTURE,
-    BaseName,
-    PpoConfig,
-    TrainConfig,
-    ValidationConfig,
-    differences,
-    from_dict,
-    robots_per_scenario,
-    to_dict,
-)
+from train.config import DEFAULTS, MIXTURE, BaseName, PpoConfig, TrainConfig, ValidationConfig
+from train.config_file import differences, from_dict, to_dict
 from train.run_folder import CONFIG_FILE
 from train.setting_ranges import check
+from train.training_robots import robots_per_scenario
 
 
 @pytest.mark.parametrize("kind", DEFAULTS)

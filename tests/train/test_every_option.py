@@ -27,7 +27,8 @@ from train import run as training_run
 from train import validation
 from train.__main__ import main
 from train.command import parse
-from train.config import TrainConfig, to_dict
+from train.config import TrainConfig
+from train.config_file import to_dict
 from train.run import make_env
 from train.run_folder import BEST, CONFIG_FILE, LAST, VALIDATIONS_FILE, steps_done
 from train.sb3.callbacks import CallbackState, Segments, current_policy

@@ -18,7 +18,7 @@ import policies
 from policies.network import Network
 from quad_env.physics.footsteps import Footsteps
 from train.__main__ import main
-from train.config import load_config
+from train.config_file import load_config
 from train.run_folder import CHECKPOINTS, METRICS_FILE, VALIDATIONS_FILE, steps_done
 from train.sb3 import callbacks, checkpoint
 from train.sb3.vec_env import TrainingVecEnv

@@ -8,7 +8,8 @@ import pytest
 from quad_env.cli.command_line import UsageError
 from train.__main__ import main
 from train.command import parse
-from train.config import DEFAULTS, from_dict, load_config, to_dict
+from train.config import DEFAULTS
+from train.config_file import from_dict, load_config, to_dict
 from train.reward_term import FileTerm
 from train.run_folder import METRICS_FILE, RECORD_FILE
 

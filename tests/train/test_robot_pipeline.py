@@ -16,7 +16,7 @@ from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
 from train import robot_pipeline
 from train.__main__ import main
-from train.config import load_config
+from train.config_file import load_config
 
 BRIEF = replace(robot_pipeline.SEARCH, generations=1, candidates=4, episodes=8, steps=101, check_episodes=4)
 TRAINING = (

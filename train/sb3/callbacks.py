@@ -22,7 +22,8 @@ from policies.bundle import save as save_bundle
 from policies.network import Network
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
-from train.config import TrainConfig, decode, to_dict
+from train.config import TrainConfig
+from train.config_file import decode, to_dict
 from train.curriculum import next_shares
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, LAST
