@@ -3,7 +3,6 @@
 import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 from stable_baselines3 import PPO
@@ -20,12 +19,12 @@ from train.reward_term import reported
 from train.run_folder import CHECKPOINTS, has_checkpoint, new_run, refuse_folder_in_use, steps_done, writing
 from train.run_record import write_settings
 from train.sb3 import checkpoint
-from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, ValidateAndSave
+from train.sb3.callbacks import CallbackState, Curriculum, RolloutFigures, Schedules, Segments, Session, ValidateAndSave
 from train.sb3.display import Display
 from train.sb3.log import run_logger
 from train.sb3.ppo import REWARD_SCALE, build
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import TrainingRobots, make_robots, training_seeds
+from train.training_robots import make_robots, training_seeds
 
 
 def train(config: TrainConfig) -> None:
@@ -73,7 +72,6 @@ def _learn(
 ) -> None:
     """Learn to the last step, after the robots have repeated the actions of an unfinished segment."""
     done = model.num_timesteps
-    robots = cast(TrainingRobots, env.env.unwrapped)
     with (
         run_logger(config.folder, done) as logger,
         contextlib.closing(Display(config.steps, done)) as display,
@@ -82,19 +80,19 @@ def _learn(
         for notice in notices:
             display.note(notice)
         model.set_logger(logger)
-        segments = Segments(config, state, actions)
-        callbacks: list[BaseCallback] = [RolloutFigures(robots, display, state), Schedules(config, state)]
-        callbacks.append(Curriculum(config, state, segments, robots))
-        callbacks += [ValidateAndSave(config, display, state, segments, interrupt), segments]
+        session = Session(config, env, display, interrupt, state)
+        segments = Segments(session, actions)
+        callbacks: list[BaseCallback] = [RolloutFigures(session), Schedules(session), Curriculum(session, segments)]
+        callbacks += [ValidateAndSave(session, segments), segments]
         # Without SB3's own log, whose means reach back beyond the last checkpoint.
         with reported():
             model.learn(config.steps - done, callbacks, log_interval=config.steps + 1, reset_num_timesteps=False)
 
 
-def make_env(config: TrainConfig, privileged: bool = True) -> TrainingVecEnv:
+def make_env(config: TrainConfig) -> TrainingVecEnv:
     """The robots of a run as its learner sees them, with the seeds of the first segment.
 
-    `privileged` shows the value network what the robot cannot know: its scenario, its true velocity, pushes.
+    The value network also sees what the robot cannot know: its scenario, its true velocity, pushes.
     """
     robots = make_robots(config)
     base = policies.make(config.base, robot=robots.robot, control_period=robots.dt)
@@ -104,7 +102,7 @@ def make_env(config: TrainConfig, privileged: bool = True) -> TrainingVecEnv:
         env = ResidualVectorEnv(robots, base, authority, config.ppo.hold, config.inputs, shift)
     except ValueError as error:  # of the base's footholds: robots and base are of one configuration
         raise UsageError(f"--base {config.base}: {error}") from None
-    return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged)
+    return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged=True)
 
 
 def train_seeds(config: TrainConfig) -> None:

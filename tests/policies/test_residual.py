@@ -17,17 +17,16 @@ def constant_network(inputs, output):
     return Network((np.zeros((inputs, 12), np.float32),), (np.broadcast_to(np.float32(output), 12).copy(),))
 
 
-@pytest.mark.parametrize("n", [1, 3, 64])
 @pytest.mark.parametrize("zero", [0.0, -0.0])
-def test_zero_correction_is_the_trot_bit_for_bit_over_1000_steps(n, zero):
-    rng = np.random.default_rng(n)
+def test_zero_correction_is_the_trot_bit_for_bit(zero):
+    rng, n = np.random.default_rng(8), 8
     residual, trot = ResidualPolicy(policies.make("trot"), constant_network(62, zero)), policies.make("trot")
     residual.reset(n), trot.reset(n)
     observation = rng.normal(size=(n, OBSERVATION_SIZE)).astype(np.float32)
-    for step in range(1000):
-        if step % 200 == 0:
+    for step in range(200):
+        if step % 40 == 0:
             observation[:, OBSERVATION["command"]] = rng.uniform([-1.0, -0.8, -1.2], [1.5, 0.8, 1.2], (n, 3))
-        if step == 500:
+        if step == 100:
             mask = rng.random(n) < 0.5
             residual.reset_where(mask), trot.reset_where(mask)
         assert residual.act(observation).tobytes() == trot.act(observation).tobytes()
@@ -45,7 +44,7 @@ def test_zero_shift_of_footholds_is_the_base_bit_for_bit():
     network = Network((np.zeros((width, 14), np.float32),), (np.zeros(14, np.float32),))
     residual = ResidualPolicy(policies.make("mpc"), network, shift_authority=shift)
     residual.reset(2), mpc.reset(2)
-    for step in range(50):
+    for step in range(8):
         observation = np.random.default_rng(step).normal(size=(2, OBSERVATION_SIZE)).astype(np.float32)
         assert residual.act(observation).tobytes() == mpc.act(observation).tobytes()
 
