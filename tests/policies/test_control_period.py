@@ -34,9 +34,7 @@ LEAPS = 0.05
 LEAPS_OF = {"mpc_wbc_bound": 0.2, "mpc_wbc": 0.1}
 """The same of a gait that lifts its feet twice in a cycle of which a half is no whole number of such steps, and of one
 of which the slack is little."""
-IN_TIME = [name for name in UNTRAINED if name not in ("stand", "crouch") and not name.startswith("mpc")] + list(
-    LEAPS_OF
-)
+IN_TIME = [*LEAPS_OF, *(name for name in UNTRAINED if not name.startswith(("stand", "crouch", "mpc")))]
 
 
 def shown(policy, observation):

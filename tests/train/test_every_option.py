@@ -28,10 +28,9 @@ from train import validation
 from train.__main__ import main
 from train.command import parse
 from train.config import TrainConfig
-from train.config_file import to_dict
 from train.run import make_env
-from train.run_folder import BEST, CONFIG_FILE, LAST, VALIDATIONS_FILE, steps_done
-from train.sb3.callbacks import CallbackState, Segments, current_policy
+from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE, steps_done
+from train.sb3.callbacks import CallbackState, Segments, Session, current_policy
 from train.sb3.ppo import build
 from train.scenarios import TERRAIN_SEEDS
 from train.training_robots import training_seeds
@@ -233,26 +232,10 @@ def learner(read: Callable[[Any], Any]) -> Reading:
     return lambda made: read(made.learner)
 
 
-def widths(which: str) -> Reading:
-    """Of the layers of a network."""
-
-    def read(made: Made) -> list[int]:
-        layers = getattr(made.learner.policy.mlp_extractor, which)
-        return [layer.out_features for layer in layers if hasattr(layer, "out_features")]
-
-    return read
-
-
 def seeded(made: Made) -> tuple[Any, ...]:
     """Seeds of the learner, of the robots' episodes and of their rough ground."""
     episodes = [seed for each in made.started for seed in each.seeds]
     return made.learner.seed, episodes, made.robots[2].scenario.terrain.seed  # type: ignore[union-attr]
-
-
-def refusal(made: Made, capsys: pytest.CaptureFixture[str]) -> str:
-    """What is said of the same run begun once more."""
-    assert main([*made.words, "--out", str(made.folder / "run")]) == 2
-    return capsys.readouterr().err
 
 
 def noise_at_the_end(made: Made) -> tuple[float, bool]:
@@ -265,22 +248,6 @@ def noise_at_the_end(made: Made) -> tuple[float, bool]:
 def threads(made: Made) -> tuple[set[tuple[str, int]], int]:
     """Of the batches by what they are for, and those that step batches side by side."""
     return {(each.purpose, each.threads) for each in made.ran.batches}, made.ran.pool
-
-
-def cluster_asked_for(made: Made) -> list[Any]:
-    """Address of the cluster that is asked to train, and cores of each of its tasks."""
-    asked: list[Any] = []
-
-    @contextlib.contextmanager
-    def noted(*given: Any) -> Iterator[Any]:
-        asked.append(given[1])
-        yield lambda *work: iter(asked.append(work[3]) or ())
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training_run, "cluster", noted)
-        patch.setattr(training_run, "train", lambda _: None)
-        assert main([*made.words, "--out", str(made.folder / "apart")]) == 0
-    return asked
 
 
 def folders(made: Made) -> dict[str, tuple[int, int]]:
@@ -302,8 +269,6 @@ EFFECTS = {
     "steps": Effect("--steps 24", lambda made: steps_done(made.ran.folder), 24),
     "seed": Effect("--seed 8", seeded, (8, episode_seeds("training", 8, 4).tolist(), TERRAIN_SEEDS["training"] + 8)),
     "seeds": Effect("--seeds 2", folders, {"run/seed-7": (7, 7), "run/seed-8": (8, 8)}),
-    "engine": Effect("--engine ray", cluster_asked_for, [None, 1]),
-    "address": Effect("--address here:1", cluster_asked_for, ["here:1", 1], given="--engine ray"),
     "out": Effect("--out FOLDER/elsewhere", folders, {"elsewhere": (7, 7)}),
     "threads": Effect("--threads 5", threads, ({("training", 5), ("validation", 5)}, 0)),
     "joint_authority": Effect("--joint-authority 0.2", of_both(authority), both([0.15, 0.2, 0.2])),
@@ -351,11 +316,6 @@ EFFECTS = {
         given="--sensors typical",
     ),
     "reward_terms": Effect("--reward-terms FOLDER/own.py:always=5", own_term, pytest.approx(5 * DT)),
-    "ppo.envs": Effect("--ppo.envs 8", learner(lambda each: (each.n_envs, each.get_env().num_envs)), both(8)),
-    "ppo.rollout_steps": Effect("--ppo.rollout-steps 6", learner(lambda each: each.n_steps), 6),
-    "ppo.minibatch": Effect("--ppo.minibatch 2", learner(lambda each: each.batch_size), 2),
-    "ppo.epochs": Effect("--ppo.epochs 3", learner(lambda each: each.n_epochs), 3),
-    "ppo.learning_rate": Effect("--ppo.learning-rate 3e-4", learner(lambda each: each.lr_schedule(1.0)), 3e-4),
     "ppo.learning_rate_schedule": Effect(
         "--ppo.learning-rate-schedule constant", learner(lambda each: each.lr_schedule(0.25)), 1e-3
     ),
@@ -365,17 +325,7 @@ EFFECTS = {
     "ppo.hold": Effect(
         "--ppo.hold 3", lambda made: (int(next(made.steps(1))[4]["episode"]["l"][0]), made.shipped.hold), both(3)
     ),
-    "ppo.gamma": Effect("--ppo.gamma 0.9", learner(lambda each: (each.gamma, each.rollout_buffer.gamma)), both(0.9)),
-    "ppo.gae_lambda": Effect(
-        "--ppo.gae-lambda 0.8", learner(lambda each: (each.gae_lambda, each.rollout_buffer.gae_lambda)), both(0.8)
-    ),
-    "ppo.entropy": Effect("--ppo.entropy 0.01", learner(lambda each: each.ent_coef), 0.01),
-    "ppo.log_std_init": Effect(
-        "--ppo.log-std-init -1.5", learner(lambda each: each.policy.log_std.tolist()[0]), pytest.approx(-1.5)
-    ),
     "ppo.log_std_final": Effect("--ppo.log-std-final -3.2 --steps 16", noise_at_the_end, (-2.2, False)),
-    "ppo.actor": Effect("--ppo.actor 6 5", widths("policy_net"), [6, 5]),
-    "ppo.critic": Effect("--ppo.critic 7", widths("value_net"), [7]),
     "validation.interval": Effect(
         "--validation.interval 8",
         lambda made: [each["steps"] for each in made.ran.validations],
@@ -392,7 +342,11 @@ EFFECTS = {
     ),
 }
 OF_ITS_OWN = {"resume", "rewards"}
-"""Options with a test of their own below."""
+"""Options with a test of their own, here and in test_command.py."""
+OF_THE_LEARNER = {"envs", "rollout_steps", "minibatch", "epochs", "learning_rate", "gamma", "gae_lambda", "entropy"} | {
+    *("log_std_init", "actor", "critic")
+}
+"""Options of `--ppo` that `tests/planted_faults/test_training_faults.py` looks for in the learner."""
 
 
 def options(config: Any, prefix: str = "") -> Iterator[str]:
@@ -406,7 +360,7 @@ def options(config: Any, prefix: str = "") -> Iterator[str]:
 
 
 def test_every_option_has_an_effect_that_is_tested() -> None:
-    assert set(options(TrainConfig())) == EFFECTS.keys() | OF_ITS_OWN
+    assert set(options(TrainConfig())) == EFFECTS.keys() | OF_ITS_OWN | {f"ppo.{each}" for each in OF_THE_LEARNER}
 
 
 @pytest.fixture(scope="module")
@@ -438,36 +392,21 @@ def test_an_option_reaches_what_it_governs(option: str, usual: Callable[[str], M
 TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
 
 
-@pytest.fixture(scope="module")
-def earned(folder: Path) -> list[dict[str, float]]:
-    """What each term came to over the same falls: all of weight 1, then each of twice the weight of the one before."""
+def test_the_weight_of_a_reward_term_is_what_robots_earn_by(folder: Path) -> None:
+    """Over the same falls: all terms of weight 1, then each of twice the weight of the one before."""
     found = []
     for number, weights in enumerate(((1.0,) * len(TERMS), 2.0 ** np.arange(len(TERMS)))):
         words = [f"{name}={weight}" for name, weight in zip(TERMS, weights, strict=True)]
         robots = Made(f"--rewards {' '.join(words)}", folder / f"weights-{number}").residual.unwrapped
         robots.reset(seed=episode_seeds("training", 0, robots.num_envs).tolist())
-        sums = dict.fromkeys(TERMS, 0.0)
+        sums = np.zeros(len(TERMS))
         for step in range(100):
             wild = np.random.default_rng(step // 10).uniform(robots.action_space.low, robots.action_space.high)
             *_, infos = robots.step(wild.astype(np.float32))
-            for name in TERMS:
-                sums[name] += float(infos[f"reward_{name}"].sum())
+            sums += [infos[f"reward_{name}"].sum() for name in TERMS]
         found.append(sums)
-    return found
-
-
-@pytest.mark.parametrize("term", TERMS)
-def test_the_weight_of_a_reward_term_is_what_robots_earn_by(term: str, earned: list[dict[str, float]]) -> None:
-    ones, others = earned
-    assert ones[term] != 0.0, "or this shows nothing"
-    assert others[term] == pytest.approx(ones[term] * 2.0 ** TERMS.index(term))
-
-
-def test_resume_carries_the_run_on_that_is_in_the_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert steps_done(Made("", tmp_path).ran.folder) == STEPS
-    again = Made(f"--resume --steps 16 --out {tmp_path / 'run'}", tmp_path)
-    assert steps_done(again.ran.folder) == 16
-    assert f"continuing at {STEPS} steps" in capsys.readouterr().out
+    assert found[0].all(), "or this shows nothing"
+    np.testing.assert_allclose(found[1], found[0] * 2.0 ** np.arange(len(TERMS)), rtol=1e-6)
 
 
 def test_another_robot_is_trained_on_what_is_as_hard_for_it(tmp_path: Path) -> None:
@@ -482,27 +421,10 @@ def test_another_robot_is_trained_on_what_is_as_hard_for_it(tmp_path: Path) -> N
     )
 
 
-def test_the_same_name_is_another_scenario_for_another_robot(tmp_path: Path) -> None:
-    alike(tmp_path)
-    (pushed,) = Made(f"--robot {tmp_path / 'alike.xml'} --mixture push 1", tmp_path).robots
-    assert pushed.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)
-
-
 def test_a_robot_is_validated_on_its_own_scenarios(tmp_path: Path) -> None:
     alike(tmp_path)
     (judged,) = Made(f"--robot {tmp_path / 'alike.xml'} --validation.scenarios push", tmp_path).ran.judged()
     assert judged.env.scenario.severity == pytest.approx(35.0 * 0.1 * 0.4**0.5)
-
-
-def test_fewer_threads_than_batches_step_a_batch_each(tmp_path: Path) -> None:
-    assert threads(Made("--threads 2", tmp_path)) == ({("training", 1), ("validation", 2)}, 2)
-
-
-def test_the_bundles_of_a_run_hold_its_settings(tmp_path: Path) -> None:
-    made = Made("--ppo.gamma 0.9", tmp_path)
-    for name in (BEST, LAST):
-        described = json.loads((made.ran.folder / name / "policy.json").read_bytes())
-        assert described["training"] == to_dict(made.config)
 
 
 def test_all_episodes_start_with_their_segment(tmp_path: Path) -> None:
@@ -517,7 +439,8 @@ def test_all_episodes_start_with_their_segment(tmp_path: Path) -> None:
             buffer = self.locals["rollout_buffer"]
             begins.append((buffer.episode_starts[0].all(), buffer.observations[0].copy()))
 
-    made.learner.learn(6 * 8, [Segments(made.config, CallbackState()), Watch()])
+    session = Session(made.config, made.env, None, None, CallbackState())  # type: ignore[arg-type]
+    made.learner.learn(6 * 8, [Segments(session), Watch()])
     assert [start for start, _ in begins] == [True, False] * 3
     for segment, (_, seen) in enumerate(begins[::2]):
         np.testing.assert_array_equal(seen, twin.env.begin(training_seeds(made.config, segment)))
