@@ -12,7 +12,7 @@ from evaluate.rollouts.hardware import Hardware
 from quad_env.files.reading import LARGEST, read_bytes
 from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, TrainConfig, for_robot
-from train.config_file import Change, differences, to_dict
+from train.config_file import differences, to_dict
 from train.reward_term import FileTerm
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 
@@ -30,14 +30,10 @@ def command(config: TrainConfig) -> str:
         usual = for_robot(usual, Hardware(robot=config.robot))
     changed = differences(usual, config)
     weights = [each.option.removeprefix(WEIGHT) + f"={each.new}" for each in changed if each.option.startswith(WEIGHT)]
-    options += [_words_of(each) for each in changed if each.option != "--seed" and not each.option.startswith(WEIGHT)]
+    others = [each for each in changed if each.option != "--seed" and not each.option.startswith(WEIGHT)]
+    options += [f"{each.option} {words(each.new)}" for each in others]
     options += [f"--rewards {' '.join(weights)}"] if weights else []
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
-
-
-def _words_of(change: Change) -> str:
-    """The option with its new value."""
-    return f"{change.option} {words(change.new)}"
 
 
 def words(value: Any) -> str:

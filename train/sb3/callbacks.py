@@ -23,7 +23,6 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
 from train.config_file import decode, to_dict
-from train.curriculum import next_shares
 from train.residual_env import FloatArray, ResidualVectorEnv
 from train.run_folder import BEST, CHECKPOINTS, LAST
 from train.run_record import write_validations
@@ -188,7 +187,7 @@ class Curriculum(BetweenRollouts):
         counted = robots.take_kept() if self._segments.over and self._config.curriculum < 1.0 else []
         if not any(kept.counted for kept in counted):
             return
-        self._state.shares = next_shares(self._state.shares, counted)
+        self._state.shares = [kept.next_share(share) for share, kept in zip(self._state.shares, counted, strict=True)]
         for batch, share, kept in zip(robots.batches, self._state.shares, counted, strict=True):
             self.logger.record(f"severity/{batch.scenario.name}", share)
             self.logger.record(f"kept/{batch.scenario.name}", kept.kept / max(kept.counted, 1))

@@ -23,8 +23,7 @@ from policies.residual_bases import BASES
 from policies.trot import feedback_parameters, integral
 from quad_env.seeding import episode_seeds
 from train.scenarios import Purpose, practice
-from train.search.account import changes, method, results
-from train.search.files import as_json
+from train.search.files import as_json, changes, method, results
 from train.search.panel import Panel
 from train.search.subject import Effort, Options, Outcome, Ranges, Seeds, Subject, generations, unit_cube
 from train.setting_ranges import check_scenarios
