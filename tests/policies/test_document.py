@@ -103,11 +103,3 @@ def test_first_action_is_that_of_one_tick_clipped_by_the_joint_limits():
     expected = np.clip(policy.targets(phase), SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
     np.testing.assert_allclose(action, expected, atol=1e-6)
     assert action[1] == np.float32(-1.5)  # printed pitch of -2.9 rad: the thigh sits at its stop
-
-
-def test_clock_runs_two_cycles_a_second():
-    policy = policies.make("document")
-    actions = [policy.act(np.zeros(OBSERVATION_SIZE, np.float32)) for _ in range(150)]
-    np.testing.assert_allclose(actions[49 + 50], actions[49], atol=1e-5)
-    np.testing.assert_allclose(actions[49 + 100], actions[49], atol=1e-5)
-    assert np.abs(actions[49 + 25] - actions[49]).max() > 0.01

@@ -60,12 +60,6 @@ def test_features_by_hand_over_a_gaited_base():
     np.testing.assert_allclose(seen[:, OBSERVATION_SIZE + 2 :], 0.25)
 
 
-def test_features_over_a_base_without_a_clock_are_the_observation_alone():
-    observation = np.full((3, OBSERVATION_SIZE), 2.0, np.float32)
-    seen = Features(policies.make("stand")).see(observation, np.zeros((3, 12), np.float32))
-    np.testing.assert_array_equal(seen, 2.0 * np.tile(SCALE, (3, 1)))
-
-
 def test_what_is_remembered_comes_last_and_a_restarted_robot_remembers_nothing():
     features = Features(policies.make("stand"), Inputs(lags=(0.02,), averages=(0.1,)))
     features.reset(2)
@@ -134,13 +128,6 @@ def test_corrected_action_stays_within_the_joint_limits():
     base = np.stack([SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper]).astype(np.float32)
     outward = np.stack([-np.ones(12), np.ones(12)]).astype(np.float32)
     np.testing.assert_array_equal(compose(SIMPLE_QUAD, base, outward, authority_of(SIMPLE_QUAD)), base)
-
-
-def test_residual_over_stand_has_no_phase_and_needs_no_clock_inputs():
-    policy = ResidualPolicy(policies.make("stand"), constant_network(OBSERVATION_SIZE, 1.0))
-    assert policy.phase is None
-    action = policy.act(np.zeros(OBSERVATION_SIZE, np.float32))
-    np.testing.assert_allclose(action, SIMPLE_QUAD.home_pose + [0.15, 0.3, 0.3] * 4, atol=1e-6)
 
 
 def test_network_of_the_wrong_width_is_refused():

@@ -14,16 +14,13 @@ import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import policies
-from evaluate.rollouts.rollout import run
 from quad_env.files.writing import sole_use
 from quad_env.physics import simulation
-from quad_env.seeding import episode_seeds
 from train.__main__ import main
 from train.command import COMMANDS, parse
 from train.config_file import load_config, to_dict
 from train.run_folder import CONFIG_FILE, METRICS_FILE, RECORD_FILE, VALIDATIONS_FILE
 from train.sb3 import checkpoint
-from train.sb3.callbacks import RolloutFigures
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTIONS = (
@@ -69,17 +66,6 @@ def test_training_goes_by_its_timestep_and_validation_by_the_robots_own(tmp_path
     monkeypatch.setattr(simulation, "compile_model", noted)
     assert main([*TINY, "--steps", "128", "--out", str(tmp_path / "run")]) == 0
     assert made == [("flat", 0.005), ("push", 0.005), ("flat", 0.002)]
-
-
-def test_the_bundle_of_a_run_walks_with_what_was_learned(finished_run):
-    policy = policies.load(finished_run / "last")
-    assert policies.load(finished_run).name == policy.name == "residual"
-    assert any(weight.any() for weight in policy.network.weights[-1:])
-    seeds = episode_seeds("user", 0, 2)
-    walked = run(policy, "flat", seeds, nthread=1, steps=30).heading_velocity
-    base = run(policies.make("trot"), "flat", seeds, nthread=1, steps=30).heading_velocity
-    assert np.isfinite(walked).all()
-    assert np.abs(walked - base).max() > 1e-6
 
 
 def test_footholds_that_cannot_be_shifted_are_one_line_and_leave_no_folder(tmp_path, capsys):
@@ -187,32 +173,6 @@ def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp
     assert found["best"] == 512
 
 
-def test_what_is_done_again_after_a_kill_is_logged_once(tmp_path, monkeypatch):
-    """TensorBoard and metrics of a run that was killed in its fourth rollout, its last checkpoint after the second."""
-
-    def killed_at_512(*arguments):
-        if arguments[0].num_timesteps == 512:
-            raise SystemExit
-        end(*arguments)
-
-    folder, end = tmp_path / "run", RolloutFigures._on_rollout_end
-    with monkeypatch.context() as patch:
-        patch.setattr(RolloutFigures, "_on_rollout_end", killed_at_512)
-        with pytest.raises(SystemExit):
-            main([*TINY, "--max-episode-steps", "16", "--steps", "640", "--out", str(folder)])
-    with (folder / METRICS_FILE).open("a", encoding="utf-8") as file:
-        file.write('{"steps": 51')
-    (events,) = (folder / "tensorboard").iterdir()
-    events.rename(events.with_name(events.name.replace("tfevents.", "tfevents.0")))  # no session begins in its second
-    logged = [EventAccumulator(str(folder / "tensorboard")).Reload()]
-    assert main(["--resume", "--threads", "1", "--out", str(folder)]) == 0
-    logged.append(EventAccumulator(str(folder / "tensorboard")).Reload())
-    steps = [[event.step for event in each.Scalars("rollout/return")] for each in logged]
-    assert steps == [[128, 256, 384], [128, 256, 384, 512, 640]]
-    metrics = [json.loads(line) for line in (folder / METRICS_FILE).read_text(encoding="utf-8").splitlines()]
-    assert [each["steps"] for each in metrics] == [128, 256, 384, 512, 640]
-
-
 def test_the_record_of_a_run_repeats_it_and_says_who_carried_it_on(copied_run, monkeypatch, capsys):
     record = json.loads((copied_run / RECORD_FILE).read_text(encoding="utf-8"))
     (session,) = record["sessions"]
@@ -228,12 +188,6 @@ def test_the_record_of_a_run_repeats_it_and_says_who_carried_it_on(copied_run, m
     record = json.loads((copied_run / RECORD_FILE).read_text(encoding="utf-8"))
     assert [each["from_steps"] for each in record["sessions"]] == [0, 256]
     assert "--steps 384" in record["command"]
-
-
-def test_resume_without_a_whole_checkpoint_is_one_line(finished_run, tmp_path, capsys):
-    (tmp_path / CONFIG_FILE).write_bytes((finished_run / CONFIG_FILE).read_bytes())
-    assert main(["--resume", "--out", str(tmp_path)]) == 2
-    assert "without --resume" in one_line(capsys)
 
 
 def test_what_a_run_leaves_that_never_reached_a_checkpoint_is_no_obstacle(finished_run, tmp_path, capsys):

@@ -152,20 +152,6 @@ def test_the_clock_restarts_for_finished_robots_and_ticks_once_for_the_others():
     assert restarts >= 3
 
 
-def test_only_time_limits_count_as_truncation():
-    env, _ = residual(4, base="stand", authority=WILD, scenario="flat", steps=300)
-    falls = 0
-    for step in range(100):
-        _, _, terminated, truncated, infos = env.step(noise(step, 4))
-        assert not truncated.any()
-        falls += terminated.sum()
-        if terminated.any():
-            np.testing.assert_array_equal(infos["_final_obs"], terminated)
-            assert (infos["final_info"]["fall"][terminated] > 0).all()
-            assert (infos["fall"] == 0).all()
-    assert falls >= 4
-
-
 def test_robots_that_go_on_keep_their_infos_when_another_restarts():
     env, _ = residual(4, base="stand", authority=WILD, scenario="flat")
     for step in range(100):

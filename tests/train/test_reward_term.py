@@ -8,9 +8,7 @@ import pytest
 from quad_env.cli.command_line import UsageError
 from train.__main__ import main
 from train.command import parse
-from train.config import DEFAULTS
-from train.config_file import from_dict, load_config, to_dict
-from train.reward_term import FileTerm
+from train.config_file import load_config, to_dict
 from train.run_folder import METRICS_FILE, RECORD_FILE
 
 OPTIONS = (
@@ -115,12 +113,6 @@ def test_what_is_no_reward_term_is_one_line(term, says, file):
 def test_one_that_breaks_down_on_the_way_ends_the_run_with_one_line(file, tmp_path, capsys):
     assert main([*TINY, "--reward-terms", f"{file}:breaks_down=1", "--out", str(tmp_path / "run")]) == 2
     assert one_line(capsys) == "error: --reward-terms: the reward term breaks_down gives nan; wanted finite numbers"
-
-
-def test_settings_of_a_run_with_one_survive_json_without_its_file():
-    term = FileTerm("gone.py", "always", -0.1, "0" * 64)
-    settings = to_dict(DEFAULTS["residual"]) | {"reward_terms": [vars(term)]}
-    assert from_dict(settings).reward_terms == (term,)
 
 
 def one_line(capsys):

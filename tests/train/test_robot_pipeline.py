@@ -26,21 +26,11 @@ TRAINING = (
 
 
 def words(robot: Path, out: Path) -> list[str]:
-    brief = ["--steps", "64", "--base", "trot", "--policies", "trot", "residual", "--scenarios", "flat", "push"]
-    return [
-        "robot",
-        str(robot),
-        "--out",
-        str(out),
-        *brief,
-        "--episodes",
-        "2",
-        "--seed",
-        "3",
-        "--threads",
-        "1",
-        f"--training={TRAINING}",
-    ]
+    given = (
+        f"robot {robot} --out {out} --steps 64 --base trot --policies trot residual --scenarios flat push "
+        "--episodes 2 --seed 3 --threads 1"
+    )
+    return [*given.split(), f"--training={TRAINING}"]
 
 
 @pytest.fixture(scope="module")

@@ -31,7 +31,6 @@ from train.search.feedback import (
     episode_costs,
     walked,
 )
-from train.search.subject import MARGIN, encode
 
 TINY = "--generations 1 --candidates 4 --episodes 1 --steps 101 --check-episodes 2 --threads 1 --exercises flat=1.5"
 each_subject = pytest.mark.parametrize("name", POLICIES)
@@ -152,17 +151,6 @@ def test_the_parameters_in_force_are_those_that_the_account_says(name):
         before, after = told(text := account.read_text(encoding="utf-8"), kind)
         said = after if ADOPTED in text else before
     assert subject.read(subject.file) == said == policies.make(name).parameters
-
-
-@each_subject
-def test_the_parameters_in_force_lie_within_the_ranges_of_the_search(name):
-    """But for what can be no less: a feedback that was found to be best left out."""
-    subject, kind = POLICIES[name], kind_of(name)
-    point = encode(policies.make(name).parameters, subject.ranges)
-    limits = limits_of(kind)
-    at_its_limit = [low == limits[each][0] for each, (low, _) in subject.ranges.items()]
-    assert ((point > MARGIN) | np.array(at_its_limit)).all()
-    assert point.max() < 1.0 - MARGIN
 
 
 def searched(folder, name):
