@@ -268,10 +268,8 @@ LEFT_OUT = {
     "adaptive rate": lambda patch: patch.setattr(callbacks.Schedules, "_on_training_start", lambda _: None),
     "swings that end with their episode": lambda patch: patch.setattr(Footsteps, "begin", Footsteps._look),
     "new episodes": lambda patch: patch.setattr(callbacks.Segments, "_on_rollout_start", lambda _: None),
-    "segments": forget(segments=0),
     "best": forget(best=None),
     "severities": forget(shares=[]),
-    "validated": forget(validated=0),
     "validations": forget(validations=[]),
 }
 

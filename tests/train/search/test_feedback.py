@@ -26,9 +26,9 @@ from train.search.feedback import (
     KEPT,
     OUTCOME_COSTS,
     POLICIES,
-    Comparison,
     candidate_costs,
     episode_costs,
+    is_better,
     walked,
 )
 
@@ -202,6 +202,6 @@ def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_for
 
 
 def test_an_outcome_is_better_where_it_costs_less_on_most_seeds_and_not_by_chance():
-    assert Comparison((), np.full(8, -1.0)).better  # all of 2^8 signs but two cost less: p = 2 / 256
-    assert not Comparison((), np.full(8, 1.0)).better
-    assert not Comparison((), np.array([-2.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0])).better
+    assert is_better(np.full(8, -1.0))  # all of 2^8 signs but two cost less: p = 2 / 256
+    assert not is_better(np.full(8, 1.0))
+    assert not is_better(np.array([-2.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0]))
