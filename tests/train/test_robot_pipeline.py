@@ -1,6 +1,7 @@
 """The whole way with a robot of somebody's own: every stage leaves its outcome, and none is done twice."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -31,6 +32,14 @@ def words(robot: Path, out: Path) -> list[str]:
         "--episodes 2 --seed 3 --threads 1"
     )
     return [*given.split(), f"--training={TRAINING}"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _brief_report() -> Iterator[None]:
+    """The page has tests of its own, and its films take long."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("evaluate.commands.outputs.write_report", lambda _, path, **__: path.write_text("a page"))
+        yield
 
 
 @pytest.fixture(scope="module")
