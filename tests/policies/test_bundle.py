@@ -1,7 +1,6 @@
 import hashlib
 import itertools
 import json
-import os
 import pickle
 import re
 import shutil
@@ -254,21 +253,6 @@ def test_base_parameter_out_of_range_is_refused(folder, field, value):
     base = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))["base"]
     base["parameters"][field] = value
     assert "the base's parameters" in damaged(folder, lambda f: rewrite(f, base=base))
-
-
-def test_a_field_that_is_given_twice_is_refused(folder):
-    twice = (folder / DESCRIPTION).read_text().replace('"name"', '"name": "another", "name"')
-    assert "'name' is given twice" in damaged(folder, lambda f: (f / DESCRIPTION).write_text(twice))
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no such pipes")
-@pytest.mark.parametrize("file", [DESCRIPTION, WEIGHTS])
-def test_a_file_that_is_none_to_read_is_refused_at_once(folder, file):
-    def change(folder):
-        (folder / file).unlink()
-        os.mkfifo(folder / file)
-
-    assert f"{file} cannot be read (it is " in damaged(folder, change)
 
 
 @pytest.mark.parametrize("content", ["[]", "{", "[" * 100_000])

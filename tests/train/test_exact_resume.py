@@ -147,15 +147,6 @@ def test_a_run_that_is_stopped_anywhere_ends_with_the_same_bits(steps, runs, tmp
     assert bits(tmp_path / "run") == bits(runs / "whole")
 
 
-def test_a_run_that_is_stopped_again_and_again_ends_with_the_same_bits(runs, tmp_path):
-    folder = tmp_path / "run"
-    killed_after(20, partial(begin, folder))
-    for steps in (3, 17, 0):
-        killed_after(steps, partial(resume, folder))
-    resume(folder)
-    assert bits(folder) == bits(runs / "whole")
-
-
 @pytest.mark.parametrize(
     ("module", "name", "done"),
     [(callbacks, "save_bundle", True), (checkpoint, "save", False), (checkpoint, "save", True)],
@@ -236,13 +227,6 @@ def test_ctrl_c_again_and_again_loses_nothing(longer, tmp_path):
     assert steps_done(folder) == 3 * ROLLOUT * 16
     resume(folder)
     assert bits(folder) == bits(longer)
-
-
-def test_checkpoints_stand_where_segments_begin_and_at_the_end_and_nowhere_else(tmp_path, monkeypatch):
-    written = []
-    monkeypatch.setattr(checkpoint, "save", lambda _, state: written.append(state.progress["steps"]))
-    begin(tmp_path / "run")
-    assert written == [0, 256, 512, 640]
 
 
 def forget(**values):
